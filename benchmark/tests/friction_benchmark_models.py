@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import os
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from dataclasses import asdict
+from functools import partial
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 import pandas as pd
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.recordings.storage import write_recording
 from friction_benchmark.cases import LabelledRecording
 from friction_benchmark.datasets import TRUE_FRICTION, TRUE_LOAD, Kind, Sizes, Sources
-from friction_benchmark.registry.model import BuildConfiguration, Range, RegisteredModel, needs_raw_pressures
+from friction_benchmark.models.base import Model
+from friction_benchmark.registry import BuildConfiguration, Range, RegisteredModel, needs_raw_pressures
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from friction_benchmark.registry import Estimator
     from friction_benchmark.results import BenchmarkResults
 
 CYLINDER = Cylinder(name="made", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
@@ -100,11 +102,8 @@ def without_times(results: BenchmarkResults) -> dict[str, Any]:
     return content
 
 
-@dataclass
-class ConstantEstimator(FrictionEstimator):
-    """Says the mean label of its training, with the sign of nothing: for tests of what surrounds a model."""
-
-    kind: ClassVar[str] = "test_constant"
+class Constant(Model):
+    """The mean label of its training, or a failure: for tests of what surrounds a model."""
 
     def __init__(self, inputs: Sequence[str], behaviour: str = "") -> None:
         super().__init__(inputs)
@@ -115,60 +114,35 @@ class ConstantEstimator(FrictionEstimator):
             raise ValueError("cannot learn this")
         if self.behaviour == "dies":
             os._exit(3)
-        self._begin_fit(recordings)
         self.level_n = float(np.mean([recording.column("friction_n").mean() for recording in recordings]))
         return self
 
-    def new_state(self) -> None:
-        return None
-
-    def advance(self, state: Any, samples: NDArray[np.float64]) -> NDArray[np.float64]:
-        return np.full(len(samples), np.nan if self.behaviour == "nan" else self.level_n)
+    def estimate(self, recording: Recording) -> NDArray[np.float64]:
+        return np.full(len(recording), np.nan if self.behaviour == "nan" else self.level_n)
 
     def multiply_adds(self) -> int:
         return 1
 
-    def _write(self, folder: Path) -> dict[str, Any]:
-        return {"level_n": self.level_n, "behaviour": self.behaviour}
 
-    @classmethod
-    def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:
-        estimator = cls((), parameters["behaviour"])
-        estimator.level_n = parameters["level_n"]
-        return estimator
+def _low_pass(build: BuildConfiguration) -> Estimator:
+    return LowPassForceBalanceEstimator(build.cylinder)
 
 
-def _low_pass(configuration: BuildConfiguration) -> FrictionEstimator:
-    return LowPassForceBalanceEstimator(configuration.cylinder)
+def _ridge(build: BuildConfiguration) -> Estimator:
+    return RidgeEstimator(build.whole("lags"), build.number("penalty"))
 
 
-def _ridge(configuration: BuildConfiguration) -> FrictionEstimator:
-    return RidgeEstimator(int(configuration.hyperparameters["lags"]), float(configuration.hyperparameters["penalty"]))
+def constant(behaviour: str, build: BuildConfiguration) -> Estimator:
+    return Constant(build.inputs, behaviour)
 
 
-def _constant(configuration: BuildConfiguration) -> FrictionEstimator:
-    return ConstantEstimator(configuration.inputs)
-
-
-def _position(configuration: BuildConfiguration) -> FrictionEstimator:
-    return ConstantEstimator(("position_m",))
-
-
-def _raises(configuration: BuildConfiguration) -> FrictionEstimator:
-    return ConstantEstimator(configuration.inputs, "raises")
-
-
-def _nan(configuration: BuildConfiguration) -> FrictionEstimator:
-    return ConstantEstimator(configuration.inputs, "nan")
-
-
-def dies(configuration: BuildConfiguration) -> FrictionEstimator:
-    return ConstantEstimator(configuration.inputs, "dies")
+def _position(build: BuildConfiguration) -> Estimator:
+    return Constant(("position_m",))
 
 
 MODELS = (
     RegisteredModel("low_pass", "Low-pass", "baseline", "own", _low_pass, supports=needs_raw_pressures),
-    RegisteredModel("hold", "Hold", "baseline", "own", _constant),
+    RegisteredModel("hold", "Hold", "baseline", "own", partial(constant, "")),
     RegisteredModel("constant_by_direction", "Constant", "analytical", "own", _position),
     RegisteredModel(
         "ridge",
@@ -180,6 +154,6 @@ MODELS = (
         defaults={"lags": 5, "penalty": 1.0},
         supports=needs_raw_pressures,
     ),
-    RegisteredModel("raises", "Raises", "modern", "own", _raises),
-    RegisteredModel("nan", "Nan", "modern", "own", _nan),
+    RegisteredModel("raises", "Raises", "modern", "own", partial(constant, "raises")),
+    RegisteredModel("nan", "Nan", "modern", "own", partial(constant, "nan")),
 )

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from friction_benchmark.models.by_direction import ConstantByDirectionEstimator
 
 from cylinder_friction.estimators.linear import RidgeEstimator
 from friction_benchmark.cases import (
@@ -20,7 +21,6 @@ from friction_benchmark.cases import (
     shown_inputs,
     with_known_zeros,
 )
-from friction_benchmark.models.by_direction import ConstantByDirectionEstimator
 from friction_benchmark.tasks import TASKS, task_named
 from friction_benchmark_models import CYLINDER, made_recording
 

@@ -8,14 +8,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.evaluation.strata import StrataLimits
 from cylinder_friction.params.checking import ParamsError
-from friction_benchmark import worker
+from cylinder_friction.recordings.storage import read_recordings, write_recording
 from friction_benchmark.conclusions import findings_of
-from friction_benchmark.datasets import Sources, folds_of
-from friction_benchmark.jobs import Context, TrialJob
+from friction_benchmark.datasets import Sources, _read, cases_of, folds_of
 from friction_benchmark.plan import Plan
-from friction_benchmark.registry.listing import registered_models
 from friction_benchmark.runner import Runner
 from friction_benchmark.scoring import ScoreSettings
 from friction_benchmark.tasks import task_named
@@ -42,7 +41,7 @@ PLAN = Plan(
 KNOWN = ("low_pass", "hold", "constant_by_direction", "ridge")
 ADDED = """
 from cylinder_friction.estimators.linear import RidgeEstimator
-from friction_benchmark.registry.model import RegisteredModel
+from friction_benchmark.registry import RegisteredModel
 
 def build(configuration):
     return RidgeEstimator(3, 1.0)
@@ -178,10 +177,9 @@ def test_what_is_in_the_cache_is_not_computed_again(runner: Runner, results: Ben
 def test_each_part_of_the_plan_recomputes_what_depends_on_it(runner: Runner, results: BenchmarkResults) -> None:
     small = replace(PLAN, tasks=("identity",), splits={}, models=KNOWN)
     for change, computed in (
-        ({"effort": 0.25}, {"trials": 2, "predictions": 8, "scores": 4}),
+        ({"effort": 0.25}, {"trials": 2, "predictions": 7, "scores": 4}),  # the best trial is a prediction
         ({"trials": 3}, {"trials": 1}),  # a third trial that is not the best changes nothing else
-        ({"batch": 2}, {}),  # both trials are drawn at random
-        ({"seeds": (1,)}, {"trials": 2, "predictions": 4, "scores": 4}),  # tuned, and timed, on another first seed
+        ({"seeds": (1,)}, {"trials": 1, "scores": 4}),  # tuned on another first seed; one trial is a prediction already
     ):
         changed = made_runner(runner.cache, replace(small, **change))
         changed.run()
@@ -203,50 +201,42 @@ def test_adding_a_model_computes_it_alone_and_touching_its_module_computes_it_ag
         assert dict(+with_added.computed) == expected
 
 
-def test_nothing_sees_a_test_recording_while_tuning(
-    runner: Runner, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+def test_the_choice_does_not_depend_on_test_recordings(
+    runner: Runner, results: BenchmarkResults, tmp_path: Path
 ) -> None:
-    fold = folds_of(runner.sources, task_named("identity"), "held_out_sessions", 0)[0]
-    seen: set[str] = set()
-    train, percent = worker.trained, worker.validation_percent
-
-    def watched_training(model: Any, code: str, configuration: Any, recordings: Any, fits: Path) -> worker.Trained:
-        seen.update(recording.name for recording in recordings)
-        return train(model, code, configuration, recordings, fits)
-
-    def watched_percent(estimator: Any, cases: Any) -> float:
-        seen.update(case.recording.name for case in cases)
-        return percent(estimator, cases)
-
-    monkeypatch.setattr(worker, "trained", watched_training)
-    monkeypatch.setattr(worker, "validation_percent", watched_percent)
-    ridge = registered_models(MODULES)["ridge"]
-    job = TrialJob(ridge, task_named("identity"), 0, ridge.defaults, "code")
-    assert worker.do_jobs(Context(runner.sources, tmp_path, 0.5, 2, 1, "worker"), [job]) == [""]
-    assert seen == set(fold.train) | set(fold.validation)
-    assert not seen & set(fold.test)
+    plan = replace(PLAN, tasks=("identity",), splits={}, seeds=(0,), models=("ridge",))
+    other = made_runner(tmp_path, plan)
+    tested = folds_of(other.sources, task_named("identity"), "held_out_sessions", 0)[0].test
+    folder = other.sources.campaign_folder("campaign", 0)
+    for recording in read_recordings(folder):
+        if recording.name in tested:
+            write_recording(folder, recording.with_columns(friction_n=-recording.column("friction_n")))
+    cases_of.cache_clear()
+    _read.cache_clear()
+    tuning = found(other.run(), "identity").entries[0].tuning
+    assert tuning == next(entry.tuning for entry in found(results, "identity").entries if entry.model == "ridge")
 
 
 def test_a_tuning_that_was_killed_goes_on_after_its_last_finished_trial(
-    runner: Runner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    runner: Runner, results: BenchmarkResults, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    plan = replace(PLAN, tasks=("identity",), splits={}, models=KNOWN, trials=5, batch=2)
-    percent, calls = worker.trial_percent, 0
+    plan = replace(PLAN, tasks=("identity",), splits={}, models=KNOWN, trials=5)
+    fitted = 0
 
-    def killed_in_the_fourth(context: Context, job: TrialJob) -> float:
-        nonlocal calls
-        calls += 1
-        if calls == 4:
+    def killed_in_the_fourth(model: RidgeEstimator, recordings: Any) -> Any:
+        nonlocal fitted
+        fitted += 1
+        if fitted == 4:
             raise KeyboardInterrupt
-        return percent(context, job)
+        return fit(model, recordings)
 
-    monkeypatch.setattr(worker, "trial_percent", killed_in_the_fourth)
+    fit = RidgeEstimator.fit
+    monkeypatch.setattr(RidgeEstimator, "fit", killed_in_the_fourth)
     with pytest.raises(KeyboardInterrupt):
         made_runner(tmp_path, plan).run()
     resumed = made_runner(tmp_path, plan)
-    found = resumed.run()
+    assert without_times(resumed.run()) == without_times(made_runner(runner.cache, plan).run())
     assert resumed.computed["trials"] == 2
-    assert without_times(found) == without_times(made_runner(runner.cache, plan).run())
 
 
 @pytest.mark.slow

@@ -1,4 +1,4 @@
-"""Tuning: equal trials for all, the defaults first, the same proposals again, in batches that know of those before."""
+"""Tuning: equal trials for all, the defaults first, the same proposals again."""
 
 from __future__ import annotations
 
@@ -6,51 +6,35 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from friction_benchmark.registry.listing import registered_models
-from friction_benchmark.registry.model import OneOf, RegisteredModel, Value
-from friction_benchmark.tuning import Tuned, Tuning, TuningError
+from friction_benchmark.registry import OneOf, RegisteredModel, Value, registered_models
+from friction_benchmark.tuning import TuningError, tune
 from friction_benchmark_models import MODULES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
 
 RIDGE = registered_models(MODULES)["ridge"]
 
 
-def tune(
-    model: RegisteredModel,
-    trials: int,
-    seed: int,
-    error_percent: Callable[[Mapping[str, Value]], float],
-    batch: int = 1,
-) -> Tuned:
-    tuning = Tuning(model, trials, batch, seed)
-    while not tuning.finished:
-        for choice in tuning.next_batch():
-            try:
-                result: float | str = error_percent(choice)
-            except ValueError as error:
-                result = f"ValueError: {error}"
-            tuning.finish(choice, result)
-    return tuning.best()
-
-
-def tried(trials: int, seed: int, batch: int = 1) -> list[dict[str, Value]]:
+def tried(trials: int, seed: int) -> list[dict[str, Value]]:
     seen: list[dict[str, Value]] = []
 
-    def error_percent(choice: Mapping[str, Value]) -> float:
+    def percent(choice: Mapping[str, Value]) -> float:
         seen.append(dict(choice))
         return float(choice["penalty"])
 
-    tune(RIDGE, trials, seed, error_percent, batch)
+    tune(RIDGE, trials, seed, percent)
     return seen
 
 
-def test_the_defaults_are_tried_first_and_no_model_has_more_trials() -> None:
-    seen = tried(6, 0)
+def test_the_defaults_are_tried_first_and_every_proposal_keeps_to_the_space() -> None:
+    seen = tried(12, 1)
     assert seen[0] == dict(RIDGE.defaults)
-    assert len(seen) == 6
-    assert len({choice["penalty"] for choice in seen}) == 6
+    assert len({choice["penalty"] for choice in seen}) == len(seen) == 12
+    for choice in seen:
+        assert 2 <= choice["lags"] <= 20
+        assert isinstance(choice["lags"], int)
+        assert 1e-2 <= choice["penalty"] <= 1e2
 
 
 def test_one_seed_proposes_the_same_and_another_seed_other_choices() -> None:
@@ -58,51 +42,34 @@ def test_one_seed_proposes_the_same_and_another_seed_other_choices() -> None:
     assert tried(5, 3) != tried(5, 4)
 
 
-def test_trials_of_a_batch_do_not_know_of_each_other() -> None:
-    one_by_one, in_batches = tried(10, 3), tried(10, 3, batch=4)
-    assert one_by_one[:5] == in_batches[:5], "the defaults, and what is drawn at random"
-    assert one_by_one[5:] != in_batches[5:]
-    tuning = Tuning(RIDGE, 10, 4, 3)
-    sizes = []
-    while not tuning.finished:
-        batch = tuning.next_batch()
-        sizes.append(len(batch))
-        for choice in batch:
-            assert choice in tuning.next_batch(), "what is finished of a batch does not change the rest of it"
-            tuning.finish(choice, float(choice["penalty"]))
-    assert sizes == [4, 4, 2]
-
-
-def test_proposals_keep_to_the_space() -> None:
-    for choice in tried(12, 1):
-        assert 2 <= choice["lags"] <= 20
-        assert isinstance(choice["lags"], int)
-        assert 1e-2 <= choice["penalty"] <= 1e2
-
-
 def test_the_best_is_kept_with_what_it_reached() -> None:
-    tuned = tune(RIDGE, 8, 0, lambda choice: abs(float(choice["lags"]) - 7.0))
-    assert tuned.validation_percent == min(value for value in tuned.trials if value is not None)
-    assert abs(float(tuned.choice["lags"]) - 7.0) == tuned.validation_percent
+    errors = {}
+
+    def percent(choice: Mapping[str, Value]) -> float:
+        errors[choice["lags"]] = abs(float(choice["lags"]) - 7.0)
+        return errors[choice["lags"]]
+
+    tuned = tune(RIDGE, 8, 0, percent)
+    assert tuned.validation_percent == min(errors.values()) == errors[tuned.choice["lags"]]
 
 
 def test_a_failed_trial_does_not_end_the_tuning() -> None:
-    def error_percent(choice: Mapping[str, Value]) -> float:
+    def percent(choice: Mapping[str, Value]) -> float:
         if choice == RIDGE.defaults:
             raise ValueError("no")
         return 3.0
 
-    tuned = tune(RIDGE, 3, 0, error_percent)
-    assert tuned.trials == (None, 3.0, 3.0)
+    tuned = tune(RIDGE, 3, 0, percent)
+    assert tuned.validation_percent == 3.0
     assert tuned.choice != RIDGE.defaults
 
 
 def test_tuning_that_never_succeeds_states_why() -> None:
-    def error_percent(choice: Mapping[str, Value]) -> float:
+    def percent(choice: Mapping[str, Value]) -> float:
         raise ValueError("too few rows")
 
     with pytest.raises(TuningError, match="none of 2 trials succeeded; the first: ValueError: too few rows"):
-        tune(RIDGE, 2, 0, error_percent)
+        tune(RIDGE, 2, 0, percent)
 
 
 def test_one_of_several_words_may_be_tuned() -> None:

@@ -1,4 +1,4 @@
-"""The jobs of the benchmark, and the key of each: the hash of all that its result depends on.
+"""The benchmark's piece of work, and its key: the hash of all that its result depends on.
 
 That is the task and what its recordings are made from, the model with its hyperparameters, effort and seed, and the
 source of every module that the worker and the model's module import. What is only shown (titles) does not count.
@@ -7,10 +7,10 @@ source of every module that the worker and the model's module import. What is on
 from __future__ import annotations
 
 import hashlib
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from cylinder_friction.import_graph import module_path
 from friction_benchmark.cache import Cache
@@ -21,7 +21,9 @@ from friction_benchmark.source_code import PACKAGES, code_key
 if TYPE_CHECKING:
     from friction_benchmark.cases import Task
     from friction_benchmark.datasets import Kind, Sources
-    from friction_benchmark.registry.model import RegisteredModel, Values
+    from friction_benchmark.registry import RegisteredModel, Values
+
+WORKER = "friction_benchmark.worker"
 
 
 @dataclass(frozen=True)
@@ -32,87 +34,35 @@ class Context:
         sources: Where the recordings are.
         folder: Of the cache.
         effort: Share of the full training, in (0, 1].
-        trials: Of every model's tuning.
-        batch: How many of them are proposed at a time.
         code: Hash of the worker's code.
     """
 
     sources: Sources
     folder: Path
     effort: float
-    trials: int
-    batch: int
     code: str
 
     @property
     def cache(self) -> Cache:
         return Cache(self.folder)
 
-    def key(self, model: RegisteredModel, code: str, task: Task, split: str, seed: int, **more: Any) -> str:
-        """Return the key of a job of one model on one task, split and seed."""
-        shown = ("title", "explanation", "baseline", "tuned_as")
-        kinds: list[Kind] = [task.campaign]
-        kinds += [unseen_kind(task)] if split == UNSEEN_RIG else []
-        kinds += [twin_kind(task)] if model.trained_on == "twin" else []
-        sizes = self.sources.sizes
-        content = {
-            "model": [model.name, code],
-            "task": {name: value for name, value in asdict(task).items() if name not in shown},
-            "split": [split, sizes.test_sessions, sizes.validation_sessions],
-            "seed": seed,
-            "recordings": [self.sources.key(kind, seed) for kind in kinds],
-            "cylinder": asdict(self.sources.cylinder),
-            "effort": self.effort,
-            "worker": self.code,
-        }
-        return key_of({**content, **more})
+    def refuse_other_code(self) -> None:
+        """Refuse work for another version of the benchmark than the one that is installed here.
+
+        Raises:
+            RuntimeError: The code differs.
+        """
+        if code_key(WORKER) != self.code:
+            raise RuntimeError("the worker has another version of friction_benchmark; install the command's version")
 
 
 @dataclass(frozen=True)
-class TuningJob:
-    """The tuning of one model for one task; ``code`` is the hash of the model's code."""
-
-    model: RegisteredModel
-    task: Task
-    seed: int
-    code: str
-
-    def key(self, context: Context) -> str:
-        budget = {"trials": context.trials, "batch": context.batch}
-        return context.key(self.model, self.code, self.task, HELD_OUT, self.seed, **budget)
-
-    def trial(self, hyperparameters: Values) -> TrialJob:
-        return TrialJob(self.model, self.task, self.seed, hyperparameters, self.code)
-
-
-@dataclass(frozen=True)
-class TrialJob:
-    """One trial of a tuning.
-
-    Attributes:
-        hyperparameters: By name.
-        code: Hash of the model's code.
-    """
-
-    model: RegisteredModel
-    task: Task
-    seed: int
-    hyperparameters: Values
-    code: str
-
-    def key(self, context: Context) -> str:
-        chosen = dict(self.hyperparameters)
-        return context.key(self.model, self.code, self.task, HELD_OUT, self.seed, hyperparameters=chosen)
-
-
-@dataclass(frozen=True)
-class PredictionJob:
-    """The prediction of one model on one task, seed and fold of a split.
+class Job:
+    """One fit, validated and used to predict: one model on one task, seed and fold of a split.
 
     Attributes:
         fold: Its number.
         hyperparameters: By name.
-        timed: Whether the time of a step is measured.
         code: Hash of the model's code.
     """
 
@@ -122,26 +72,48 @@ class PredictionJob:
     fold: int
     seed: int
     hyperparameters: Values
-    timed: bool
     code: str
 
+    def trial(self, hyperparameters: Values) -> Job:
+        """Return the same job with other hyperparameters."""
+        return replace(self, hyperparameters=hyperparameters)
+
     def key(self, context: Context) -> str:
-        more = {"fold": self.fold, "hyperparameters": dict(self.hyperparameters), "timed": self.timed}
-        return context.key(self.model, self.code, self.task, self.split, self.seed, **more)
+        shown = ("title", "explanation", "baseline", "tuned_as")
+        kinds: list[Kind] = [self.task.campaign]
+        kinds += [unseen_kind(self.task)] if self.split == UNSEEN_RIG else []
+        kinds += [twin_kind(self.task)] if self.model.trained_on == "twin" else []
+        sizes = context.sources.sizes
+        content = {
+            "model": [self.model.name, self.code, dict(self.hyperparameters)],
+            "task": {name: value for name, value in asdict(self.task).items() if name not in shown},
+            "split": [self.split, self.fold, sizes.test_sessions, sizes.validation_sessions],
+            "seed": self.seed,
+            "recordings": [context.sources.key(kind, self.seed) for kind in kinds],
+            "cylinder": asdict(context.sources.cylinder),
+            "effort": context.effort,
+            "worker": context.code,
+        }
+        return key_of(content)
 
     def shared_fit(self) -> tuple[str, ...]:
-        """Return what is equal of jobs that train the same: they are best done by one worker, one after another.
+        """Return what is equal of jobs that train the same: one worker does them, one after another.
 
-        Friction now is what an analytical model is identified on in every task; a model of the twin sees no recordings
-        of the rig, so that it is the same in every fold.
+        Friction now is what an analytical model is identified on in every task. A model of the twin sees no recordings
+        of the rig, so it is the same in every fold.
         """
         task = self.task.campaign if self.model.family == "analytical" else self.task.name
         leaves_out = self.split in (LEAVE_LOAD, LEAVE_TEMPERATURE) and self.model.trained_on != "twin"
         return (self.model.name, str(self.seed), task, f"{self.split} {self.fold}" if leaves_out else "")
 
 
+def tuning_job(model: RegisteredModel, task: Task, seed: int, code: str) -> Job:
+    """Return the job that the trials of a tuning vary: with the defaults, on held-out sessions."""
+    return Job(model, task, HELD_OUT, 0, seed, model.defaults, code)
+
+
 def model_code(module: str) -> str:
-    """Return the hash of a registry module and all of the project that it imports; of a foreign module, of its file."""
+    """Return the hash of a model's module and all of the project that it imports; of a foreign module, of its file."""
     if module_path(module, PACKAGES) is not None:
         return code_key(module)
     spec = find_spec(module)

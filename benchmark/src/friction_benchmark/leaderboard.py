@@ -63,7 +63,7 @@ class ScoringJob:
         entry = leaderboard_entry(
             self.model, scored, list(predictions.values()), self.tuned, context.sources.cylinder, self.settings
         )
-        cache.keep_value("scores", self.key(), asdict(entry))
+        cache.keep_score(self.key(), asdict(entry))
 
 
 def denominators(

@@ -75,7 +75,6 @@ class BudgetParams(Section):
 
     effort: Annotated[float, Field(gt=0.0, le=1.0)]
     trials: Count
-    batch: Count
 
 
 class ScoringParams(Section):

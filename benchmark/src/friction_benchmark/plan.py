@@ -10,7 +10,7 @@ from cylinder_friction.recordings.columns import OIL_TEMPERATURE
 from cylinder_friction.recordings.recording import RecordingError
 from friction_benchmark.datasets import folds_of, labelled_recordings
 from friction_benchmark.folds import HELD_OUT, LEAVE_LOAD, LEAVE_TEMPERATURE, UNSEEN_RIG
-from friction_benchmark.registry.listing import MODULES, registered_models
+from friction_benchmark.registry import MODULES, registered_models
 from friction_benchmark.tasks import task_named
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from friction_benchmark.cases import Task
     from friction_benchmark.datasets import Sources
-    from friction_benchmark.registry.model import RegisteredModel
+    from friction_benchmark.registry import RegisteredModel
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,6 @@ class Plan:
         seeds: Of campaigns and models; models are tuned on the first.
         effort: Share of the full training, in (0, 1].
         trials: Of every model's tuning.
-        batch: How many of them are proposed at a time, none of which knows of the others.
         models: Names of registered models; empty for all.
         modules: Of the model registry.
     """
@@ -41,7 +40,6 @@ class Plan:
     seeds: tuple[int, ...]
     effort: float
     trials: int
-    batch: int = 1
     models: tuple[str, ...] = ()
     modules: tuple[str, ...] = MODULES
 

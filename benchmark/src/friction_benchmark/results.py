@@ -90,7 +90,7 @@ class Entry:
         trust: None where there are no bounds.
         residuals: None where they were not examined.
         multiply_adds: In one step.
-        step_us: Median time of one step in Python [µs].
+        step_us: Processor time of one sample while whole recordings are estimated [µs].
         training_s: Processor time, median over seeds, each with all its folds [s].
         tuning: What was chosen, and the validation percent that it reached; empty where there is nothing to tune.
         extras: Other figures of the task, for example ``load_mae_n``.
@@ -157,7 +157,7 @@ class TaskResult:
 
 @dataclass(frozen=True)
 class ModelInfo:
-    """What the report states about a model; see ``registry.model.RegisteredModel``."""
+    """What the report states about a model; see ``registry.RegisteredModel``."""
 
     title: str
     family: str

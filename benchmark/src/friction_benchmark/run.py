@@ -21,7 +21,7 @@ from friction_benchmark.conclusions import findings_of
 from friction_benchmark.datasets import Sizes, Sources
 from friction_benchmark.params import RIG
 from friction_benchmark.plan import Plan
-from friction_benchmark.registry.listing import MODULES
+from friction_benchmark.registry import MODULES
 from friction_benchmark.report.write import write_report
 from friction_benchmark.runner import Runner
 from friction_benchmark.scoring import ScoreSettings
@@ -124,7 +124,6 @@ def runner_from(params: BenchmarkParams) -> Runner:
             seeds=tuple(plan.seeds),
             effort=params.budget.effort,
             trials=params.budget.trials,
-            batch=params.budget.batch,
             models=tuple(plan.models),
         ),
         sources=sources,

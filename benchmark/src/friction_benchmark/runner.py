@@ -13,14 +13,14 @@ from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.execution.workers import Died
 from friction_benchmark.campaigns import simulate
 from friction_benchmark.datasets import folds_of, inputs_of, labelled_recordings, twin_kind, unseen_kind
-from friction_benchmark.folds import HELD_OUT, UNSEEN_RIG
-from friction_benchmark.jobs import Context, PredictionJob, TuningJob, model_code
+from friction_benchmark.folds import UNSEEN_RIG
+from friction_benchmark.jobs import WORKER, Context, Job, model_code, tuning_job
 from friction_benchmark.leaderboard import ScoringJob, denominators
 from friction_benchmark.results import NEEDS_MORE, BenchmarkResults, Entry, ModelInfo, TaskResult
 from friction_benchmark.source_code import code_key
 from friction_benchmark.tasks import task_named
-from friction_benchmark.tuning import Tuned, Tuning, TuningError
-from friction_benchmark.worker import do_jobs
+from friction_benchmark.tuning import Tuned
+from friction_benchmark.worker import do_jobs, do_tuning
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from friction_benchmark.plan import Plan
     from friction_benchmark.scoring import ScoreSettings
 
-WORKER, SCORER = "friction_benchmark.worker", "friction_benchmark.leaderboard"
+SCORER = "friction_benchmark.leaderboard"
 
 
 @dataclass
@@ -64,8 +64,7 @@ class Runner:
             ParamsError: A model is not in the registry.
         """
         self.models = self.plan.chosen_models()
-        plan = self.plan
-        self.context = Context(self.sources, self.cache, plan.effort, plan.trials, plan.batch, code_key(WORKER))
+        self.context = Context(self.sources, self.cache, self.plan.effort, code_key(WORKER))
         codes = {module: model_code(module) for module in {model.module for model in self.models.values()}}
         self.codes = {name: codes[model.module] for name, model in self.models.items()}
         self.tuned: dict[tuple[str, str], Tuned | str] = {}
@@ -100,6 +99,7 @@ class Runner:
         new = [each for each in campaigns if not self.sources.campaign_folder(*each).is_dir()]
         work = [partial(simulate, self.sources, *each) for each in new]
         for number, done in self._all_of(work, [1] * len(work), "campaigns"):
+            self.computed["campaigns"] += 1
             if isinstance(done, Died):
                 raise RuntimeError(f"simulation of {new[number]}: {done.reason}")
         for each in campaigns:
@@ -108,66 +108,39 @@ class Runner:
     def _tune(self) -> None:
         """Fill ``tuned`` with what was chosen, or why nothing was, by model and task."""
         names = dict.fromkeys(task.tuned_as or task.name for task, _ in self.leaderboards)
-        seed, cache = self.plan.seeds[0], self.context.cache
-        running: list[tuple[TuningJob, Tuning]] = []
+        jobs = []
         for model in reversed(self.models.values()):
             for task in [task for task in map(task_named, names) if model.supports(self._inputs(task))]:
-                job = TuningJob(model, task, seed, self.codes[model.name])
-                tuned = cache.tuned(job.key(self.context)) if model.space else Tuned(model.defaults, None)
-                if tuned is None:
-                    running.append((job, Tuning(model, self.plan.trials, self.plan.batch, seed)))
-                else:
-                    self.tuned[model.name, task.name] = tuned
-        while running:
-            self._try_next(running)
-            for job, tuning in running:
-                if tuning.finished:
-                    self._keep_best(job, tuning)
-            running = [each for each in running if not each[1].finished]
-
-    def _try_next(self, running: Sequence[tuple[TuningJob, Tuning]]) -> None:
-        """Do the next batch of trials of every tuning, and let it know of them in the order of the batch."""
-        cache = self.context.cache
-        trials = [(tuning, job.trial(choice)) for job, tuning in running for choice in tuning.next_batch()]
-        keys = [trial.key(self.context) for _, trial in trials]
-        new = {key: [trial] for key, (_, trial) in zip(keys, trials, strict=True) if cache.value("trials", key) is None}
-        problems = {trial.key(self.context): problem for trial, problem in self._done(list(new.values()), "trials")}
-        for key, (tuning, trial) in zip(keys, trials, strict=True):
-            tuning.finish(trial.hyperparameters, problems.get(key) or cache.value("trials", key))
-
-    def _keep_best(self, job: TuningJob, tuning: Tuning) -> None:
-        try:
-            tuned = tuning.best()
-        except TuningError as error:
-            self.tuned[job.model.name, job.task.name] = f"{type(error).__name__}: {error}"
-        else:
-            self.context.cache.keep_tuned(job.key(self.context), tuned)
-            self.tuned[job.model.name, job.task.name] = tuned
+                self.tuned[model.name, task.name] = Tuned(model.defaults, None)
+                if model.space:
+                    jobs.append(tuning_job(model, task, self.plan.seeds[0], self.codes[model.name]))
+        work = [partial(do_tuning, self.context, job, self.plan.trials) for job in jobs]
+        for number, done in self._all_of(work, [self.plan.trials] * len(jobs), "trials"):
+            tuned, computed = (done.reason, 0) if isinstance(done, Died) else done
+            self.tuned[jobs[number].model.name, jobs[number].task.name] = tuned
+            self.computed["trials"] += computed
 
     def _predict(self) -> None:
         """Fill ``predictions`` with their keys, and ``failures`` with why there is none.
 
         One piece of work is one fit, and all that is predicted with it.
         """
-        groups: dict[tuple[str, ...], list[PredictionJob]] = {}
-        first = self.plan.seeds[0]
+        groups: dict[tuple[str, ...], list[Job]] = {}
         for model in reversed(self.models.values()):
             for task, split in self.leaderboards:
                 tuned = self.tuned.get((model.name, task.tuned_as or task.name))
                 if not isinstance(tuned, Tuned):
                     continue
                 for seed in self.plan.seeds:
-                    timed, code = split == HELD_OUT and seed == first, self.codes[model.name]
-                    jobs = [
-                        PredictionJob(model, task, split, fold, seed, tuned.choice, timed, code)
-                        for fold in range(len(folds_of(self.sources, task, split, seed)))
-                    ]
+                    code, folds = self.codes[model.name], len(folds_of(self.sources, task, split, seed))
+                    jobs = [Job(model, task, split, fold, seed, tuned.choice, code) for fold in range(folds)]
                     keys = tuple(job.key(self.context) for job in jobs)
                     self.predictions[task, split, model.name, seed] = keys
                     for job, key in zip(jobs, keys, strict=True):
                         if not self.context.cache.has_prediction(key):
                             groups.setdefault(job.shared_fit(), []).append(job)
-        for job, problem in self._done(list(groups.values()), "predictions"):
+        for job, problem in self._done(list(groups.values())):
+            self.computed["predictions"] += 1
             if problem:
                 by_fold = self.failures.setdefault((job.task, job.split, job.model.name, job.seed), {})
                 by_fold[job.fold] = f"seed {job.seed}: {problem}"
@@ -186,14 +159,15 @@ class Runner:
                 assert isinstance(tuned, Tuned)
                 baseline = keys.get(task.baseline, {})
                 jobs.append(ScoringJob(name, task, split, keys[name], baseline, tuned, self.settings, code))
-        new = [job for job in jobs if self.context.cache.value("scores", job.key()) is None]
+        new = [job for job in jobs if self.context.cache.score(job.key()) is None]
         work = [partial(job.do, self.context) for job in new]
         for number, done in self._all_of(work, [1] * len(new), "scores"):
+            self.computed["scores"] += 1
             if isinstance(done, Died):
                 raise RuntimeError(f"scoring of {new[number].model} on {new[number].task.name}: {done.reason}")
         lines: dict[tuple[str, str], list[Entry]] = {}
         for job in jobs:
-            entry = Entry.from_dict(self.context.cache.value("scores", job.key()))
+            entry = Entry.from_dict(self.context.cache.score(job.key()))
             lines.setdefault((job.task.name, job.split), []).append(entry)
         for line in lines.values():
             line.sort(key=lambda entry: (entry.score.percent.value, entry.model))
@@ -237,7 +211,6 @@ class Runner:
         recordings = [each.recording for each in labelled.values()]
         return {
             "trials": self.plan.trials,
-            "batch": self.plan.batch,
             "effort": self.plan.effort,
             "seeds": len(self.plan.seeds),
             "recordings": len(recordings),
@@ -245,11 +218,10 @@ class Runner:
             "source": "simulated campaigns" if self.sources.simulated else "own recordings",
         }
 
-    def _done(self, groups: list[list[Any]], kind: str) -> Iterator[tuple[Any, str]]:
+    def _done(self, groups: list[list[Job]]) -> Iterator[tuple[Job, str]]:
         """Yield every job and why it failed, empty where it did not; of a group whose process died, one by one."""
-        groups = [group for group in groups if group]
         work = [partial(do_jobs, self.context, group) for group in groups]
-        for number, done in self._all_of(work, [len(group) for group in groups], kind):
+        for number, done in self._all_of(work, [len(group) for group in groups], "predictions"):
             if not isinstance(done, Died):
                 yield from zip(groups[number], done, strict=True)
             elif len(groups[number]) == 1:
@@ -261,7 +233,6 @@ class Runner:
 
     def _all_of(self, work: Sequence[Callable[[], Any]], sizes: Sequence[int], kind: str) -> Iterator[tuple[int, Any]]:
         """Yield the number of each piece of work and its result, as they finish."""
-        self.computed[kind] += sum(sizes)
         hidden = None if self.progress is None else not self.progress
         with tqdm(total=sum(sizes), desc=kind, unit="job", disable=hidden) as bar:
             for number, result in self.processes.do_all(work):

@@ -97,7 +97,6 @@ def leaderboard_entry(
     block_rows = max(1, round(settings.bootstrap_block_s / sample_time_s))
     draws = bootstrap_percent(block_sums(references, estimates, masks, block_rows), settings.bootstrap_repeats, 0)
     conditions = sorted({one.condition for one in recordings})
-    steps = [prediction.step_us for prediction in predictions if prediction.step_us is not None]
     total = errors(np.concatenate(references), np.concatenate(estimates), np.concatenate(masks))
     validated = tuned.validation_percent
     return Entry(
@@ -120,7 +119,7 @@ def leaderboard_entry(
         trust=_trust(recordings, conditions, settings.limits),
         residuals=_residuals(diagnosed, sample_time_s),
         multiply_adds=predictions[0].multiply_adds,
-        step_us=float(np.median(steps)) if steps else 0.0,
+        step_us=float(np.median([prediction.step_us for prediction in predictions])),
         training_s=float(np.median([prediction.training_s for prediction in predictions])),
         tuning={} if validated is None else {**tuned.choice, "validation_percent": validated},
         extras=_extras(recordings, cylinder, settings),

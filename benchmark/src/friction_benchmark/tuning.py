@@ -1,21 +1,20 @@
-"""The same number of trials for every model: its defaults first, then what a seeded sampler proposes, in batches."""
+"""The same number of trials for every model: its defaults first, then what Optuna's seeded sampler proposes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
-from optuna.trial import create_trial
+import optuna
 
-from cylinder_friction.tuning.trials import TuningPlan, failed, next_batch, reason_of
-from friction_benchmark.registry.model import OneOf
+from friction_benchmark.registry import OneOf
 
 if TYPE_CHECKING:
-    from optuna.distributions import BaseDistribution
-    from optuna.trial import FrozenTrial
+    from collections.abc import Callable
 
-    from friction_benchmark.registry.model import Range, RegisteredModel, Values
+    from friction_benchmark.registry import Range, RegisteredModel, Value, Values
+
+REASON = "reason"
 
 
 @dataclass(frozen=True)
@@ -24,70 +23,52 @@ class Tuned:
 
     Attributes:
         choice: The best, one value for each name in the space.
-        validation_percent: What it reached on validation sessions [%]; None where there was nothing to tune.
-        trials: Error of each trial [%]; None where it failed.
+        validation_percent: What it reached on validation sessions [%]; None if there was nothing to tune.
     """
 
     choice: Values
     validation_percent: float | None
-    trials: tuple[float | None, ...] = ()
 
 
 class TuningError(RuntimeError):
     """Not one trial of a model succeeded; the message is the first one's."""
 
 
-class Tuning:
-    """The trials of one model, proposed by a tree-structured Parzen estimator (Bergstra et al. 2011).
+def tune(model: RegisteredModel, trials: int, seed: int, percent: Callable[[Values], float]) -> Tuned:
+    """Return the best choice, the earliest among equals (tree-structured Parzen estimator; Bergstra et al. 2011).
 
     Args:
         model: One with a space.
         trials: How many, the defaults included.
-        batch: How many are proposed at a time, none of which knows of the others.
         seed: Seeds the sampler.
+        percent: Returns the error of a choice on validation sessions [%]; a trial that raises counts as failed.
+
+    Raises:
+        TuningError: Every trial failed.
     """
 
-    def __init__(self, model: RegisteredModel, trials: int, batch: int, seed: int) -> None:
-        self._space = {name: _distribution(where) for name, where in model.space.items()}
-        self._plan = TuningPlan(trials, max(2, trials // 2), seed, batch=batch)
-        self._defaults = model.defaults
-        self._trials: list[FrozenTrial] = []
+    def objective(trial: optuna.Trial) -> float:
+        choice = {name: _suggested(trial, name, where) for name, where in model.space.items()}
+        try:
+            return percent(choice)
+        except Exception as error:
+            trial.set_user_attr(REASON, f"{type(error).__name__}: {error}")
+            raise optuna.TrialPruned from None
 
-    @property
-    def finished(self) -> bool:
-        return len(self._trials) == self._plan.trials
-
-    def next_batch(self) -> list[Values]:
-        """Return the choices to try next, the defaults before all."""
-        return list(next_batch(self._space, self._plan, self._trials, self._defaults))
-
-    def finish(self, choice: Values, result: float | str) -> None:
-        """Take in the error of a choice on validation sessions [%], or why it failed; in the order of the choices."""
-        values = dict(choice)
-        if isinstance(result, str):
-            trial = failed(self._space, values, result)
-        else:
-            trial = create_trial(value=result, params=values, distributions=self._space)
-        self._trials.append(trial)
-
-    def best(self) -> Tuned:
-        """Return the best choice, the earliest among equals.
-
-        Raises:
-            TuningError: Every trial failed.
-        """
-        values = tuple(None if reason_of(trial) else trial.value for trial in self._trials)
-        found = [(value, trial.params) for value, trial in zip(values, self._trials, strict=True) if value is not None]
-        if not found:
-            reason = reason_of(self._trials[0])
-            raise TuningError(f"none of {len(values)} trials succeeded; the first: {reason}")
-        best_percent, choice = min(found, key=lambda pair: pair[0])
-        return Tuned(choice, best_percent, values)
+    optuna.logging.set_verbosity(optuna.logging.ERROR)
+    study = optuna.create_study(sampler=optuna.samplers.TPESampler(n_startup_trials=max(2, trials // 2), seed=seed))
+    study.enqueue_trial(dict(model.defaults))
+    study.optimize(objective, n_trials=trials)
+    finished = study.get_trials(deepcopy=False, states=[optuna.trial.TrialState.COMPLETE])
+    if not finished:
+        raise TuningError(f"none of {trials} trials succeeded; the first: {study.trials[0].user_attrs[REASON]}")
+    return Tuned(study.best_params, study.best_value)
 
 
-def _distribution(where: Range | OneOf) -> BaseDistribution:
+def _suggested(trial: optuna.Trial, name: str, where: Range | OneOf) -> Value:
     if isinstance(where, OneOf):
-        return CategoricalDistribution(where.values)
+        chosen: Any = trial.suggest_categorical(name, where.values)  # its types know no tuple of values
+        return chosen
     if where.integer:
-        return IntDistribution(int(where.low), int(where.high), log=where.logarithmic)
-    return FloatDistribution(where.low, where.high, log=where.logarithmic)
+        return trial.suggest_int(name, int(where.low), int(where.high), log=where.logarithmic)
+    return trial.suggest_float(name, where.low, where.high, log=where.logarithmic)

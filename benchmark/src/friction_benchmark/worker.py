@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
-import shutil
-import tempfile
 from dataclasses import asdict, dataclass
-from pathlib import Path
 from time import process_time
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.estimators.base import FrictionEstimator
-from cylinder_friction.evaluation.timing import time_steps
-from cylinder_friction.recordings.files import read_json, write_json
-from friction_benchmark.cache import Estimates, Prediction, mark_used
+from cylinder_friction.realtime.bounds import calibrated_bounds, regimes_of
+from friction_benchmark.cache import Estimates, Prediction
 from friction_benchmark.cases import with_known_zeros
-from friction_benchmark.conformal import calibrated
 from friction_benchmark.datasets import (
     cases_of,
     folds_of,
@@ -29,93 +22,122 @@ from friction_benchmark.datasets import (
     unseen_kind,
 )
 from friction_benchmark.extrapolation import outside, training_range, with_causal_velocity
-from friction_benchmark.folds import HELD_OUT, UNSEEN_RIG
-from friction_benchmark.jobs import TrialJob
-from friction_benchmark.registry.model import BuildConfiguration
+from friction_benchmark.folds import UNSEEN_RIG
+from friction_benchmark.registry import BuildConfiguration
+from friction_benchmark.tuning import Tuned, TuningError, tune
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from cylinder_friction.realtime.guard import TrainingRange
+    from cylinder_friction.arrays import Array, Mask
+    from cylinder_friction.realtime.model import Bounds
     from cylinder_friction.recordings.recording import Recording
-    from friction_benchmark.cases import EvaluationCase
-    from friction_benchmark.conformal import ErrorBounds
     from friction_benchmark.folds import Fold
-    from friction_benchmark.jobs import Context, PredictionJob
-    from friction_benchmark.registry.model import RegisteredModel
+    from friction_benchmark.jobs import Context, Job
+    from friction_benchmark.registry import Estimator, Values
 
 POSITION_ALONE = ("position_m",)
-TIMED_STEPS = 300
-LONGEST_TIMING_S = 0.5
-FIT_FILE = "fit.json"
 
 
 @dataclass(frozen=True)
 class Trained:
-    """A trained estimator, and the processor's time that it took [s]."""
+    """A trained estimator, its inputs, and the processor's time that it took [s]."""
 
-    estimator: FrictionEstimator
+    estimator: Estimator
     training_s: float
 
 
-def do_jobs(context: Context, jobs: Sequence[TrialJob | PredictionJob]) -> list[str]:
-    """Do jobs one after another and keep their results in the cache; returns why not, job by job, else nothing."""
-    return [_attempt(context, job) for job in jobs]
-
-
-def _attempt(context: Context, job: TrialJob | PredictionJob) -> str:
-    try:
-        if isinstance(job, TrialJob):
-            context.cache.keep_value("trials", job.key(context), trial_percent(context, job))
-        else:
+def do_jobs(context: Context, jobs: Sequence[Job]) -> list[str]:
+    """Do jobs one after another and keep their predictions; return why not, job by job, else nothing."""
+    context.refuse_other_code()
+    problems = []
+    for job in jobs:
+        try:
             context.cache.keep_prediction(job.key(context), prediction(context, job))
-    except Exception as error:  # reported in the model's place; the others go on
-        return f"{type(error).__name__}: {error}"
-    return ""
+            problems.append("")
+        except Exception as error:  # reported in the model's place; the others go on
+            problems.append(f"{type(error).__name__}: {error}")
+    return problems
 
 
-def trial_percent(context: Context, job: TrialJob) -> float:
-    """Return the error on the validation sessions of the held-out split [%]."""
-    cases = cases_of(context.sources, job.task, job.task.campaign, job.seed)
-    fold = folds_of(context.sources, job.task, HELD_OUT, job.seed)[0]
-    estimator = _trained(context, job, fold).estimator
-    return validation_percent(estimator, [cases[name] for name in fold.validation])
+def do_tuning(context: Context, job: Job, trials: int) -> tuple[Tuned | str, int]:
+    """Return what the trials of a model found, or why they failed, and how many were not in the cache."""
+    context.refuse_other_code()
+    computed = 0
+
+    def percent(choice: Values) -> float:
+        nonlocal computed
+        trial = job.trial(choice)
+        key = trial.key(context)
+        if not context.cache.has_prediction(key):
+            computed += 1
+            context.cache.keep_prediction(key, prediction(context, trial))
+        return context.cache.validation_percent(key)
+
+    try:
+        return tune(job.model, trials, job.seed, percent), computed
+    except TuningError as error:
+        return f"{type(error).__name__}: {error}", computed
 
 
-def prediction(context: Context, job: PredictionJob) -> Prediction:
-    """Return the estimates, bounds and flags of every test recording of a fold, and what they cost."""
+def prediction(context: Context, job: Job) -> Prediction:
+    """Return the estimates, bounds and flags of every test recording of a fold, what they cost, and the validation.
+
+    Tuning goes by the validation sessions alone; the estimates of test recordings are made beside it, because the
+    best trial's are needed later.
+    """
     sources, task = context.sources, job.task
     own = cases_of(sources, task, task.campaign, job.seed)
     tested = cases_of(sources, task, unseen_kind(task), job.seed) if job.split == UNSEEN_RIG else own
     fold = folds_of(sources, task, job.split, job.seed)[job.fold]
     trained = _trained(context, job, fold)
-    estimator = trained.estimator
     names = () if job.model.trained_on == "twin" else fold.train
     known = training_range(sources, task, job.seed, names, inputs_of(sources, task, job.seed), causal=True)
     validation = [own[name].recording for name in fold.validation]
-    bounds = calibrated(validation, [estimator.estimate(recording) for recording in validation])
-    estimates = {name: _estimates(estimator, tested[name].recording, bounds, known) for name in fold.test}
-    step_us = None
-    if job.timed:
-        timed = tested[fold.test[0]].recording
-        step_us = 1e6 * time_steps(estimator, timed, TIMED_STEPS, maximum_seconds=LONGEST_TIMING_S).p50_s
-    return Prediction(estimates, estimator.multiply_adds(), trained.training_s, step_us)
+    validated_n = [trained.estimator.estimate(recording) for recording in validation]
+    percent = validation_percent(validation, validated_n)
+    bounds = calibrated_bounds(validation, validated_n, validation[0].sample_time_s, warm_up_samples=0)
+    estimates, steps_us = {}, []
+    for name in fold.test:
+        recording, started_s = tested[name].recording, process_time()
+        friction_n = trained.estimator.estimate(recording)
+        steps_us.append(1e6 * (process_time() - started_s) / len(recording))
+        _refuse_not_finite(recording, friction_n)
+        beyond = outside(known, with_causal_velocity(recording))
+        estimates[name] = _estimates(recording, friction_n, bounds, beyond)
+    step_us = float(np.median(steps_us))
+    return Prediction(estimates, trained.estimator.multiply_adds(), trained.training_s, step_us, percent)
 
 
-def validation_percent(estimator: FrictionEstimator, cases: Sequence[EvaluationCase]) -> float:
-    """Return MAE / mean |target| [%] over recordings together; against labels, as a user would have to tune."""
+def _estimates(recording: Recording, friction_n: Array, bounds: Bounds, beyond: Mask) -> Estimates:
+    """Return estimates within the product's conformal bounds, by regime of motion."""
+    regime = regimes_of(recording, bounds.standstill_m_s, bounds.creep_m_s)
+    lower_n, upper_n = (friction_n + np.array(each)[regime] for each in (bounds.lower_n, bounds.upper_n))
+    return Estimates(friction_n, lower_n, upper_n, beyond)
+
+
+def validation_percent(recordings: Sequence[Recording], estimates_n: Sequence[Array]) -> float:
+    """Return MAE / mean |target| [%] over recordings together; against labels, as a user would have to tune.
+
+    Raises:
+        ValueError: An estimate is not a number.
+    """
     error, friction = 0.0, 0.0
-    for case in cases:
-        target_n = case.recording.column("friction_n")[case.usable]
-        error += float(np.abs(estimator.estimate(case.recording)[case.usable] - target_n).sum())
+    for recording, estimate_n in zip(recordings, estimates_n, strict=True):
+        _refuse_not_finite(recording, estimate_n)
+        target_n = recording.column("friction_n")[recording.usable()]
+        error += float(np.abs(estimate_n[recording.usable()] - target_n).sum())
         friction += float(np.abs(target_n).sum())
-    percent = 100.0 * error / friction
-    if not np.isfinite(percent):
-        raise ValueError(f"error on validation sessions is {percent} %")
-    return percent
+    return 100.0 * error / friction
 
 
-def _trained(context: Context, job: TrialJob | PredictionJob, fold: Fold) -> Trained:
+def _refuse_not_finite(recording: Recording, estimate_n: Array) -> None:
+    if not np.isfinite(estimate_n).all():
+        row = int(np.argmin(np.isfinite(estimate_n)))
+        raise ValueError(f"estimate is {estimate_n[row]} in row {row + 1} of recording {recording.name!r}")
+
+
+def _trained(context: Context, job: Job, fold: Fold) -> Trained:
     model, task, sources = job.model, job.task, context.sources
     if model.trained_on == "twin":
         recordings = list(twin_recordings(sources, task, job.seed))
@@ -128,64 +150,33 @@ def _trained(context: Context, job: TrialJob | PredictionJob, fold: Fold) -> Tra
     inputs = inputs_of(sources, task, job.seed)
     if model.family == "analytical" and model.supports(POSITION_ALONE):
         inputs = POSITION_ALONE  # it looks at nothing else, and so is identified once for many tasks
-    configuration = BuildConfiguration(
-        sources.cylinder, inputs, job.seed, context.effort, {**model.defaults, **job.hyperparameters}
-    )
-    return trained(model, job.code, configuration, recordings, context.cache.fits)
-
-
-def trained(
-    model: RegisteredModel, code: str, configuration: BuildConfiguration, recordings: Sequence[Recording], fits: Path
-) -> Trained:
-    """Return a model trained on these recordings, from the folder ``fits`` if it was trained so before.
-
-    What counts is its configuration and what it sees: columns that are none of its inputs may differ, so that a model
-    of position alone is identified once for many tasks. It is always read back from where it was saved.
-    """
-    estimator = model.build(configuration)
-    folder = fits / _fit_key(model.name, code, configuration, estimator.inputs, recordings)
-    if not folder.is_dir():
+    hyperparameters = {**model.defaults, **job.hyperparameters}
+    build = BuildConfiguration(sources.cylinder, inputs, job.seed, context.effort, hyperparameters)
+    estimator = model.build(build)
+    key = _fit_key(model.name, job.code, build, estimator.inputs, recordings)
+    if key not in _LAST_FIT:
         before = process_time()
         estimator.fit(recordings)
-        _keep(estimator, process_time() - before, folder)
-    return Trained(FrictionEstimator.load(mark_used(folder)), float(read_json(folder / FIT_FILE)["training_s"]))
+        _LAST_FIT.clear()
+        _LAST_FIT[key] = Trained(estimator, process_time() - before)
+    return _LAST_FIT[key]
 
 
-def _keep(estimator: FrictionEstimator, training_s: float, folder: Path) -> None:
-    """Save an estimator whole; of two processes that trained the same one, the first keeps it."""
-    folder.parent.mkdir(parents=True, exist_ok=True)
-    draft = Path(tempfile.mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
-    try:
-        estimator.save(draft)
-        write_json(draft / FIT_FILE, {"training_s": training_s})
-        with contextlib.suppress(OSError):
-            draft.rename(folder)
-        if not folder.is_dir():
-            raise OSError(f"{folder}: could not be made from {draft}")
-    finally:
-        shutil.rmtree(draft, ignore_errors=True)
+_LAST_FIT: dict[str, Trained] = {}
+"""The latest fit of this process: jobs that share a fit come one after another."""
 
 
 def _fit_key(
-    name: str, code: str, configuration: BuildConfiguration, inputs: Sequence[str], recordings: Sequence[Recording]
+    name: str, code: str, build: BuildConfiguration, inputs: Sequence[str], recordings: Sequence[Recording]
 ) -> str:
-    content = [name, code, {**asdict(configuration), "inputs": list(inputs)}]
-    digest = hashlib.sha256(json.dumps(content, sort_keys=True).encode())
+    """Return the hash of what a fit sees; columns that are none of its inputs may differ."""
+    digest = hashlib.sha256(
+        json.dumps([name, code, {**asdict(build), "inputs": list(inputs)}], sort_keys=True).encode()
+    )
     for recording in recordings:
         metadata = recording.metadata
         digest.update(f"{metadata.name}/{metadata.condition}/{metadata.session}/{metadata.sample_time_s}".encode())
         digest.update(recording.samples(inputs).tobytes())
         digest.update(np.packbits(recording.usable()).tobytes())
         digest.update(recording.column("friction_n")[recording.usable()].tobytes())
-    return digest.hexdigest()[:32]
-
-
-def _estimates(
-    estimator: FrictionEstimator, recording: Recording, bounds: ErrorBounds, known: TrainingRange
-) -> Estimates:
-    friction_n = estimator.estimate(recording)
-    if not np.isfinite(friction_n).all():
-        row = int(np.argmin(np.isfinite(friction_n)))
-        raise ValueError(f"estimate is {friction_n[row]} in row {row + 1} of recording {recording.name!r}")
-    lower_n, upper_n = bounds.around(recording, friction_n)
-    return Estimates(friction_n, lower_n, upper_n, outside(known, with_causal_velocity(recording)))
+    return digest.hexdigest()

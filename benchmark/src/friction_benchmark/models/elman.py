@@ -2,7 +2,7 @@
 
 Source: Pan et al. 2017, Advances in Mechanical Engineering, doi 10.1177/1687814017744473. Only its abstract was at
 hand: Elman network; multi-agent particle swarm, then Nelder and Mead's downhill simplex; better than LuGre at low
-speed. What the abstract does not give is chosen here and described in ``ElmanEstimator``.
+speed. What the abstract does not give is chosen here and described in ``Elman``.
 
 ``x_c(k) = x(k-1) + a x_c(k-1)``, ``x(k) = tanh(u(k) W_u + x_c(k) W_c + b)``, ``y(k) = x(k) w + b_o``: Elman 1990 with
 the context's self-feedback a of Pham and Liu 1992. All weights lie in one vector, in the order W_u, W_c, b, w, b_o.
@@ -12,14 +12,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self
+from functools import partial
+from typing import TYPE_CHECKING, Literal
 
-import numba
 import numpy as np
+import torch
 
-from cylinder_friction.realtime.lstm import tanh
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from friction_benchmark.models.learned import LearnedEstimator
+from cylinder_friction.estimators.training import reproducible
+from friction_benchmark.models.base import FeatureModel
 from friction_benchmark.models.related_work import (
     VELOCITIES,
     last_motion,
@@ -27,69 +27,32 @@ from friction_benchmark.models.related_work import (
     smoothed_absolute,
     task_columns,
 )
-from friction_benchmark.models.swarm import Found, SwarmPlan, swarm_then_simplex
+from friction_benchmark.models.swarm import SIDE, swarm_then_simplex
+from friction_benchmark.models.training import minimise
+from friction_benchmark.registry import Range, RegisteredModel
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
+    from collections.abc import Iterator, Sequence
 
-    import torch
     from numpy.typing import NDArray
 
-    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.arrays import Array
     from cylinder_friction.estimators.training_plan import SequenceData
+    from friction_benchmark.registry import BuildConfiguration
 
     Single = NDArray[np.float32]
 
 Trainer = Literal["swarm", "adam"]
 STRIDE = 4
-"""Samples between two steps of the network, 20 ms at 200 Hz, where friction itself is its output, held between.
+"""Samples between two steps of the network, 20 ms at 200 Hz, when friction itself is its output, held between.
 
-Where it corrects a force balance it steps at every sample: a correction of noise that has passed would be noise.
+A network that corrects a force balance steps at every sample: a correction of noise that has passed would be noise.
 """
-
 SEGMENTS, SEGMENT_STEPS, BURN_IN = 64, 250, 25
 """Pieces of the training recordings used for training, their length, and the steps before the first scored one."""
-
 GRADIENT_EVALUATIONS = 3
 """What one gradient costs in evaluations of the network: one forward, and backward at about twice its operations."""
-
-
-@dataclass(frozen=True)
-class ElmanPlan:
-    """How the network is built and trained.
-
-    Attributes:
-        nodes: Hidden nodes, and as many context nodes.
-        feedback: Of the context to itself, in [0, 1).
-        trainer: ``swarm``, with the simplex after it, or ``adam``.
-        evaluations: Of the network over all training rows, at most; a gradient counts as three.
-        bound: Half side of the box of weights that the swarm stays in.
-        learning_rate: Of Adam, falling with a cosine.
-
-    Raises:
-        ValueError: The feedback or a number of nodes or evaluations is impossible.
-    """
-
-    nodes: int = 8
-    feedback: float = 0.3
-    trainer: Trainer = "swarm"
-    evaluations: int = 16_000
-    bound: float = 0.4
-    learning_rate: float = 2e-2
-
-    def __post_init__(self) -> None:
-        if self.nodes < 1 or not 0.0 <= self.feedback < 1.0 or self.evaluations < 1:
-            raise ValueError(f"expected nodes and evaluations of at least 1 and feedback in [0, 1), but got {self}")
-
-
-@dataclass
-class ElmanMemory:
-    """Hidden and context nodes, each shape ``(nodes,)``, and ``(samples until the next step, last output)``."""
-
-    hidden: Single
-    context: Single
-    held: NDArray[np.float64]
+EVALUATIONS = 16_000
 
 
 @dataclass(frozen=True)
@@ -102,7 +65,7 @@ class Batch:
     weight: torch.Tensor
 
 
-class ElmanEstimator(LearnedEstimator):
+class Elman(FeatureModel):
     """An Elman network on velocity and the task's other columns; gives friction or corrects the force balance.
 
     Chosen where the source leaves it open: 8 hidden nodes; context self-feedback; inputs are the velocity, as it is and
@@ -110,74 +73,45 @@ class ElmanEstimator(LearnedEstimator):
     balance where raw pressures are available; the cost is the absolute error, rounded at zero, over 64 pieces of 250
     steps; the swarm's box.
 
-    Attributes:
-        weights: All of them, float32, in the order of the module's equations; None before ``fit``.
-        found: How the search went; None for a loaded estimator.
+    Args:
+        trainer: ``swarm``, with the simplex after it, or ``adam``.
+        build: Nodes, feedback, and the box of weights or the learning rate. Effort cuts the evaluations of the network
+            over all training rows; a gradient counts as three.
     """
 
-    kind: ClassVar[str] = "elman"
-
-    def __init__(
-        self,
-        cylinder: Cylinder,
-        inputs: Sequence[str] = SAMPLE_COLUMNS,
-        plan: ElmanPlan | None = None,
-        seed: int = 0,
-    ) -> None:
-        super().__init__(cylinder, inputs, seed)
-        self.plan = plan or ElmanPlan()
-        self.weights: Single | None = None
-        self.found: Found | None = None
+    def __init__(self, trainer: Trainer, build: BuildConfiguration) -> None:
+        super().__init__(build.cylinder, build.inputs, build.seed)
+        self.trainer, self.build = trainer, build
+        self.nodes, self.feedback = build.whole("nodes"), build.number("feedback")
+        self.evaluations = build.share(EVALUATIONS)
+        self.weights = np.zeros(0)
 
     def learn(self, train: Sequence[SequenceData]) -> None:
-        from cylinder_friction.estimators.training import reproducible  # PyTorch: only training needs it
-
+        batch = self._batch(train)
         with reproducible(self.seed):
-            train_weights = _train_with_swarm if self.plan.trainer == "swarm" else _train_with_adam
-            self.found = train_weights(self._batch(train), self.plan, self.seed)
-        self.weights = self.found.position.astype(np.float32)
+            self.weights = self._by_swarm(batch) if self.trainer == "swarm" else self._by_gradient(batch)
 
-    def new_memory(self) -> ElmanMemory:
-        nodes = self.plan.nodes
-        return ElmanMemory(np.zeros(nodes, np.float32), np.zeros(nodes, np.float32), np.zeros(2))
-
-    def predict(self, memory: ElmanMemory, features: Single) -> NDArray[Any]:
-        assert self.weights is not None
-        rows, feedback = self._inputs(features), np.float32(self.plan.feedback)
-        return elman_outputs(self.weights, feedback, rows, memory.hidden, memory.context, memory.held, self._stride())
+    def predict(self, features: Single) -> Array:
+        stride, rows = self._stride(), self._inputs(features)
+        with torch.inference_mode():
+            inputs = torch.from_numpy(rows[::stride].astype(np.float64))[:, None]
+            steps = network_outputs(torch.from_numpy(self.weights), self.nodes, self.feedback, inputs)
+        return np.repeat(steps[:, 0].numpy(), stride)[: len(features)]
 
     def model_multiply_adds(self) -> int:
-        """Return those of one step of the network, biases included, which comes every fourth sample: the worst case."""
-        return weight_count(len(self._columns()) + 1, self.plan.nodes)
-
-    def write_model(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002 - some hundred numbers are JSON
-        assert self.weights is not None
-        return {"plan": vars(self.plan), "seed": self.seed, "weights": self.weights.tolist()}
-
-    @classmethod
-    def read_model(cls, folder: Path, content: dict[str, Any], cylinder: Cylinder, inputs: Sequence[str]) -> Self:  # noqa: ARG003
-        estimator = cls(cylinder, inputs, ElmanPlan(**content["plan"]), content["seed"])
-        estimator.weights = np.array(content["weights"], dtype=np.float32)
-        return estimator
-
-    def _columns(self) -> list[int]:
-        assert self.features is not None
-        return places_of(self.features, (*VELOCITIES, *task_columns(self.features)))
+        """Return those of one step of the network, which comes at every fourth sample at best: the worst case."""
+        return len(self.weights)
 
     def _inputs(self, features: Single) -> Single:
         """Return what the network sees, shape ``(n, k)``."""
-        assert self.features is not None
-        direction = last_motion(self.features, features)
-        return np.column_stack([features[:, self._columns()], direction]).astype(np.float32)
+        columns = places_of(self.features, (*VELOCITIES, *task_columns(self.features)))
+        return np.column_stack([features[:, columns], last_motion(self.features, features)]).astype(np.float32)
 
     def _stride(self) -> int:
-        assert self.features is not None
         return 1 if self.features.has_base else STRIDE
 
     def _batch(self, recordings: Sequence[SequenceData]) -> Batch:
         """Return pieces from places drawn at random, as many of each recording as of the others."""
-        import torch
-
         generator = np.random.default_rng([self.seed, 1])
         stride = self._stride()
         length = min(SEGMENT_STEPS, *(len(each.target) // stride for each in recordings))
@@ -194,19 +128,56 @@ class ElmanEstimator(LearnedEstimator):
         batch.weight[:BURN_IN] = 0.0
         return batch
 
+    def _cost(self, weights: torch.Tensor, batch: Batch) -> torch.Tensor:
+        """Return the mean cost over the scored steps, differentiable by the weights."""
+        error = network_outputs(weights, self.nodes, self.feedback, batch.inputs) - batch.target
+        return (smoothed_absolute(error) * batch.weight).sum() / batch.weight.sum()
+
+    def _by_swarm(self, batch: Batch) -> Array:
+        corner = np.full(weight_count(batch.inputs.shape[2], self.nodes), self.build.number("bound"))
+        budget = max(self.evaluations, SIDE**2)
+
+        def cost(position: Array) -> float:
+            return self._cost(torch.from_numpy(position), batch).item()
+
+        with torch.inference_mode():
+            return swarm_then_simplex(cost, -corner, corner, budget, self.seed)
+
+    def _by_gradient(self, batch: Batch) -> Array:
+        """Return the best weights that Adam passes, each step on the whole batch.
+
+        First weights are uniform within one over the root of a node's inputs (Glorot and Bengio 2010).
+        """
+        inputs = batch.inputs.shape[2]
+        spread = np.full(weight_count(inputs, self.nodes), 1.0 / math.sqrt(inputs + self.nodes))
+        spread[-self.nodes - 1 :] = 1.0 / math.sqrt(self.nodes)
+        start = spread * np.random.default_rng(self.seed).uniform(-1.0, 1.0, len(spread))
+        weights = torch.from_numpy(start.copy()).requires_grad_()
+        best, position = math.inf, start
+        steps = max(1, self.evaluations // GRADIENT_EVALUATIONS)
+
+        def losses() -> Iterator[tuple[float, torch.Tensor]]:
+            nonlocal best, position
+            for step in range(steps):
+                value = self._cost(weights, batch)
+                if value.item() < best:
+                    best, position = value.item(), weights.detach().numpy().copy()
+                yield step / steps, value
+
+        minimise([weights], losses(), self.build.number("learning_rate"))
+        return position
+
 
 def weight_count(inputs: int, nodes: int) -> int:
     """Return how many weights a network with so many inputs has."""
     return nodes * (inputs + nodes + 2) + 1
 
 
-def mean_cost(weights: torch.Tensor, nodes: int, feedback: float, batch: Batch) -> torch.Tensor:
-    """Return the mean cost over the scored steps, differentiable by the weights; hidden nodes start at zero."""
-    import torch
-
-    inputs = batch.inputs.shape[2]
+def network_outputs(weights: torch.Tensor, nodes: int, feedback: float, rows: torch.Tensor) -> torch.Tensor:
+    """Return the output at each step, shape ``(steps, sequences)``, for rows ``(steps, sequences, k)``, from rest."""
+    inputs = rows.shape[2]
     of_inputs, of_context, bias, head, last = weights.split([inputs * nodes, nodes * nodes, nodes, nodes, 1])
-    driven = (batch.inputs @ of_inputs.view(inputs, nodes) + bias).unbind()
+    driven = (rows @ of_inputs.view(inputs, nodes) + bias).unbind()
     recurrent = of_context.view(nodes, nodes)
     hidden = context = torch.zeros_like(driven[0])
     states = []
@@ -214,84 +185,38 @@ def mean_cost(weights: torch.Tensor, nodes: int, feedback: float, batch: Batch) 
         context = torch.add(hidden, context, alpha=feedback)
         hidden = torch.addmm(row, context, recurrent).tanh()
         states.append(hidden)
-    error = torch.stack(states) @ head + last - batch.target
-    return (smoothed_absolute(error) * batch.weight).sum() / batch.weight.sum()
+    return torch.stack(states) @ head + last
 
 
-def _train_with_swarm(batch: Batch, plan: ElmanPlan, seed: int) -> Found:
-    import torch
+_SPACE = {"nodes": Range(6, 12, integer=True), "feedback": Range(0.0, 0.9)}
+_DEFAULTS = {"nodes": 8, "feedback": 0.3}
+_CHOSEN = (
+    "8 hidden nodes; self-feedback of the context; inputs: velocity (straight and softly limited), side of the last "
+    "motion, the task's other columns; corrects the force balance where raw pressures are there; rounded absolute "
+    "error; 64 pieces of 250 steps"
+)
 
-    corner = np.full(weight_count(batch.inputs.shape[2], plan.nodes), plan.bound)
-    budget = max(plan.evaluations, SwarmPlan().side ** 2)
-    with torch.inference_mode():
-        return swarm_then_simplex(
-            lambda position: mean_cost(torch.from_numpy(position), plan.nodes, plan.feedback, batch).item(),
-            -corner,
-            corner,
-            budget,
-            seed,
-        )
-
-
-def _train_with_adam(batch: Batch, plan: ElmanPlan, seed: int) -> Found:
-    """Return the best weights that Adam (Kingma and Ba 2015) passes, each step on the whole batch.
-
-    First weights are uniform within one over the root of a node's inputs (Glorot and Bengio 2010); the gradient is
-    clipped at norm 1.
-    """
-    import torch
-
-    inputs, nodes = batch.inputs.shape[2], plan.nodes
-    spread = np.full(weight_count(inputs, nodes), 1.0 / math.sqrt(inputs + nodes))
-    spread[-nodes - 1 :] = 1.0 / math.sqrt(nodes)
-    start = spread * np.random.default_rng(seed).uniform(-1.0, 1.0, len(spread))
-    weights = torch.from_numpy(start).requires_grad_()
-    steps = max(1, plan.evaluations // GRADIENT_EVALUATIONS)
-    optimiser = torch.optim.Adam([weights], lr=plan.learning_rate)
-    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
-    best, position = math.inf, start
-    for _ in range(steps):
-        optimiser.zero_grad()
-        value = mean_cost(weights, nodes, plan.feedback, batch)
-        if value.item() < best:
-            best, position = value.item(), weights.detach().numpy().copy()
-        torch.autograd.backward(value)
-        torch.nn.utils.clip_grad_norm_([weights], 1.0)
-        optimiser.step()
-        schedule.step()
-    return Found(position, best, GRADIENT_EVALUATIONS * steps)
-
-
-@numba.njit(cache=True)
-def elman_outputs(
-    weights: Single,
-    feedback: np.float32,
-    rows: Single,
-    hidden: Single,
-    context: Single,
-    held: NDArray[np.float64],
-    stride: int,
-) -> NDArray[np.float64]:
-    """Return the output at each row, shape ``(n,)``, held between steps; changes ``hidden``, ``context``, ``held``."""
-    nodes, inputs = hidden.shape[0], rows.shape[1]
-    recurrent = inputs * nodes
-    bias = recurrent + nodes * nodes
-    result = np.empty(rows.shape[0])
-    for row in range(rows.shape[0]):
-        if held[0] == 0.0:
-            held[0] = stride
-            output = weights[bias + 2 * nodes]
-            for node in range(nodes):
-                context[node] = hidden[node] + feedback * context[node]
-            for node in range(nodes):
-                total = weights[bias + node]
-                for index in range(inputs):
-                    total += rows[row, index] * weights[index * nodes + node]
-                for index in range(nodes):
-                    total += context[index] * weights[recurrent + index * nodes + node]
-                hidden[node] = tanh(total)
-                output += hidden[node] * weights[bias + nodes + node]
-            held[1] = output
-        held[0] -= 1.0
-        result[row] = held[1]
-    return result
+MODELS = (
+    RegisteredModel(
+        name="pan_elman",
+        title="Elman network by swarm and simplex",
+        family="related work",
+        source="Pan et al. 2017",
+        build=partial(Elman, "swarm"),
+        space={**_SPACE, "bound": Range(0.2, 2.0, True)},
+        defaults={**_DEFAULTS, "bound": 0.4},
+        chosen=f"{_CHOSEN}; 6 x 6 agents, steps of at most 5 % of the box, 30 % of the budget for the simplex; effort "
+        "cuts the evaluations of the network (16,000)",
+    ),
+    RegisteredModel(
+        name="elman_adam",
+        title="The same Elman network by Adam",
+        family="related work",
+        source="Pan et al. 2017 (network), Kingma and Ba 2015 (training)",
+        build=partial(Elman, "adam"),
+        space={**_SPACE, "learning_rate": Range(3e-3, 6e-2, True)},
+        defaults={**_DEFAULTS, "learning_rate": 2e-2},
+        chosen=f"{_CHOSEN}; the swarm's rows and number of evaluations of the network, a gradient counted as three; "
+        "effort cuts them (16,000)",
+    ),
+)

@@ -8,20 +8,25 @@ its citations. What is left open is chosen here and described in ``HanEstimator`
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
+import torch
 from scipy.signal import savgol_filter
+from torch import nn
 
-from cylinder_friction.estimators.front_end import fit_front_end
+from cylinder_friction.estimators.training import reproducible
 from cylinder_friction.friction_models.lugre import LuGre, LugreParameters, passive_damping_velocity
-from friction_benchmark.models.perceptron import Perceptron, PerceptronEstimator, new_perceptron, train_perceptron
+from friction_benchmark.models.base import FeatureModel
 from friction_benchmark.models.related_work import last_motion, places_of, task_columns
-from friction_benchmark.models.velocity_window import WINDOW_INPUTS, WindowState, advance_window, new_window
+from friction_benchmark.models.training import minimise, outputs, perceptron, weights_in
+from friction_benchmark.models.velocity_window import EVERY, WINDOW_INPUTS, windows
+from friction_benchmark.registry import OneOf, Range, RegisteredModel
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from numpy.typing import NDArray
 
@@ -29,7 +34,7 @@ if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.training_plan import SequenceData
     from cylinder_friction.recordings.recording import Recording
-    from friction_benchmark.models.learned import LearnedState
+    from friction_benchmark.registry import BuildConfiguration, Space
 
     Single = NDArray[np.float32]
 
@@ -39,7 +44,6 @@ VARIANTS = 8
 
 OTHERS = 0.5
 """Standard deviation of the first weights of the task's other columns."""
-
 MOTION_INPUTS = WINDOW_INPUTS + 1
 RIDGE = 1e-3
 
@@ -57,47 +61,10 @@ DAMPING_RATIO = 0.5
 MOTION_WINDOW, MOTION_ORDER = 31, 3
 REST_M_S = 1.5e-3
 """Slower counts as rest: four times the noise of the smoothed velocity of a 12-bit potentiometer."""
+NODES, BATCH = 64, 1024
 
 
-@dataclass(frozen=True)
-class HanPlan:
-    """How the network is built and trained: first on synthetic friction, then, if fine-tuned, on labels.
-
-    Attributes:
-        fine_tuned: Whether it is trained on the recordings' labels too.
-        layers: Hidden layers, 3 or 4 in the source's class of networks.
-        nodes: In each layer, 64 to 128.
-        spread: Of the synthetic parameters about their middle, as a share.
-        synthetic_steps, learning_rate: Batches of synthetic friction, and the learning rate there.
-        tuning_steps, tuning_rate: The same on labels.
-
-    Raises:
-        ValueError: A number is impossible.
-    """
-
-    fine_tuned: bool = False
-    layers: int = 3
-    nodes: int = 64
-    spread: float = 0.4
-    synthetic_steps: int = 2_000
-    tuning_steps: int = 4_000
-    learning_rate: float = 3e-3
-    tuning_rate: float = 4e-3
-
-    def __post_init__(self) -> None:
-        if min(self.layers, self.nodes, self.synthetic_steps, self.tuning_steps) < 1 or not 0.0 <= self.spread < 1.0:
-            raise ValueError(f"expected layers, nodes and steps of at least 1 and a spread in [0, 1), but got {self}")
-
-
-@dataclass
-class HanMemory:
-    """State of the window, and the last output, shape ``(1,)``."""
-
-    window: WindowState
-    held: Single
-
-
-class HanEstimator(PerceptronEstimator[HanPlan]):
+class Han(FeatureModel):
     """A rectified network on a window of velocity, trained on LuGre friction alone or fine-tuned on labels.
 
     Chosen where the source leaves it open: 3 layers of 64; a window of 7.2 s whose spans grow with age, each mean
@@ -107,99 +74,97 @@ class HanEstimator(PerceptronEstimator[HanPlan]):
     the task provides. Fine-tuned, the task's other columns join the first layer, raw pressures give a force balance
     that it corrects, the head is fitted anew by ridge regression, and then all layers by Adam. Where it corrects the
     force balance it steps at every sample, else every 20 ms.
+
+    Args:
+        fine_tuned: Whether it is trained on the recordings' labels too.
+        build: Layers, spread of the synthetic parameters as a share, and the learning rate that is tuned. Effort cuts
+            the batches.
     """
 
-    kind: ClassVar[str] = "han"
-    plan_type: ClassVar[type] = HanPlan
+    def __init__(self, fine_tuned: bool, build: BuildConfiguration) -> None:
+        super().__init__(build.cylinder, build.inputs, build.seed)
+        self.fine_tuned, self.build = fine_tuned, build
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
         """Train on synthetic friction along the recordings' motion and, if fine-tuned, on their labels afterwards."""
-        self._begin_fit(recordings)
-        self._set_features(fit_front_end("full", self.cylinder, recordings, MOTION))
+        self.set_features(recordings, MOTION)
         self.target_mean_n, self.target_scale_n = 0.0, generic_parameters(self.cylinder).coulomb_n
-        self.network = self._learn_synthetic(recordings)
-        return super().fit(recordings) if self.plan.fine_tuned else self
+        self._learn_synthetic(recordings)
+        return super().fit(recordings) if self.fine_tuned else self
 
     def learn(self, train: Sequence[SequenceData]) -> None:
         """Fine-tune the network on labels: the head by ridge regression, then all layers."""
-        assert self.network is not None
-        inputs = [self._inputs(self.new_memory(), each.features) for each in train]
-        chosen = [stepped & each.usable for (_, stepped), each in zip(inputs, train, strict=True)]
-        rows = np.concatenate([seen[mask] for (seen, _), mask in zip(inputs, chosen, strict=True)])
-        targets = np.concatenate([each.target[mask] for each, mask in zip(train, chosen, strict=True)])
-        shape = (rows.shape[1] - MOTION_INPUTS, self.plan.nodes)
-        others = OTHERS * np.random.default_rng([self.seed, 4]).normal(size=shape).astype(np.float32)
-        kernels, biases = list(self.network.kernels), list(self.network.biases)
-        kernels[0] = np.vstack([kernels[0], others])
+        masks = [each.usable[::EVERY] for each in train]
+        rows = np.concatenate([self._inputs(each.features)[::EVERY][m] for each, m in zip(train, masks, strict=True)])
+        targets = np.concatenate([each.target[::EVERY][mask] for each, mask in zip(train, masks, strict=True)])
+        self._widen(rows.shape[1] - MOTION_INPUTS)
         hidden = rows
-        for kernel, bias in zip(kernels[:-1], biases[:-1], strict=True):
-            hidden = np.maximum(hidden @ kernel + bias, np.float32(0.0))
+        with torch.inference_mode():
+            hidden = self.network[:-1](torch.from_numpy(rows)).numpy()
         design = np.column_stack([hidden.astype(np.float64), np.ones(len(hidden))])
         penalty = RIDGE * len(hidden) * np.eye(design.shape[1])
         head = np.linalg.solve(design.T @ design + penalty, design.T @ targets).astype(np.float32)
-        kernels[-1], biases[-1] = head[:-1, None].copy(), head[-1:].copy()
-        start = Perceptron(tuple(kernels), tuple(biases), "relu")
-        self.network = train_perceptron(start, rows, targets, self.plan.tuning_steps, self.plan.tuning_rate, self.seed)
+        last = self.network[-1]
+        last.load_state_dict({"weight": torch.from_numpy(head[None, :-1]), "bias": torch.from_numpy(head[-1:])})
+        self._train(rows, targets[:, None], self.build.share(4_000), "tuning_rate", 4e-3)
 
-    def new_memory(self) -> HanMemory:
-        return HanMemory(new_window(), np.zeros(1, dtype=np.float32))
-
-    def predict(self, memory: HanMemory, features: Single) -> NDArray[Any]:
-        assert self.network is not None
-        assert self.features is not None
-        rows, stepped = self._inputs(memory, features)
+    def predict(self, features: Single) -> Single:
+        rows = self._inputs(features)
         if self.features.has_base:
-            return self.network.run(rows)
-        return _hold(self.network.run(rows[stepped]), stepped, memory.held)
+            return outputs(self.network, rows)
+        return np.repeat(outputs(self.network, rows[::EVERY]), EVERY)[: len(features)]
 
-    def advance(self, state: LearnedState, samples: Array) -> Array:
-        """Return friction [N], shape ``(n,)``; without fine-tuning it sees the position alone."""
-        assert self.features is not None
-        places = [self.inputs.index(name) for name in self.features.inputs]
-        return super().advance(state, np.ascontiguousarray(samples[:, places]))
+    def model_multiply_adds(self) -> int:
+        """Return those of one step of the network: the worst case if it does not step at every sample."""
+        return weights_in(self.network)
 
-    def _inputs(self, memory: HanMemory, features: Single) -> tuple[Single, NDArray[np.bool_]]:
-        """Return what the network sees at each sample, and where the window stepped; changes ``memory``."""
-        assert self.features is not None
-        plan, place = self.features, self.features.names.index("velocity_m_s")
-        velocity = features[:, place].astype(np.float64) * plan.scale[place] + plan.mean[place]
-        rows, stepped = advance_window(memory.window, velocity)
+    def _inputs(self, features: Single) -> Single:
+        """Return what the network sees at each sample; the window steps at every ``EVERY``-th."""
+        seen = np.repeat(windows(self.column(features, "velocity_m_s")), EVERY, axis=0)[: len(features)]
         direction = last_motion(self.features, features).astype(np.float32)
         others = features[:, places_of(self.features, task_columns(self.features))]
-        return np.concatenate([rows, direction[:, None], others], axis=1), stepped
+        return np.concatenate([seen, direction[:, None], others], axis=1)
 
-    def _learn_synthetic(self, recordings: Sequence[Recording]) -> Perceptron:
-        assert self._block is not None
-        plan, centre = self.plan, generic_parameters(self.cylinder)
+    def _learn_synthetic(self, recordings: Sequence[Recording]) -> None:
+        centre, spread = generic_parameters(self.cylinder), self.build.number("spread")
         generator = np.random.default_rng([self.seed, 3])
         rows, targets = [], []
         for recording in recordings:
-            features, _ = self._block.advance(self._block.new_state(), recording.samples(MOTION))
-            seen, stepped = self._inputs(self.new_memory(), features)
             velocity = smooth_velocity(recording)
             friction = [
-                synthetic_friction(drawn_parameters(centre, plan.spread, generator), velocity, recording.sample_time_s)
+                synthetic_friction(drawn_parameters(centre, spread, generator), velocity, recording.sample_time_s)
                 for _ in range(VARIANTS)
             ]
-            rows.append(seen[stepped])
-            targets.append(np.stack(friction, axis=1)[stepped] / self.target_scale_n)
-        start = new_perceptron(MOTION_INPUTS, [plan.nodes] * plan.layers, self.seed)
-        return train_perceptron(
-            start,
-            np.concatenate(rows),
-            np.concatenate(targets).astype(np.float32),
-            plan.synthetic_steps,
-            plan.learning_rate,
-            self.seed,
-        )
+            rows.append(self._inputs(self.features_of(recording)[0])[::EVERY])
+            targets.append(np.stack(friction, axis=1)[::EVERY] / self.target_scale_n)
+        with reproducible(self.seed):
+            self.network = perceptron(MOTION_INPUTS, [NODES] * self.build.whole("layers"), nn.ReLU)
+        synthetic = np.concatenate(targets).astype(np.float32)
+        self._train(np.concatenate(rows), synthetic, self.build.share(2_000), "learning_rate", 3e-3)
 
+    def _widen(self, others: int) -> None:
+        """Let the first layer take so many further columns, with small random weights."""
+        first = self.network[0]
+        assert isinstance(first, nn.Linear)
+        drawn = OTHERS * np.random.default_rng([self.seed, 4]).normal(size=(NODES, others)).astype(np.float32)
+        wider = nn.Linear(MOTION_INPUTS + others, NODES)
+        weight = torch.cat([first.weight.detach(), torch.from_numpy(drawn)], dim=1)
+        wider.load_state_dict({"weight": weight, "bias": first.bias.detach()})
+        self.network[0] = wider
 
-def _hold(values: Single, stepped: NDArray[np.bool_], held: Single) -> Single:
-    """Return the last value at each sample, shape ``(n,)``; changes ``held``."""
-    result = np.concatenate([held, values])[np.cumsum(stepped)]
-    if len(result):
-        held[0] = result[-1]
-    return result
+    def _train(self, rows: Single, targets: Single, steps: int, rate: str, usual_rate: float) -> None:
+        """Train on the mean absolute error; each row of a batch draws one of its targets, shape ``(n, variants)``."""
+        generator = np.random.default_rng([self.seed, 2])
+
+        def losses() -> Iterator[tuple[float, torch.Tensor]]:
+            for step in range(steps):
+                drawn = generator.integers(len(rows), size=BATCH)
+                target = torch.from_numpy(targets[drawn, generator.integers(targets.shape[1], size=BATCH)])
+                yield step / steps, (self.network(torch.from_numpy(rows[drawn]))[:, 0] - target).abs().mean()
+
+        with reproducible(self.seed):
+            learning_rate = float(self.build.hyperparameters.get(rate, usual_rate))
+            minimise(self.network.parameters(), losses(), learning_rate)
 
 
 def generic_parameters(cylinder: Cylinder) -> LugreParameters:
@@ -250,3 +215,37 @@ def synthetic_friction(parameters: LugreParameters, velocity_m_s: Array, sample_
     """Return LuGre friction [N] along a motion, shape ``(n,)``."""
     model = LuGre()
     return model.simulate(parameters.packed(), velocity_m_s, sample_time_s, model.new_state())
+
+
+_SPACE: Space = {"layers": OneOf((3, 4)), "spread": Range(0.3, 0.5)}
+_DEFAULTS = {"layers": 3, "spread": 0.4}
+_CHOSEN = (
+    "3 or 4 rectified layers of 64; a 7.2 s window whose spans grow with age, and the side of the last motion; LuGre "
+    "parameters drawn 30 to 50 % around handbook middles (breakaway 1.2 bar on the piston, static 1.5 times Coulomb, "
+    "Stribeck velocity 8 mm/s, 1100 N s/m, 10 N/µm), along the training recordings' motion"
+)
+
+MODELS = (
+    RegisteredModel(
+        name="han_zero_shot",
+        title="Deep network trained on LuGre, zero-shot",
+        family="related work",
+        source="Han et al. 2023",
+        build=partial(Han, False),
+        space={**_SPACE, "learning_rate": Range(1e-3, 1e-2, True)},
+        defaults={**_DEFAULTS, "learning_rate": 3e-3},
+        chosen=f"{_CHOSEN}; sees no label and no column but the position; effort cuts the batches (2000)",
+    ),
+    RegisteredModel(
+        name="han_fine_tuned",
+        title="Deep network trained on LuGre, fine-tuned",
+        family="related work",
+        source="Han et al. 2023",
+        build=partial(Han, True),
+        space={**_SPACE, "tuning_rate": Range(5e-4, 1e-2, True)},
+        defaults={**_DEFAULTS, "tuning_rate": 4e-3},
+        chosen=f"{_CHOSEN}; then on the task's labels: head by ridge regression, all layers by Adam; the task's other "
+        "columns join the first layer; corrects the force balance where raw pressures are there; effort cuts the "
+        "batches (6000)",
+    ),
+)

@@ -14,32 +14,29 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from typing import TYPE_CHECKING, Self
 
-import numba
 import numpy as np
+import torch
+from torch import nn
 
-from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.linear import force_balance_taps
-from cylinder_friction.estimators.onnx_files import read_network, write_network
-from cylinder_friction.estimators.training_plan import Architecture, SequenceData
-from cylinder_friction.realtime.lstm import Lstm, LstmState, head_of, sigmoid
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from friction_benchmark.models.learned import NETWORK_FILE
-from friction_benchmark.models.tracking_features import TrackingFeatures, TrackingState
+from cylinder_friction.estimators.training import reproducible, side_by_side
+from cylinder_friction.estimators.training_plan import SequenceData
+from friction_benchmark.models.base import Model
+from friction_benchmark.models.tracking_features import TrackingFeatures
+from friction_benchmark.models.training import minimise, weights_in
+from friction_benchmark.registry import OneOf, Range, RegisteredModel, needs_raw_pressures
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
+    from collections.abc import Iterator, Sequence
 
-    import torch
     from numpy.typing import NDArray
 
     from cylinder_friction.arrays import Array
-    from cylinder_friction.realtime.lstm import LstmWeights
+    from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.recordings.recording import Recording
+    from friction_benchmark.registry import BuildConfiguration, Space, Values
 
     Single = NDArray[np.float32]
 
@@ -50,73 +47,45 @@ FIRST_GAIN_LOGIT = -1.0
 """Start of training: a gain of 0.27, about the best constant one."""
 WARM_UP = 0.05
 """Share of training over which the learning rate rises to its maximum."""
+BATCH_SIZE, STRETCH, BURN_IN, WEIGHT_DECAY = 32, 200, 100, 1e-3
+"""Recordings side by side, samples between two updates, first samples that are not scored, and AdamW's decay."""
 
 
-@dataclass(frozen=True)
-class GainPlan:
-    """How the network is trained.
+class GainNetwork(nn.Module):
+    """An LSTM of one layer, and a head for the gain's logit and the offset."""
 
-    Attributes:
-        presentations: Recordings presented in training, repetitions counted; each is presented at least once.
-        learning_rate: Its maximum.
-        batch_size: Recordings side by side.
-        stretch: Samples between two updates.
-        burn_in: First samples of each recording that are not scored.
-        weight_decay: Of AdamW.
-    """
+    def __init__(self, inputs: int, nodes: int) -> None:
+        super().__init__()
+        self.lstm, self.head = nn.LSTM(inputs, nodes), nn.Linear(nodes, 2)
+        nn.init.zeros_(self.head.weight)
+        with torch.no_grad():
+            self.head.bias.copy_(torch.tensor([FIRST_GAIN_LOGIT, 0.0]))
 
-    presentations: int
-    learning_rate: float = 5e-3
-    batch_size: int = 32
-    stretch: int = 200
-    burn_in: int = 100
-    weight_decay: float = 1e-3
-
-    def __post_init__(self) -> None:
-        if min(self.presentations, self.batch_size, self.stretch) < 1:
-            raise ValueError(f"expected presentations, batch size and stretch of at least 1, but got {self}")
+    def forward(
+        self, features: torch.Tensor, state: tuple[torch.Tensor, torch.Tensor] | None = None
+    ) -> tuple[torch.Tensor, torch.Tensor, tuple[torch.Tensor, torch.Tensor]]:
+        """Return gain and offset, shape ``(time, batch)`` each, and the state."""
+        hidden, state = self.lstm(features, state)
+        logit, offset = self.head(hidden).unbind(-1)
+        return logit.sigmoid(), offset, state
 
 
-@dataclass
-class LearnedGainState:
-    """State of features and network, and the tracked force [N], shape ``(1,)``, NaN before the first sample."""
-
-    features: TrackingState
-    network: LstmState
-    tracked_n: Array
-
-
-class LearnedGainEstimator(FrictionEstimator):
+class LearnedGain(Model):
     """The force balance through a filter whose gain an LSTM of one layer sets; it trains to the end of its schedule.
 
     The mean force balance of the strokes so far, which reveals a sensor's offset, is seen only where offsets are large:
     small ones are hidden by friction's asymmetry, which differs from rig to rig.
 
     Args:
-        cylinder: Its areas.
-        nodes: Of the LSTM.
-        plan: Of its training.
-        inputs: Columns of a sample; both raw pressures and the position come first.
-        seed: Seeds weights and batch order.
+        build: Nodes and learning rate; both raw pressures and the position come first among the inputs. Effort cuts
+            how many recordings training goes through, repetitions counted; each is presented at least once.
     """
 
-    kind: ClassVar[str] = "learned_gain"
-
-    def __init__(
-        self,
-        cylinder: Cylinder,
-        nodes: int,
-        plan: GainPlan,
-        inputs: Sequence[str] = SAMPLE_COLUMNS,
-        seed: int = 0,
-    ) -> None:
-        super().__init__(inputs)
-        self.cylinder, self.nodes, self.plan, self.seed = cylinder, nodes, plan, seed
-        self.scale_n = 1.0
+    def __init__(self, build: BuildConfiguration) -> None:
+        super().__init__(build.inputs)
+        self.build, self.presentations, self.scale_n = build, build.share(3_000), 1.0
         self.features: TrackingFeatures | None = None
-        self._network: Lstm | None = None
-        self._offset_head: Single = np.zeros(nodes, dtype=np.float32)
-        self._offset_bias = 0.0
+        self.network: GainNetwork | None = None
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
         """Train on the recordings' ``friction_n``: labels, or a simulated rig's true friction.
@@ -125,72 +94,76 @@ class LearnedGainEstimator(FrictionEstimator):
             FloatingPointError: Training diverged.
             ValueError: The inputs do not begin with both pressures and the position.
         """
-        self._begin_fit(recordings)
-        seen = _mean_offset_n(self.cylinder, recordings) > LARGE_OFFSET_N
-        self.features = TrackingFeatures.of(self.cylinder, recordings, self.inputs, strokes=seen)
-        pairs = [self.features.advance(self.features.new_state(), one.samples(self.inputs)) for one in recordings]
-        residuals = [
-            one.column("friction_n") - balance_n for one, (_, balance_n) in zip(recordings, pairs, strict=True)
-        ]
-        usable = [residual[one.usable()] for residual, one in zip(residuals, recordings, strict=True)]
+        cylinder = self.build.cylinder
+        seen = _mean_offset_n(cylinder, recordings) > LARGE_OFFSET_N
+        self.features = TrackingFeatures(cylinder, recordings, self.inputs, strokes=seen)
+        pairs = [self.features.of(one) for one in recordings]
+        missed = [one.column("friction_n") - balance_n for one, (_, balance_n) in zip(recordings, pairs, strict=True)]
+        usable = [each[one.usable()] for each, one in zip(missed, recordings, strict=True)]
         self.scale_n = float(np.concatenate(usable).std()) or 1.0
         sequences = [
-            SequenceData(features, (residual / self.scale_n).astype(np.float32), one.usable())
-            for one, (features, _), residual in zip(recordings, pairs, residuals, strict=True)
+            SequenceData(features, (each / self.scale_n).astype(np.float32), one.usable())
+            for one, (features, _), each in zip(recordings, pairs, missed, strict=True)
         ]
         balances = [(balance_n / self.scale_n).astype(np.float32) for _, balance_n in pairs]
-        weights, self._offset_head, self._offset_bias = _train(self.nodes, self.plan, sequences, balances, self.seed)
-        self._network = Lstm(weights)
+        with reproducible(self.build.seed):
+            self.network = GainNetwork(sequences[0].features.shape[1], self.build.whole("nodes"))
+            minimise(
+                self.network.parameters(),
+                self._losses(self.network, sequences, balances),
+                self.build.number("learning_rate"),
+                weight_decay=WEIGHT_DECAY,
+                warm_up=WARM_UP,
+            )
         return self
 
-    def new_state(self) -> LearnedGainState:
+    def estimate(self, recording: Recording) -> Array:
         assert self.features is not None
-        assert self._network is not None
-        return LearnedGainState(self.features.new_state(), self._network.new_state(), np.full(1, np.nan))
-
-    def advance(self, state: LearnedGainState, samples: Array) -> Array:
-        assert self.features is not None
-        assert self._network is not None
-        features, balance_n = self.features.advance(state.features, samples)
-        hidden, logit = self._network.advance(state.network, np.ascontiguousarray(features))
-        gain, offset = _heads(hidden, logit, self._offset_head, self._offset_bias)
-        return np.asarray(_track(balance_n, gain, state.tracked_n) + self.scale_n * offset)
+        assert self.network is not None
+        features, balance_n = self.features.of(recording)
+        with torch.inference_mode():
+            gain, offset, _ = self.network(torch.from_numpy(features)[:, None])
+        rows = zip(gain[1:, 0].tolist(), balance_n[1:].tolist(), strict=True)
+        tracked = itertools.accumulate(
+            rows, lambda last, row: last + row[0] * (row[1] - last), initial=float(balance_n[0])
+        )
+        return np.array([*tracked]) + self.scale_n * offset[:, 0].numpy().astype(np.float64)
 
     def multiply_adds(self) -> int:
         assert self.features is not None
-        assert self._network is not None
-        return self.features.multiply_adds() + self._network.weights.multiply_adds() + self.nodes + 2
+        assert self.network is not None
+        return self.features.multiply_adds() + weights_in(self.network) + 2
 
-    def _write(self, folder: Path) -> dict[str, Any]:
-        assert self.features is not None
-        assert self._network is not None
-        write_network(self._network.weights, folder / NETWORK_FILE)
-        return {
-            "cylinder": asdict(self.cylinder),
-            "nodes": self.nodes,
-            "plan": asdict(self.plan),
-            "seed": self.seed,
-            "features": self.features.to_dict(),
-            "scale_n": self.scale_n,
-            "offset_head": self._offset_head.tolist(),
-            "offset_bias": self._offset_bias,
-        }
+    def _losses(
+        self, network: GainNetwork, sequences: Sequence[SequenceData], balances: Sequence[Single]
+    ) -> Iterator[tuple[float, torch.Tensor]]:
+        """Yield progress and mean absolute error of stretch after stretch of recordings side by side.
 
-    @classmethod
-    def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:
-        features = TrackingFeatures.from_dict(parameters["features"])
-        estimator = cls(
-            Cylinder(**parameters["cylinder"]),
-            parameters["nodes"],
-            GainPlan(**parameters["plan"]),
-            features.plan.inputs,
-            parameters["seed"],
-        )
-        estimator.features, estimator.scale_n = features, parameters["scale_n"]
-        estimator._network = Lstm(read_network(folder / NETWORK_FILE))
-        estimator._offset_head = np.array(parameters["offset_head"], dtype=np.float32)
-        estimator._offset_bias = parameters["offset_bias"]
-        return estimator
+        ``sequences`` hold features, friction less force balance, and mask; ``balances`` the force balance, shape
+        ``(n,)``; both in units of the scale. State and tracked force carry on, the gradient does not.
+        """
+        generator = np.random.default_rng(self.build.seed)
+        groups = math.ceil(len(sequences) / BATCH_SIZE)
+        epochs = max(1, round(self.presentations / len(sequences)))
+        for epoch, number in itertools.product(range(epochs), range(groups)):
+            if number == 0:
+                order = generator.permutation(len(sequences))
+            group = order[number * BATCH_SIZE : (number + 1) * BATCH_SIZE]
+            batch = side_by_side([sequences[one] for one in group])
+            batch.weight[:BURN_IN] = 0.0
+            balance = nn.utils.rnn.pad_sequence([torch.from_numpy(balances[one]) for one in group])
+            cut = int(generator.integers(STRETCH))
+            edges = sorted({0, *range(cut, len(balance), STRETCH), len(balance)})
+            state, last = None, balance[0]
+            for start, end in itertools.pairwise(edges):
+                gain, offset, (hidden, cell) = network(batch.features[start:end], state)
+                state = hidden.detach(), cell.detach()
+                tracked = track(gain, balance[start:end], last)
+                last = tracked[-1].detach()
+                weight = batch.weight[start:end]
+                if float(weight.sum()) > 0.0:
+                    missed = tracked + offset - balance[start:end] - batch.target[start:end]
+                    yield (epoch + number / groups) / epochs, (missed.abs() * weight).sum() / weight.sum()
 
 
 def _mean_offset_n(cylinder: Cylinder, recordings: Sequence[Recording]) -> float:
@@ -204,80 +177,11 @@ def _mean_offset_n(cylinder: Cylinder, recordings: Sequence[Recording]) -> float
     return float(np.mean(np.abs(offsets)))
 
 
-def _train(
-    nodes: int,
-    plan: GainPlan,
-    sequences: Sequence[SequenceData],
-    balances: Sequence[Single],
-    seed: int,
-) -> tuple[LstmWeights, Single, float]:
-    """Train with AdamW (Loshchilov and Hutter 2019) and a cosine schedule on the mean absolute error.
-
-    ``sequences`` hold features, friction less force balance, and mask; ``balances`` the force balance, shape ``(n,)``;
-    both in units of the scale. Returns the network with the gain's head, and weights and bias of the offset's head.
-    """
-    import torch  # only training needs it
-    from torch import nn
-
-    from cylinder_friction.estimators.training import FrictionNetwork, reproducible, side_by_side, weights_of
-
-    with reproducible(seed):
-        inputs = sequences[0].features.shape[1]
-        network = FrictionNetwork(Architecture(1, nodes, 0.0, plan.learning_rate), inputs)
-        offset_head = nn.Linear(nodes, 1)
-        for layer, bias in ((network.head, FIRST_GAIN_LOGIT), (offset_head, 0.0)):
-            nn.init.zeros_(layer.weight)
-            nn.init.constant_(layer.bias, bias)
-        parameters = [*network.parameters(), *offset_head.parameters()]
-        optimiser = torch.optim.AdamW(parameters, lr=plan.learning_rate, weight_decay=plan.weight_decay, fused=True)
-        generator = np.random.default_rng(seed)
-        groups = math.ceil(len(sequences) / plan.batch_size)
-        epochs = max(1, round(plan.presentations / len(sequences)))
-        for epoch, number in itertools.product(range(epochs), range(groups)):
-            if number == 0:
-                order = generator.permutation(len(sequences))
-            progress = (epoch + number / groups) / epochs
-            cosine = 0.5 * (1.0 + math.cos(math.pi * progress)) + 0.01
-            rate = plan.learning_rate * min(1.0, progress / WARM_UP + 0.05) * cosine
-            optimiser.param_groups[0]["lr"] = rate
-            group = order[number * plan.batch_size : (number + 1) * plan.batch_size]
-            batch = side_by_side([sequences[one] for one in group])
-            batch.weight[: plan.burn_in] = 0.0
-            balance = nn.utils.rnn.pad_sequence([torch.from_numpy(balances[one]) for one in group])
-            cut = int(generator.integers(plan.stretch))
-            edges = sorted({0, *range(cut, len(balance), plan.stretch), len(balance)})
-            state, last, mean = None, balance[0], 0.0
-            for start, end in itertools.pairwise(edges):  # state and tracked force carry on, the gradient does not
-                hidden, state = network.lstm(batch.features[start:end], state)
-                state = tuple(part.detach() for part in state)
-                gain, offset = network.head(hidden).sigmoid()[..., 0], offset_head(hidden)[..., 0]
-                tracked = track(gain, balance[start:end], last)
-                last = tracked[-1].detach()
-                weight = batch.weight[start:end]
-                if float(weight.sum()) == 0.0:
-                    continue
-                left = tracked + offset - balance[start:end] - batch.target[start:end]
-                error = (left.abs() * weight).sum() / weight.sum()
-                optimiser.zero_grad()
-                error.backward()
-                nn.utils.clip_grad_norm_(parameters, 1.0)
-                optimiser.step()
-                mean = float(error.detach())
-            if not math.isfinite(mean):
-                raise FloatingPointError(
-                    f"epoch {epoch + 1}: mean absolute error is {mean}; lower the learning rate, now {rate}"
-                )
-        head = offset_head.weight.detach().numpy()[0].copy()
-        return weights_of(network), head, float(offset_head.bias.detach()[0])
-
-
 def track(gain: torch.Tensor, balance: torch.Tensor, last: torch.Tensor) -> torch.Tensor:
     """Return the tracked force, shape ``(time, batch)``, after ``last``, ``(batch,)``; differentiable by the gain.
 
     A parallel scan (Hillis and Steele 1986): after each pass a row holds the filter over twice as many steps.
     """
-    import torch
-
     kept, tracked = 1.0 - gain, gain * balance
     tracked = torch.cat([tracked[:1] + kept[:1] * last, tracked[1:]])
     span = 1
@@ -288,23 +192,33 @@ def track(gain: torch.Tensor, balance: torch.Tensor, last: torch.Tensor) -> torc
     return tracked
 
 
-@numba.njit(cache=True)
-def _heads(hidden: Single, logit: Single, offset_head: Single, offset_bias: float) -> tuple[Array, Array]:
-    """Return gain and offset, float64, of each step of the network."""
-    gain, offset = np.empty(len(logit)), np.empty(len(logit))
-    for row in range(len(logit)):
-        gain[row] = sigmoid(logit[row])
-        offset[row] = head_of(hidden[row], offset_head, offset_bias)
-    return gain, offset
-
-
-@numba.njit(cache=True)
-def _track(balance_n: Array, gain: Array, tracked_n: Array) -> Array:
-    """Return the tracked force [N]; it begins at the first force balance."""
-    result = np.empty_like(balance_n)
-    for row in range(len(balance_n)):
-        if np.isnan(tracked_n[0]):
-            tracked_n[0] = balance_n[row]
-        tracked_n[0] += gain[row] * (balance_n[row] - tracked_n[0])
-        result[row] = tracked_n[0]
-    return result
+_SPACE: Space = {"nodes": OneOf((32, 48)), "learning_rate": Range(2e-3, 1e-2, logarithmic=True)}
+_DEFAULTS: Values = {"nodes": 32, "learning_rate": 5e-3}
+_SOURCE = "after Revach et al. 2022 (KalmanNet)"
+MODELS = (
+    RegisteredModel(
+        name="twin_hybrid",
+        title="Hybrid trained on the twin",
+        family="modern",
+        source=f"{_SOURCE}; own training",
+        build=LearnedGain,
+        space=_SPACE,
+        defaults=_DEFAULTS,
+        supports=needs_raw_pressures,
+        trained_on="twin",
+        chosen="A filter of the force balance whose gain and offset an LSTM of one layer sets at every sample; where "
+        "sensors are far off, it also sees the mean force balance of the strokes so far. Trained on true friction of "
+        "random rigs, never on a recording of the rig that it is used on.",
+    ),
+    RegisteredModel(
+        name="learned_gain",
+        title="Learned gain, trained on labels",
+        family="modern",
+        source=_SOURCE,
+        build=LearnedGain,
+        space=_SPACE,
+        defaults=_DEFAULTS,
+        supports=needs_raw_pressures,
+        chosen="The same filter and network as the hybrid trained on the twin, but trained on the rig's own labels.",
+    ),
+)

@@ -6,27 +6,25 @@ of second degree.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from itertools import accumulate
+from typing import TYPE_CHECKING
 
-import numba
 import numpy as np
 
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.evenly import evenly
-from friction_benchmark.models.lagged import Past, PastMemory
-from friction_benchmark.models.learned import LearnedEstimator
+from friction_benchmark.models.base import FeatureModel
+from friction_benchmark.models.lagged import Past
 from friction_benchmark.models.robust_regression import robust_weights
+from friction_benchmark.registry import Range, RegisteredModel
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
     from cylinder_friction.arrays import Array
-    from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.training_plan import SequenceData
+    from friction_benchmark.registry import BuildConfiguration
 
     Terms = NDArray[np.int64]
 
@@ -42,15 +40,7 @@ CLIP = 6.0
 COLLINEAR = 1e-8
 
 
-@dataclass
-class NarxMemory:
-    """Memory of the lags, and the last estimate, shape ``(1,)``, NaN at first."""
-
-    past: PastMemory
-    last: Array
-
-
-class NarxEstimator(LearnedEstimator):
+class Narx(FeatureModel):
     """``y[k] = p[k] y[k-1] + (1 - p[k]) sum of theta_i term_i[k]`` with ``p[k] = a + (b - a) |v| / (|v| + v_c)``.
 
     So its own last estimate enters alone and times speed. It is stable whatever is put in: both poles, a at rest and b
@@ -61,27 +51,14 @@ class NarxEstimator(LearnedEstimator):
     Which terms it has is decided by orthogonal forward regression.
 
     Args:
-        terms: Number of terms.
-        rows: How many rows, evenly spread, the parameters are found on.
-        past: Which earlier features it is given.
+        build: Number of terms. Effort cuts the rows, evenly spread, that the parameters are found on.
 
     Source: Ljung 1999, chapter 5 (NARX, output error); Billings 2013, chapters 2 and 3.
     """
 
-    kind: ClassVar[str] = "narx"
-
-    def __init__(
-        self,
-        cylinder: Cylinder,
-        inputs: Sequence[str] = SAMPLE_COLUMNS,
-        terms: int = 80,
-        rows: int = 60_000,
-        past: Past = PAST,
-    ) -> None:
-        super().__init__(cylinder, inputs)
-        if terms < 1 or rows < 1:
-            raise ValueError(f"expected at least one term and row, but got {terms} terms and {rows} rows")
-        self.terms, self.rows, self.past = terms, rows, past
+    def __init__(self, build: BuildConfiguration) -> None:
+        super().__init__(build.cylinder, build.inputs, build.seed)
+        self.terms, self.rows = build.whole("terms"), build.share(120_000, 2000)
         self.at_rest, self.sliding = 0.0, 0.0
         self._terms = np.zeros((1, 2), dtype=np.int64)
         self._weights = np.zeros(1)
@@ -103,65 +80,44 @@ class NarxEstimator(LearnedEstimator):
         self.at_rest, self.sliding = at_rest, sliding
         self._solve(train, self.rows)
 
+    def predict(self, features: NDArray[np.float32]) -> Array:
+        """Return the model's output, fed with its own last output."""
+        columns, kept = self._columns(features), self._kept(features)
+        totals = (columns[:, self._terms[:, 0]] * columns[:, self._terms[:, 1]]) @ self._weights
+        rows = zip(kept[1:].tolist(), totals[1:].tolist(), strict=True)
+        return np.array([*accumulate(rows, lambda last, row: row[1] + row[0] * (last - row[1]), initial=totals[0])])
+
+    def model_multiply_adds(self) -> int:
+        return 2 * len(self._weights) + 3 + PAST.multiply_adds(len(self.features.names))
+
     def _solve(self, sequences: Sequence[SequenceData], rows: int) -> None:
-        total = sum(len(each.target) for each in sequences)
-        every = max(1, total // max(rows, 1))
-        assert self.features is not None
+        every = max(1, sum(len(each.target) for each in sequences) // max(rows, 1))
         present = len(self.features.names)
-        candidates = candidate_terms(present, self.past.width(present))
+        candidates = candidate_terms(present, PAST.width(present))
         design, target = [], []
         for each in sequences:
-            columns = self._columns(self.past.new_memory(), each.features)
-            regressors = filtered_terms(columns, candidates, self._kept(each.features), every)
-            taken = slice(every - 1, every * len(regressors), every)
+            filtered = filtered_terms(self._columns(each.features), candidates, self._kept(each.features), every)
+            taken = slice(every - 1, every * len(filtered), every)
             usable = each.usable[taken]
-            design.append(regressors[usable])
+            design.append(filtered[usable])
             target.append(each.target[taken][usable].astype(np.float64))
         regressors, wanted = np.concatenate(design), np.concatenate(target)
         chosen = chosen_terms(regressors.T @ regressors, regressors.T @ wanted, self.terms)
-        self._terms = np.ascontiguousarray(candidates[chosen])
+        self._terms = candidates[chosen]
         self._weights = robust_weights(np.ascontiguousarray(regressors[:, chosen]), wanted, SMALL_RESIDUAL, PASSES)
 
     def _error(self, sequences: Sequence[SequenceData]) -> float:
-        errors = [
-            np.abs(self.predict(self.new_memory(), each.features) - each.target)[each.usable] for each in sequences
-        ]
+        errors = [np.abs(self.predict(each.features) - each.target)[each.usable] for each in sequences]
         return float(np.concatenate(errors).mean())
 
-    def _columns(self, memory: PastMemory, features: NDArray[np.float32]) -> Array:
-        rows = np.clip(self.past.advance(memory, features).astype(np.float64), -CLIP, CLIP)
+    def _columns(self, features: NDArray[np.float32]) -> Array:
+        rows = np.clip(PAST.of(features).astype(np.float64), -CLIP, CLIP)
         return np.concatenate([np.ones((len(rows), 1)), rows], axis=1)
 
     def _kept(self, features: NDArray[np.float32]) -> Array:
-        assert self.features is not None
-        front_end = self.features
-        column = front_end.names.index("creep_velocity")
-        creep = features[:, column].astype(np.float64) * front_end.scale[column] + front_end.mean[column]
-        return np.asarray(poles(creep, self.at_rest, self.sliding))
-
-    def new_memory(self) -> NarxMemory:
-        return NarxMemory(self.past.new_memory(), np.full(1, np.nan))
-
-    def predict(self, memory: NarxMemory, features: NDArray[np.float32]) -> NDArray[Any]:
-        columns = self._columns(memory.past, features)
-        return np.asarray(free_run(columns, self._terms, self._weights, self._kept(features), memory.last))
-
-    def model_multiply_adds(self) -> int:
-        assert self.features is not None
-        return 2 * len(self._weights) + 3 + self.past.multiply_adds(len(self.features.names))
-
-    def write_model(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002 - everything is JSON
-        settings = {"terms": self.terms, "rows": self.rows, "past": asdict(self.past)}
-        poles = {"pole_at_rest": self.at_rest, "pole_sliding": self.sliding}
-        return {**settings, **poles, "columns": self._terms.tolist(), "weights": self._weights.tolist()}
-
-    @classmethod
-    def read_model(cls, folder: Path, content: dict[str, Any], cylinder: Cylinder, inputs: Sequence[str]) -> Self:  # noqa: ARG003
-        estimator = cls(cylinder, inputs, content["terms"], content["rows"], Past(**content["past"]))
-        estimator.at_rest, estimator.sliding = content["pole_at_rest"], content["pole_sliding"]
-        estimator._terms = np.array(content["columns"], dtype=np.int64)
-        estimator._weights = np.array(content["weights"])
-        return estimator
+        """Return how much of the last estimate is kept at each row, shape ``(n,)``."""
+        creep = np.abs(self.column(features, "creep_velocity"))  # |v| / (|v| + v_c)
+        return np.asarray(self.at_rest + (self.sliding - self.at_rest) * np.minimum(creep, 1.0))
 
 
 def candidate_terms(present: int, columns: int) -> Terms:
@@ -200,41 +156,31 @@ def chosen_terms(gram: Array, moment: Array, count: int) -> Terms:
     return np.array(chosen, dtype=np.int64)
 
 
-@numba.njit(cache=True)
-def poles(creep: Array, at_rest: float, sliding: float) -> Array:
-    """Return how much of the last estimate is kept, shape ``(n,)``, for ``creep = v / (|v| + v_c)``, in [-1, 1]."""
-    return at_rest + (sliding - at_rest) * np.minimum(np.abs(creep), 1.0)
-
-
-@numba.njit(cache=True)
 def filtered_terms(columns: Array, terms: Terms, kept: Array, every: int) -> Array:
     """Return every ``every``-th row, the ``every``-th first, of terms filtered by the model's own poles.
 
     Args:
         columns: Shape ``(n, c)``, column 0 one.
         terms: Shape ``(m, 2)``.
-        kept: From ``poles``, shape ``(n,)``.
+        kept: How much of the last row is kept, shape ``(n,)``.
         every: Rows per returned row.
     """
-    result = np.empty((columns.shape[0] // every, terms.shape[0]))
-    state = np.zeros(terms.shape[0])
-    for row in range(columns.shape[0]):
-        for term in range(terms.shape[0]):
-            value = columns[row, terms[term, 0]] * columns[row, terms[term, 1]]
-            state[term] = value if row == 0 else kept[row] * state[term] + (1.0 - kept[row]) * value
-        if (row + 1) % every == 0:
-            result[row // every] = state
-    return result
+    values = columns[:, terms[:, 0]] * columns[:, terms[:, 1]]
+    for row in range(1, len(values)):
+        values[row] += kept[row] * (values[row - 1] - values[row])
+    return values[every - 1 :: every]
 
 
-@numba.njit(cache=True)
-def free_run(columns: Array, terms: Terms, weights: Array, kept: Array, state: Array) -> Array:
-    """Return the model's output, fed with its own last output, shape ``(n,)``; ``state`` is that, NaN at first."""
-    result = np.empty(columns.shape[0])
-    for row in range(columns.shape[0]):
-        total = 0.0
-        for term in range(terms.shape[0]):
-            total += weights[term] * columns[row, terms[term, 0]] * columns[row, terms[term, 1]]
-        state[0] = total if np.isnan(state[0]) else kept[row] * state[0] + (1.0 - kept[row]) * total
-        result[row] = state[0]
-    return result
+MODELS = (
+    RegisteredModel(
+        name="narx",
+        title="NARX, polynomial, free running",
+        family="modern",
+        source="Ljung 1999; Billings 2013",
+        build=Narx,
+        space={"terms": Range(20, 120, integer=True)},
+        defaults={"terms": 60},
+        chosen="Second degree; terms by orthogonal forward regression; its last estimate is fed back with a weight in "
+        "[0, 0.98] that depends on speed, so that it is stable whatever comes in; fitted in free run.",
+    ),
+)

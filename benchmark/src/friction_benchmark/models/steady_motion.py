@@ -1,25 +1,23 @@
 """Velocity that is exactly zero at standstill, and a direction of the last motion that a stop does not reverse.
 
-Filters that extrapolate overshoot where a piston stops suddenly and would push a backlash operator back, as if the last
-motion had gone the other way. A moving average never overshoots, so here the backlash operator follows one, while
+Filters that extrapolate overshoot when a piston stops suddenly. They would push a backlash operator back, as if the
+last motion had gone the other way. A moving average never overshoots, so here the backlash operator follows one, while
 velocity still comes from a filter without its delay.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numba
 import numpy as np
 
 from cylinder_friction.signals.backlash import DIRECTION, new_backlash, pushing_velocity
-from cylinder_friction.signals.causal import FirFilter, FirState, moving_average_taps, one_sided_savitzky_golay_taps
+from cylinder_friction.signals.causal import FirFilter, moving_average_taps, one_sided_savitzky_golay_taps
+from cylinder_friction.signals.kalman import constant_jerk
 
 if TYPE_CHECKING:
     from cylinder_friction.arrays import Array
-
 
 AVERAGED = 10
 """Samples of the moving average before the backlash operator."""
@@ -32,83 +30,53 @@ CENTRING_S = 0.5
 VELOCITY_WINDOW, VELOCITY_ORDER = 21, 2
 MEMORY_M_S, MEMORY_S = 0.012, 0.2
 """Speed over which the memory of ``causal_motion`` fades, and how fast it follows."""
+JERK_M_S3, POSITION_NOISE_M = 12.0, 3.5e-5
 
 
-@dataclass
-class SteadyMotionState:
-    """State of the filter, and of the backlash operator."""
-
-    position: FirState
-    backlash: Array
-
-
-class SteadyMotion:
-    """Position [m], shape ``(n, 1)``, to velocity [m/s] and direction of the last motion, shape ``(n, 2)``."""
-
-    def __init__(self, sample_time_s: float) -> None:
-        velocity = one_sided_savitzky_golay_taps(VELOCITY_WINDOW, VELOCITY_ORDER, 1, sample_time_s)
-        average = np.pad(moving_average_taps(AVERAGED), (0, VELOCITY_WINDOW - AVERAGED))
-        self._filter = FirFilter(np.stack([average, velocity])[:, None, :])
-        self._sample_time_s = sample_time_s
-
-    def new_state(self) -> SteadyMotionState:
-        return SteadyMotionState(FirState(), new_backlash())
-
-    def advance(self, state: SteadyMotionState, position_m: Array) -> Array:
-        smooth = self._filter.advance(state.position, position_m)
-        return np.asarray(_through_backlash(smooth, state.backlash, self._sample_time_s))
-
-    def multiply_adds(self) -> int:
-        return AVERAGED + VELOCITY_WINDOW
+def steady_motion(position_m: Array, sample_time_s: float) -> Array:
+    """Return velocity [m/s], exactly 0 at standstill, and direction of the last motion, shape ``(n, 2)``."""
+    average = _filtered(moving_average_taps(AVERAGED), position_m)
+    taps = one_sided_savitzky_golay_taps(VELOCITY_WINDOW, VELOCITY_ORDER, 1, sample_time_s)
+    return _through_backlash(_filtered(taps, position_m), average, sample_time_s)
 
 
-@numba.njit(cache=True)
-def _through_backlash(smooth: Array, backlash: Array, sample_time_s: float) -> Array:
-    result, centring = np.empty((smooth.shape[0], 2)), sample_time_s / CENTRING_S
-    for row in range(smooth.shape[0]):
-        average, velocity = smooth[row]
-        result[row, 0] = pushing_velocity(velocity, average, backlash, BACKLASH_M, LASTING_S, centring, sample_time_s)
-        result[row, 1] = backlash[DIRECTION]
-    return result
-
-
-def new_causal_motion() -> Array:
-    """Return the state of ``causal_motion`` before the first sample, shape ``(7,)``."""
-    return np.concatenate([np.full(4, np.nan), new_backlash()])
-
-
-@numba.njit(cache=True)
-def causal_motion(position_m: Array, averaged_m: Array, gains: Array, sample_time_s: float, state: Array) -> Array:
+def causal_motion(position_m: Array, sample_time_s: float) -> Array:
     """Return, shape ``(n, 4)``: velocity, exactly 0 at standstill [m/s]; acceleration [m/s²]; direction of the last
-    motion; memory.
+    motion; memory, which follows the exponential of minus the speed.
 
-    Position, velocity and acceleration are the states of a steady-state Kalman filter; velocity counts only while the
+    Position, velocity and acceleration are the states of a steady-state Kalman filter. Velocity counts only while the
     averaged position has recently pushed against the backlash.
-
-    Args:
-        position_m: Shape ``(n,)``.
-        averaged_m: The same after a moving average, shape ``(n,)``.
-        gains: Of the steady-state filter, shape ``(3,)``.
-        sample_time_s: Between two samples [s].
-        state: From ``new_causal_motion``, changed in place: position, velocity, acceleration, memory, backlash.
     """
-    result = np.empty((position_m.shape[0], 4))
-    step, backlash = sample_time_s, state[4:]
-    for row in range(position_m.shape[0]):
-        if np.isnan(state[0]):
-            state[0], state[1], state[2], state[3] = position_m[row], 0.0, 0.0, 1.0
-        ahead = state[0] + step * state[1] + 0.5 * step * step * state[2]
-        left = position_m[row] - ahead
-        state[1] += step * state[2] + gains[1] * left
-        state[0] = ahead + gains[0] * left
-        state[2] += gains[2] * left
-        velocity = pushing_velocity(state[1], averaged_m[row], backlash, BACKLASH_M, LASTING_S, step / CENTRING_S, step)
-        fading = math.exp(-abs(velocity) / MEMORY_M_S)
-        state[3] += (1.0 - math.exp(-step / MEMORY_S)) * (fading - state[3])
-        result[row, 0], result[row, 1], result[row, 2], result[row, 3] = (
-            velocity,
-            state[2],
-            backlash[DIRECTION],
-            state[3],
-        )
+    step = sample_time_s
+    gains = constant_jerk(JERK_M_S3, POSITION_NOISE_M, step).gains().filter[-1]
+    position, velocity, acceleration = float(position_m[0]), 0.0, 0.0
+    states = []
+    for measured in position_m.tolist():
+        ahead = position + step * velocity + 0.5 * step * step * acceleration
+        missed = measured - ahead
+        velocity += step * acceleration + gains[1] * missed
+        position = ahead + gains[0] * missed
+        acceleration += gains[2] * missed
+        states.append((velocity, acceleration))
+    velocity_m_s, acceleration_m_s2 = np.array(states).T
+    average = _filtered(moving_average_taps(AVERAGED), position_m)
+    motion = _through_backlash(velocity_m_s, average, step)
+    memory, follows, remembered = 1.0, 1.0 - math.exp(-step / MEMORY_S), []
+    for fading in np.exp(-np.abs(motion[:, 0]) / MEMORY_M_S).tolist():
+        memory += follows * (fading - memory)
+        remembered.append(memory)
+    return np.column_stack([motion[:, 0], acceleration_m_s2, motion[:, 1], remembered])
+
+
+def _filtered(taps: Array, values: Array) -> Array:
+    causal = FirFilter(taps[None, None, :])
+    return np.asarray(causal.advance(causal.new_state(), values[:, None])[:, 0])
+
+
+def _through_backlash(velocity_m_s: Array, average_m: Array, step: float) -> Array:
+    """Return velocity and direction, shape ``(n, 2)``; velocity is zero unless the backlash was pushed recently."""
+    result, backlash = np.empty((len(average_m), 2)), new_backlash()
+    for row, (velocity, average) in enumerate(zip(velocity_m_s.tolist(), average_m.tolist(), strict=True)):
+        pushed = pushing_velocity(velocity, average, backlash, BACKLASH_M, LASTING_S, step / CENTRING_S, step)
+        result[row] = pushed, backlash[DIRECTION]
     return result

@@ -8,7 +8,6 @@ dimension. Pan et al. 2017 join the two to identify friction.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,41 +23,18 @@ if TYPE_CHECKING:
     Cost = Callable[[Array], float]
 
 
-@dataclass(frozen=True)
-class SwarmPlan:
-    """How the swarm searches.
-
-    Attributes:
-        side: Agents along one side of the lattice, which wraps around.
-        inertia: At the start and at the end.
-        own, common: Attraction to an agent's own best position and to the best of all, c1 and c2.
-        fastest: Largest step in a coordinate, as a share of the box's side.
-        self_learning_radius: Of the small lattice around the best agent, as a share of the box's side.
-        self_learning_agents: Positions tried on that lattice in each generation.
-        simplex_share: Share of all evaluations that is left to the simplex.
-    """
-
-    side: int = 6
-    inertia: tuple[float, float] = (0.9, 0.4)
-    own: float = 2.0
-    common: float = 2.0
-    fastest: float = 0.05
-    self_learning_radius: float = 0.02
-    self_learning_agents: int = 9
-    simplex_share: float = 0.3
-
-    def __post_init__(self) -> None:
-        if self.side < 2 or not 0.0 <= self.simplex_share < 1.0:
-            raise ValueError(f"expected a side of at least 2 and a simplex_share in [0, 1), but got {self}")
-
-
-@dataclass(frozen=True)
-class Found:
-    """Result of a search: the best position, its cost, and how many evaluations the search spent."""
-
-    position: Array
-    cost: float
-    evaluations: int
+SIDE = 6
+"""Agents along one side of the lattice, which wraps around."""
+INERTIA = (0.9, 0.4)
+"""At the start and at the end."""
+OWN, COMMON = 2.0, 2.0
+"""Attraction to an agent's own best position and to the best of all, c1 and c2."""
+FASTEST = 0.05
+"""Largest step in a coordinate, as a share of the box's side."""
+SELF_LEARNING_RADIUS, SELF_LEARNING_AGENTS = 0.02, 9
+"""The small lattice around the best agent, as a share of the box's side, and its positions in each generation."""
+SIMPLEX_SHARE = 0.3
+"""Share of all evaluations that is left to the simplex."""
 
 
 class _Counted:
@@ -84,9 +60,7 @@ class _SpentError(Exception):
     """The swarm's budget is spent."""
 
 
-def swarm_then_simplex(
-    cost: Cost, lower: Array, upper: Array, budget: int, seed: int, plan: SwarmPlan | None = None
-) -> Found:
+def swarm_then_simplex(cost: Cost, lower: Array, upper: Array, budget: int, seed: int) -> Array:
     """Return the best position that the swarm, and then the simplex started from it, have found.
 
     Args:
@@ -94,17 +68,15 @@ def swarm_then_simplex(
         lower, upper: Corners of the box the swarm stays in, shape ``(d,)``; the simplex may leave it.
         budget: Evaluations of ``cost``, all of which are spent; at least one per agent of the lattice.
         seed: Seeds the swarm.
-        plan: How to search.
 
     Raises:
         ValueError: The budget does not even cover the initial positions.
     """
-    plan = plan or SwarmPlan()
-    if budget < plan.side**2:
-        raise ValueError(f"expected a budget of at least {plan.side**2} evaluations, one per agent, but got {budget}")
-    counted = _Counted(cost, max(plan.side**2, round((1.0 - plan.simplex_share) * budget)))
+    if budget < SIDE**2:
+        raise ValueError(f"expected a budget of at least {SIDE**2} evaluations, one per agent, but got {budget}")
+    counted = _Counted(cost, max(SIDE**2, round((1.0 - SIMPLEX_SHARE) * budget)))
     try:
-        _swarm(counted, lower, upper, plan, np.random.default_rng(seed))
+        _swarm(counted, lower, upper, np.random.default_rng(seed))
     except _SpentError:
         counted.budget = budget
     size = 0.05 * (upper - lower)
@@ -122,44 +94,44 @@ def swarm_then_simplex(
                 "fatol": np.inf,
             },
         )
-    return Found(counted.position, counted.best, counted.spent)
+    return counted.position
 
 
-def _swarm(cost: _Counted, lower: Array, upper: Array, plan: SwarmPlan, generator: np.random.Generator) -> None:
+def _swarm(cost: _Counted, lower: Array, upper: Array, generator: np.random.Generator) -> None:
     """Search until the budget is spent."""
-    count, span = plan.side**2, upper - lower
+    count, span = SIDE**2, upper - lower
     positions = lower + span * generator.random((count, len(lower)))
-    steps = plan.fastest * span * generator.uniform(-1.0, 1.0, positions.shape)
+    steps = FASTEST * span * generator.uniform(-1.0, 1.0, positions.shape)
     costs = np.array([cost(position) for position in positions])
     own_positions, own_costs = positions.copy(), costs.copy()
-    neighbours = _neighbours(plan.side)
+    neighbours = _neighbours()
     while True:
         progress = cost.spent / cost.budget
-        inertia = plan.inertia[0] + (plan.inertia[1] - plan.inertia[0]) * progress
+        inertia = INERTIA[0] + (INERTIA[1] - INERTIA[0]) * progress
         rivals = neighbours[np.arange(count), np.argmin(costs[neighbours], axis=1)]
         winners = positions[rivals]
         for agent in np.flatnonzero(costs[rivals] < costs).tolist():
             away = generator.uniform(-1.0, 1.0, len(lower)) * (winners[agent] - positions[agent])
             positions[agent] = np.clip(winners[agent] + away, lower, upper)
-        pulls = plan.own * generator.random(positions.shape) * (own_positions - positions)
-        pulls += plan.common * generator.random(positions.shape) * (cost.position - positions)
-        steps = np.clip(inertia * steps + pulls, -plan.fastest * span, plan.fastest * span)
+        pulls = OWN * generator.random(positions.shape) * (own_positions - positions)
+        pulls += COMMON * generator.random(positions.shape) * (cost.position - positions)
+        steps = np.clip(inertia * steps + pulls, -FASTEST * span, FASTEST * span)
         positions = np.clip(positions + steps, lower, upper)
         for agent in range(count):
             costs[agent] = cost(positions[agent])
         better = costs < own_costs
         own_positions[better], own_costs[better] = positions[better], costs[better]
         best = int(np.argmin(costs))
-        radius = plan.self_learning_radius * (1.0 - cost.spent / cost.budget) * span
-        for _ in range(plan.self_learning_agents):
+        radius = SELF_LEARNING_RADIUS * (1.0 - cost.spent / cost.budget) * span
+        for _ in range(SELF_LEARNING_AGENTS):
             tried = cost.position + radius * generator.uniform(-1.0, 1.0, len(span))
             value = cost(tried)
             if value < costs[best]:
                 positions[best], costs[best] = tried, value
 
 
-def _neighbours(side: int) -> NDArray[np.int64]:
-    """Return the four neighbours of each agent (von Neumann's), shape ``(side², 4)``; the lattice wraps around."""
-    lattice = np.arange(side * side).reshape(side, side)
+def _neighbours() -> NDArray[np.int64]:
+    """Return the four neighbours of each agent (von Neumann's), shape ``(SIDE², 4)``; the lattice wraps around."""
+    lattice = np.arange(SIDE * SIDE).reshape(SIDE, SIDE)
     rolled = [np.roll(lattice, shift, axis).ravel() for shift, axis in ((1, 0), (-1, 0), (1, 1), (-1, 1))]
     return np.stack(rolled, axis=1)

@@ -6,17 +6,14 @@ friction: noise and friction then separate alike on a rig of 150 N and on one of
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cylinder_friction.estimators.front_end import (
     CREEP_VELOCITY_M_S,
     FeatureRow,
-    FrontEnd,
     FrontEndBlock,
-    FrontEndState,
     standardised,
     unscaled_front_end,
     with_history,
@@ -30,7 +27,7 @@ from cylinder_friction.signals.causal import (
     one_sided_savitzky_golay_taps,
 )
 from friction_benchmark.evenly import evenly
-from friction_benchmark.models.stroke_memory import MEMORY_NAMES, new_stroke_memory, remember_strokes
+from friction_benchmark.models.stroke_memory import MEMORY_NAMES, remember_strokes
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -50,71 +47,44 @@ CHANGES = ((1, 3, 40.0), (2, 6, 30.0), (4, 12, 20.0), (8, 24, 15.0), (16, 64, 10
 SLOW_CREEP_M_S, ACCELERATION_M_S2, PRESSURE_RATE_PA_S, LOW_FORCE_N = 1e-3, 0.1, 1e5, 150.0
 
 
-@dataclass
-class TrackingState:
-    """State of the filters, of the history of the motion, and of the strokes so far."""
-
-    features: FrontEndState
-    strokes: Array
-
-
 class TrackingFeatures:
-    """Raw samples to standardised features and the unfiltered force balance; causal, and independent of cutting.
+    """Recordings to standardised features and the unfiltered force balance; causal.
 
     Args:
-        plan: Of filters and history.
+        cylinder: Its areas.
+        recordings: Their usable rows scale the features.
+        inputs: Columns of a sample.
         strokes: Whether the memory of strokes is among the features.
+
+    Raises:
+        ValueError: The first three inputs are not both raw pressures and the position.
     """
 
-    def __init__(self, plan: FrontEnd, *, strokes: bool) -> None:
-        self.plan, self.strokes = plan, strokes
-        self._block = FrontEndBlock(plan)
-        self._velocity = plan.names.index("velocity_m_s")
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return self.plan.names + (MEMORY_NAMES if self.strokes else ())
-
-    @classmethod
-    def of(cls, cylinder: Cylinder, recordings: Sequence[Recording], inputs: Sequence[str], *, strokes: bool) -> Self:
-        """Return the features, scaled by the usable rows of these recordings.
-
-        Raises:
-            ValueError: The first three inputs are not both raw pressures and the position.
-        """
+    def __init__(
+        self, cylinder: Cylinder, recordings: Sequence[Recording], inputs: Sequence[str], *, strokes: bool
+    ) -> None:
         if tuple(inputs[:3]) != SAMPLE_COLUMNS:
             raise ValueError(f"expected inputs that begin with {', '.join(SAMPLE_COLUMNS)}, but got {tuple(inputs)}")
         sample_time_s = recordings[0].sample_time_s
         rows = tracking_rows(cylinder, sample_time_s, inputs)
         base = force_balance_taps(cylinder, inputs)
         front_end = with_history(unscaled_front_end(tuple(inputs), rows, base, sample_time_s))
-        scaled = standardised(front_end, FrontEndBlock(front_end), evenly(recordings, SCALED_ON))
-        return cls(scaled, strokes=strokes)
+        self.plan = standardised(front_end, FrontEndBlock(front_end), evenly(recordings, SCALED_ON))
+        self.strokes = strokes
 
-    def new_state(self) -> TrackingState:
-        return TrackingState(self._block.new_state(), new_stroke_memory())
-
-    def advance(self, state: TrackingState, samples: Array) -> tuple[NDArray[np.float32], Array]:
-        """Return features, shape ``(n, k)``, float32, and P1·A1 - P2·A2 [N], shape ``(n,)``."""
-        features, balance_n = self._block.advance(state.features, samples)
+    def of(self, recording: Recording) -> tuple[NDArray[np.float32], Array]:
+        """Return features, shape ``(n, k)``, and P1·A1 - P2·A2 [N], shape ``(n,)``."""
+        block, samples = FrontEndBlock(self.plan), recording.samples(self.plan.inputs)
+        features, balance_n = block.advance(block.new_state(), samples)
         if not self.strokes:
             return features, balance_n
-        front_end = self.plan
-        velocity = features[:, self._velocity].astype(np.float64)
-        velocity = velocity * front_end.scale[self._velocity] + front_end.mean[self._velocity]
-        pressure_2_pa = np.ascontiguousarray(samples[:, PRESSURE_2])
-        strokes = remember_strokes(velocity, balance_n, pressure_2_pa, state.strokes)
+        place = self.plan.names.index("velocity_m_s")
+        velocity = features[:, place].astype(np.float64) * self.plan.scale[place] + self.plan.mean[place]
+        strokes = remember_strokes(velocity, balance_n, samples[:, PRESSURE_2])
         return np.concatenate([features, strokes.astype(np.float32)], axis=1), balance_n
 
     def multiply_adds(self) -> int:
-        return self._block.multiply_adds() + (3 * len(MEMORY_NAMES) if self.strokes else 0)
-
-    def to_dict(self) -> dict[str, Any]:
-        return {**self.plan.to_dict(), "strokes": self.strokes}
-
-    @classmethod
-    def from_dict(cls, content: dict[str, Any]) -> Self:
-        return cls(FrontEnd.from_dict(content), strokes=content["strokes"])
+        return FrontEndBlock(self.plan).multiply_adds() + (3 * len(MEMORY_NAMES) if self.strokes else 0)
 
 
 def tracking_rows(cylinder: Cylinder, sample_time_s: float, inputs: Sequence[str] = SAMPLE_COLUMNS) -> list[FeatureRow]:

@@ -32,8 +32,8 @@ from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.splits import split
 from cylinder_friction.rig.campaign import CampaignPlan
 from friction_benchmark.campaigns import labelled_campaign, twin_campaign
-from friction_benchmark.registry.learned_gain import MODELS
-from friction_benchmark.registry.model import BuildConfiguration
+from friction_benchmark.models.learned_gain import MODELS, LearnedGain
+from friction_benchmark.registry import BuildConfiguration
 from friction_benchmark.servo_rig.parameters import CYLINDER
 from friction_benchmark.servo_rig.sessions import CONDITIONS, SessionPlan, as_seen_by, record_sessions
 
@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.recordings.checks.limits import LoadMode
     from cylinder_friction.recordings.recording import Recording
+    from friction_benchmark.registry import Estimator
     from friction_benchmark.servo_rig.sessions import ServoSession
 
 DEFAULT_RIG_CYLINDER = Cylinder(
@@ -243,7 +244,9 @@ def _from_elsewhere(plan: EvaluationPlan, elsewhere: Sequence[Recording]) -> lis
     if not any(each.metadata.identified_zero for each in elsewhere):
         elsewhere = fit_offset_model(elsewhere, DEFAULT_RIG_CYLINDER).corrected(elsewhere)
     as_logged = replace(plan.sessions, sample_time_s=elsewhere[0].sample_time_s)
-    fitted = {ELSEWHERE + name: each for name, each in _fitted(made, elsewhere, "train on the default rig").items()}
+    fitted: dict[str, Estimator] = {
+        ELSEWHERE + name: each for name, each in _fitted(made, elsewhere, "train on the default rig").items()
+    }
     if plan.twin_rigs:
         fitted[TWIN] = _twin_trained(plan, as_logged.sample_time_s)
     _, test, truth = _prepared(plan, as_logged)
@@ -257,12 +260,12 @@ def _from_elsewhere(plan: EvaluationPlan, elsewhere: Sequence[Recording]) -> lis
     return scores
 
 
-def _twin_trained(plan: EvaluationPlan, sample_time_s: float) -> FrictionEstimator:
+def _twin_trained(plan: EvaluationPlan, sample_time_s: float) -> LearnedGain:
     """Return the hybrid trained on the true friction of rigs of the default rig's kind, each drawn at random."""
     model = next(one for one in MODELS if one.trained_on == "twin")
     rigs = twin_campaign(0, plan.twin_rigs, TWIN_S, DEFAULT_RIG_CYLINDER, sample_time_s=sample_time_s)
     build = BuildConfiguration(DEFAULT_RIG_CYLINDER, SAMPLE_COLUMNS, 0, plan.twin_effort, model.defaults)
-    return model.build(build).fit([each.recording for each in rigs])
+    return LearnedGain(build).fit([each.recording for each in rigs])
 
 
 def _fitted(

@@ -11,11 +11,11 @@ from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import TrainingPlan
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from friction_benchmark.registry.model import OneOf, Range, RegisteredModel
-from friction_benchmark.registry.recurrent import architecture
+from friction_benchmark.models.sequence_network import architecture
+from friction_benchmark.registry import OneOf, Range, RegisteredModel
 
 if TYPE_CHECKING:
-    from friction_benchmark.registry.model import BuildConfiguration
+    from friction_benchmark.registry import BuildConfiguration
 
 
 def _build(build: BuildConfiguration) -> HybridEstimator:

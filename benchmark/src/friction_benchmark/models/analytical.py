@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 from cylinder_friction.estimators.analytical import PRESSURE_PAIRS, AnalyticalEstimator, scaled_effort
 from cylinder_friction.friction_models.catalogue import model_named
-from friction_benchmark.registry.model import RegisteredModel, needs_only_position
+from friction_benchmark.registry import RegisteredModel, needs_only_position
 
 if TYPE_CHECKING:
-    from friction_benchmark.registry.model import BuildConfiguration
+    from friction_benchmark.registry import BuildConfiguration
 
 _SOURCES = {
     "stribeck": ("Armstrong-Hélouvry, Dupont and Canudas de Wit 1994", "At standstill a share, identified, is kept."),

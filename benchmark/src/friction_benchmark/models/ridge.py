@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cylinder_friction.estimators.linear import RidgeEstimator
-from friction_benchmark.registry.model import Range, RegisteredModel
+from friction_benchmark.registry import Range, RegisteredModel
 
 if TYPE_CHECKING:
-    from friction_benchmark.registry.model import BuildConfiguration
+    from friction_benchmark.registry import BuildConfiguration
 
 
 def _build(build: BuildConfiguration) -> RidgeEstimator:

@@ -1,20 +1,39 @@
-"""What a registered model is: how it is built, what may be tuned in it, and where it comes from."""
+"""The model registry: how each model is built, what may be tuned in it, and where it comes from."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal
+from importlib import import_module
+from typing import TYPE_CHECKING, Literal, Protocol
 
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from cylinder_friction.arrays import Array
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.recordings.recording import Recording
 
 Value = float | int | str
 Family = Literal["baseline", "analytical", "related work", "modern"]
 TrainedOn = Literal["recordings", "twin"]
+
+
+class Estimator(Protocol):
+    """What the benchmark needs of a model: its own (``models.base.Model``) and the product's estimators have it."""
+
+    inputs: tuple[str, ...]
+
+    def fit(self, recordings: Sequence[Recording], /) -> object:
+        """Learn from labelled recordings."""
+
+    def estimate(self, recording: Recording, /) -> Array:
+        """Return friction [N] at each sample, shape ``(n,)``; each value depends on samples until then alone."""
+
+    def multiply_adds(self) -> int:
+        """Return the multiply-adds of one sample, the usual measure of a network's cost."""
 
 
 @dataclass(frozen=True)
@@ -90,13 +109,13 @@ class RegisteredModel:
         title: In words.
         family: Where it stands in the leaderboard's legend.
         source: Author and year.
-        build: Returns the estimator, not yet fitted. Importable: it is sent to worker processes by name.
+        build: Returns the estimator, not yet fitted. Importable, because worker processes receive it by name.
         space: What is tuned, and where.
         defaults: What is tried first: the source's values or our own best guess, one for each name in ``space``.
         supports: Whether it can be built for given inputs.
         trained_on: The task's recordings, or the simulated twin's with their true friction.
-        learns_offset: Whether it learns the sensors' offset while running: its training recordings state their zeros,
-            which the labels show, and it takes them off by itself.
+        learns_offset: Whether it learns the sensors' offset while running. Its training recordings then state their
+            zeros, which the labels show.
         chosen: What was taken where the source leaves a choice.
     """
 
@@ -104,7 +123,7 @@ class RegisteredModel:
     title: str
     family: Family
     source: str
-    build: Callable[[BuildConfiguration], FrictionEstimator]
+    build: Callable[[BuildConfiguration], Estimator]
     space: Space = field(default_factory=dict)
     defaults: Values = field(default_factory=dict)
     supports: Callable[[tuple[str, ...]], bool] = needs_only_position
@@ -121,5 +140,31 @@ class RegisteredModel:
 
     @property
     def module(self) -> str:
-        """The registry's module that builds it; with all that this imports, it decides what the model does."""
+        """The module that builds it; with all that this imports, it decides what the model does."""
         return str(getattr(self.build, "func", self.build).__module__)
+
+
+_IN_ORDER = (
+    "baselines", "analytical",
+    "machado", "elman", "han",
+    "ridge", "narx", "gradient_boosting", "lugre_residual", "disturbance_observer",
+    "hybrid", "gru", "tcn", "paper_hybrid",
+    "learned_gain",
+)  # fmt: skip
+MODULES = tuple(f"friction_benchmark.models.{name}" for name in _IN_ORDER)
+"""Modules that each hold their ``MODELS``, in the order of tables."""
+
+
+def registered_models(modules: Sequence[str] = MODULES) -> dict[str, RegisteredModel]:
+    """Return the models of these modules by name, in order.
+
+    Raises:
+        ValueError: Two have one name.
+    """
+    found: dict[str, RegisteredModel] = {}
+    for module in modules:
+        for model in import_module(module).MODELS:
+            if model.name in found:
+                raise ValueError(f"registry: two models are called {model.name!r}; the second is in {module}")
+            found[model.name] = model
+    return found

@@ -1,0 +1,131 @@
+"""What every model of the benchmark is: it fits labelled recordings and estimates friction."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from cylinder_friction.estimators.front_end import FrontEnd, FrontEndBlock, fit_front_end
+from cylinder_friction.estimators.training_plan import SequenceData
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.arrays import Array
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.recordings.recording import Recording
+
+    Single = NDArray[np.float32]
+
+
+class Model(ABC):
+    """A model that is fitted to labelled recordings and then estimates friction.
+
+    Args:
+        inputs: Columns that it sees; ``position_m`` must be one.
+
+    Raises:
+        ValueError: There is no position among the inputs.
+    """
+
+    def __init__(self, inputs: Sequence[str] = SAMPLE_COLUMNS) -> None:
+        self.inputs = tuple(inputs)
+        if "position_m" not in self.inputs:
+            raise ValueError(f"expected position_m among the inputs, but got {self.inputs}")
+
+    @abstractmethod
+    def fit(self, recordings: Sequence[Recording]) -> Self:
+        """Learn from the usable rows of labelled recordings, and return the model itself."""
+
+    @abstractmethod
+    def estimate(self, recording: Recording) -> Array:
+        """Return friction [N] at each sample, shape ``(n,)``; each value depends on samples until then alone."""
+
+    @abstractmethod
+    def multiply_adds(self) -> int:
+        """Return the multiply-adds of one sample, the usual measure of a network's cost."""
+
+
+class FeatureModel(Model):
+    """A model on the product's features of any sensors. It learns what the force balance misses, or all of friction.
+
+    The force balance is there when both raw pressures are inputs. Features are standardised, and so is the target. A
+    subclass gives ``learn``, ``predict`` and ``model_multiply_adds``.
+
+    Args:
+        cylinder: Its areas.
+        inputs: Columns that it sees; raw pressures come first.
+        seed: Seeds everything random.
+    """
+
+    def __init__(self, cylinder: Cylinder, inputs: Sequence[str] = SAMPLE_COLUMNS, seed: int = 0) -> None:
+        super().__init__(inputs)
+        self.cylinder, self.seed = cylinder, seed
+        self.target_mean_n, self.target_scale_n = 0.0, 1.0
+        self._features: FrontEnd | None = None
+
+    @abstractmethod
+    def learn(self, train: Sequence[SequenceData]) -> None:
+        """Learn the targets, in standard deviations, of one sequence per recording.
+
+        Features are float32, shape ``(n, len(self.features.names))``.
+        """
+
+    @abstractmethod
+    def predict(self, features: Single) -> NDArray[Any]:
+        """Return the target at each row of a recording's features, shape ``(n,)``."""
+
+    @abstractmethod
+    def model_multiply_adds(self) -> int:
+        """Return the multiply-adds of one sample, features left out."""
+
+    @property
+    def features(self) -> FrontEnd:
+        assert self._features is not None
+        return self._features
+
+    def set_features(self, recordings: Sequence[Recording], inputs: Sequence[str]) -> None:
+        """Choose the features of these inputs, and scale them by the recordings."""
+        self._features = fit_front_end("full", self.cylinder, recordings, tuple(inputs))
+
+    def features_of(self, recording: Recording) -> tuple[Single, Array]:
+        """Return features, shape ``(n, k)``, and the force balance that is corrected [N], zero if there is none."""
+        block = FrontEndBlock(self.features)
+        return block.advance(block.new_state(), recording.samples(self.features.inputs))
+
+    def column(self, features: Single, name: str) -> Array:
+        """Return one feature in its own unit, shape ``(n,)``."""
+        place = self.features.names.index(name)
+        return features[:, place].astype(np.float64) * self.features.scale[place] + self.features.mean[place]
+
+    def fit(self, recordings: Sequence[Recording]) -> Self:
+        """Learn from all recordings, to the end of the schedule.
+
+        Nothing is held out for early stopping. Measured on other sessions, missing those sessions costs more.
+        """
+        self.set_features(recordings, self.inputs)
+        pairs = [self.features_of(recording) for recording in recordings]
+        missed = [each.column("friction_n") - base_n for each, (_, base_n) in zip(recordings, pairs, strict=True)]
+        masks = [recording.usable() for recording in recordings]
+        targets = np.concatenate([each[mask] for each, mask in zip(missed, masks, strict=True)])
+        self.target_mean_n, self.target_scale_n = float(targets.mean()), float(targets.std()) or 1.0
+        self.learn(
+            [
+                SequenceData(features, ((each - self.target_mean_n) / self.target_scale_n).astype(np.float32), mask)
+                for (features, _), each, mask in zip(pairs, missed, masks, strict=True)
+            ]
+        )
+        return self
+
+    def estimate(self, recording: Recording) -> Array:
+        features, base_n = self.features_of(recording)
+        predicted = self.predict(features).astype(np.float64)
+        return np.asarray(base_n + self.target_mean_n + self.target_scale_n * predicted)
+
+    def multiply_adds(self) -> int:
+        return FrontEndBlock(self.features).multiply_adds() + self.model_multiply_adds()

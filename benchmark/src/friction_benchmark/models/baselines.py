@@ -1,0 +1,139 @@
+"""The baselines: what costs next to nothing, and therefore what every other model has to beat; effort cuts nothing."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from cylinder_friction.estimators.baselines import baselines
+from cylinder_friction.estimators.linear import labelled_rows
+from friction_benchmark.models.base import Model
+from friction_benchmark.models.steady_motion import AVERAGED, VELOCITY_WINDOW, steady_motion
+from friction_benchmark.registry import RegisteredModel, needs_raw_pressures
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from cylinder_friction.arrays import Array
+    from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.recordings.recording import Recording
+    from friction_benchmark.registry import BuildConfiguration
+
+SITUATIONS = ("extending", "retracting", "at_rest_after_extending", "at_rest_after_retracting", "never_moved")
+
+
+class ByDirectionModel(Model):
+    """A straight line over velocity in each of five situations; a subclass finds it.
+
+    Attributes:
+        levels_n: Friction in each situation, at vanishing velocity, in the order of ``SITUATIONS`` [N].
+        viscous_n_s_m: Slope over velocity [N s/m].
+    """
+
+    levels_n: Array
+    viscous_n_s_m: float
+
+    @abstractmethod
+    def _learn(self, situation: NDArray[np.int64], velocity_m_s: Array, friction_n: Array) -> None:
+        """Set levels and slope from the usable rows; a situation that never occurs gets 0 N."""
+
+    def fit(self, recordings: Sequence[Recording]) -> Self:
+        labels, masks = labelled_rows(recordings)
+        seen = [_situations(recording) for recording in recordings]
+        situation = np.concatenate([each[mask] for (each, _), mask in zip(seen, masks, strict=True)])
+        velocity = np.concatenate([each[mask] for (_, each), mask in zip(seen, masks, strict=True)])
+        self._learn(situation, velocity, labels)
+        return self
+
+    def estimate(self, recording: Recording) -> Array:
+        situation, velocity = _situations(recording)
+        return self.levels_n[situation] + self.viscous_n_s_m * velocity
+
+    def multiply_adds(self) -> int:
+        return AVERAGED + VELOCITY_WINDOW + 1
+
+
+class ConstantByDirection(ByDirectionModel):
+    """The median friction of each situation: of all constants the one with the smallest absolute error."""
+
+    def _learn(self, situation: NDArray[np.int64], velocity_m_s: Array, friction_n: Array) -> None:  # noqa: ARG002
+        rows = [situation == number for number in range(len(SITUATIONS))]
+        self.levels_n = np.array([np.median(friction_n[each]) if each.any() else 0.0 for each in rows])
+        self.viscous_n_s_m = 0.0
+
+
+class CoulombViscousLine(ByDirectionModel):
+    """Coulomb and viscous friction without Stribeck: least squares on direction and velocity."""
+
+    def _learn(self, situation: NDArray[np.int64], velocity_m_s: Array, friction_n: Array) -> None:
+        columns = [situation == number for number in range(len(SITUATIONS))]
+        design = np.column_stack([*columns, velocity_m_s])
+        found = np.linalg.lstsq(design.T @ design, design.T @ friction_n, rcond=None)[0]
+        self.levels_n, self.viscous_n_s_m = found[:-1], float(found[-1])
+
+
+def _situations(recording: Recording) -> tuple[NDArray[np.int64], Array]:
+    """Return each row's place in ``SITUATIONS`` and its velocity [m/s], shape ``(n,)`` each."""
+    velocity, direction = steady_motion(recording.column("position_m"), recording.sample_time_s).T
+    rest = np.select([direction > 0.0, direction < 0.0], [2, 3], default=4)
+    return np.select([velocity > 0.0, velocity < 0.0], [0, 1], default=rest), velocity
+
+
+def _low_pass(build: BuildConfiguration) -> FrictionEstimator:
+    return baselines(build.cylinder, build.inputs)["force_balance_low_pass"]
+
+
+def _hold(build: BuildConfiguration) -> FrictionEstimator:
+    return baselines(build.cylinder, build.inputs)["force_balance_unfiltered"]
+
+
+def _constant(build: BuildConfiguration) -> Model:
+    return ConstantByDirection(build.inputs)
+
+
+def _line(build: BuildConfiguration) -> Model:
+    return CoulombViscousLine(build.inputs)
+
+
+MODELS = (
+    RegisteredModel(
+        name="low_pass",
+        title="Force balance behind a tuned low-pass",
+        family="baseline",
+        source="equation of motion; Jelali and Kroll 2003",
+        build=_low_pass,
+        supports=needs_raw_pressures,
+        chosen="First order; its weight is the best for the task's own target. Fitted to a target that lies ahead it "
+        "is the last value held, filtered as well as one weight can.",
+    ),
+    RegisteredModel(
+        name="hold",
+        title="Force balance of this sample, held",
+        family="baseline",
+        source="equation of motion; Jelali and Kroll 2003",
+        build=_hold,
+        supports=needs_raw_pressures,
+        chosen="Unfiltered, without inertia; as a forecast it means that friction stays as it is.",
+    ),
+    RegisteredModel(
+        name="constant_by_direction",
+        title="One constant per direction",
+        family="baseline",
+        source="Coulomb friction",
+        build=_constant,
+        chosen="The median friction while extending, while retracting, and at rest after either; a backlash of "
+        "0.06 mm separates motion from noise.",
+    ),
+    RegisteredModel(
+        name="coulomb_viscous_line",
+        title="Coulomb and viscous friction, a straight line",
+        family="baseline",
+        source="Coulomb and viscous friction",
+        build=_line,
+        chosen="Least squares on direction and velocity; at rest the mean after either direction; no Stribeck.",
+    ),
+)

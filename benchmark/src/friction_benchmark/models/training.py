@@ -1,0 +1,70 @@
+"""One training loop for the networks in PyTorch that the product's own training does not cover."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+import torch
+from torch import nn
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    Single = NDArray[np.float32]
+
+
+def minimise(
+    parameters: Iterable[torch.Tensor],
+    losses: Iterable[tuple[float, torch.Tensor]],
+    learning_rate: float,
+    *,
+    weight_decay: float = 0.0,
+    warm_up: float = 0.0,
+) -> None:
+    """Take one step of AdamW for each loss, with a rate that falls with a cosine; gradients are clipped at norm 1.
+
+    Args:
+        parameters: What is trained.
+        losses: Pairs of progress in [0, 1) and the loss of a batch. Each loss is made after the step before it.
+        learning_rate: Its maximum.
+        weight_decay: Of AdamW (Loshchilov and Hutter 2019); 0 makes it Adam (Kingma and Ba 2015).
+        warm_up: Share of training over which the rate rises to its maximum.
+
+    Raises:
+        FloatingPointError: The loss is no longer a number.
+    """
+    trained = list(parameters)
+    optimiser = torch.optim.AdamW(trained, lr=learning_rate, weight_decay=weight_decay, fused=True)
+    for progress, loss in losses:
+        if not math.isfinite(float(loss.detach())):
+            raise FloatingPointError(f"the error is {float(loss.detach())}; lower the learning rate {learning_rate}")
+        rise = min(1.0, progress / warm_up + 0.05) if warm_up else 1.0
+        optimiser.param_groups[0]["lr"] = learning_rate * rise * (0.51 + 0.5 * math.cos(math.pi * progress))
+        optimiser.zero_grad()
+        torch.autograd.backward(loss)
+        nn.utils.clip_grad_norm_(trained, 1.0)
+        optimiser.step()
+
+
+def perceptron(inputs: int, nodes: Sequence[int], activation: type[nn.Module]) -> nn.Sequential:
+    """Return layers of these widths with an activation after each, and one linear output."""
+    sizes = [inputs, *nodes, 1]
+    layers = [(nn.Linear(before, after), activation()) for before, after in pairwise(sizes)]
+    return nn.Sequential(*[part for pair in layers for part in pair][:-1])
+
+
+def outputs(network: nn.Module, rows: NDArray[np.floating]) -> Single:
+    """Return a network's only output at each row, shape ``(n,)``."""
+    with torch.inference_mode():
+        weight = next(network.parameters())
+        return np.asarray(network(torch.from_numpy(np.ascontiguousarray(rows)).to(weight.dtype))[:, 0], np.float32)
+
+
+def weights_in(network: nn.Module) -> int:
+    """Return how many weights are not biases: the multiply-adds of one step."""
+    return sum(weight.numel() for weight in network.parameters() if weight.dim() > 1)
