@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from friction_benchmark.models.by_direction import ConstantByDirectionEstimator
+from friction_benchmark.models.baselines import ConstantByDirection
 
 from cylinder_friction.estimators.linear import RidgeEstimator
 from friction_benchmark.cases import (
@@ -103,7 +103,7 @@ def test_a_linear_filter_does_not_recover_friction_from_the_level() -> None:
         return float(np.mean([np.abs(estimator.estimate(each) - each.column("friction_n")) for each in cases]))
 
     levels = shown_inputs(task_named("pressure_level"), RAW)
-    constant_n = error_n(ConstantByDirectionEstimator(levels), "pressure_level")
+    constant_n = error_n(ConstantByDirection(levels), "pressure_level")
     assert error_n(RidgeEstimator(60, 1e-3), "identity") < 0.5 * constant_n
     assert error_n(RidgeEstimator(60, 1e-3, levels), "pressure_level") > constant_n
 

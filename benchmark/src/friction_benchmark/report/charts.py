@@ -110,7 +110,7 @@ def error_against_cost(result: TaskResult, titles: ModelTitles) -> go.Figure:
             hoverinfo="text",
         )
     shown = [entry.score.percent.value for entry in entries]
-    figure.update_xaxes(title_text="multiply-adds per step", type="log", exponentformat="power", dtick=1)
+    figure.update_xaxes(title_text="multiply-adds per sample", type="log", exponentformat="power", dtick=1)
     figure.update_yaxes(title_text=f"MAE [% of {denominator(result)}]", type="log", **_ticks(shown))
     return interactive(figure, max(400, ROW * len(result.entries) + 110), legend_rows=2)
 

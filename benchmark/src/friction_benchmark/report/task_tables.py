@@ -113,7 +113,7 @@ def against_baseline(percent: float, baseline: float) -> float | None:
 
 def cost_table(result: TaskResult, titles: ModelTitles) -> Table:
     """Return the cost of a step and of training, and how far bounds and flags can be trusted."""
-    head = ["Model", "multiply-adds per step", "time per step [µs]", "training", "coverage of the 90 % bounds"]
+    head = ["Model", "multiply-adds per sample", "time per sample [µs]", "training", "coverage of the 90 % bounds"]
     head += ["coverage just after reversals", "coverage of true friction", "mean width of bounds [N]", "rows flagged"]
     head += ["rows out of range", "of those, flagged"]
     rows = []
