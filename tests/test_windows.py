@@ -66,6 +66,7 @@ print(server.poll() is not None, psutil.wait_procs([grandchild], 10)[1])
 """
 
 
+@pytest.mark.extended
 def test_every_module_imports_the_store_waits_for_its_lock_and_a_server_ends_with_its_children(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-c", FAKED + WORK], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

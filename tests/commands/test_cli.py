@@ -81,7 +81,7 @@ def test_ctrl_c_says_what_is_kept_and_how_to_go_on(
 
 @pytest.mark.parametrize(
     ("command", "unbuffered"),
-    [("--help", ""), ("check --help", ""), ("--print-completion bash", ""), ("check", ""), ("check", "1")],
+    [("--help", ""), ("check", ""), ("check", "1")],
 )
 def test_a_reader_that_has_ended_ends_the_command_without_a_traceback(command: str, unbuffered: str) -> None:
     code = (

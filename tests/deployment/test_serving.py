@@ -124,46 +124,18 @@ def test_out_of_range_is_flagged(url: str) -> None:
 
 REFUSED: list[tuple[Any, str]] = [
     (records(), "is missing"),
-    ({"dataframe_split": {"columns": list(GOOD), "data": []}}, "got no row"),
-    (records({"pressure_1_pa": 1e6, "pressure_2_pa": 1e6}), "position_m"),
-    (records({"pressure_1_bar": 10.0, "pressure_2_pa": 1e6, "position_m": 0.1}), "pressure_1_pa"),
-    (records({**GOOD, "position_m": "far"}), "position_m"),
-    (records({**GOOD, "position_m": None}), "holds None at row 0"),
-    (records({**GOOD, "oil_temperature_c": 40.0}), "'oil_temperature_c' is not known"),
-    (records(GOOD, {**GOOD, "pressure_2_pa": "NaN"}), "holds 'NaN' at row 1"),
-    (
-        b'{"dataframe_records": [{"pressure_1_pa": NaN, "pressure_2_pa": 1e6, "position_m": 0.1}]}',
-        "pressure_1_pa is",
-    ),
-    (
-        b'{"dataframe_records": [{"pressure_1_pa": 1e999, "pressure_2_pa": 1e6, "position_m": 0.1}]}',
-        "is inf at row",
-    ),
-    (records({**GOOD, "load_force_n": 500.0}), "this model was trained without one"),
     (records({**GOOD, "position_m": [0.1]}), "position_m"),
-    (records({**GOOD, "position_m": {"m": 0.1}}), "position_m"),
-    (records({**GOOD, "recording": None}), "recording"),
     (records({**GOOD, "recording": ["a"]}), "recording"),
-    (records({**GOOD, "recording": 1.5}), "recording"),
-    ({"dataframe_split": {"columns": ["position_m"] * 3, "data": [[1, 2, 3]]}}, ""),
     ({"dataframe_split": {"columns": list(GOOD), "data": [[1.0, 2.0]]}}, ""),
     ({"dataframe_records": None}, ""),
-    ({"dataframe_records": "rows"}, ""),
     ({"dataframe_records": [1, 2, 3]}, "pressure_1_pa"),
-    ({"instances": []}, ""),
-    ({"instances": [[1.2e6, 9.1e5, 0.12]]}, ""),
     ({"inputs": {}}, ""),
-    ({"inputs": None}, ""),
-    ({"inputs": {**{name: [value] for name, value in GOOD.items()}, "position_m": [0.1, 0.2]}}, ""),
     ({}, "exactly one of the input fields"),
     ([], "Received a list"),
-    (b"{broken", "valid JSON"),
     (b"\xff\xfe", "valid JSON"),
-    (b"", "valid JSON"),
     (b"null", ""),
-    (records({**GOOD, "pressure_1_pa": 10**400}), ""),
 ]
-"""Bodies, with what the refusal says."""
+"""Bodies that the guide's table does not have, with what the refusal says."""
 
 
 def test_everything_else_is_refused_and_never_a_server_error(url: str) -> None:

@@ -93,6 +93,7 @@ def test_outliers_count_little() -> None:
     assert np.abs(found.load_n(grid) - boom_load(grid)).max() < 60.0
 
 
+@pytest.mark.extended
 def test_one_speed_a_direction_tells_no_viscous_friction() -> None:
     """Up at one speed and down at another: viscous friction, Coulomb friction and a constant load look alike."""
     time_s = STEP_S * np.arange(20_000)
@@ -179,6 +180,7 @@ def rig_sessions(cylinder: Cylinder) -> dict[str, list[RigRecording]]:
     return sessions
 
 
+@pytest.mark.extended
 def test_a_rig_that_carries_a_boom_tells_its_load(
     cylinder: Cylinder, rig_sessions: dict[str, list[RigRecording]]
 ) -> None:

@@ -71,6 +71,7 @@ def test_it_works_in_a_finished_pipeline(finished_pipeline: Path, tmp_path: Path
     assert RUN_IN_A_FINISHED_PIPELINE[command] in done.stdout
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize(("target", "sign"), [("ui", "http://"), ("serve", "curl"), ("live", "history")])
 def test_the_servers_answer(finished_pipeline: Path, target: str, sign: str) -> None:
     process = subprocess.Popen(
@@ -113,6 +114,7 @@ def test_the_servers_answer(finished_pipeline: Path, target: str, sign: str) -> 
             process.stdout.close()
 
 
+@pytest.mark.extended
 def test_an_experiment_composes(finished_pipeline: Path, tmp_path: Path) -> None:
     folder = copy_of(finished_pipeline, tmp_path)
     done = run(folder, "dvc", "exp", "run", "-S", "experiment=smoke", "-S", "register.tolerance_percent=0.2")

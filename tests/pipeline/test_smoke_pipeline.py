@@ -114,6 +114,7 @@ def test_lineage_says_which_link_is_broken(finished_pipeline: Path, tmp_path: Pa
     assert not any("processed" in line for line in broken), done.stdout
 
 
+@pytest.mark.extended
 def test_track_fills_an_empty_store_from_a_pulled_clone_without_duplicates(
     finished_pipeline: Path, tmp_path: Path
 ) -> None:

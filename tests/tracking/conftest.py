@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from candidates import registered_in
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -27,4 +29,15 @@ def pipeline(tmp_path: Path, written_pipeline: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     copy = tmp_path / "repository"
     shutil.copytree(written_pipeline, copy)
+    return copy
+
+
+@pytest.fixture(scope="session")
+def with_champion(tmp_path_factory: pytest.TempPathFactory, written_pipeline: Path) -> Path:
+    """The same after ``register`` has promoted its model; read only."""
+    copy = tmp_path_factory.mktemp("registered") / "repository"
+    shutil.copytree(written_pipeline, copy)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("MLFLOW_TRACKING_URI", raising=False)
+        registered_in(copy)
     return copy

@@ -6,6 +6,7 @@ import json
 import shutil
 import subprocess
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import mlflow
@@ -24,16 +25,15 @@ from cylinder_friction.tracking.versions import dvc_hash, locked_hashes, origin_
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from pathlib import Path
 
 URI = "models:/friction-estimator@champion"
 PROCESSED = [f"data/processed/{role}" for role in ("train", "validation", "test")]
 
 
 @pytest.fixture
-def registered(pipeline: Path) -> Path:
-    registered_in(pipeline)
-    return pipeline
+def registered(with_champion: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    return Path(shutil.copytree(with_champion, tmp_path / "repository"))
 
 
 def broken(found: Lineage) -> dict[str, str]:
@@ -62,11 +62,12 @@ def test_the_whole_way_back_holds_and_is_printed(registered: Path) -> None:
     assert lines[-1] == f"all {len(found.links)} links hold"
 
 
-def test_a_model_that_was_served_is_unchanged(registered: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", tracking_uri(registered))
+def test_a_model_that_was_served_is_unchanged(pipeline: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    registered_in(pipeline)
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", tracking_uri(pipeline))
     mlflow.pyfunc.load_model(URI)
-    assert logged(registered, "registered_model_meta").is_file()
-    assert lineage(URI, registered).holds
+    assert logged(pipeline, "registered_model_meta").is_file()
+    assert lineage(URI, pipeline).holds
 
 
 def test_an_alias_leads_to_a_version_and_its_estimator(registered: Path, tmp_path: Path) -> None:

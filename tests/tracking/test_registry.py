@@ -220,6 +220,7 @@ def test_a_version_whose_machine_stopped_holds_nobody_up_for_ever_and_does_not_p
     assert [one.tags["gate_decision"] for one in versions(pipeline)] == ["abandoned", "promoted", "refused"]
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize(
     "at",
     [

@@ -200,6 +200,7 @@ def test_it_vectorises(name: str, report: str, golden_model: StepModel, tmp_path
     assert sum("for (" in line for line in vectorised) >= 3, told
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("shape", ["whole", "learning", "learning_base"])
 @pytest.mark.parametrize("precision", ["double", "float"])
 def test_cppcheck_finds_nothing(shape: str, precision: str, golden_model: StepModel, tmp_path: Path) -> None:
@@ -231,6 +232,7 @@ def printed_by(
     return printed
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("shape", ["whole", "learning"])
 @pytest.mark.parametrize("options", ["-O0", "-O2", "-O3 -march=native -ffp-contract=off"])
 @pytest.mark.parametrize("name", COMPILERS)

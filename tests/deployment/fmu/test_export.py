@@ -42,6 +42,7 @@ STRICT = (
 )
 
 
+@pytest.mark.extended
 def test_fmpy_finds_no_problem(exported: ExportedFmu) -> None:
     assert validate_fmu(str(exported.path)) == []
 
@@ -161,6 +162,7 @@ def test_the_binary_exports_fmi_alone(exported: ExportedFmu, opened: ExtractedFm
     assert [name for name in names if not name.startswith(f"fmi{opened.version}")] == []
 
 
+@pytest.mark.extended
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
 def test_sanitizers_find_nothing(exported: ExportedFmu, opened: ExtractedFmu, tmp_path: Path) -> None:
     host = Path(__file__).parent / f"host{opened.version}.c"
