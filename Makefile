@@ -69,6 +69,7 @@ lint: install-dev ## check style, types, imports and the words
 	mypy --platform darwin --cache-dir .mypy_cache/darwin src
 	lint-imports
 	python tools/import_cycles.py
+	python tools/architecture.py
 	python tools/words.py
 
 format: install-dev ## rewrite style

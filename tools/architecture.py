@@ -30,7 +30,12 @@ def purpose(name: str) -> str:
     """Return the first line of a package's or module's docstring."""
     place = ROOT / "src" / PACKAGE / name
     source = place / "__init__.py" if place.is_dir() else place.with_suffix(".py")
-    return (ast.get_docstring(ast.parse(source.read_text(encoding="utf-8"))) or "").split("\n")[0].rstrip(".")
+    return (
+        (ast.get_docstring(ast.parse(source.read_text(encoding="utf-8"))) or "")
+        .split("\n")[0]
+        .rstrip(".")
+        .replace("``", "")
+    )
 
 
 def drawing() -> str:

@@ -22,8 +22,12 @@ In a control loop, one sample at a time, pressures in Pa (gauge) and position in
 >>> newtons == friction_n[:3].tolist()
 True
 
-With ``channels=None`` the mapping is guessed from their names and units, and a warning states each guess. Friction is
-positive when it opposes positive velocity; extension and velocity are positive together; pressures are gauge pressures.
+The examples of the single names continue this one: ``cylinder``, ``recordings``, ``labelled``, ``train``, ``test`` and
+``hybrid`` come from here.
+
+With ``channels=None`` the mapping is guessed from the channels' names and units, and a warning states each guess.
+Friction is positive when it opposes positive velocity; extension and velocity are positive together; pressures are
+gauge pressures.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The cylinder's geometry: bore, rod, stroke and moving mass, and the areas that follow from them."""
+"""The cylinder's geometry: bore, rod, stroke, moving mass, and the areas that follow."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class Cylinder:
         ValueError: A value is not a positive number, is too large to be in metres, or the rod is as thick as the bore.
 
     Example:
-        >>> cylinder = Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
+        >>> cylinder = cf.Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
         >>> round(1e4 * cylinder.piston_area_m2, 2)
         31.17
     """

@@ -1,1 +1,1 @@
-"""The commands of the command line that are not stages, one thin module each."""
+"""The command line: one thin module per command that is no stage of the pipeline."""

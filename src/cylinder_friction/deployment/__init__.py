@@ -1,4 +1,4 @@
-"""Estimators outside training: ONNX graphs, C, FMUs, served models. The only package that imports onnxruntime."""
+"""Estimators elsewhere: C, FMU, ONNX, served models. No other imports onnxruntime."""
 
 import os
 

@@ -1,1 +1,1 @@
-"""From logger files to friction, without a project around them."""
+"""From logger files to friction and friction models, without a project around them."""

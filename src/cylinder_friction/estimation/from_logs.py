@@ -124,6 +124,14 @@ def estimate_logs(
             used are listed in ``refused``.
         FileExistsError: The folder holds something else, or is, holds or lies in what is read, or another call is
             writing it.
+
+    Example:
+        >>> logs = "data/raw/rig/condition1_*.csv"
+        >>> result = cf.estimate_logs(logs, cylinder, "friction", channels="conf/ingest/rig.yaml")
+        >>> [recording.name for recording in result.recordings]  # doctest: +ELLIPSIS
+        ['condition1_session01_recording01', ...]
+        >>> result.refused
+        []
     """
     into = Path(into)
     files = files if isinstance(files, str | Path) else list(files)

@@ -105,6 +105,14 @@ def identify_logs(
             cannot be used are listed in ``refused``.
         FileExistsError: The folder holds something else, or is, holds or lies in what is read, or another call is
             writing it.
+
+    Example:
+        >>> logs = "data/raw/rig/condition1_*.csv"
+        >>> models = cf.identify_logs(logs, cylinder, "friction_models", channels="conf/ingest/rig.yaml", generations=2)
+        >>> [curve.condition for curve in models.curves]
+        ['1']
+        >>> len(models.curves[0].points) > 0  # friction at steady velocities, with intervals
+        True
     """
     into = Path(into)
     if generations < 1:

@@ -1,1 +1,1 @@
-"""Everything that estimates friction from a recording, behind one protocol; ``loading`` knows every kind."""
+"""Everything that estimates friction from a recording, behind one protocol."""

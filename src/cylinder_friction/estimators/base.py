@@ -64,6 +64,17 @@ class FrictionEstimator(ABC):
             it is not. Training sees samples whose identified zeros are taken off.
         position_load: The load that position decides, taken off as if a load cell had measured it; None: a load is
             among the inputs, or there is none. Set before ``fit``.
+
+    Example:
+        >>> hybrid.inputs, hybrid.sample_time_s
+        (('pressure_1_pa', 'pressure_2_pa', 'position_m'), 0.005)
+        >>> friction_n = hybrid.estimate(test[0])
+        >>> friction_n.shape == (len(test[0]),)
+        True
+        >>> stream = hybrid.real_time()  # as in a control loop: newtons with bounds, and flags
+        >>> newtons, flags = stream.run(test[0].samples())
+        >>> newtons.shape == (len(test[0]), 3)
+        True
     """
 
     kind: ClassVar[str]

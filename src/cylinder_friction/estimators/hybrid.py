@@ -67,8 +67,6 @@ class HybridState:
 class HybridEstimator(FrictionEstimator):
     """LSTM + random forest on causally filtered samples.
 
-    Example: ``HybridEstimator(cylinder).fit(recordings).estimate(recording)``.
-
     Args:
         cylinder: Its areas; needed for ``fit`` alone.
         design: ``force_balance``, ``paper`` or ``full``, see ``fit_front_end``.
@@ -83,6 +81,12 @@ class HybridEstimator(FrictionEstimator):
         lag_s: How long after a moment its friction is estimated [s].
         position_load: The load that position decides, see ``labelling.load.pooled_load``; None: a load is among the
             inputs, or there is none.
+
+    Example:
+        >>> from dataclasses import replace
+        >>> plan = cf.HybridEstimator(cylinder).plan
+        >>> small = cf.HybridEstimator(cylinder, plan=replace(plan, epochs=1)).fit(train)
+        >>> comparison = cf.compare({"hybrid": small}, test)
     """
 
     kind: ClassVar[str] = "hybrid"

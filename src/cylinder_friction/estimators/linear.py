@@ -238,6 +238,11 @@ class RidgeEstimator(LinearEstimator):
         lags: Samples that it looks back on, the present one included.
         penalty: Weight of the squared coefficients, in standardised units.
         inputs: Columns of a sample.
+
+    Example:
+        >>> ridge = cf.RidgeEstimator(lags=20).fit(train)
+        >>> ridge.estimate(test[0]).shape == (len(test[0]),)
+        True
     """
 
     kind: ClassVar[str] = "ridge"

@@ -28,5 +28,11 @@ def load_estimator(folder: str | Path) -> FrictionEstimator:
     Raises:
         FileNotFoundError: The folder holds no saved estimator.
         ValueError: The kind is not known.
+
+    Example:
+        >>> hybrid.save("hybrid")
+        >>> loaded = cf.load("hybrid")
+        >>> loaded.estimate(test[0]).tolist() == hybrid.estimate(test[0]).tolist()
+        True
     """
     return FrictionEstimator.load(folder)

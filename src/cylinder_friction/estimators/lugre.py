@@ -27,6 +27,13 @@ class LugreEstimator(AnalyticalEstimator):
 
     Attributes:
         parameters: The model; None before ``fit``.
+
+    Example:
+        >>> lugre = cf.LugreEstimator(cylinder, generations=2).fit(train)
+        >>> lugre.condition  # where friction is smallest
+        '1'
+        >>> lugre.parameters.coulomb_n > 0.0
+        True
     """
 
     kind: ClassVar[str] = "lugre"

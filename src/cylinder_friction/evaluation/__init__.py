@@ -1,1 +1,1 @@
-
+"""Everything computed about results: errors, comparison, residuals, inspection."""

@@ -187,6 +187,11 @@ def compare(
     Raises:
         RecordingError: Nothing to compare on; a condition without usable rows or without friction; an estimate or
             label that is not finite; truth of another length than its recording.
+
+    Example:
+        >>> ridge = cf.RidgeEstimator().fit(train)
+        >>> print(cf.compare({"hybrid": hybrid, "ridge": ridge}, test))  # doctest: +ELLIPSIS
+        Mean absolute error against the label...
     """
     settings, truth_n = settings or ComparisonSettings(), truth_n or {}
     if not recordings or not estimators:

@@ -1,1 +1,1 @@
-"""Where work runs: in this process, in processes of this machine, or on a Dask cluster."""
+"""Where work runs: this process, processes of this machine, or a Dask cluster."""

@@ -1,1 +1,1 @@
-"""Friction as a function of motion: analytical models, and their identification from labelled recordings."""
+"""Friction as a function of motion, and the identification of such models from labels."""

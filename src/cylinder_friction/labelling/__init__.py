@@ -1,1 +1,1 @@
-"""Labels: friction from the equation of motion, load and mass, the usable rows, and how wrong the label is."""
+"""Labels: the equation of motion, load, mass, sensor offsets, usable rows, uncertainty."""

@@ -255,6 +255,11 @@ def label(
     Raises:
         RecordingError: A recording's columns contradict ``load``, or a session does not determine its load.
         ValueError: There is no recording, or a mode is not known.
+
+    Example:
+        >>> labelled = cf.label(recordings, cylinder)
+        >>> [name for name in labelled[0].table.columns if name not in recordings[0].table.columns]
+        ['velocity_m_s', 'friction_uncertainty_n', 'friction_n', 'usable']
     """
     known = load if isinstance(load, PositionLoad) else None
     mode: LoadMode = "none" if isinstance(load, PositionLoad) else load
@@ -280,6 +285,12 @@ def position_load(
 
     Raises:
         RecordingError: There is no recording, or the strokes of a session do not determine its load.
+
+    Example:
+        >>> weight_pa = 900.0 / cylinder.piston_area_m2  # as if a weight hung on the rod
+        >>> loaded = [each.with_columns(pressure_1_pa=each.column("pressure_1_pa") + weight_pa) for each in recordings]
+        >>> load = cf.position_load(loaded, cylinder)
+        >>> knows_the_load = cf.HybridEstimator(cylinder, position_load=load)
     """
     signal_filter = signal_filter or default_filter(cylinder)
     sessions = by_session(filtered(recording, signal_filter) for recording in recordings)

@@ -261,6 +261,12 @@ def fit_offset_model(
         RecordingError: There is no recording, nothing slides steadily, there are no labels, or the uncertainty of a
             sensor's zero is not stated. That of a load identified from position never is: such a load has absorbed
             the offset already.
+
+    Example:
+        >>> from dataclasses import replace
+        >>> offsets = cf.fit_offset_model(train, cylinder)
+        >>> corrected = offsets.corrected(train)  # labels without the offset of each session's zeros
+        >>> with_tracker = cf.HybridEstimator(cylinder, plan=replace(hybrid.plan, epochs=1)).fit(corrected)
     """
     return offset_model([sliding_blocks(each, cylinder, plan) for each in recordings], cylinder, plan, columns)
 

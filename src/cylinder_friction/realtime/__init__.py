@@ -1,1 +1,1 @@
-"""One step of an estimator in real time: what it needs, how it is guarded, and the step itself."""
+"""The step of an estimator, once in Python: packed model, guard, bounds, flags, stream."""

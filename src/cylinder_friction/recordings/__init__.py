@@ -1,1 +1,1 @@
-"""Recordings: what one is, how files become one, how it is checked and stored."""
+"""What a recording is, how files become one, how it is checked, stored and split."""

@@ -58,10 +58,9 @@ def read_logs(
         FileNotFoundError: The mapping's file does not exist.
 
     Example:
-        >>> from cylinder_friction.cylinder import Cylinder
-        >>> from cylinder_friction.recordings.reading_logs import read_logs
-        >>> cylinder = Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
-        >>> recordings = read_logs("data/raw/rig/*.csv", "conf/ingest/rig.yaml", cylinder)  # doctest: +SKIP
+        >>> recordings = cf.read_recordings("data/raw/rig/*.csv", "conf/ingest/rig.yaml", cylinder)
+        >>> sorted({recording.metadata.condition for recording in recordings})
+        ['1', '2', '3', '4']
     """
     logs = find_logs(files, channels, cylinder, names=names, load=load)
     outcomes = list(convert_in_parts(logs.files, logs.recipe))

@@ -82,6 +82,14 @@ class Recording:
     with ``drive_force_n``: ``pressure_1_pa`` (piston side, gauge) and ``pressure_2_pa`` (rod side, gauge). Later stages
     add ``velocity_m_s``, ``acceleration_m_s2``, ``friction_n`` (positive when it opposes positive velocity) and
     ``usable`` (mask).
+
+    Example:
+        >>> recording = labelled[0]
+        >>> recording.metadata.condition, recording.metadata.session
+        ('1', 'condition1_session01')
+        >>> friction_n = recording.column("friction_n")[recording.usable()]
+        >>> recording.samples().shape  # pressure 1, pressure 2 and position of every sample
+        (6000, 3)
     """
 
     metadata: RecordingMetadata

@@ -58,6 +58,12 @@ def split(
     """Return the recordings for training and those held out, in the given order; no session is in both.
 
     Of each condition, ``test_sessions`` are held out, and another seed holds out others; refuses as ``split_sessions``.
+
+    Example:
+        >>> train, test = cf.split(labelled)
+        >>> sessions = {recording.metadata.session for recording in train}
+        >>> any(recording.metadata.session in sessions for recording in test)
+        False
     """
     held_out = set(split_sessions([recording.metadata for recording in recordings], test_sessions, 0, seed)["test"])
     train = [recording for recording in recordings if recording.name not in held_out]

@@ -1,1 +1,1 @@
-"""What people look at: figures, tables, the comparison report and the inspection page."""
+"""What people look at: pages, figures and tables. It draws and computes nothing."""

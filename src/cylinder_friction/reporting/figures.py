@@ -75,6 +75,10 @@ def plot(recording: Recording, estimate: Array | BoundedEstimate | None = None, 
 
     Raises:
         ValueError: An estimate or the truth has another length than the recording.
+
+    Example:
+        >>> figure = cf.plot(test[0], hybrid.estimate(test[0]))
+        >>> figure.savefig("friction.png")
     """
     return draw(_plot, recording, estimate, truth_n)
 

@@ -1,1 +1,1 @@
-"""The simulated test bench: hydraulics, true friction, hand lever, sensors, faults, and campaigns of recordings."""
+"""The simulated test bench: hydraulics, true friction, sensors, faults, campaigns."""

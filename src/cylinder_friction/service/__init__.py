@@ -1,1 +1,1 @@
-"""Everything that is asked over a network: tables scored over HTTP, live sessions, their links, access, logs."""
+"""Everything asked over a network: HTTP scoring, live sessions, links, access, metrics."""

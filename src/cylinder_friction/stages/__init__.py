@@ -1,1 +1,1 @@
-"""The stages of the pipeline, one thin module each; ``dvc.yaml`` runs them."""
+"""The pipeline: one thin module per stage of ``dvc.yaml``."""

@@ -1,1 +1,1 @@
-"""Contract suites and golden trajectories that any estimator or friction model can be tested with."""
+"""Contract suites and golden trajectories, also for estimators of your own."""

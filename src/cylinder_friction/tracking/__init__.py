@@ -1,4 +1,4 @@
-"""MLflow: runs, lineage, registry and the promotion gate. The only package that imports mlflow."""
+"""MLflow: runs, lineage, registry and the promotion gate. No other package imports mlflow."""
 
 import os
 
