@@ -4,7 +4,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 import pytest
 
 from cylinder_friction.recordings.checks.limits import CheckLimits
@@ -15,6 +14,7 @@ from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import read_recordings
+from logger_files import CHANNELS, write_log
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -25,35 +25,17 @@ if TYPE_CHECKING:
 LIMITS = CheckLimits(stroke_m=0.25)
 
 
-def log(recording: Recording, path: Path) -> None:
-    """Write a recording as the rig's logger does."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    pd.DataFrame(
-        {
-            "Time [s]": recording.column("time_s"),
-            "P1 [bar]": recording.column("pressure_1_pa") / 1e5,
-            "P2 [bar]": recording.column("pressure_2_pa") / 1e5,
-            "Position [mm]": recording.column("position_m") * 1e3,
-        }
-    ).to_csv(path, index=False)
-
-
 @pytest.fixture
 def source(tmp_path: Path, labelled_recordings: list[Recording]) -> Source:
     folder = tmp_path / "raw"
     for number, recording in enumerate(labelled_recordings[:3]):
-        log(recording, folder / f"condition1_session0{number}_recording01.csv")
+        write_log(folder / f"condition1_session0{number}_recording01.csv", recording)
     return Source(
         folder,
         "*.csv",
         Recipe(
             NameRules(r"(?P<session>condition(?P<condition>[^_/]+)_session[^_/]+)_[^/]*\.csv$"),
-            {
-                "time_s": ChannelMapping("Time [s]", "s"),
-                "pressure_1_pa": ChannelMapping("P1 [bar]", "bar"),
-                "pressure_2_pa": ChannelMapping("P2 [bar]", "bar"),
-                "position_m": ChannelMapping("Position [mm]", "mm"),
-            },
+            {column: ChannelMapping.from_dict(entry) for column, entry in CHANNELS.items()},
             "made",
             LIMITS,
         ),
@@ -78,8 +60,8 @@ def test_good_files_become_recordings(source: Source, tmp_path: Path, labelled_r
 
 
 def test_two_files_of_one_name(source: Source, tmp_path: Path, labelled_recordings: list[Recording]) -> None:
-    log(labelled_recordings[4], source.folder / "x/condition1_session00_recording01.csv")
-    log(labelled_recordings[5], source.folder / "x-condition1_session00_recording01.csv")
+    write_log(source.folder / "x/condition1_session00_recording01.csv", labelled_recordings[4])
+    write_log(source.folder / "x-condition1_session00_recording01.csv", labelled_recordings[5])
     result = ingest(replace(source, pattern="**/*.csv"), tmp_path / "out")
     (entry,) = result.quarantined
     assert entry.file == "x-condition1_session00_recording01.csv"

@@ -92,15 +92,6 @@ def test_a_converter_s_values_take_the_bits_that_it_has(tmp_path: Path) -> None:
     assert coarse < 4000 * 3 * 2.5 < 4000 * 3 * 6.0 < fine < 4000 * 3 * 8.0
 
 
-def test_values_read_are_not_changed_by_accident(tmp_path: Path) -> None:
-    table = read_recording(write_recording(tmp_path, made())).table
-    with pytest.raises(ValueError, match="read-only"):
-        table.loc[0, "position_m"] = 1.0
-    copy = table.copy()
-    copy.loc[0, "position_m"] = 1.0
-    assert copy["position_m"].iloc[0] == 1.0 != table["position_m"].iloc[0]
-
-
 def test_a_foreign_parquet_file_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "foreign.parquet"
     made().table.to_parquet(path)
