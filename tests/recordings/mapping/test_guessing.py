@@ -225,14 +225,12 @@ def test_the_way_position_counts_is_read_from_the_work_of_friction(sign: int) ->
     assert ("CHECK: sign -1 because" in text) == (sign == -1)
 
 
-def test_the_template_can_be_another_and_the_names_pattern_finds_test_and_session() -> None:
+def test_the_pattern_of_names_finds_condition_and_session() -> None:
     guess = guess_mapping([LoggedTable(pd.DataFrame({"t": TIME}))], Path("logs/no-load_day1_3.csv.gz"))
     loaded = yaml.safe_load(mapping_yaml(guess))
     assert (loaded["source"], loaded["pattern"]) == ("logs", "**/*.csv.gz")
     names = NameRules(loaded["name_pattern"]).names("a/no-load_day1_3.csv.gz")
     assert (names.condition, names.session) == ("no-load", "no-load_day1_3")
-    short = mapping_yaml(guess, source="data/raw/own", template="from: {source}\nchannels:\n{channels}\n")
-    assert yaml.safe_load(short)["from"] == "data/raw/own"
 
 
 NAMES = st.one_of(

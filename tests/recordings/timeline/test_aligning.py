@@ -234,7 +234,6 @@ def test_a_drifting_clock_is_followed() -> None:
 @pytest.mark.parametrize(
     ("columns", "rules", "message"),
     [
-        ({}, {}, "has no columns, expected at least one; map its channels"),
         (one(EVEN_S[:2]), {}, "has 2 rows, expected at least 3"),
         (one(1.7e18 + 5e6 * np.arange(ROWS)), {}, "time_s is not a number, or beyond 1e+15 s, in 2000 of 2000 rows"),
         (one(EVEN_S, np.full(ROWS, np.nan)), {}, "a has no finite value in 2000 rows, expected at least 3"),

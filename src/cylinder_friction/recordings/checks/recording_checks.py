@@ -161,7 +161,11 @@ def _findings(table: pd.DataFrame, limits: CheckLimits, sample_time_s: float) ->
     seen = {name: _survey(values, columns[POSITION]) for name, values in columns.items()}
     for finding in (
         *_of_position(columns[POSITION], seen[POSITION], sample_time_s, limits),
-        *(_of_force(seen, limits) if DRIVE_FORCE in columns else _of_pressures(columns, seen, limits)),
+        *(
+            _alive(DRIVE_FORCE, "force", seen[DRIVE_FORCE], limits.least_force_span_n, limits)
+            if DRIVE_FORCE in columns
+            else _of_pressures(columns, seen, limits)
+        ),
         *(_of_load(columns[LOAD_FORCE], seen[LOAD_FORCE], limits) if LOAD_FORCE in columns else ()),
     ):
         valid = valid and finding.outcome != "refused"
@@ -226,10 +230,6 @@ def _position_stuck(position_m: Array, sample_time_s: float, limits: CheckLimits
         "the piston moved; cut the log there"
     )
     return Finding("position_stuck", "refused", text)
-
-
-def _of_force(seen: dict[str, _Survey], limits: CheckLimits) -> Iterator[Finding]:
-    yield from _alive(DRIVE_FORCE, "force", seen[DRIVE_FORCE], limits.least_force_span_n, limits)
 
 
 def _of_pressures(columns: dict[str, Array], seen: dict[str, _Survey], limits: CheckLimits) -> Iterator[Finding]:

@@ -35,7 +35,11 @@ def write_tables(stream: IO[bytes], tables: Sequence[LoggedTable]) -> None:
     write_message(stream, len(tables))
     for table in tables:
         columns = {str(number): table.channels.iloc[:, number] for number in range(table.channels.shape[1])}
-        plain = {number: pa.array(column.to_numpy()) for number, column in columns.items() if _is_plain(column)}
+        plain = {
+            number: pa.array(column.to_numpy())
+            for number, column in columns.items()
+            if isinstance(column.dtype, np.dtype) and column.dtype.kind in "biufM"
+        }
         described = {
             "rows": len(table.channels),
             "names": list(table.channels.columns),
@@ -66,7 +70,3 @@ def _table(table: Any) -> LoggedTable:
     channels.columns = pd.Index(described["names"], dtype=object)
     about = described["about"]
     return LoggedTable(channels, about["units"], about["name"], tuple(about["unread"]), tuple(about["notes"]))
-
-
-def _is_plain(column: pd.Series[Any]) -> bool:
-    return isinstance(column.dtype, np.dtype) and column.dtype.kind in "biufM"

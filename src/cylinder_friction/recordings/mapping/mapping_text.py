@@ -30,24 +30,20 @@ name_table: null
 channels:
 {channels}
 """
-"""What cannot be guessed; the lines in place of ``{channels}`` are indented by two blanks."""
+"""What cannot be guessed. The lines in place of ``{channels}`` are indented by two blanks."""
 
 
-def mapping_yaml(guess: GuessedMapping, source: str = "", template: str = TEMPLATE) -> str:
-    """Return the text of ``conf/ingest/<name>.yaml``; the folder ``source`` is by default the one of the file.
-
-    The template holds ``{file}``, and as whole YAML values ``{source}``, ``{pattern}``, ``{name_pattern}`` and
-    ``{channels}``.
-    """
+def mapping_yaml(guess: GuessedMapping) -> str:
+    """Return the text of ``conf/ingest/<name>.yaml``, with the file's folder as the source."""
     suffix = _suffix(guess.path.name)
     filled = {
         "file": in_comment(guess.path.name),
-        "source": quoted(source or guess.path.parent.as_posix()),
+        "source": quoted(guess.path.parent.as_posix()),
         "pattern": quoted(f"**/*{glob.escape(suffix)}"),
         "name_pattern": quoted(rf"(?P<session>(?P<condition>[^/]+?)(?:_[^/]*)?){re.escape(suffix)}$"),
         "channels": "\n".join(f"  {line}" for line in channel_lines(guess)),
     }
-    return re.sub(r"\{(\w+)\}", lambda match: filled[match[1]], template)
+    return re.sub(r"\{(\w+)\}", lambda match: filled[match[1]], TEMPLATE)
 
 
 def channel_lines(guess: GuessedMapping) -> list[str]:

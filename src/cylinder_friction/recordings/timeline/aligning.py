@@ -74,14 +74,7 @@ def align(signals: Mapping[str, Signal], rules: TimeRules, origin_s: float | Non
 
 
 def _check(signals: Mapping[str, Signal]) -> None:
-    if not signals:
-        raise RecordingError("has no columns, expected at least one; map its channels")
     for column, signal in signals.items():
-        if signal.time_s.shape != signal.values.shape or signal.values.ndim != 1:
-            raise ValueError(
-                f"{column}: expected one time stamp per value, but got shapes {signal.time_s.shape} and "
-                f"{signal.values.shape}"
-            )
         if len(signal.values) < 3:
             raise RecordingError(f"has {len(signal.values)} rows, expected at least 3")
         if not np.isfinite(signal.values).any():

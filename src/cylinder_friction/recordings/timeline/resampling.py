@@ -76,8 +76,6 @@ def windowed_sinc(values: Array, positions: Array, rate_ratio: float) -> Array:
     Source: Smith 1984, Digital audio resampling; Oppenheim and Schafer, Discrete-time signal processing, section 7.5
     (Kaiser window).
     """
-    if not rate_ratio > 0.0:
-        raise ValueError(f"expected rate_ratio to be positive, but got {rate_ratio!r}")
     return _sinc(np.ascontiguousarray(values), positions, min(1.0, rate_ratio), _kernel(), HALF_WIDTH)
 
 
