@@ -79,7 +79,7 @@ def test_it_meets_the_golden_trajectories(name: str, model: str, opened: Opened)
 @pytest.mark.parametrize("model", sorted(MODELS))
 @pytest.mark.parametrize("name", STEPPING)
 def test_reset_is_exact(name: str, model: str, opened: Opened) -> None:
-    samples = TRAJECTORIES[model]["bad_samples"].samples[:700]
+    samples = TRAJECTORIES[model]["bad_samples"].samples[:701]  # odd: the ONNX stream has two bindings in turn
     stream = opened(name, model)
     first, first_flags = run(stream, samples)
     stream.reset()

@@ -49,18 +49,6 @@ def test_time_follows_the_steps(instance: FmuInstance, samples: Samples) -> None
     assert instance.get_real("time") == pytest.approx((3.02,))
 
 
-def test_warm_up_is_pythons(instance: FmuInstance, model: StepModel, samples: Samples) -> None:
-    python = RealTimeStream(model)
-    steps = model.guard.warm_up_samples
-    python.warm_up(*samples[0], steps=steps)
-    instance.initialize(warm_up_steps=steps, sample=samples[0])
-    assert instance.get_integer("warm_up_steps") == steps
-    for sample in samples[:20]:
-        expected = python.step(*sample)
-        assert instance.step(sample) == pytest.approx(expected, abs=NEWTONS)
-        assert not expected.flags & Flag.WARMING
-
-
 def test_a_restored_state_goes_on_as_before(instance: FmuInstance, samples: Samples) -> None:
     instance.initialize()
     for sample in samples[:100]:
@@ -120,21 +108,6 @@ def test_a_stored_state_that_does_not_fit_is_refused(instance: FmuInstance, harm
     with pytest.raises(FMICallException):
         instance.read(harm(stored))
     assert said in instance.log[-1]
-
-
-def test_instances_do_not_touch_each_other(opened: ExtractedFmu, samples: Samples) -> None:
-    alone = opened.instance("alone")
-    alone.initialize()
-    expected = [alone.step(sample) for sample in samples[:100]]
-    alone.close()
-    one, two = opened.instance("one"), opened.instance("two")
-    one.initialize()
-    two.initialize()
-    for row in range(100):
-        assert one.step(samples[row]) == expected[row]
-        two.step(samples[row + 200])
-    one.close()
-    two.close()
 
 
 def test_reset_starts_afresh(instance: FmuInstance, samples: Samples) -> None:

@@ -7,9 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import onnxruntime
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from contracts.tolerances import TOLERANCES_N
 from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
@@ -63,34 +60,6 @@ def test_short_recordings(golden_model: StepModel, samples: np.ndarray, rows: in
 def test_a_recording_without_a_sound_sample_is_never_ready(golden_model: StepModel, rows: int) -> None:
     outputs = at_once(golden_model, np.full((rows, 3), np.nan))
     np.testing.assert_array_equal(outputs, np.tile([0.0, 0.0, 0.0, 1 + 8 + 16 + 32], (rows, 1)))
-
-
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
-    bad=arrays(np.float64, (60, 3), elements=st.sampled_from([0.0, 0.0, 0.0, np.nan, np.inf, -np.inf, 1e308, 2e6])),
-    start=st.integers(0, 2000),
-)
-def test_any_disturbance_gets_pythons_flags(
-    golden_model: StepModel, samples: np.ndarray, bad: np.ndarray, start: int
-) -> None:
-    disturbed = np.where(bad == 0.0, samples[start : start + 60], bad)
-    expected, got = rolled(RealTimeStream(golden_model), disturbed), at_once(golden_model, disturbed)
-    np.testing.assert_array_equal(got[:, 3], expected[:, 3])
-    assert np.isfinite(got).all()
-
-
-def test_a_bad_sample_is_forgotten_by_the_filters_and_the_network(golden_model: StepModel, samples: np.ndarray) -> None:
-    stream = open_step(step_graph(golden_model))
-    rolled(stream, np.full((5, 3), np.nan))
-    after_bad = rolled(stream, samples[200:300])
-    np.testing.assert_array_equal(after_bad, rolled(open_step(step_graph(golden_model)), samples[200:300]))
-
-
-def test_reset_is_a_fresh_start(golden_model: StepModel, samples: np.ndarray) -> None:
-    stream = open_step(step_graph(golden_model))
-    first = rolled(stream, samples[:301])  # an odd number: the other of the two bindings is next
-    stream.reset()
-    np.testing.assert_array_equal(rolled(stream, samples[:301]), first)
 
 
 def test_streams_on_one_session_do_not_touch_each_other(golden_model: StepModel, samples: np.ndarray) -> None:
