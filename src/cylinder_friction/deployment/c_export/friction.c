@@ -91,24 +91,24 @@ static real estimate(estimator_state *state, const real filtered[ROWS])
     const real ratio = velocity / LUGRE_DAMPING_VELOCITY_M_S;
     real dry, decay, after, rise;
     if (!(speed > R(0.0))) {
-        return LUGRE_STIFFNESS_N_M * state->bristle_m;
+        return LUGRE_BRISTLE_STIFFNESS_N_M * state->bristle_m;
     }
     dry = LUGRE_COULOMB_N
-        + LUGRE_FALLING_N * M(exp)(-M(exp)(LUGRE_EXPONENT * (M(log)(speed) - LUGRE_LOG_STRIBECK)));
+        + LUGRE_FALLING_N * M(exp)(-M(exp)(LUGRE_STRIBECK_EXPONENT * (M(log)(speed) - LUGRE_LOG_STRIBECK)));
 #if LUGRE_HAS_PRESSURES
     {
         const real pressure = state->held[LUGRE_PRESSURE_1] + state->held[LUGRE_PRESSURE_2];
-        dry *= R(1.0) + LUGRE_SLOPE_N_PA * (pressure > R(0.0) ? pressure : R(0.0)) / LUGRE_COULOMB_N;
+        dry *= R(1.0) + LUGRE_PRESSURE_SLOPE_N_PA * (pressure > R(0.0) ? pressure : R(0.0)) / LUGRE_COULOMB_N;
     }
 #endif
     if (velocity < R(0.0)) {
         dry *= LUGRE_RETRACT_RATIO;
     }
-    decay = LUGRE_STIFFNESS_N_M * speed * STEP_S / dry;
-    after = state->bristle_m * M(exp)(-decay) - M(expm1)(-decay) * (velocity / speed) * (dry / LUGRE_STIFFNESS_N_M);
+    decay = LUGRE_BRISTLE_STIFFNESS_N_M * speed * STEP_S / dry;
+    after = state->bristle_m * M(exp)(-decay) - M(expm1)(-decay) * (velocity / speed) * (dry / LUGRE_BRISTLE_STIFFNESS_N_M);
     rise = (after - state->bristle_m) / STEP_S;
     state->bristle_m = after;
-    return LUGRE_STIFFNESS_N_M * after + LUGRE_DAMPING_N_S_M * M(exp)(-(ratio * ratio)) * rise
+    return LUGRE_BRISTLE_STIFFNESS_N_M * after + LUGRE_BRISTLE_DAMPING_N_S_M * M(exp)(-(ratio * ratio)) * rise
         + LUGRE_VISCOUS_N_S_M * velocity;
 }
 #endif
@@ -653,11 +653,11 @@ static void take_block(estimator_state *state, real velocity_m_s)
 {
     const real direction = (real)state->stroke_direction;
     const real samples = (real)state->block_samples;
-    const real speed = state->stroke_direction == 0 ? SPEED_MEAN_M_S : direction * state->block_velocity_m_s / samples;
+    const real speed = state->stroke_direction == 0 ? SPEED_MEAN : direction * state->block_velocity_m_s / samples;
     const real ranged[4] = {block_mean(state, PRESSURE_OF), speed, block_mean(state, LOAD_OF),
                             block_mean(state, TEMPERATURE_OF) - REFERENCE_C};
     const real balance = block_mean(state, BALANCE_OF)
-        - MASS_KG * ((velocity_m_s - state->block_first_m_s) / BLOCK_DURATION_S);
+        - MASS_KG * ((velocity_m_s - state->block_first_m_s) / DURATION_S);
     const real even = EVEN_CONSTANT_N + EVEN_PRESSURE * ranged[0];
     real explains[OWN] = {R(1.0), R(0.0), R(0.0), R(0.0), R(1.0)};
     real known, level, first_level_n;
@@ -683,7 +683,7 @@ static void take_block(estimator_state *state, real velocity_m_s)
     level = state->directions == (EXTENDED | RETRACTED) ? level : state->level_n;
     explains[1] = level;
     explains[2] = direction * level;
-    explains[3] = explains[2] * (speed - SPEED_MEAN_M_S) / SPEED_DEVIATION_M_S;
+    explains[3] = explains[2] * (speed - SPEED_MEAN) / SPEED_DEVIATION;
     if (!update_own(state, balance - direction * known - even, explains)) {
         state->directions = directions;
         state->level_n = first_level_n;
@@ -696,7 +696,7 @@ static void learn_offset(estimator_state *state, real velocity_m_s, const real s
     const int32_t direction = valid ? moving : NOWHERE;
     const uint32_t longest = direction == 0 ? BLOCK_SAMPLES : SETTLING_SAMPLES;
     int channel;
-    state->own_covariance[0][0] += WALK_VARIANCE;
+    state->own_covariance[0][0] += WALK;
     if (direction != state->stroke_direction) {
         begin_stroke(state, direction);
     }

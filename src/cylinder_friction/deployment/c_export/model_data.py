@@ -108,36 +108,12 @@ class FilterBank:
 
 
 def model_data(model: StepModel | LugreModel, forest: FlatForest | None, real: Type) -> Data:
-    """Return every macro and array of ``friction.c`` by name."""
+    """Return every macro and array of ``friction.c`` by name; those of guard and bounds are named like their fields."""
     step = model.step if isinstance(model, LugreModel) else model
     bank, load, forces = FilterBank(step), step.position_load, force_limits(step)
     learned = step.network is not None or forest is not None
-    guard, bounds, limits = step.guard, step.bounds, step.feature_limits
     data: Data = {
         "SINGLE_PRECISION": real == "float",
-        "INPUTS": len(step.inputs),
-        "CHANNELS": len(step.channels),
-        "POSITION": step.position,
-        "STEP_S": step.sample_time_s,
-        **_filters(bank, real),
-        "BASE_N": f"({number(0.0, real)})" if bank.base is None else f"filtered[{bank.base}]",
-        "VELOCITY_ROW": bank.velocity,
-        "TARGET_MEAN_N": step.target_mean_n,
-        "TARGET_SCALE_N": step.target_scale_n,
-        "ACCEPT_LOWER": np.array(guard.accept_lower),
-        "ACCEPT_UPPER": np.array(guard.accept_upper),
-        "TRAINED_LOWER": np.array(guard.trained_lower),
-        "TRAINED_UPPER": np.array(guard.trained_upper),
-        "INVALID": np.array([invalid_flag(name) for name in step.inputs], dtype=np.uint32),
-        "PRESSURES": len(step.pressures),
-        "FREEZE_TRAVEL_M": guard.freeze_travel_m,
-        "FREEZE_SAMPLES": f"{guard.freeze_samples}u",
-        "FREEZE_FORCE_N": guard.freeze_force_n,
-        "LOWER_N": np.array(bounds.lower_n),
-        "UPPER_N": np.array(bounds.upper_n),
-        "STANDSTILL_M_S": bounds.standstill_m_s,
-        "CREEP_M_S": bounds.creep_m_s,
-        "REVERSAL_SAMPLES": f"{bounds.reversal_samples}u",
         "IS_LUGRE": isinstance(model, LugreModel),
         "HAS_FEATURES": learned,
         "HAS_HISTORY": learned and step.history is not None,
@@ -148,9 +124,21 @@ def model_data(model: StepModel | LugreModel, forest: FlatForest | None, real: T
         "HAS_LOAD": load is not None,
         "HAS_FORCE_LIMITS": forces.size > 0,
         "LEARNS_OFFSET": step.offset is not None,
+        "INPUTS": len(step.inputs),
+        "CHANNELS": len(step.channels),
+        "POSITION": step.position,
+        "PRESSURES": len(step.pressures),
+        "PRESSURE": np.array(step.pressures, dtype=np.int32),
+        "INVALID": np.array([invalid_flag(name) for name in step.inputs], dtype=np.uint32),
+        "STEP_S": step.sample_time_s,
+        **_filters(bank, real),
+        "BASE_N": f"({number(0.0, real)})" if bank.base is None else f"filtered[{bank.base}]",
+        "VELOCITY_ROW": bank.velocity,
+        "TARGET_MEAN_N": step.target_mean_n,
+        "TARGET_SCALE_N": step.target_scale_n,
+        **_named("", vars(step.guard)),
+        **_named("", vars(step.bounds)),
     }
-    if step.pressures:
-        data["PRESSURE"] = np.array(step.pressures, dtype=np.int32)
     if isinstance(model, LugreModel):
         data |= _lugre(model, bank)
     if learned:
@@ -158,7 +146,7 @@ def model_data(model: StepModel | LugreModel, forest: FlatForest | None, real: T
             "LINEAR_FEATURES": len(bank.feature),
             "FEATURES": step.feature_count,
             "FEATURE_ROW": np.array(bank.feature, dtype=np.int32),
-            "FEATURE_LIMIT": np.maximum(limits, 0.0),
+            "FEATURE_LIMIT": np.maximum(step.feature_limits, 0.0),
             "FEATURE_MEAN": step.feature_mean,
             "FEATURE_SCALE": step.feature_scale,
         }
@@ -174,11 +162,19 @@ def model_data(model: StepModel | LugreModel, forest: FlatForest | None, real: T
         data["LOAD_N"] = load.load_n
     if forces.size:
         data |= {"FORCE_OF": forces[0][:-3], "SUMMED": forces[1][:-3], "LINE_N": forces[0][-3:]}
-        data |= {"LINE_SLOPE": forces[1][-3:], "CLEAR_SAMPLES": f"{guard.clear_samples}u"}
-        data["LEAST_PRESSURE_PA"] = guard.least_pressure_pa
+        data["LINE_SLOPE"] = forces[1][-3:]
     if step.offset is not None:
-        data |= _offset(step, step.offset, bank, real)
-    return data
+        data |= _offset(step.offset, bank, real)
+    return {name: value for name, value in data.items() if not isinstance(value, np.ndarray) or value.size}
+
+
+def _named(prefix: str, fields: Mapping[str, Any]) -> Data:
+    """Return the numbers among the fields of a dataclass by their names in capitals; tuples are arrays."""
+    numbers = {name: value for name, value in fields.items() if not isinstance(value, str)}
+    return {
+        f"{prefix}{name.upper()}": np.array(value, dtype=np.float64) if isinstance(value, tuple) else value
+        for name, value in numbers.items()
+    }
 
 
 def has_head(model: StepModel) -> bool:
@@ -255,25 +251,16 @@ def _calls(calls: Iterable[str]) -> str:
 
 def _lugre(model: LugreModel, bank: FilterBank) -> Data:
     law, motion = model.parameters, model.velocity
-    places = {f"LUGRE_PRESSURE_{which}": place for which, place in enumerate(model.pressures, 1)}
-    return places | {
+    return {
+        **_named("LUGRE_", vars(law)),
+        **_named("LUGRE_", vars(motion)),
+        **{f"LUGRE_PRESSURE_{which}": place for which, place in enumerate(model.pressures, 1)},
         "LUGRE_HAS_PRESSURES": bool(model.pressures),
         "LUGRE_HAS_BACKLASH": motion.backlash_m != 0.0,
         "LUGRE_POSITION_ROW": bank.feature[0],
         "LUGRE_RATE_ROW": bank.feature[1],
-        "LUGRE_BACKLASH_M": motion.backlash_m,
-        "LUGRE_DEAD_BAND_M_S": motion.dead_band_m_s,
-        "LUGRE_WINDOW": f"{motion.window}u",
-        "LUGRE_COULOMB_N": law.coulomb_n,
         "LUGRE_FALLING_N": law.static_n - law.coulomb_n,
         "LUGRE_LOG_STRIBECK": math.log(law.stribeck_velocity_m_s),
-        "LUGRE_EXPONENT": law.stribeck_exponent,
-        "LUGRE_VISCOUS_N_S_M": law.viscous_n_s_m,
-        "LUGRE_STIFFNESS_N_M": law.bristle_stiffness_n_m,
-        "LUGRE_DAMPING_N_S_M": law.bristle_damping_n_s_m,
-        "LUGRE_DAMPING_VELOCITY_M_S": law.damping_velocity_m_s,
-        "LUGRE_RETRACT_RATIO": law.retract_ratio,
-        "LUGRE_SLOPE_N_PA": law.pressure_slope_n_pa,
     }
 
 
@@ -282,17 +269,11 @@ def _history(history: History, sample_time_s: float, bank: FilterBank) -> Data:
     while passed_s < history.moves_s:  # as Python sums it up, step by step
         moves_steps, passed_s = moves_steps + 1, passed_s + sample_time_s
     return {
+        **_named("HISTORY_", vars(history)),
         "HISTORY_FEATURES": len(history.mean),
         "HISTORY_ROW": bank.feature[history.position_feature],
-        "HISTORY_BACKLASH_M": history.backlash_m,
         "HISTORY_EDGE_M": history.backlash_m + TOLERANCE_M,
-        "HISTORY_MOVES_STEPS": f"{moves_steps}u",
-        "HISTORY_DWELL_S": history.dwell_s,
-        "HISTORY_TRAVEL_SHORT_M": history.travel_short_m,
-        "HISTORY_TRAVEL_LONG_M": history.travel_long_m,
-        "HISTORY_MOVING_S": history.moving_s,
-        "HISTORY_MEAN": history.mean,
-        "HISTORY_SCALE": history.scale,
+        "HISTORY_MOVES_STEPS": moves_steps,
     }
 
 
@@ -337,7 +318,7 @@ def _forest(model: StepModel, forest: FlatForest) -> Data:
     }
 
 
-def _offset(model: StepModel, tracker: at.OffsetTracker, bank: FilterBank, real: Type) -> Data:
+def _offset(tracker: at.OffsetTracker, bank: FilterBank, real: Type) -> Data:
     settings, weights, zeros = tracker.settings, tracker.weights, tracker.zero_of(bank.rows).tolist()
     return {
         "ZEROS(Z)": _calls(f"Z({row}, {number(zero, real)})" for row, zero in enumerate(zeros) if zero != 0.0),
@@ -352,26 +333,15 @@ def _offset(model: StepModel, tracker: at.OffsetTracker, bank: FilterBank, real:
         "POWERS": len(tracker.position),
         "ALONG": tracker.position,
         "STATED_VARIANCE": tracker.prior**2,
-        "SPREAD_N": np.array(model.bounds.spread_n),
         "LARGEST_SURPRISE": at.LARGEST_SURPRISE,
-        "SLOWEST_M_S": settings.slowest_m_s,
-        "SETTLING_SAMPLES": f"{math.floor(settings.settling)}u",
-        "BLOCK_SAMPLES": f"{math.ceil(settings.block)}u",
-        "MASS_KG": settings.mass_kg,
-        "BLOCK_DURATION_S": settings.duration_s,
+        **_named("", settings._asdict()),
+        "SETTLING_SAMPLES": math.floor(settings.settling),
+        "BLOCK_SAMPLES": math.ceil(settings.block),
         "NOISE_VARIANCE": settings.noise_n**2,
         "STROKE_VARIANCE": settings.stroke_n**2,
         "REST_VARIANCE": settings.rest_n**2,
-        "WALK_VARIANCE": settings.walk,
         "COMMON_VARIANCE": settings.common_n**2,
         "CAUTION_SQUARE": settings.caution**2,
-        "LARGEST_VARIANCE": settings.largest_variance,
-        "SPEED_MEAN_M_S": settings.speed_mean,
-        "SPEED_DEVIATION_M_S": settings.speed_deviation,
-        "FIRST_POSITION_M": settings.first_position_m,
-        "LAST_POSITION_M": settings.last_position_m,
         "SPAN_M": settings.last_position_m - settings.first_position_m,
-        "EVEN_CONSTANT_N": settings.even_constant_n,
-        "EVEN_PRESSURE": settings.even_pressure,
         "OFFSET_LIMIT_N": UNKNOWN_FORCE_N,
     }
