@@ -46,8 +46,8 @@ WORK = """
 for name in modules:
     import_module(name)
 from pathlib import Path
-from cylinder_friction.tracking.store import _locked
-with _locked(Path("some/lock")):
+from cylinder_friction.recordings.locks import locked
+with locked(Path("some/lock")):
     print("locked", calls)
 from cylinder_friction.deployment.latency.machine import one_core, preemptions, scheduling
 with one_core() as core:
