@@ -38,7 +38,7 @@ def locking(file, mode, size):
     calls.append((mode, size))
     if len(calls) == 1:
         raise OSError(errno.EDEADLK, "given after ten seconds")
-sys.modules["msvcrt"] = types.SimpleNamespace(locking=locking, LK_LOCK=1)
+sys.modules["msvcrt"] = types.SimpleNamespace(locking=locking, LK_LOCK=1, LK_NBLCK=2)
 """
 
 

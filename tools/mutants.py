@@ -141,7 +141,7 @@ MUTANTS = (
         'role: PROCESSED_FOLDERS[role] for role in ("train", "validation", "calibration")',
         'role: PROCESSED_FOLDERS["test" if role == "validation" else role] '
         'for role in ("train", "validation", "calibration")',
-        ("pipeline/test_dvc_yaml.py", "stages"),
+        ("pipeline/test_smoke_pipeline.py",),
     ),
     Mutant(
         "worst trial chosen",

@@ -69,6 +69,15 @@ def test_every_estimator_is_scored_in_every_test_against_label_and_truth(finishe
             assert 0.0 < numbers["truth_percent"] < 200.0
 
 
+def test_training_saw_the_recordings_of_its_roles_and_none_that_is_held_out(finished_pipeline: Path) -> None:
+    seen = json.loads((finished_pipeline / "models/hybrid/training_data.json").read_text(encoding="utf-8"))
+    processed = finished_pipeline / "data/processed"
+    there = {role: {path.stem for path in (processed / role).glob("*.parquet")} for role in (*seen, "test")}
+    assert {role: set(names) for role, names in seen.items()} == {role: there[role] for role in seen}
+    assert there["test"]
+    assert not there["test"] & set().union(*seen.values())
+
+
 def test_nothing_that_is_stored_is_a_pickle(finished_pipeline: Path) -> None:
     suffixes = {path.suffix for path in (finished_pipeline / "models").rglob("*") if path.is_file()}
     assert suffixes <= {".json", ".onnx", ".html", ".md", ".csv", ".gitignore", ""}

@@ -37,7 +37,9 @@ def registered(with_champion: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 def broken(found: Lineage) -> dict[str, str]:
-    return {link.name: link.found for link in found.links if not link.holds}
+    links = {link.name: link.found for link in found.links if not link.holds}
+    assert found.holds == (not links)
+    return links
 
 
 def change(path: Path, old: str, new: str) -> None:
