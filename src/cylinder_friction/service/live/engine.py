@@ -2,10 +2,10 @@
 
 import ctypes
 import platform
+from array import array
 from collections.abc import Sequence
 from functools import cache
 from hashlib import sha256
-from itertools import accumulate
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +67,7 @@ class Engine:
         self._init.argtypes = (ctypes.c_void_p,)
         self._batch.restype = self._init.restype = None
         self._states: NDArray[np.uint8] = np.zeros((0, self._state_bytes), dtype=np.uint8)
+        self._states_at = 0
         self._free: list[int] = []
         self.golden_difference_n: float | None = None
         self.called = called_in(folder)
@@ -78,7 +79,7 @@ class Engine:
             grown = np.zeros((max(16, 2 * count), self._state_bytes), dtype=np.uint8)
             grown[:count] = self._states
             self._free = list(range(len(grown) - 1, count - 1, -1))
-            self._states = grown
+            self._states, self._states_at = grown, grown.ctypes.data
         slot = self._free.pop()
         self._init(self._states[slot].ctypes.data)
         return slot
@@ -103,17 +104,16 @@ class Engine:
 
     def run(self, jobs: Sequence[Job]) -> list[tuple[bytes, bytes]]:
         """Step through all jobs in order; return newtons and flags of each, as ``EstimateBlock`` holds them."""
-        slots, pieces, resets = zip(*jobs, strict=True)
-        rows = [len(piece) for piece in pieces]
-        samples = np.ascontiguousarray(np.concatenate(pieces) if len(jobs) > 1 else pieces[0], dtype=np.float64)
-        described = np.array([slots, resets, rows], dtype=np.uint32)
-        outputs = np.empty(len(samples), dtype=_OUTPUT)
-        at, stride = described.ctypes.data, described.strides[0]
-        states, inputs = self._states.ctypes.data, samples.ctypes.data
-        self._batch(states, len(jobs), at, at + stride, at + 2 * stride, inputs, outputs.ctypes.data)
+        rows = [len(samples) for _, samples, _ in jobs]
+        slots, resets = [slot for slot, _, _ in jobs], [reset for _, _, reset in jobs]
+        numbers = [array("I", each).tobytes() for each in (slots, resets, rows)]
+        inputs = b"".join([samples.tobytes() for _, samples, _ in jobs])
+        outputs = np.empty(sum(rows), dtype=_OUTPUT)
+        self._batch(self._states_at, len(jobs), *numbers, inputs, outputs.ctypes.data)
         newtons, flags = outputs["newtons"].tobytes(), outputs["flags"].tobytes()
-        ends = accumulate(rows)
-        return [
-            (newtons[ROW_BYTES * (end - count) : ROW_BYTES * end], flags[FLAG_BYTES * (end - count) : FLAG_BYTES * end])
-            for end, count in zip(ends, rows, strict=True)
-        ]
+        results, begin = [], 0
+        for count in rows:
+            end = begin + count
+            results.append((newtons[ROW_BYTES * begin : ROW_BYTES * end], flags[FLAG_BYTES * begin : FLAG_BYTES * end]))
+            begin = end
+        return results

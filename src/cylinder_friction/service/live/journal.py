@@ -95,8 +95,8 @@ class Unkept:
     def goes_on(self, index: int, time_s: float, made_by: tuple[str | None, str | None]) -> bool:
         """Return whether a block follows the last one, in index and in the sender's time, by the same models."""
         late_s = time_s - self.time_s - self.rows * self.sample_time_s
-        same_time = abs(late_s) < _SAME_TIME * self.sample_time_s
-        return index == self.index + self.rows and same_time and made_by == self.made_by
+        follows = index == self.index + self.rows and abs(late_s) < _SAME_TIME * self.sample_time_s
+        return follows and made_by == self.made_by
 
     def add(self, samples: Array, estimates: EstimateBlock | None, shadow: EstimateBlock | None) -> None:
         """Take a block that follows."""

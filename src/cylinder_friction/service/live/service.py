@@ -11,7 +11,7 @@ from typing import Protocol
 from cylinder_friction.service.live.engine import Engine, Job
 from cylinder_friction.service.live.frames import EstimateBlock, SampleBlock
 from cylinder_friction.service.live.journal import Journal, SavedSession, Unkept, made_by
-from cylinder_friction.service.live.models import Running, SavedState, SessionModels
+from cylinder_friction.service.live.models import Part, Running, SavedState, SessionModels
 from cylinder_friction.service.live.session import Counts, Piece, SessionOrder
 from cylinder_friction.service.live.settings import LiveLimits, SessionRules
 from cylinder_friction.service.live.totals import FlagTotals
@@ -310,23 +310,29 @@ class LiveService:
     def _step(self, pieces: Sequence[tuple[LiveSession, Piece]]) -> None:
         if not pieces:
             return
-        parts = [(session, *part) for session, piece in pieces for part in session.models.parts(piece, self.engines)]
+        parts: list[tuple[LiveSession, Part]] = []
         jobs: defaultdict[Engine, list[Job]] = defaultdict(list)
-        for _, piece, models, _ in parts:
-            for running in models:
-                jobs[running.engine].append((running.slot, piece.samples, piece.reset))
+        for session, piece in pieces:
+            for part in session.models.parts(piece, self.engines):
+                parts.append((session, part))
+                for running in part[1]:
+                    jobs[running.engine].append((running.slot, part[0].samples, part[0].reset))
         results = {engine: iter(engine.run(each)) for engine, each in jobs.items()}
         flags = []
-        for session, piece, models, recorded in parts:
-            handle, index, time_s = session.handle, piece.index, piece.time_s
-            given = [EstimateBlock(handle, index, time_s, *next(results[m.engine]), m.engine.model) for m in models]
-            session.latest = given[0]
-            flags.append(given[0].flag_bytes)
-            self._add(session, piece, given[0], given[1] if recorded else None)
+        for session, (piece, models, recorded) in parts:
+            engine, shadow = models[0].engine, None
+            newtons, bits = next(results[engine])
+            given = EstimateBlock(session.handle, piece.index, piece.time_s, newtons, bits, engine.model)
+            if len(models) > 1:
+                engine = models[1].engine
+                shadow = EstimateBlock(session.handle, piece.index, piece.time_s, *next(results[engine]), engine.model)
+            session.latest = given
+            flags.append(bits)
+            self._add(session, piece, given, shadow if recorded else None)
             if session.owner is not None:
-                session.owner.put_estimates(session, given[0])
+                session.owner.put_estimates(session, given)
             for take in self.takers:
-                take(session, given[0])
+                take(session, given)
         self.flags.note(flags)
 
     def _keep_late(self, session: LiveSession) -> None:
@@ -338,10 +344,12 @@ class LiveService:
         self, session: LiveSession, piece: Piece, estimates: EstimateBlock | None, shadow: EstimateBlock | None = None
     ) -> None:
         models = made_by(estimates, shadow)
-        if not session.unkept or not session.unkept[-1].goes_on(piece.index, piece.time_s, models):
+        unkept = session.unkept[-1] if session.unkept else None
+        if unkept is None or not unkept.goes_on(piece.index, piece.time_s, models):
             step_s, inputs = self.engine.sample_time_s, self.engine.inputs
-            session.unkept.append(Unkept(session.name, piece.index, piece.time_s, step_s, inputs, models))
-        session.unkept[-1].add(piece.samples, estimates, shadow)
+            unkept = Unkept(session.name, piece.index, piece.time_s, step_s, inputs, models)
+            session.unkept.append(unkept)
+        unkept.add(piece.samples, estimates, shadow)
         self.unkept_rows += len(piece.samples)
 
     def _refuse_other_samples(self, name: str, inputs: Sequence[str], sample_time_s: float) -> None:
