@@ -10,11 +10,12 @@ from pydantic import Field, model_validator
 from cylinder_friction.params.refusal import ParamsError, checked
 from cylinder_friction.params.section import Section
 from cylinder_friction.service.access import LiveAccess
-from cylinder_friction.service.links.opcua_settings import OpcUaClientSettings, OpcUaServerSettings
 from cylinder_friction.service.live.settings import (
     LineProtocolSettings,
     LiveLimits,
     MqttSettings,
+    OpcUaClientSettings,
+    OpcUaServerSettings,
     SessionRules,
     SparkplugSettings,
 )

@@ -21,7 +21,7 @@ from cylinder_friction.service.client import Client
 from cylinder_friction.service.links.line_protocol import LineProtocolLink
 from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveService
-from cylinder_friction.service.live.settings import LineProtocolSettings, LiveSettingsError
+from cylinder_friction.service.live.settings import LineProtocolSettings
 from live_process import served
 
 if TYPE_CHECKING:
@@ -195,15 +195,12 @@ def test_influxdb_takes_the_lines(
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({}, r"line_protocol: got url None, folder None; expected one of them"),
-        (
-            {"url": "file:///etc/passwd"},
-            r"line_protocol.url: got 'file:///etc/passwd', expected http://... or https://...",
-        ),
-        ({"folder": "lines", "rows_hz": -1.0}, r"line_protocol.rows_hz: got -1.0, expected 0 \(all\) or more"),
-        ({"folder": "lines", "flush_s": 0.0}, r"line_protocol.flush_s: got 0.0, expected more than 0"),
+        ({}, r"got url None, folder None; expected one of them"),
+        ({"url": "file:///etc/passwd"}, r"url\n.*should match pattern"),
+        ({"folder": "lines", "rows_hz": -1.0}, r"rows_hz\n.*greater than or equal to 0"),
+        ({"folder": "lines", "flush_s": 0.0}, r"flush_s\n.*greater than 0"),
     ],
 )
 def test_settings_that_cannot_be_are_refused(settings: dict[str, Any], words: str) -> None:
-    with pytest.raises(LiveSettingsError, match=words):
+    with pytest.raises(ValueError, match=words):
         LineProtocolSettings(**settings)

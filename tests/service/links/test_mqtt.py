@@ -19,7 +19,7 @@ from cylinder_friction.service.links.mqtt import MqttLink
 from cylinder_friction.service.live.frames import EstimateBlock, SampleBlock, pack_samples, unpack
 from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveService
-from cylinder_friction.service.live.settings import BrokerSettings, LiveLimits, LiveSettingsError, MqttSettings
+from cylinder_friction.service.live.settings import BrokerSettings, LiveLimits, MqttSettings
 from live_process import Mosquitto, Relay, by_hand, needs_broker, served
 
 if TYPE_CHECKING:
@@ -276,15 +276,15 @@ def test_without_a_broker_the_service_runs_and_tries_on(engine: Engine, samples:
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        (lambda: MqttSettings(prefix="a/#"), r"mqtt.prefix: got 'a/#', expected up to 20 levels of a topic"),
-        (lambda: MqttSettings(results_hz=0.0), "mqtt.results_hz: got 0.0, expected more than 0"),
-        (lambda: BrokerSettings(port=0), "broker.port: got 0, expected 1 to 65535"),
+        (lambda: MqttSettings(prefix="a/#"), "prefix\n.*expected up to 20 levels of a topic"),
+        (lambda: MqttSettings(results_hz=0.0), "results_hz\n.*greater than 0"),
+        (lambda: BrokerSettings(port=0), "port\n.*greater than or equal to 1"),
         (
             lambda: BrokerSettings("plant.example", password_file="word"),
-            "broker.tls: got false with a password for plant.example, expected true",
+            "tls: got false with a password for plant.example, expected true",
         ),
     ],
 )
 def test_settings_that_cannot_be_are_refused(settings: Callable[[], object], words: str) -> None:
-    with pytest.raises(LiveSettingsError, match=words):
+    with pytest.raises(ValueError, match=words):
         settings()

@@ -28,12 +28,12 @@ from cylinder_friction.service.client import Client as LiveClient
 from cylinder_friction.service.links import opcua_server
 from cylinder_friction.service.links.opcua_quality import Health, health_of, status_of
 from cylinder_friction.service.links.opcua_server import OpcUaServerLink
-from cylinder_friction.service.links.opcua_settings import OpcUaServerSettings
 from cylinder_friction.service.links.opcua_worker import APPLICATION, NAMESPACE
 from cylinder_friction.service.live.connection import Peers
 from cylinder_friction.service.live.frames import SampleBlock
 from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveService
+from cylinder_friction.service.live.settings import OpcUaServerSettings
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator, Awaitable, Callable
@@ -356,8 +356,8 @@ def test_with_tokens_and_a_certificate_only_known_users_get_in_encrypted(engine:
     [
         ({"host": "0.0.0.0"}, "which others reach; give opcua_server.certificate and private_key, and access.tokens"),
         ({"host": "0.0.0.0", "certificate": "a", "private_key": "b"}, "which others reach"),
-        ({"certificate": "a"}, "opcua_server: expected both certificate and private_key, or neither"),
-        ({"update_hz": 100.0}, "opcua_server.update_hz: got 100.0, expected 1 to 10"),
+        ({"certificate": "a"}, "expected both certificate and private_key, or neither"),
+        ({"update_hz": 100.0}, "opcua_server.update_hz: Input should be less than or equal to 10, but got 100.0"),
     ],
 )
 def test_what_would_be_open_to_others_is_refused(server: dict[str, Any], words: str, tmp_path: Path) -> None:

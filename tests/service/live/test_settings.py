@@ -28,9 +28,9 @@ def test_without_a_project_the_defaults_hold(tmp_path: Path, monkeypatch: pytest
     [
         ("prot: 5002", "prot: unknown key"),
         ("port: 70000", "port: Input should be less than or equal to 65535, but got 70000"),
-        ("rules: {hold_s: -1.0}", "rules.hold_s: got -1.0, expected more than 0"),
+        ("rules: {hold_s: -1.0}", "rules.hold_s: Input should be greater than 0, but got -1.0"),
         ("limits: {sesions: 5}", "limits.sesions: unknown key"),
-        ("limits: {sessions: 0}", "limits.sessions: got 0, expected more than 0"),
+        ("limits: {sessions: 0}", "limits.sessions: Input should be greater than 0, but got 0"),
         ("host: 0.0.0.0", "host 0.0.0.0: whoever reaches it could use the model; give a file of tokens"),
         ("access: {tls_key: a.pem}", "TLS needs both a certificate and its key; got one of them"),
         ("port: [", "cannot be read as YAML"),

@@ -18,11 +18,11 @@ from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 from cylinder_friction.arrays import Array
 from cylinder_friction.service.links.link import Link, in_background
 from cylinder_friction.service.links.opcua_grid import SampleGrid
-from cylinder_friction.service.links.opcua_settings import OpcUaClientSettings, OpcUaSource
 from cylinder_friction.service.links.own_loop import in_own_loop
 from cylinder_friction.service.live.connection import Connection, Peers
 from cylinder_friction.service.live.frames import LARGEST_INDEX, SampleBlock, pack_samples
 from cylinder_friction.service.live.service import LiveService
+from cylinder_friction.service.live.settings import OpcUaClientSettings, OpcUaSource
 
 RETRY_S, FLUSH_S = 1.0, 0.02
 UNTAKEN_BLOCKS = 5000

@@ -21,10 +21,10 @@ from pathlib import Path
 
 from cylinder_friction.service.access import ROLES
 from cylinder_friction.service.links.link import Link, in_background
-from cylinder_friction.service.links.opcua_settings import OpcUaServerSettings, OpcUaValues
 from cylinder_friction.service.live.connection import Peers
 from cylinder_friction.service.live.frames import EstimateBlock
 from cylinder_friction.service.live.service import LiveService, LiveSession
+from cylinder_friction.service.live.settings import OpcUaServerSettings, OpcUaValues
 
 AT_ONCE = 20
 """So many sessions are handed over before samples have their turn."""

@@ -19,11 +19,12 @@ from typing import Any
 
 from asyncua import Node, Server, ua
 from asyncua.crypto.permission_rules import User, UserRole
+from pydantic import TypeAdapter
 
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.service.access import TokenFile
 from cylinder_friction.service.links.opcua_quality import CLOSED, FAILED, SILENT, Health, health_of, status_of
-from cylinder_friction.service.links.opcua_settings import OpcUaServerSettings, OpcUaValues
+from cylinder_friction.service.live.settings import OpcUaServerSettings, OpcUaValues
 
 NAMESPACE, APPLICATION = "urn:cylinder-friction:live:results", "urn:cylinder-friction:live"
 DEVICES = "http://opcfoundation.org/UA/DI/"
@@ -48,13 +49,10 @@ def main() -> None:
     """Serve until the service is gone."""
     logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(levelname)s opcua server: %(message)s")
     given = json.loads(sys.argv[1])
-    settings = {name: value for name, value in given["settings"].items() if value is not None}
-    for name in ("certificate", "private_key"):
-        if name in settings:
-            settings[name] = Path(settings[name])
+    settings = TypeAdapter(OpcUaServerSettings).validate_json(json.dumps(given["settings"]))
     tokens = None if given["tokens"] is None else TokenFile(Path(given["tokens"]), given["roles"])
     try:
-        asyncio.run(_serve(given["address"], OpcUaServerSettings(**settings), tokens))
+        asyncio.run(_serve(given["address"], settings, tokens))
     except (OSError, ValueError, ua.UaError) as error:
         _log.error("%s", error)
         sys.exit(1)

@@ -1,17 +1,35 @@
 """What a live service is given: how long a session waits, what is taken, and by which links."""
 
 import re
-from dataclasses import dataclass, fields
+from collections.abc import Callable
+from dataclasses import field
 from pathlib import Path
+from typing import Annotated, NamedTuple
+
+from pydantic import AfterValidator, ConfigDict, Field
+from pydantic.dataclasses import dataclass
 
 from cylinder_friction.service.access import is_loopback
 
 HELD_BACK_S = 120.0
 """Who holds a fast sender back does not read its pings either; for so long neither side takes the other for gone."""
+_CONFIG = ConfigDict(extra="forbid", strict=True)
+_Positive = Annotated[float, Field(gt=0.0)]
+_Count = Annotated[int, Field(gt=0)]
+_Port = Annotated[int, Field(ge=1, le=65535)]
 
 
-class LiveSettingsError(ValueError):
-    """Settings that cannot be; the message names the key."""
+def _part_of_topic(levels: int) -> Callable[[str], str]:
+    def checked(topic: str) -> str:
+        if not re.fullmatch(r"[^+#/\0]+(/[^+#/\0]+)*", topic) or topic.count("/") >= levels:
+            raise ValueError(f"expected up to {levels} levels of a topic, without + and #")
+        return topic
+
+    return checked
+
+
+_Topic = Annotated[str, AfterValidator(_part_of_topic(20))]
+_Level = Annotated[str, AfterValidator(_part_of_topic(1))]
 
 
 def token_of(path: str | None) -> str | None:
@@ -19,26 +37,12 @@ def token_of(path: str | None) -> str | None:
     return Path(path).read_text(encoding="utf-8").strip() if path else None
 
 
-def refuse_unless_topic(key: str, topic: str, levels: int = 20) -> None:
-    """Raise ``LiveSettingsError`` for what cannot be a part of a topic, of at most so many ``levels``."""
-    if not re.fullmatch(r"[^+#/\0]+(/[^+#/\0]+)*", topic) or topic.count("/") >= levels:
-        raise LiveSettingsError(f"{key}: got {topic!r}, expected up to {levels} levels of a topic, without + and #")
+def _refuse_half(settings: object, one: str, other: str) -> None:
+    if (getattr(settings, one) is None) != (getattr(settings, other) is None):
+        raise ValueError(f"expected both {one} and {other}, or neither")
 
 
-def refuse_unless_port(key: str, port: int, least: int = 0) -> None:
-    """Raise ``LiveSettingsError`` for what is no port."""
-    if not least <= port <= 65535:
-        raise LiveSettingsError(f"{key}: got {port}, expected {least} to 65535")
-
-
-def refuse_unless_positive(settings: object, section: str, *names: str) -> None:
-    """Raise ``LiveSettingsError`` for the first attribute that is not more than 0."""
-    for name in names:
-        if not getattr(settings, name) > 0:
-            raise LiveSettingsError(f"{section}.{name}: got {getattr(settings, name)}, expected more than 0")
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=_CONFIG)
 class SessionRules:
     """How long a session waits, and what counts as a short gap.
 
@@ -50,17 +54,13 @@ class SessionRules:
         warm_s: How long a model that a session changes to runs beside the old one before it takes over [s].
     """
 
-    hold_s: float = 0.5
-    hold_rows: int = 2000
-    short_gap_s: float = 0.5
-    warm_s: float = 10.0
-
-    def __post_init__(self) -> None:
-        """Refuse what is not positive; raises ``LiveSettingsError``."""
-        refuse_unless_positive(self, "rules", "hold_s", "hold_rows", "short_gap_s", "warm_s")
+    hold_s: _Positive = 0.5
+    hold_rows: _Count = 2000
+    short_gap_s: _Positive = 0.5
+    warm_s: _Positive = 10.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=_CONFIG)
 class LiveLimits:
     """What one service takes.
 
@@ -75,21 +75,17 @@ class LiveLimits:
         loop_lag_s: How late the event loop may be before new sessions are refused; known ones are not [s].
     """
 
-    sessions: int = 1000
-    unkept_rows: int = 2_000_000
-    idle_s: float = 600.0
-    message_bytes: int = 1 << 20
-    text_bytes: int = 1 << 16
-    connections: int = 1000
-    rows_per_s: float = 100_000.0
-    loop_lag_s: float = 0.25
-
-    def __post_init__(self) -> None:
-        """Refuse what is not positive; raises ``LiveSettingsError``."""
-        refuse_unless_positive(self, "limits", *(each.name for each in fields(self)))
+    sessions: _Count = 1000
+    unkept_rows: _Count = 2_000_000
+    idle_s: _Positive = 600.0
+    message_bytes: _Count = 1 << 20
+    text_bytes: _Count = 1 << 16
+    connections: _Count = 1000
+    rows_per_s: _Positive = 100_000.0
+    loop_lag_s: _Positive = 0.25
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=_CONFIG)
 class BrokerSettings:
     """An MQTT 5 broker.
 
@@ -103,18 +99,17 @@ class BrokerSettings:
     """
 
     host: str = "127.0.0.1"
-    port: int = 1883
+    port: _Port = 1883
     tls: bool = False
     ca_file: str | None = None
     user: str | None = None
     password_file: str | None = None
 
     def __post_init__(self) -> None:
-        """Refuse what is no port, and a password in plain text to elsewhere; raises ``LiveSettingsError``."""
-        refuse_unless_port("broker.port", self.port, 1)
+        """Refuse a password in plain text to elsewhere; raises ``ValueError``."""
         if self.password_file and not self.tls and not is_loopback(self.host):
-            raise LiveSettingsError(
-                f"broker.tls: got false with a password for {self.host}, expected true: anyone between would read it"
+            raise ValueError(
+                f"tls: got false with a password for {self.host}, expected true: anyone between would read it"
             )
 
     def password(self) -> str | None:
@@ -122,7 +117,7 @@ class BrokerSettings:
         return token_of(self.password_file)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=_CONFIG)
 class MqttSettings:
     """Frames and JSON over MQTT, ``PREFIX/CLIENT/in`` and ``PREFIX/CLIENT/out``.
 
@@ -136,19 +131,14 @@ class MqttSettings:
     """
 
     broker: BrokerSettings = BrokerSettings()
-    prefix: str = "cylinder-friction"
+    prefix: _Topic = "cylinder-friction"
     client_id: str = "cylinder-friction-live"
-    results_hz: float = 2.0
-    waiting_messages: int = 500
-    session_s: int = 60
-
-    def __post_init__(self) -> None:
-        """Refuse what is not positive, and wildcards; raises ``LiveSettingsError``."""
-        refuse_unless_positive(self, "mqtt", "results_hz", "waiting_messages", "session_s")
-        refuse_unless_topic("mqtt.prefix", self.prefix)
+    results_hz: _Positive = 2.0
+    waiting_messages: _Count = 500
+    session_s: _Count = 60
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=_CONFIG)
 class SparkplugSettings:
     """Births and data of Sparkplug B, ``spBv1.0/GROUP/.../NODE/SESSION``.
 
@@ -160,18 +150,12 @@ class SparkplugSettings:
     """
 
     broker: BrokerSettings = BrokerSettings()
-    group: str = "cylinder-friction"
-    node: str = "live"
-    rate_hz: float = 1.0
-
-    def __post_init__(self) -> None:
-        """Refuse what is not positive, and names that are no level of a topic; raises ``LiveSettingsError``."""
-        refuse_unless_positive(self, "sparkplug", "rate_hz")
-        for key in ("group", "node"):
-            refuse_unless_topic(f"sparkplug.{key}", getattr(self, key), levels=1)
+    group: _Level = "cylinder-friction"
+    node: _Level = "live"
+    rate_hz: _Positive = 1.0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, config=_CONFIG)
 class LineProtocolSettings:
     """Estimates for a time-series database; either ``url`` or ``folder``.
 
@@ -186,23 +170,116 @@ class LineProtocolSettings:
         queue_rows: Most rows that wait; beyond it the oldest are dropped.
     """
 
-    url: str | None = None
+    url: Annotated[str, Field(pattern="^https?://")] | None = None
     folder: str | None = None
     token_file: str | None = None
     measurement: str = "friction"
-    rows_hz: float = 10.0
-    flush_s: float = 1.0
-    batch_rows: int = 5000
-    queue_rows: int = 200_000
+    rows_hz: Annotated[float, Field(ge=0.0)] = 10.0
+    flush_s: _Positive = 1.0
+    batch_rows: _Count = 5000
+    queue_rows: _Count = 200_000
 
     def __post_init__(self) -> None:
-        """Refuse both or neither place, and what is not positive; raises ``LiveSettingsError``."""
-        refuse_unless_positive(self, "line_protocol", "flush_s", "batch_rows", "queue_rows")
-        if self.rows_hz < 0.0:
-            raise LiveSettingsError(f"line_protocol.rows_hz: got {self.rows_hz}, expected 0 (all) or more")
+        """Refuse both or neither place; raises ``ValueError``."""
         if (self.url is None) == (self.folder is None):
-            raise LiveSettingsError(
-                f"line_protocol: got url {self.url!r}, folder {self.folder!r}; expected one of them"
+            raise ValueError(f"got url {self.url!r}, folder {self.folder!r}; expected one of them")
+
+
+@dataclass(frozen=True, config=_CONFIG)
+class OpcUaServerSettings:
+    """The OPC UA server of results.
+
+    Attributes:
+        host: Address that it listens on; other than loopback only with certificate, key and the service's tokens.
+        port: Its port.
+        update_hz: How often values are updated, 1 to 10 [Hz].
+        range_n: Friction is expected within ± this: ``EURange`` of the three forces [N].
+        health_s: For how long a failed sensor counts for ``DeviceHealth`` after it has recovered [s].
+        sessions: Most sessions that have an object, an hour longer than they are open.
+        certificate, private_key: Files of the server's; with them connections are signed and encrypted, all of them.
+    """
+
+    host: str = "127.0.0.1"
+    port: _Port = 4840
+    update_hz: Annotated[float, Field(ge=1.0, le=10.0)] = 2.0
+    range_n: _Positive = 10_000.0
+    health_s: _Positive = 60.0
+    sessions: _Count = 2000
+    certificate: Path | None = None
+    private_key: Path | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse half of a pair; raises ``ValueError``."""
+        _refuse_half(self, "certificate", "private_key")
+
+    def refuse_exposed(self, tokens: Path | None) -> None:
+        """Refuse what others could read or listen to; raises ``ValueError``."""
+        if not is_loopback(self.host) and (tokens is None or self.certificate is None):
+            raise ValueError(
+                f"opcua_server.host: got {self.host!r}, which others reach; give opcua_server.certificate and "
+                "private_key, and access.tokens, or listen on 127.0.0.1"
             )
-        if self.url is not None and not re.match(r"https?://", self.url):
-            raise LiveSettingsError(f"line_protocol.url: got {self.url!r}, expected http://... or https://...")
+
+
+class OpcUaValues(NamedTuple):
+    """What the server shows of a session next."""
+
+    session: str
+    last_index: int  # Of its latest sample
+    time_s: float  # When that was sampled, in the sender's clock
+    newtons: list[float]  # Friction, lower and upper bound [N]
+    flags: int  # Of the latest sample
+    flags_since: int  # Of all samples since the last update
+    age_s: float  # How long ago the session's last samples came
+
+
+@dataclass(frozen=True, config=_CONFIG)
+class OpcUaSource:
+    """Nodes of one cylinder: ``samples`` or ``inputs``.
+
+    Attributes:
+        session: Name of its session.
+        samples: A node whose value is an array of doubles: index of the first sample, then the samples, row by row.
+        inputs: A node per input of the model, each with one value in SI units.
+        sampling_ms: How often the server is asked to look at the nodes [ms]; 0: as often as it can.
+    """
+
+    session: str
+    samples: str | None = None
+    inputs: dict[str, str] = field(default_factory=dict)
+    sampling_ms: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse both or neither; raises ``ValueError``."""
+        if (self.samples is None) == (not self.inputs):
+            raise ValueError(
+                f"session {self.session!r}: expected either samples, one node, or inputs, a node per input of the model"
+            )
+
+
+@dataclass(frozen=True, config=_CONFIG)
+class OpcUaClientSettings:
+    """Samples from an OPC UA server.
+
+    Attributes:
+        url: Of the server, such as ``opc.tcp://plc:4840``.
+        sources: Its nodes.
+        publishing_ms: How often the server sends what is new [ms].
+        queue: How many values of a node the server is asked to keep between two sends.
+        user, password_file: Name, and file of the password; without: anonymous.
+        certificate, private_key: Files of this client's, for a signed and encrypted connection; without: neither.
+    """
+
+    url: str
+    sources: tuple[OpcUaSource, ...]
+    publishing_ms: _Positive = 50.0
+    queue: _Count = 1000
+    user: str | None = None
+    password_file: Path | None = None
+    certificate: Path | None = None
+    private_key: Path | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse half of a pair; raises ``ValueError``."""
+        _refuse_half(self, "user", "password_file")
+        _refuse_half(self, "certificate", "private_key")
