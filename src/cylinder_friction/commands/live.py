@@ -23,9 +23,9 @@ from cylinder_friction.params.live import LIVE_FILE, LiveParams, load_live_param
 from cylinder_friction.service.links.line_protocol import LineProtocolLink
 from cylinder_friction.service.links.link import Link
 from cylinder_friction.service.live.app import ENGINES_FOLDER, HISTORY_FOLDER, create_app
+from cylinder_friction.service.live.engine import checked_engine
 from cylinder_friction.service.live.engine_building import engine_of, other_engines
 from cylinder_friction.service.live.events import Events
-from cylinder_friction.service.live.golden import checked_engine
 from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveError, LiveService
 from cylinder_friction.service.live.settings import HELD_BACK_S

@@ -26,9 +26,8 @@ from cylinder_friction.params.live import load_live_params
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.service.client import Client as LiveClient
 from cylinder_friction.service.links import opcua_server
-from cylinder_friction.service.links.opcua_quality import Health, health_of, status_of
 from cylinder_friction.service.links.opcua_server import OpcUaServerLink
-from cylinder_friction.service.links.opcua_worker import APPLICATION, NAMESPACE
+from cylinder_friction.service.links.opcua_worker import APPLICATION, NAMESPACE, Health, health_of, status_of
 from cylinder_friction.service.live.connection import Peers
 from cylinder_friction.service.live.frames import SampleBlock
 from cylinder_friction.service.live.journal import Journal

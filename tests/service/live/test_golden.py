@@ -9,8 +9,8 @@ import pytest
 
 from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, GoldenError
 from cylinder_friction.recordings.files import write_json
+from cylinder_friction.service.live.engine import checked_engine
 from cylinder_friction.service.live.engine_building import engine_of, other_engines
-from cylinder_friction.service.live.golden import checked_engine
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
 
-from cylinder_friction.service.scoring.encoding import to_json
+from cylinder_friction.service.scoring.json_forms import to_json
 
 
 @given(arrays.arrays(np.float64, st.integers(1, 6), elements=st.floats(allow_nan=False, allow_infinity=False)))

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.service.scoring.errors import RequestError
-from cylinder_friction.service.scoring.expected import Expected
+from cylinder_friction.service.scoring.errors import Expected, RequestError
 from cylinder_friction.service.scoring.json_forms import from_json
 
 EXPECTED = Expected(("a", "b"), 100)

@@ -14,8 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pyarrow import parquet
 
-from cylinder_friction.service.scoring.errors import RequestError
-from cylinder_friction.service.scoring.expected import Expected
+from cylinder_friction.service.scoring.errors import Expected, RequestError
 from cylinder_friction.service.scoring.tables import from_arrow, from_csv, from_parquet
 
 if TYPE_CHECKING:

@@ -14,6 +14,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
+from enum import IntEnum
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +24,54 @@ from pydantic import TypeAdapter
 
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.service.access import TokenFile
-from cylinder_friction.service.links.opcua_quality import CLOSED, FAILED, SILENT, Health, health_of, status_of
 from cylinder_friction.service.live.settings import OpcUaServerSettings, OpcUaValues
+
+FAILED, UNSETTLED, OFF_RANGE = Flag.of_kind("sensor"), Flag.of_kind("settling"), Flag.of_kind("range")
+_STATUS = (  # The first that applies
+    (Flag.NOT_READY, ua.StatusCodes.BadWaitingForInitialData),
+    (FAILED, ua.StatusCodes.BadSensorFailure),
+    (OFF_RANGE, ua.StatusCodes.UncertainEngineeringUnitsExceeded),
+    (UNSETTLED & ~Flag.OFFSET_UNKNOWN, ua.StatusCodes.UncertainSubNormal),
+    (Flag.OFFSET_UNKNOWN, ua.StatusCodes.UncertainSensorNotAccurate),
+)
+SILENT = ua.StatusCode(ua.StatusCodes.UncertainNoCommunicationLastUsableValue)
+CLOSED = ua.StatusCode(ua.StatusCodes.BadNoCommunication)
+
+
+class Health(IntEnum):
+    """``DeviceHealthEnumeration`` of OPC 10000-100, after NAMUR NE 107."""
+
+    NORMAL = 0
+    FAILURE = 1
+    """A sensor has failed, now."""
+    CHECK_FUNCTION = 2
+    """No valid friction for the time being: the estimate settles, or nothing comes."""
+    OFF_SPEC = 3
+    """The cylinder works outside of what the model was trained on."""
+    MAINTENANCE_REQUIRED = 4
+    """All is well now, but a sensor failed a while ago: a wire that comes and goes."""
+
+
+def status_of(flags: int) -> ua.StatusCode:
+    """Return the status code of friction and bounds."""
+    return ua.StatusCode(next((code for mask, code in _STATUS if flags & mask), ua.StatusCodes.Good))
+
+
+def health_of(flags: int, failed_before: bool) -> Health:
+    """Return the health.
+
+    Args:
+        flags: All that were set since the last update.
+        failed_before: Whether a sensor failed within the stretch that health looks back on.
+    """
+    if flags & FAILED:
+        return Health.FAILURE
+    if flags & UNSETTLED:
+        return Health.CHECK_FUNCTION
+    if flags & OFF_RANGE:
+        return Health.OFF_SPEC
+    return Health.MAINTENANCE_REQUIRED if failed_before else Health.NORMAL
+
 
 NAMESPACE, APPLICATION = "urn:cylinder-friction:live:results", "urn:cylinder-friction:live"
 DEVICES = "http://opcfoundation.org/UA/DI/"

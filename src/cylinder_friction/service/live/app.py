@@ -13,20 +13,19 @@ from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route, WebSocketRoute
 from starlette.staticfiles import StaticFiles
-from starlette.websockets import WebSocket
+from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from cylinder_friction.service.access import LiveAccess
 from cylinder_friction.service.guard import Guard, client_of
 from cylinder_friction.service.links.link import Link, in_background
 from cylinder_friction.service.live.changing import Changing, giving_newtons
-from cylinder_friction.service.live.connection import Connection, Peers
+from cylinder_friction.service.live.connection import ClientGoneError, Connection, Peers
 from cylinder_friction.service.live.events import Events
 from cylinder_friction.service.live.history import move_into_history
 from cylinder_friction.service.live.keeping import keep_each_second, keep_some, move_each_minute
 from cylinder_friction.service.live.service import LiveService
 from cylinder_friction.service.live.stribeck import Lines
 from cylinder_friction.service.live.watching import Watchers
-from cylinder_friction.service.live.web_socket import WebSocketTransport
 
 OVERDUE_S, REFRESH_S = 0.05, 1.0
 HISTORY_FOLDER, ENGINES_FOLDER = "history", "engines"
@@ -146,3 +145,28 @@ async def _refresh(guard: Guard) -> None:
     while True:
         await asyncio.sleep(REFRESH_S)
         guard.refresh()
+
+
+class WebSocketTransport:
+    """Messages of a WebSocket that has been accepted."""
+
+    def __init__(self, socket: WebSocket) -> None:
+        self._socket = socket
+
+    async def receive(self) -> bytes | str:
+        """Return the next message; raises ``ClientGoneError``."""
+        message = await self._socket.receive()
+        if message["type"] == "websocket.disconnect":
+            raise ClientGoneError
+        content: bytes | None = message.get("bytes")
+        return content if content is not None else message.get("text") or ""
+
+    async def send(self, message: bytes | str) -> None:
+        """Send a message; raises ``ClientGoneError``."""
+        try:
+            if isinstance(message, bytes):
+                await self._socket.send_bytes(message)
+            else:
+                await self._socket.send_text(message)
+        except (WebSocketDisconnect, RuntimeError) as error:
+            raise ClientGoneError from error

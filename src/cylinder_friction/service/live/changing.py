@@ -13,8 +13,7 @@ from starlette.responses import JSONResponse, Response
 
 from cylinder_friction.service.guard import client_of
 from cylinder_friction.service.live.connection import Peers
-from cylinder_friction.service.live.engine import Engine
-from cylinder_friction.service.live.golden import checked_engine
+from cylinder_friction.service.live.engine import Engine, checked_engine
 from cylinder_friction.service.live.service import LiveError, LiveService, LiveSession
 
 KEPT_WITHIN_S = 5.0

@@ -12,8 +12,17 @@ from typing import TYPE_CHECKING
 
 from cylinder_friction.deployment.golden_trajectory import GoldenError
 from cylinder_friction.recordings.files import write_json, write_text
-from cylinder_friction.service.live.engine import CALLED, DESCRIPTION, LIBRARY, NAME, Engine, called_in, processor
-from cylinder_friction.service.live.golden import checked_engine, take_golden
+from cylinder_friction.service.live.engine import (
+    CALLED,
+    DESCRIPTION,
+    LIBRARY,
+    NAME,
+    Engine,
+    called_in,
+    checked_engine,
+    processor,
+    take_golden,
+)
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator

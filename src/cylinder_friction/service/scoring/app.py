@@ -20,10 +20,9 @@ from cylinder_friction.deployment.scoring import ScoringError, score_columns
 from cylinder_friction.service.access import TokenFile
 from cylinder_friction.service.json_log import JsonLog
 from cylinder_friction.service.scoring.decoding import ARROW, JSON, decoder_of, refuse_too_many
-from cylinder_friction.service.scoring.encoding import to_json
-from cylinder_friction.service.scoring.errors import RETRY, RequestError
-from cylinder_friction.service.scoring.expected import Columns, Expected
+from cylinder_friction.service.scoring.errors import RETRY, Columns, Expected, RequestError
 from cylinder_friction.service.scoring.gate import Gate
+from cylinder_friction.service.scoring.json_forms import to_json
 from cylinder_friction.service.scoring.metrics import Metrics
 from cylinder_friction.service.scoring.model_source import ModelSource
 from cylinder_friction.service.scoring.openapi import openapi, page

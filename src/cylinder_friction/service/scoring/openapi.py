@@ -7,7 +7,7 @@ from typing import Any
 from cylinder_friction.deployment.scoring import OFFSET, RECORDING_COLUMN, TIME_COLUMN
 from cylinder_friction.recordings.files import read_json
 from cylinder_friction.service.scoring.decoding import ARROW, CSV, JSON, MAX_RECORDINGS, PARQUET
-from cylinder_friction.service.scoring.expected import MAX_COLUMNS
+from cylinder_friction.service.scoring.errors import MAX_COLUMNS
 from cylinder_friction.service.scoring.model_source import ModelInService
 from cylinder_friction.service.scoring.settings import ServeSettings
 

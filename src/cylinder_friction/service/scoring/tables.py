@@ -12,8 +12,7 @@ from pyarrow import csv as arrow_csv
 from pyarrow import parquet
 
 from cylinder_friction.deployment.scoring import RECORDING_COLUMN, Column
-from cylinder_friction.service.scoring.errors import SHOWN, RequestError, shown
-from cylinder_friction.service.scoring.expected import Columns, Expected, refuse_names
+from cylinder_friction.service.scoring.errors import SHOWN, Columns, Expected, RequestError, refuse_names, shown
 
 _HEADER, _COMPRESSION = 2, 3
 """Fields of Message and of RecordBatch in Arrow's Message.fbs."""
