@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import getpass
 import json
 import os
@@ -19,7 +18,6 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
-import uvicorn
 from paho.mqtt.client import Client as PahoClient
 from paho.mqtt.client import MQTTv5
 from paho.mqtt.enums import CallbackAPIVersion
@@ -27,13 +25,17 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from cylinder_friction.execution.ports import free_port
+from cylinder_friction.service.access import LiveAccess
 from cylinder_friction.service.live.app import create_app
 from cylinder_friction.service.live.frames import SampleBlock, pack_samples
-from cylinder_friction.service.server import LiveServer
+from cylinder_friction.service.live.settings import LiveLimits
+from cylinder_friction.service.server import live_server
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
     from pathlib import Path
+
+    from starlette.applications import Starlette
 
     from cylinder_friction.arrays import Array
     from cylinder_friction.service.links.link import Link
@@ -118,24 +120,26 @@ class Mosquitto:
         self.kill()
 
 
+@contextmanager
+def serving(app: Starlette, port: int = 0, access: LiveAccess | None = None) -> Iterator[str]:
+    """The address, as ``HOST:PORT``, of an application that runs in a thread."""
+    server = live_server(app, "127.0.0.1", port, access or LiveAccess(), LiveLimits().message_bytes)
+    thread = threading.Thread(target=server.run, daemon=True)
+    thread.start()
+    try:
+        while not server.started:
+            assert thread.is_alive(), "the service ended while it started"
+            time.sleep(0.01)
+        yield f"127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}"
+    finally:
+        server.should_exit = True
+        thread.join(60.0)
+
+
 def served(links: Sequence[Link], service: LiveService, folder: Path, use: Callable[[], Any], port: int = 0) -> Any:
-    """What ``use`` returns in a thread of its own while the service runs, its WebSocket at ``port`` (0: a free one)."""
-
-    async def run() -> Any:
-        app = create_app(service, folder / "history", links)
-        config = uvicorn.Config(app, port=port, log_level="warning", ws_per_message_deflate=False)
-        server = LiveServer(config, app.state.drain)
-        serving = asyncio.create_task(server.serve())
-        while not (server.started or serving.done()):
-            await asyncio.sleep(0.01)
-        assert not serving.done(), "the service ended while it started"
-        try:
-            return await asyncio.to_thread(use)
-        finally:
-            server.should_exit = True
-            await serving
-
-    return asyncio.run(run())
+    """What ``use`` returns while the service runs, its WebSocket at ``port``."""
+    with serving(create_app(service, folder / "history", links), port):
+        return use()
 
 
 @contextmanager

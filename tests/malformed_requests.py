@@ -38,7 +38,7 @@ AT_FIRST = {"WARMING", "OFFSET_UNKNOWN"}
 """Flags of every recording's first rows, however right they are."""
 MAX_ROWS = 30_000
 MAX_BODY_BYTES = 4 << 20
-SETTINGS = ServeSettings(max_rows=MAX_ROWS, max_body_bytes=MAX_BODY_BYTES, timeout_s=2.0)
+SETTINGS = ServeSettings(max_rows=MAX_ROWS, max_body_bytes=MAX_BODY_BYTES, timeout_s=10.0)
 """Limits small enough to be tried."""
 
 

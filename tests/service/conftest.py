@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import threading
-import time
+from contextlib import ExitStack, closing
 from typing import TYPE_CHECKING
 
 import pytest
-import uvicorn
 
 from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
@@ -20,8 +18,7 @@ from cylinder_friction.service.live.events import Events
 from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveService
 from cylinder_friction.service.live.settings import LiveLimits
-from cylinder_friction.service.server import LiveServer
-from live_process import Mosquitto
+from live_process import Mosquitto, serving
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -70,31 +67,15 @@ def golden(small_hybrid: HybridEstimator, samples: Array) -> dict[str, Any]:
 @pytest.fixture
 def served(engine: Engine, tmp_path: Path) -> Iterator[Callable[..., str]]:
     """Start a service in a thread; return its address as ``HOST:PORT``."""
-    running: list[tuple[uvicorn.Server, threading.Thread, Journal]] = []
+    with ExitStack() as running:
 
-    def start(access: LiveAccess | None = None, limits: LiveLimits | None = None, log: Path | None = None) -> str:
-        access = access or LiveAccess()
-        journal = Journal(tmp_path / "served.db")
-        service = LiveService(engine, journal, limits=limits)
-        app = create_app(service, tmp_path / "history", access=access, events=Events(log))
-        config = uvicorn.Config(
-            app, port=0, log_level="warning", timeout_graceful_shutdown=1, ssl_certfile=access.tls_certificate,
-            ssl_keyfile=access.tls_key,
-        )  # fmt: skip
-        server = LiveServer(config, app.state.drain)
-        thread = threading.Thread(target=server.run, daemon=True)
-        thread.start()
-        running.append((server, thread, journal))
-        while not server.started:
-            assert thread.is_alive(), "the service ended while starting"
-            time.sleep(0.01)
-        return f"127.0.0.1:{server.servers[0].sockets[0].getsockname()[1]}"
+        def start(access: LiveAccess | None = None, limits: LiveLimits | None = None, log: Path | None = None) -> str:
+            journal = running.enter_context(closing(Journal(tmp_path / "served.db")))
+            service = LiveService(engine, journal, limits=limits)
+            app = create_app(service, tmp_path / "history", access=access, events=Events(log))
+            return running.enter_context(serving(app, access=access))
 
-    yield start
-    for server, thread, journal in running:
-        server.should_exit = True
-        thread.join(60.0)
-        journal.close()
+        yield start
 
 
 @pytest.fixture

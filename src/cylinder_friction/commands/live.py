@@ -16,8 +16,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import uvicorn
-
 from cylinder_friction.commands._model import model_folder
 from cylinder_friction.params.live import LIVE_FILE, LiveParams, load_live_params
 from cylinder_friction.service.links.line_protocol import LineProtocolLink
@@ -28,9 +26,8 @@ from cylinder_friction.service.live.engine_building import engine_of, other_engi
 from cylinder_friction.service.live.events import Events
 from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveError, LiveService
-from cylinder_friction.service.live.settings import HELD_BACK_S
 from cylinder_friction.service.live.stribeck import stribeck_lines
-from cylinder_friction.service.server import LiveServer
+from cylinder_friction.service.server import LiveServer, live_server
 
 if TYPE_CHECKING:
     from cylinder_friction.recordings.recording import Recording
@@ -93,12 +90,7 @@ def _serve(service: LiveService, params: LiveParams, speed: float, recordings: d
     links, access = links_of(params), params.access
     stribeck = None if params.stribeck is None else stribeck_lines(params.stribeck)
     app = create_app(service, params.folder, links, access, params.host, Events(params.log), stribeck)
-    config = uvicorn.Config(
-        app, host=params.host, port=params.port, ws_max_size=params.limits.message_bytes, log_level="warning",
-        ws_per_message_deflate=False, ws_ping_timeout=HELD_BACK_S, timeout_graceful_shutdown=1, loop="asyncio",
-        ssl_certfile=access.tls_certificate, ssl_keyfile=access.tls_key,
-    )  # fmt: skip
-    server = LiveServer(config, app.state.drain)
+    server = live_server(app, params.host, params.port, access, params.limits.message_bytes)
     if hasattr(signal, "SIGHUP") and signal.getsignal(signal.SIGHUP) != signal.SIG_IGN:  # nohup's stays
         signal.signal(signal.SIGHUP, server.handle_exit)
     stop = threading.Event()
@@ -144,7 +136,7 @@ def links_of(params: LiveParams) -> list[Link]:
 
 
 def _follow(
-    server: uvicorn.Server,
+    server: LiveServer,
     service: LiveService,
     params: LiveParams,
     links: Sequence[Link],

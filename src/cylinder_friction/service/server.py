@@ -7,7 +7,11 @@ from contextlib import suppress
 from typing import Any
 
 import uvicorn
+from starlette.applications import Starlette
 from websockets.exceptions import WebSocketException
+
+from cylinder_friction.service.access import Access
+from cylinder_friction.service.live.settings import HELD_BACK_S
 
 LAST_WORD_S = 0.2
 """For so long a client may read why it is closed when the service ends."""
@@ -50,6 +54,16 @@ class LiveServer(uvicorn.Server):
             _transport(connection).abort()
         await asyncio.sleep(0.0)  # they take their leave
         await super().shutdown(sockets)
+
+
+def live_server(app: Starlette, host: str, port: int, access: Access, message_bytes: int) -> LiveServer:
+    """Return the server of an application of ``live.app.create_app``; port 0 takes a free one."""
+    config = uvicorn.Config(
+        app, host=host, port=port, ws_max_size=message_bytes, log_level="warning", ws_per_message_deflate=False,
+        ws_ping_timeout=HELD_BACK_S, timeout_graceful_shutdown=1, loop="asyncio",
+        ssl_certfile=access.tls_certificate, ssl_keyfile=access.tls_key,
+    )  # fmt: skip
+    return LiveServer(config, app.state.drain)
 
 
 def _transport(connection: Any) -> asyncio.Transport:

@@ -1,4 +1,4 @@
-"""The compiled step for many sessions: one call into C for all that have samples."""
+"""The compiled step for many sessions, one call into C for all of them, and the golden trajectory that it must meet."""
 
 import ctypes
 import platform

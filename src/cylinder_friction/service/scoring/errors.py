@@ -1,4 +1,4 @@
-"""Refusals of requests: a status, a message for whoever sent it, and nothing of the server."""
+"""Refusals of requests, which show nothing of the server, and what every body is checked for."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

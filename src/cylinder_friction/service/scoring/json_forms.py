@@ -1,4 +1,4 @@
-"""Columns of samples from the four JSON forms that MLflow's server takes."""
+"""Samples from the four JSON forms that MLflow's server takes, and estimates in its form."""
 
 import json
 from collections.abc import Iterable, Mapping
