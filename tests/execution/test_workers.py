@@ -31,6 +31,11 @@ def test_two_workers_do_the_same() -> None:
             assert sorted(workers.do_all([partial(twice, n) for n in range(5)])) == [(n, 2 * n) for n in range(5)]
 
 
+def test_results_come_in_the_order_of_the_pieces_whichever_ends_first() -> None:
+    with Processes(2) as workers:
+        assert list(workers.in_order([partial(slow_if_first, n) for n in range(5)])) == [*range(5)]
+
+
 def test_a_process_that_dies_costs_its_own_piece() -> None:
     pieces = [partial(die if n == 1 else slow_if_first, n) for n in range(4)]
     with Processes(2) as workers:

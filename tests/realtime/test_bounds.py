@@ -114,6 +114,19 @@ def test_the_finite_sample_quantile_is_taken(labelled_recordings: list[Recording
     assert bounds.lower_n[CREEP] == bounds.lower_n[SLIDING]  # a regime without rows takes the errors of all
 
 
+def test_few_sessions_that_differ_widen_the_bounds(labelled_recordings: list[Recording]) -> None:
+    """The same errors, of 10 N up in one recording and down in the other: of one session, and of two."""
+    generator, parts = np.random.default_rng(2), []
+    for place, recording in enumerate(labelled_recordings[:2]):
+        errors_n = generator.normal(10.0 * (-1.0) ** place, 1.0, len(recording))
+        parts.append(labelled(recording, errors_n))
+    together = [replace(each, metadata=replace(each.metadata, session="one")) for each in parts]
+    one, two = bounds_of(together), bounds_of(parts)
+    ratio = np.array(two.upper_n) / np.array(one.upper_n)
+    assert (ratio > 3.0).all()
+    np.testing.assert_allclose(np.array(two.lower_n) / np.array(one.lower_n), ratio)
+
+
 def test_without_enough_rows_bounds_say_nothing(labelled_recordings: list[Recording]) -> None:
     recording = labelled_recordings[0]
     usable = np.arange(len(recording)) < 5

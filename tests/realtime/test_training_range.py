@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cylinder_friction.realtime.guard import TRAINED_MARGIN, TrainingRange
+from cylinder_friction.realtime.position_load import PositionLoad
 
 if TYPE_CHECKING:
     from cylinder_friction.recordings.recording import Recording
@@ -43,3 +44,11 @@ def test_its_ends_are_held_and_so_is_the_end_of_the_margin() -> None:
     wide = RANGE.widened()
     assert RANGE.holds(np.array([RANGE.lower, RANGE.upper, wide.lower, wide.upper])).all()
     assert not RANGE.holds(np.nextafter([wide.lower, wide.upper], [[-1.0, -1.0], [1.0, 1.0]])).any()
+
+
+def test_where_a_load_is_not_known_is_outside() -> None:
+    load = PositionLoad(0.05, 0.15, np.zeros(2), np.ones(2))
+    trusted, wide = RANGE.trusted(load), RANGE.widened()
+    assert (trusted.lower, trusted.upper) == ((0.05, wide.lower[1]), (0.15, wide.upper[1]))
+    further = PositionLoad(-1.0, 1.0, np.zeros(2), np.ones(2))
+    assert RANGE.trusted(further) == RANGE.trusted(None) == wide
