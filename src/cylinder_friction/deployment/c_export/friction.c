@@ -105,7 +105,8 @@ static real estimate(estimator_state *state, const real filtered[ROWS])
         dry *= LUGRE_RETRACT_RATIO;
     }
     decay = LUGRE_BRISTLE_STIFFNESS_N_M * speed * STEP_S / dry;
-    after = state->bristle_m * M(exp)(-decay) - M(expm1)(-decay) * (velocity / speed) * (dry / LUGRE_BRISTLE_STIFFNESS_N_M);
+    after = state->bristle_m * M(exp)(-decay)
+        - M(expm1)(-decay) * (velocity / speed) * (dry / LUGRE_BRISTLE_STIFFNESS_N_M);
     rise = (after - state->bristle_m) / STEP_S;
     state->bristle_m = after;
     return LUGRE_BRISTLE_STIFFNESS_N_M * after + LUGRE_BRISTLE_DAMPING_N_S_M * M(exp)(-(ratio * ratio)) * rise
