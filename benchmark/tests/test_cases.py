@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from friction_benchmark.models.baselines import ConstantByDirection
 
 from cylinder_friction.estimators.linear import RidgeEstimator
 from friction_benchmark.cases import (
@@ -21,6 +20,7 @@ from friction_benchmark.cases import (
     shown_inputs,
     with_known_zeros,
 )
+from friction_benchmark.models.baselines import ConstantByDirection
 from friction_benchmark.tasks import TASKS, task_named
 from friction_benchmark_models import CYLINDER, made_recording
 
