@@ -186,7 +186,7 @@ def delayed_sequences(count: int, seed: int, delay: int = 6) -> list[SequenceDat
 @pytest.mark.parametrize("make", [gru_of, tcn_of])
 def test_it_learns_what_needs_memory(make: Callable[[int], nn.Module]) -> None:
     plan = TrainingPlan(10, 10, 30, 0, 4, warm_up=0.05, weight_decay=1e-3)
-    _, curve = train_network(make, 1e-2, plan, delayed_sequences(8, 0), delayed_sequences(2, 1), seed=3, stride=1)
+    _, curve = train_network(make, 1e-2, plan, delayed_sequences(4, 0), delayed_sequences(1, 1), seed=3, stride=1)
     assert min(curve.validation_mae) < 0.5 * curve.validation_mae[0]
 
 

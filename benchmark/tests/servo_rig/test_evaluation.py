@@ -51,7 +51,7 @@ def elsewhere() -> list[Recording]:
 @pytest.mark.parametrize("mounting", ["horizontal", "vertical"])
 def test_every_estimator_is_scored_in_every_test_session(elsewhere: list[Recording], mounting: str) -> None:
     duration_s = 8.0 if mounting == "horizontal" else 20.0
-    plan = EvaluationPlan(SessionPlan(0, 3, duration_s, mounting), epochs=1, twin_rigs=1)  # type: ignore[arg-type]
+    plan = EvaluationPlan(SessionPlan(0, 3, duration_s, mounting), epochs=1, twin_rigs=1, twin_effort=0.005)  # type: ignore[arg-type]
     scores = evaluate(plan, elsewhere)
     names = list(dict.fromkeys(score.estimator for score in scores))
     assert names == [
