@@ -23,10 +23,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.friction_models.catalogue import model_named
 from cylinder_friction.friction_models.identification.intervals import confidence_intervals
 from cylinder_friction.friction_models.identification.search import Coordinates, search_globally, search_locally
 from cylinder_friction.friction_models.identification.simulation import Motion, Motions
+from friction_benchmark.friction_models import FRICTION_MODELS
 from hysteresis_loops import IDENTIFIED, RIGS, Loops, Rig, energies, mean_of_directions, rig_of, stiffnesses
 
 if TYPE_CHECKING:
@@ -143,7 +143,7 @@ def _figures(model: FrictionModel, parameters: ModelParameters, rig: Rig, name: 
 def checked(data: Path, rig: str, generations: int = 25, models: Sequence[str] = MODELS) -> dict[str, Checked]:
     """Return every model, identified and scored on one rig."""
     measured = rig_of(data, rig)
-    return {name: identified(model_named(name), measured, generations) for name in models}
+    return {name: identified(FRICTION_MODELS[name], measured, generations) for name in models}
 
 
 def newtons(force_n: float) -> str:

@@ -51,7 +51,7 @@ def test_it_writes_figures_and_run_and_logs_the_same_to_mlflow(logged: list[RunR
 def test_a_model_of_another_kind_is_refused_in_words(
     logged: list[RunRecord], cylinder: Cylinder, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(command, "load_estimator", lambda _: AnalyticalEstimator(cylinder, model_named("dahl")))
+    monkeypatch.setattr(command, "load_estimator", lambda _: AnalyticalEstimator(cylinder, model_named("lugre")))
     assert main(["latency", "law", "--steps", "2"]) == 1
     assert "cylinder-friction latency: analytical: has no real-time step" in capsys.readouterr().err
     assert logged == []

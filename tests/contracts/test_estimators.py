@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from cylinder_friction.estimators.analytical import AnalyticalEstimator, scaled_effort
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.baselines import baselines
 from cylinder_friction.estimators.forest import ForestEstimator, ForestPlan
@@ -17,7 +16,6 @@ from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassFo
 from cylinder_friction.estimators.loading import KINDS
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
-from cylinder_friction.friction_models.catalogue import model_named
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
@@ -47,7 +45,7 @@ MAKERS: dict[str, Callable[[Cylinder], FrictionEstimator]] = {
     "random_forest": lambda cylinder: ForestEstimator(cylinder, FOREST),
     "lugre": lambda cylinder: LugreEstimator(cylinder, condition="1", population=4, generations=2),
     "pressure_lugre": lambda cylinder: PressureLugreEstimator(cylinder, condition="1", population=4, generations=2),
-    "film_lugre": lambda cylinder: AnalyticalEstimator(cylinder, model_named("film_lugre"), effort=scaled_effort(0.01)),
+    "analytical": lambda cylinder: AnalyticalEstimator(cylinder, model_named("lugre"), effort=scaled_effort(0.01)),
     "hybrid": lambda cylinder: HybridEstimator(cylinder, "force_balance", SMALL, PLAN, FOREST),
     "lstm": lambda cylinder: HybridEstimator(cylinder, "force_balance", DEEP, PLAN, None),
     "hybrid_of_position": lambda cylinder: HybridEstimator(

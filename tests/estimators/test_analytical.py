@@ -10,7 +10,6 @@ import pytest
 from cylinder_friction.estimators.analytical import AnalyticalEstimator, scaled_effort
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.friction_models.catalogue import model_named
-from cylinder_friction.friction_models.dahl import Dahl
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording, RecordingError
@@ -20,7 +19,7 @@ if TYPE_CHECKING:
 
     from cylinder_friction.cylinder import Cylinder
 
-NAMES = ["stribeck", "dahl", "lugre", "pressure_lugre", "film_lugre", "gms"]
+NAMES = ["lugre", "pressure_lugre"]
 LEVELS = ("position_m", "oil_temperature_c", "pressure_1_level_pa", "pressure_2_level_pa")
 
 
@@ -100,10 +99,10 @@ def test_saving_and_loading_changes_no_bit_and_keeps_units_and_intervals(
 def test_the_same_seed_finds_the_same_bits(
     cylinder: Cylinder, fitted: dict[str, AnalyticalEstimator], labelled_recordings: list[Recording]
 ) -> None:
-    again = made("gms", cylinder)
+    again = made("lugre", cylinder)
     again.fit(labelled_recordings)
-    assert again.parameters == fitted["gms"].parameters
-    assert again.intervals == fitted["gms"].intervals
+    assert again.parameters == fitted["lugre"].parameters
+    assert again.intervals == fitted["lugre"].intervals
 
 
 def test_only_a_model_that_uses_pressure_feels_it(
@@ -132,23 +131,23 @@ def test_levels_of_pressure_do_where_raw_pressures_are_not_seen(
 def test_the_place_of_the_position_among_the_inputs_does_not_matter(
     cylinder: Cylinder, fitted: dict[str, AnalyticalEstimator], labelled_recordings: list[Recording]
 ) -> None:
-    alone = made("dahl", cylinder, ("position_m",))
+    alone = made("lugre", cylinder, ("position_m",))
     alone.fit(labelled_recordings)
-    assert alone.parameters == fitted["dahl"].parameters
+    assert alone.parameters == fitted["lugre"].parameters
     recording = labelled_recordings[2]
-    np.testing.assert_array_equal(alone.estimate(recording), fitted["dahl"].estimate(recording))
+    np.testing.assert_array_equal(alone.estimate(recording), fitted["lugre"].estimate(recording))
 
 
 def test_one_condition_alone_is_the_paper_s_way(cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
     first = [recording for recording in labelled_recordings if recording.metadata.condition == "1"]
     one, same = (
-        AnalyticalEstimator(cylinder, Dahl(), condition=condition, effort=scaled_effort(0.02))
+        AnalyticalEstimator(cylinder, LuGre(), condition=condition, effort=scaled_effort(0.02))
         for condition in ("1", None)
     )
     one.fit(labelled_recordings)
     same.fit(first)
     assert one.parameters == same.parameters
-    missing = AnalyticalEstimator(cylinder, Dahl(), condition="no load")
+    missing = AnalyticalEstimator(cylinder, LuGre(), condition="no load")
     with pytest.raises(RecordingError, match=r"of condition 'no load'; got conditions \['1', '2', '3', '4'\]"):
         missing.fit(labelled_recordings)
 
@@ -156,7 +155,7 @@ def test_one_condition_alone_is_the_paper_s_way(cylinder: Cylinder, labelled_rec
 def test_more_effort_searches_more(cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
     budgets = []
     for effort in (0.02, 0.1):
-        estimator = AnalyticalEstimator(cylinder, Dahl(), effort=scaled_effort(effort))
+        estimator = AnalyticalEstimator(cylinder, LuGre(), effort=scaled_effort(effort))
         estimator.fit(labelled_recordings[:2])
         assert estimator.identification is not None
         budgets.append(estimator.identification.simulated_samples)
@@ -166,8 +165,8 @@ def test_more_effort_searches_more(cylinder: Cylinder, labelled_recordings: list
 
 
 def test_missing_inputs_are_refused(cylinder: Cylinder) -> None:
-    with pytest.raises(ValueError, match=r"dahl: inputs are \['pressure_1_pa'\], but expected position_m among them"):
-        AnalyticalEstimator(cylinder, Dahl(), ("pressure_1_pa",))
+    with pytest.raises(ValueError, match=r"lugre: inputs are \['pressure_1_pa'\], but expected position_m among them"):
+        AnalyticalEstimator(cylinder, LuGre(), ("pressure_1_pa",))
     with pytest.raises(ValueError, match="expected one pair of pressures among them: pressure_1_pa and pressure_2_pa"):
         AnalyticalEstimator(cylinder, LuGre(pressure_scaled=True), ("position_m",))
 

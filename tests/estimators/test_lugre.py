@@ -8,7 +8,6 @@ import pytest
 
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator, condition_of_smallest_friction
-from cylinder_friction.friction_models.identification.procedure import SearchEffort
 from cylinder_friction.friction_models.lugre import LugreParameters
 from cylinder_friction.recordings.recording import Recording, RecordingError
 
@@ -111,21 +110,6 @@ def test_plain_lugre_does_not_feel_pressure(
     np.testing.assert_array_equal(fitted["lugre"].estimate(other), fitted["lugre"].estimate(recording))
     felt = fitted["pressure_lugre"].estimate(other) - fitted["pressure_lugre"].estimate(recording)
     assert np.abs(felt).mean() > 20.0
-
-
-def test_best_possible_is_at_least_as_good_and_leaves_the_estimator_alone(
-    fitted: dict[str, LugreEstimator], labelled_recordings: list[Recording]
-) -> None:
-    estimator = fitted["lugre"]
-    before = estimator.parameters
-    held_out = [labelled_recordings[1]]
-    best = estimator.best_possible(held_out, SearchEffort(5, 3, 4, 1))
-    label = held_out[0].column("friction_n")
-    identified_n = float(np.abs(estimator.estimate(held_out[0]) - label).mean())
-    assert best.error_n <= identified_n
-    assert estimator.parameters is before
-    with pytest.raises(RecordingError, match="nothing to search on"):
-        estimator.best_possible([], SearchEffort(5, 3, 4, 1))
 
 
 def test_without_a_condition_it_is_identified_where_friction_is_smallest(

@@ -105,16 +105,6 @@ class AnalyticalEstimator(FrictionEstimator):
         self._use(found.parameters, self._velocities()[found.velocity])
         return self
 
-    def best_possible(self, recordings: Sequence[Recording], effort: SearchEffort) -> Identification:
-        """Return what the best parameters of this model's class reach on given recordings, fitted to them directly.
-
-        The search starts from this estimator's own parameters too; the estimator stays as it was. The result is a
-        bound for a fit that has not seen those recordings.
-        """
-        if not recordings:
-            raise RecordingError(f"{self.kind}: nothing to search on, got no recording; expected at least one")
-        return self._identify(recordings, effort, () if self.parameters is None else (self.parameters,))
-
     def new_state(self) -> AnalyticalState:
         assert self._motion is not None
         return AnalyticalState(self._motion.new_state(), self.model.new_state())

@@ -89,7 +89,7 @@ def test_too_few_samples_are_refused(hybrid: HybridEstimator, samples: np.ndarra
 
 def test_what_cannot_be_exported_is_refused(cylinder: Cylinder, samples: np.ndarray) -> None:
     with pytest.raises(ValueError, match="has no real-time step"):
-        measure({"law": AnalyticalEstimator(cylinder, model_named("dahl"))}, {"law": samples}, Effort())
+        measure({"law": AnalyticalEstimator(cylinder, model_named("lugre"))}, {"law": samples}, Effort())
 
 
 def test_every_figure_is_one_of_the_measured_times() -> None:

@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from cylinder_friction.estimators.analytical import PRESSURE_PAIRS, AnalyticalEstimator, scaled_effort
-from cylinder_friction.friction_models.catalogue import model_named
+from friction_benchmark.friction_models import FRICTION_MODELS
 from friction_benchmark.registry import RegisteredModel, needs_only_position
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ _SOURCES = {
 def _build(name: str, build: BuildConfiguration) -> AnalyticalEstimator:
     """Effort cuts generations and the simulations of each local search."""
     effort = scaled_effort(build.effort, build.seed)
-    return AnalyticalEstimator(build.cylinder, model_named(name), build.inputs, effort=effort)
+    return AnalyticalEstimator(build.cylinder, FRICTION_MODELS[name], build.inputs, effort=effort)
 
 
 def _needs_pressures_of_some_kind(inputs: tuple[str, ...]) -> bool:
@@ -44,11 +44,11 @@ def _needs_pressures_of_some_kind(inputs: tuple[str, ...]) -> bool:
 MODELS = tuple(
     RegisteredModel(
         name=name,
-        title=model_named(name).title,
+        title=FRICTION_MODELS[name].title,
         family="analytical",
         source=source,
         build=partial(_build, name),
-        supports=_needs_pressures_of_some_kind if model_named(name).pressure_scaled else needs_only_position,
+        supports=_needs_pressures_of_some_kind if FRICTION_MODELS[name].pressure_scaled else needs_only_position,
         chosen=chosen,
     )
     for name, (source, chosen) in _SOURCES.items()

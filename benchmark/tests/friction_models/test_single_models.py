@@ -1,4 +1,4 @@
-"""What holds for one friction model alone; the contract of all is in ``tests/contracts``."""
+"""What holds for one friction model alone; the contract of all is in ``test_contract``."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cylinder_friction.friction_models.catalogue import model_named
-from cylinder_friction.friction_models.maxwell_slip import MaxwellSlipParameters
-from friction_samples import ODD
+from friction_benchmark.friction_models import FRICTION_MODELS
+from friction_benchmark.friction_models.maxwell_slip import MaxwellSlipParameters
+from model_samples import ODD
 
 if TYPE_CHECKING:
     from cylinder_friction.friction_models.parameters import ModelParameters
@@ -21,7 +21,7 @@ STEP_S = 5e-3
 
 
 def friction(parameters: ModelParameters, name: str, path: list[float] | np.ndarray) -> np.ndarray:
-    model = model_named(name)
+    model = FRICTION_MODELS[name]
     return model.simulate(parameters.packed(), np.asarray(path), STEP_S, model.new_state())
 
 
@@ -102,8 +102,3 @@ def test_fluid_inertia_leads_on_acceleration() -> None:
 def test_impossible_numbers_are_refused_by_name(name: str, field: str, value: float, expected: str) -> None:
     with pytest.raises(ValueError, match=expected):
         replace(ODD[name], **{field: value})
-
-
-def test_an_unknown_model_is_refused_with_the_known() -> None:
-    with pytest.raises(ValueError, match=r"friction model is 'bouc_wen', but expected one of \['dahl', 'film_lugre'"):
-        model_named("bouc_wen")

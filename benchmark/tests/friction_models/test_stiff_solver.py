@@ -12,19 +12,19 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from cylinder_friction.friction_models.catalogue import model_named
-from cylinder_friction.friction_models.film_lugre import FilmLugreParameters
-from friction_samples import ODD, held_path
+from friction_benchmark.friction_models import FRICTION_MODELS
+from friction_benchmark.friction_models.film_lugre import FilmLugreParameters
+from model_samples import ODD, held_path
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from cylinder_friction.arrays import Array
-    from cylinder_friction.friction_models.coulomb_stribeck import CoulombStribeckParameters
-    from cylinder_friction.friction_models.dahl import DahlParameters
     from cylinder_friction.friction_models.lugre import LugreParameters
-    from cylinder_friction.friction_models.maxwell_slip import MaxwellSlipParameters
     from cylinder_friction.friction_models.parameters import ModelParameters
+    from friction_benchmark.friction_models.coulomb_stribeck import CoulombStribeckParameters
+    from friction_benchmark.friction_models.dahl import DahlParameters
+    from friction_benchmark.friction_models.maxwell_slip import MaxwellSlipParameters
 
 
 STEP_S = 5e-3
@@ -152,7 +152,7 @@ TOLERANCES_N = {"stribeck": 1e-9, "dahl": 1e-6, "lugre": 1e-6, "film_lugre": 0.5
 
 
 def stepped(name: str, parameters: ModelParameters, path: Array, step_s: float = STEP_S) -> Array:
-    model = model_named(f"pressure_{name}")
+    model = FRICTION_MODELS[f"pressure_{name}"]
     pressure = np.full(len(path), PRESSURE_PA)
     return model.simulate(parameters.packed(), path, step_s, model.new_state(), pressure)
 
