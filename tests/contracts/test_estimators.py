@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
+from cylinder_friction.estimators.analytical import AnalyticalEstimator, scaled_effort
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.baselines import baselines
 from cylinder_friction.estimators.forest import ForestEstimator, ForestPlan
@@ -16,6 +17,7 @@ from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassFo
 from cylinder_friction.estimators.loading import KINDS
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
+from cylinder_friction.friction_models.catalogue import model_named
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
