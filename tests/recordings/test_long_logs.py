@@ -13,7 +13,7 @@ from cylinder_friction.recordings.conversion import Recipe, pieces_of
 from cylinder_friction.recordings.ingesting import Quarantined, convert_in_parts
 from cylinder_friction.recordings.long_logs import LongRecording, pieces_or_drafts
 from cylinder_friction.recordings.path_names import NameRules
-from cylinder_friction.recordings.recording import Piece, RecordingError
+from cylinder_friction.recordings.recording import RecordingError, RecordingPiece
 from cylinder_friction.recordings.storage import read_metadata
 from logger_files import CHANNELS, made_log
 
@@ -230,7 +230,7 @@ def test_a_log_that_cannot_be_cut_is_read_whole_up_to_a_size(
 ) -> None:
     path, rules = written(tmp_path / "log.csv", change), recipe(cylinder, channels=channels)
     (piece,) = pieces_or_drafts(path, rules, rows=1_000, folder=tmp_path / "parts")
-    assert isinstance(piece, Piece)
+    assert isinstance(piece, RecordingPiece)
     monkeypatch.setattr("cylinder_friction.recordings.long_logs.MOST_INDIVISIBLE", 1_000_000)
     with pytest.raises(RecordingError, match=rf"MB, at most 1 MB\), and cannot be processed in parts: .*{why}"):
         pieces_or_drafts(path, rules, rows=1_000, folder=tmp_path / "parts")

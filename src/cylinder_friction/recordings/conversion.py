@@ -22,7 +22,7 @@ from cylinder_friction.recordings.mapping.channel_facts import words_of
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, sensor_limits, wanted_channels
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.path_names import NameRules, PathNames
-from cylinder_friction.recordings.recording import Piece, Recording, RecordingMetadata
+from cylinder_friction.recordings.recording import Recording, RecordingMetadata, RecordingPiece
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
@@ -70,15 +70,8 @@ class Recipe:
         )
 
 
-def tables_of(path: Path, recipe: Recipe) -> list[LoggedTable]:
-    """Return the tables of a file with the channels that are mapped."""
-    tables = open_tables(path, recipe)
-    assert not isinstance(tables, LongTable)
-    return tables
-
-
 def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> LongTable | list[LoggedTable]:
-    """Return what ``tables_of`` does, or one table of more rows than these, to be read in parts of so many.
+    """Return the tables of a file with the mapped channels. A table of more ``rows`` is to be read in parts of so many.
 
     If a stated rate takes the place of time, what is called time is read too, for it must not contradict that rate.
     """
@@ -92,23 +85,29 @@ def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> LongTabl
     return read(wanted | clocks) if clocks else tables
 
 
-def pieces_of(path: Path, recipe: Recipe) -> list[Piece]:
-    """Return the unbroken stretches of a file in SI units, each at one constant rate, with all that was repaired."""
-    return pieces_from(tables_of(path, recipe), recipe)
+def pieces_of(path: Path, recipe: Recipe, *, screened: bool = True) -> list[RecordingPiece]:
+    """Return the unbroken stretches of a file in SI units, each at one constant rate, with all that was repaired.
+
+    If not ``screened``, bad samples stay where they are, to be looked at, and only repairs of time are stated.
+    """
+    tables = open_tables(path, recipe)
+    assert not isinstance(tables, LongTable)
+    return pieces_from(tables, recipe, screened=screened)
 
 
-def pieces_from(tables: Sequence[LoggedTable], recipe: Recipe) -> list[Piece]:
+def pieces_from(tables: Sequence[LoggedTable], recipe: Recipe, *, screened: bool = True) -> list[RecordingPiece]:
     """Return what ``pieces_of`` does, from tables that are read already."""
     mapped = map_signals(tables, recipe.channels)
-    signals, screened = screen_signals(
-        mapped.signals, sensor_limits(recipe.channels), recipe.screen, recipe.limits.stroke_m
-    )
-    before = (*mapped.notes, *screened)
-    return [replace(piece, repairs=(*before, *piece.repairs)) for piece in align(signals, recipe.time)]
+    signals, notes = mapped.signals, tuple[str, ...]()
+    if screened:
+        limits = sensor_limits(recipe.channels)
+        signals, bad = screen_signals(signals, limits, recipe.screen, recipe.limits.stroke_m)
+        notes = (*mapped.notes, *bad)
+    return [replace(piece, repairs=(*notes, *piece.repairs)) for piece in align(signals, recipe.time)]
 
 
 def metadata_of(
-    piece: Piece, names: PathNames, number: int, pieces: int, source_file: str, digest: str, cylinder: str
+    piece: RecordingPiece, names: PathNames, number: int, pieces: int, source_file: str, digest: str, cylinder: str
 ) -> RecordingMetadata:
     """Return the metadata of one piece. If a file was split, the names of its pieces are numbered from 1."""
     suffix = f"_part{number}" if pieces > 1 else ""
@@ -126,7 +125,7 @@ def metadata_of(
 
 
 def zeroed(
-    piece: Piece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | None = None
+    piece: RecordingPiece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | None = None
 ) -> tuple[pd.DataFrame, RecordingMetadata]:
     """Return a piece's table with the zeros of its pressure sensors taken off, and metadata that record it.
 
@@ -140,7 +139,9 @@ def zeroed(
     return apply_zero(piece.table, metadata, own, recipe.channels)
 
 
-def checked(piece: Piece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | None = None) -> Recording:
+def checked(
+    piece: RecordingPiece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | None = None
+) -> Recording:
     """Zero a piece's pressures and check it. The first check that it does not pass raises ``RecordingError``."""
     table, with_zero = zeroed(piece, metadata, recipe, session)
     return check_recording(with_zero, table, recipe.limits, piece.sample_time_s)

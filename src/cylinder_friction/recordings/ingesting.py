@@ -12,7 +12,7 @@ from tqdm import tqdm
 
 from cylinder_friction.execution.workers import Died, Workers
 from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection, Hashes, window_hashes
-from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of, pieces_of
+from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of
 from cylinder_friction.recordings.files import hash_of, whole_folder, write_json
 from cylinder_friction.recordings.long_logs import (
     Draft,
@@ -23,7 +23,7 @@ from cylinder_friction.recordings.long_logs import (
 )
 from cylinder_friction.recordings.mapping.calibration import ZeroReading, find_zero, session_zero
 from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
-from cylinder_friction.recordings.recording import Piece, Recording, RecordingError, RecordingMetadata
+from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, RecordingPiece
 from cylinder_friction.recordings.storage import write_recording
 
 
@@ -204,11 +204,7 @@ def convert_file(
     try:
         digest = hash_of(path)
         names = recipe.names.names(relative)
-        pieces: Sequence[Piece | Draft] = (
-            pieces_of(path, recipe)
-            if folder is None or rows is None
-            else pieces_or_drafts(path, recipe, rows=rows, folder=folder)
-        )
+        pieces: Sequence[RecordingPiece | Draft] = pieces_or_drafts(path, recipe, rows, folder)
     except (RecordingError, OSError) as error:
         return ConvertedFile(digest, [Quarantined(relative, str(error))])
     result = ConvertedFile(digest)
@@ -283,12 +279,11 @@ def _zero_of(relative: str, recipe: Recipe, zeros: Mapping[str, ZeroReading]) ->
 
 def zeros_of(relative: str, path: Path, recipe: Recipe, rows: int | None) -> list[tuple[str, ZeroReading]]:
     """Return the session of one file and what its pressure sensors read while vented, piece by piece."""
-    read = pieces_of if rows is None else partial(pieces_in_turn, rows=rows)
     readings: list[tuple[str, ZeroReading]] = []
     with suppress(RecordingError, OSError):
         names = recipe.names.names(relative)
         readings.extend(  # piece by piece, so that those before an error are kept
             (names.session, find_zero(piece.table, recipe.zero, recipe.channels, names.name))
-            for piece in read(path, recipe)
+            for piece in pieces_in_turn(path, recipe, rows)
         )
     return readings

@@ -32,7 +32,7 @@ from cylinder_friction.recordings.formats.logged_table import MOST_INDIVISIBLE, 
 from cylinder_friction.recordings.mapping.calibration import ZeroReading, apply_zero, find_zero
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_limits
 from cylinder_friction.recordings.mapping.mapped_file import map_signals, take_delays
-from cylinder_friction.recordings.recording import Piece, Recording, RecordingError, RecordingMetadata, Signal
+from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, RecordingPiece, Signal
 from cylinder_friction.recordings.storage import read_recording, write_recording
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import stamps_to_seconds
@@ -57,22 +57,22 @@ class IndivisibleError(RecordingError):
 
 
 @dataclass(frozen=True)
-class Part:
-    """Part of a long log: a piece of which some rows are its own, and the others are its neighbours'."""
+class LogPart:
+    """Part of a long log. Some rows of its piece are its own, the others belong to its neighbours."""
 
-    piece: Piece
+    piece: RecordingPiece
     own: slice
     continues: bool  # Whether its own rows follow on those of the part before
-    of_file: tuple[str, ...]  # What was found in single samples of the whole file; empty but for the last section
+    of_file: tuple[str, ...]  # What was found in single samples of the whole file; empty until the last section
 
 
-def parts_of(table: LongTable, recipe: Recipe, rows: int, name: str) -> Iterator[Part]:
-    """Yield the parts of a long log in order, of about so many rows; what was repaired stands in their pieces.
+def parts_of(table: LongTable, recipe: Recipe, rows: int, name: str) -> Iterator[LogPart]:
+    """Yield the parts of a long log in order, of about this many rows; their pieces state the repairs.
 
     The progress bar shows the file's ``name``.
 
     Raises:
-        RecordingError: As for a file that is read whole, for single bad samples in the end; or it cannot be cut.
+        RecordingError: As for a file that is read whole, for single bad samples at the end; or it cannot be cut.
     """
     mapped = _Mapped(recipe)
     screen = Screen(sensor_limits(recipe.channels), recipe.screen, recipe.limits.stroke_m, _heights(table, recipe))
@@ -82,57 +82,47 @@ def parts_of(table: LongTable, recipe: Recipe, rows: int, name: str) -> Iterator
         pieces = _aligned(section, screen, replace(recipe, time=rules), origin_s)
         step_s, origin_s = step_s or pieces[0].sample_time_s, pieces[-1].origin_s
         rules = replace(rules, rate_hz=rules.rate_hz or 1.0 / step_s)
-        notes, of_file = mapped.notes(), screen.notes() if section.end else ()
+        notes, of_file = mapped.take_notes(), screen.notes() if section.last else ()
         for piece, own in _own_rows(pieces, section):
             time_s = piece.table["time_s"].to_numpy()
             follows = piece.segment == 0 and abs((time_s[own.start] - last_s) / step_s - 1.0) <= SAME_STEP
             last_s = float(time_s[own.stop - 1])
-            yield Part(replace(piece, sample_time_s=step_s, repairs=(*notes, *piece.repairs)), own, follows, of_file)
-
-
-def _aligned(section: "_Section", screen: Screen, recipe: Recipe, origin_s: float | None) -> list[Piece]:
-    own = section.own
-    try:
-        signals = screen.screened(section.signals, own, section.before)
-        notes = take_delays(signals, recipe.channels)
-        pieces = align(signals, recipe.time, origin_s)
-    except RecordingError as error:
-        first, last = section.before + own.start + 1, section.before + own.stop
-        raise RecordingError(f"rows {first} to {last}: {error}") from None
-    return [replace(piece, repairs=(*notes, *piece.repairs)) for piece in pieces]
+            repairs = (*notes, *piece.repairs)
+            yield LogPart(replace(piece, sample_time_s=step_s, repairs=repairs), own, follows, of_file)
 
 
 class _Mapped:
-    """Signals of one chunk after the other, with what continues from one to the next."""
+    """Maps one chunk after the other, and keeps what continues from one to the next: the rows and the clock's start."""
 
     def __init__(self, recipe: Recipe) -> None:
-        self.channels, self.rate_hz = dict(recipe.channels), recipe.channels["time_s"].rate_hz
-        for column, source in recipe.channels.items():
-            if source.sensor is not None:  # delays are taken when a section is put on the grid
-                self.channels[column] = replace(source, sensor=replace(source.sensor, delay_s=0.0))
+        # Delays are taken when a section is put on the grid.
+        self.channels = {
+            column: replace(source, sensor=source.sensor and replace(source.sensor, delay_s=0.0))
+            for column, source in recipe.channels.items()
+        }
         self.rows = 0
         self.origin: np.datetime64 | None = None
         self._notes: list[str] = []
 
-    def of(self, table: LoggedTable) -> dict[str, Signal]:
-        """Return the signals of the next chunk, which share one clock."""
+    def of(self, table: LoggedTable) -> pd.DataFrame:
+        """Return time and columns of the next chunk, which share one clock."""
         try:
             mapped = map_signals([self._since_start(table)], self.channels)
         except RecordingError as error:
             where = f"below row {self.rows}, from which rows count here: " if self.rows else ""
             raise RecordingError(f"{where}{error}") from None
         self._notes += mapped.notes
-        signals = mapped.signals
-        if len({id(signal.time_s) for signal in signals.values()}) > 1:
+        time_s, *others = {id(signal.time_s): signal.time_s for signal in mapped.signals.values()}.values()
+        if others:
             raise IndivisibleError("it has channels with clocks of their own; export it with one time channel")
-        if self.rate_hz is not None:
-            time_s = (self.rows + np.arange(len(table.channels))) / self.rate_hz
-            signals = {column: Signal(time_s, signal.values) for column, signal in signals.items()}
-        self.rows += len(table.channels)
-        return signals
+        if (rate_hz := self.channels["time_s"].rate_hz) is not None:
+            time_s = (self.rows + np.arange(len(time_s))) / rate_hz
+        self.rows += len(time_s)
+        columns = {column: signal.values for column, signal in mapped.signals.items()}
+        return pd.DataFrame({"time_s": time_s, **columns}, copy=False)
 
-    def notes(self) -> list[str]:
-        """Return what the reader repaired since this was asked last."""
+    def take_notes(self) -> list[str]:
+        """Return what the reader repaired since the last call."""
         notes, self._notes = list(dict.fromkeys(self._notes)), []
         return notes
 
@@ -152,62 +142,48 @@ class _Mapped:
 
 
 def _heights(table: LongTable, recipe: Recipe) -> dict[str, float]:
-    """Return how high a spike is in each column; where a place cannot be read, reading it in turn states why."""
-    mapped, found = _Mapped(recipe), dict[str, list[Array]]()
+    """Return how high a spike is in each column. Chunks that cannot be mapped are left out: reading them says why."""
+    mapped, found = _Mapped(recipe), [pd.DataFrame()]
     for chunk in table.spread():
         with suppress(RecordingError):
-            for column, signal in mapped.of(chunk).items():
-                found.setdefault(column, []).append(signal.values[~np.isnan(signal.values)])
+            found.append(mapped.of(chunk).drop(columns="time_s"))
     screen = Screen(sensor_limits(recipe.channels), recipe.screen, recipe.limits.stroke_m)
-    return {column: screen.height(column, np.concatenate(values)) for column, values in found.items()}
+    columns = pd.concat(found[1:] or found)
+    return {str(column): screen.height(str(column), values.dropna().to_numpy()) for column, values in columns.items()}
 
 
 @dataclass(frozen=True)
 class _Section:
-    """Rows of a log as they were logged."""
+    """Rows of a log as they were logged: time and columns."""
 
-    signals: dict[str, Signal]
+    table: pd.DataFrame
     own: slice  # Rows that no other section has
     before: int  # Rows of the log before the first of these
-    begin: bool  # Whether it is the first
-    end: bool  # Whether it is the last
+    last: bool = False  # Whether the log ends here
 
 
-def _sections(chunks: Iterator[dict[str, Signal]], rows: int, longest_bridge: int) -> Iterator[_Section]:
-    """Yield sections of about so many rows, with rows of their neighbours, cut where the clock is undisturbed."""
-    held: dict[str, Signal] = {}
+def _sections(chunks: Iterator[pd.DataFrame], rows: int, longest_bridge: int) -> Iterator[_Section]:
+    """Yield sections of about this many rows, with rows of their neighbours, cut where the clock is undisturbed."""
+    held = pd.DataFrame()
     first = before = 0
     for chunk in chunks:
-        held = _joined(held, chunk) if held else chunk
-        time_s = next(iter(held.values())).time_s
-        context = _context_rows(time_s)
-        while len(time_s) >= first + rows + 2 * context:
-            cut = _undisturbed(time_s, first, rows, context, longest_bridge)
+        held = pd.concat([held, chunk], ignore_index=True) if len(held) else chunk
+        context = _context_rows(held["time_s"].to_numpy())
+        while len(held) >= first + rows + 2 * context:
+            cut = _undisturbed(held["time_s"].to_numpy(), first, rows, context, longest_bridge)
             if cut is None:
-                if len(time_s) - first > 4 * (rows + context):
+                if len(held) - first > 4 * (rows + context):
                     raise IndivisibleError(
-                        f"in {len(time_s) - first} rows from row {before + first + 1} on, time increases nowhere "
+                        f"in {len(held) - first} rows from row {before + first + 1} on, time increases nowhere "
                         f"without a gap over {2 * UNDISTURBED_ROWS} rows, far from any restart; log time with a finer "
                         "resolution"
                     )
                 break
-            yield _Section(_rows_of(held, 0, cut + context), slice(first, cut), before, before + first == 0, False)
+            yield _Section(held.iloc[: cut + context], slice(first, cut), before)
             dropped = max(cut - context, 0)
-            held = _rows_of(held, dropped, len(time_s))
-            time_s = next(iter(held.values())).time_s
-            first, before = cut - dropped, before + dropped
-    if held:
-        yield _Section(held, slice(first, len(time_s)), before, before + first == 0, True)
-
-
-def _joined(one: dict[str, Signal], other: dict[str, Signal]) -> dict[str, Signal]:
-    time_s = np.concatenate([next(iter(each.values())).time_s for each in (one, other)])
-    return {column: Signal(time_s, np.concatenate([each.values, other[column].values])) for column, each in one.items()}
-
-
-def _rows_of(signals: dict[str, Signal], first: int, end: int) -> dict[str, Signal]:
-    time_s = next(iter(signals.values())).time_s[first:end]
-    return {column: Signal(time_s, each.values[first:end]) for column, each in signals.items()}
+            held, first, before = held.iloc[dropped:], cut - dropped, before + dropped
+    if len(held):
+        yield _Section(held, slice(first, len(held)), before, last=True)
 
 
 def _context_rows(time_s: Array) -> int:
@@ -238,17 +214,31 @@ def _undisturbed(time_s: Array, first: int, rows: int, context: int, longest_bri
     return int(possible[np.argmin(np.abs(possible - first - rows))]) if len(possible) else None
 
 
-def _own_rows(pieces: Sequence[Piece], section: _Section) -> Iterator[tuple[Piece, slice]]:
-    """Yield each piece that has rows of its own, and which these are."""
-    stamps_s = next(iter(section.signals.values())).time_s
+def _aligned(section: _Section, screen: Screen, recipe: Recipe, origin_s: float | None) -> list[RecordingPiece]:
+    time_s, own = section.table["time_s"].to_numpy(), section.own
+    columns = section.table.drop(columns="time_s").items()
+    signals = {str(column): Signal(time_s, values.to_numpy()) for column, values in columns}
+    try:
+        signals = screen.screened(signals, own, section.before)
+        notes = take_delays(signals, recipe.channels)
+        pieces = align(signals, recipe.time, origin_s)
+    except RecordingError as error:
+        first, last = section.before + own.start + 1, section.before + own.stop
+        raise RecordingError(f"rows {first} to {last}: {error}") from None
+    return [replace(piece, repairs=(*notes, *piece.repairs)) for piece in pieces]
+
+
+def _own_rows(pieces: Sequence[RecordingPiece], section: _Section) -> Iterator[tuple[RecordingPiece, slice]]:
+    """Yield each piece that has rows of its own, and which rows these are."""
+    stamps_s = section.table["time_s"].to_numpy()
     for piece in pieces:
         time_s = piece.table["time_s"].to_numpy()
         first, end = 0, len(time_s)
         # Multiples of the sample time may miss a stamp by rounding.
         slack_s = 1e-6 * piece.sample_time_s
-        if not section.begin and piece.segment == 0:
+        if section.before + section.own.start > 0 and piece.segment == 0:
             first = int(np.searchsorted(time_s, stamps_s[section.own.start] - slack_s))
-        if not section.end and piece.segment == pieces[-1].segment:
+        if not section.last and piece.segment == pieces[-1].segment:
             end = int(np.searchsorted(time_s, stamps_s[section.own.stop] - slack_s))
         if first < end:
             yield piece, slice(first, end)
@@ -310,7 +300,7 @@ class Draft:
         self.zeros: list[ZeroReading] = []
         self.repairs: list[str] = []
 
-    def add(self, part: Part, recipe: Recipe) -> None:
+    def add(self, part: LogPart, recipe: Recipe) -> None:
         """Keep a part on disk."""
         table, step_s = part.piece.table.iloc[part.own], part.piece.sample_time_s
         found = inspect_recording(table, recipe.limits, step_s)
@@ -321,10 +311,10 @@ class Draft:
         self.paths.append(write_recording(self.folder, Recording(metadata, part.piece.table)))
         self.own.append(part.own)
 
-    def first(self) -> Piece:
+    def first(self) -> RecordingPiece:
         """Return the own rows of the first part."""
         recording = read_recording(self.paths[0]).rows(self.own[0])
-        return Piece(recording.table, recording.sample_time_s, tuple(_few(self.repairs)))
+        return RecordingPiece(recording.table, recording.sample_time_s, tuple(_few(self.repairs)))
 
     def checked(self, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | None) -> LongRecording:
         """Return the recording, with what ``conversion.checked`` does; of its zeros that of the longest stretch counts.
@@ -347,11 +337,15 @@ def _few(repairs: Sequence[str]) -> list[str]:
     return [*repairs[:MOST_REPAIRS], *([f"{more} more repairs in other parts of the file"] if more > 0 else [])]
 
 
-def pieces_or_drafts(path: Path, recipe: Recipe, *, rows: int, folder: Path) -> list[Piece] | list[Draft]:
+def pieces_or_drafts(
+    path: Path, recipe: Recipe, rows: int | None, folder: Path | None
+) -> list[RecordingPiece] | list[Draft]:
     """Return the unbroken stretches of a file, as drafts kept in a folder if it has more rows than these."""
     tables = open_tables(path, recipe, rows)
     if not isinstance(tables, LongTable):
         return pieces_from(tables, recipe)
+    assert rows is not None
+    assert folder is not None
     drafts: list[Draft] = []
     folder.mkdir(parents=True, exist_ok=True)
     own_folder = Path(tempfile.mkdtemp(dir=folder))
@@ -367,12 +361,13 @@ def pieces_or_drafts(path: Path, recipe: Recipe, *, rows: int, folder: Path) -> 
     return drafts
 
 
-def pieces_in_turn(path: Path, recipe: Recipe, *, rows: int) -> Iterator[Piece]:
+def pieces_in_turn(path: Path, recipe: Recipe, rows: int | None) -> Iterator[RecordingPiece]:
     """Yield the unbroken stretches of a file, and those of a file of more rows than these part by part."""
     tables = open_tables(path, recipe, rows)
     if not isinstance(tables, LongTable):
         yield from pieces_from(tables, recipe)
         return
+    assert rows is not None
     try:
         for part in parts_of(tables, recipe, rows, path.name):
             yield replace(part.piece, table=part.piece.table.iloc[part.own])
@@ -380,7 +375,7 @@ def pieces_in_turn(path: Path, recipe: Recipe, *, rows: int) -> Iterator[Piece]:
         yield from _whole(path, recipe, error)
 
 
-def _whole(path: Path, recipe: Recipe, error: IndivisibleError) -> list[Piece]:
+def _whole(path: Path, recipe: Recipe, error: IndivisibleError) -> list[RecordingPiece]:
     if path.stat().st_size > MOST_INDIVISIBLE:
         raise RecordingError(
             f"is too large to be read whole ({path.stat().st_size / 1e6:.0f} MB, at most {MOST_INDIVISIBLE / 1e6:.0f} "

@@ -232,7 +232,7 @@ class Signal:
 
 
 @dataclass(frozen=True)
-class Piece:
+class RecordingPiece:
     """An unbroken stretch of a file at one constant rate."""
 
     table: pd.DataFrame  # ``time_s`` and one column a signal, without NaN

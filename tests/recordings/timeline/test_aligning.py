@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cylinder_friction.recordings.recording import Piece, RecordingError, Signal
+from cylinder_friction.recordings.recording import RecordingError, RecordingPiece, Signal
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
@@ -151,7 +151,7 @@ def sine(time_s: np.ndarray, frequency_hz: float = 3.0) -> np.ndarray:
     return np.sin(2.0 * np.pi * frequency_hz * time_s)
 
 
-def inner(piece: Piece) -> pd.DataFrame:
+def inner(piece: RecordingPiece) -> pd.DataFrame:
     """Without the second at either end, where the continuation plays a part."""
     time_s = piece.table["time_s"]
     return piece.table[(time_s > time_s.iloc[0] + 1.0) & (time_s < time_s.iloc[-1] - 1.0)]

@@ -11,13 +11,11 @@ from cylinder_friction.evaluation.inspection.subject import Inspected, worst
 from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection, window_hashes
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
-from cylinder_friction.recordings.conversion import Recipe, metadata_of, pieces_of, tables_of, zeroed
+from cylinder_friction.recordings.conversion import Recipe, metadata_of, pieces_of, zeroed
 from cylinder_friction.recordings.ingesting import session_zeros
 from cylinder_friction.recordings.mapping.calibration import NOT_CORRECTED, ZeroReading
-from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.path_names import PathNames, name_of
-from cylinder_friction.recordings.recording import Piece, Recording, RecordingError, RecordingMetadata
-from cylinder_friction.recordings.timeline.aligning import align
+from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, RecordingPiece
 
 
 def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspected]:
@@ -47,7 +45,7 @@ def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspect
 
 def _inspect_file(
     name: str, path: Path, recipe: Recipe, zeros: Mapping[str, ZeroReading]
-) -> Iterator[tuple[Piece | None, Inspected]]:
+) -> Iterator[tuple[RecordingPiece | None, Inspected]]:
     """Yield what was found in one file. A path without a session is noted, for it may lie elsewhere later.
 
     What is refused has its recording all the same wherever the signals can be read.
@@ -71,16 +69,15 @@ def _inspect_file(
         yield piece, Inspected(name, [*findings, *found], recording, number if len(pieces) > 1 else 0)
 
 
-def _as_logged(path: Path, recipe: Recipe) -> list[Piece]:
+def _as_logged(path: Path, recipe: Recipe) -> list[RecordingPiece]:
     """Return the pieces of a refused file with its bad samples in it, to be looked at; none where it is unreadable."""
     with suppress(RecordingError, OSError):
-        tables = tables_of(path, recipe)
-        return align(map_signals(tables, recipe.channels).signals, recipe.time)
+        return pieces_of(path, recipe, screened=False)
     return []
 
 
 def _checked(
-    piece: Piece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | None
+    piece: RecordingPiece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | None
 ) -> tuple[Sequence[Finding], Recording | None]:
     findings: list[Finding] = []
     table = piece.table

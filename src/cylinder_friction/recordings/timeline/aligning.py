@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import OIL_TEMPERATURE
-from cylinder_friction.recordings.recording import Piece, RecordingError, Signal
+from cylinder_friction.recordings.recording import RecordingError, RecordingPiece, Signal
 from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimeline, find_timelines
 from cylinder_friction.recordings.timeline.resampling import fill_lost, own_rate, sampled_at, uniform_segments
 from cylinder_friction.recordings.timeline.stamp_repair import counted
@@ -20,7 +20,7 @@ Spans = list[tuple[float, float]]
 HIGHEST_RATIO = 10.0  # a rate more than this many times that of the fastest channel is a mistake
 
 
-def align(signals: Mapping[str, Signal], rules: TimeRules, origin_s: float | None = None) -> list[Piece]:
+def align(signals: Mapping[str, Signal], rules: TimeRules, origin_s: float | None = None) -> list[RecordingPiece]:
     """Return the unbroken stretches of a file, each at one constant rate, in the order they were sampled.
 
     - Columns with even stamps of one clock, nothing missing, at the wanted rate: unchanged, stamps included.
@@ -84,7 +84,7 @@ def _check(signals: Mapping[str, Signal]) -> None:
             )
 
 
-def _unchanged(signals: Mapping[str, Signal], rules: TimeRules, origin_s: float | None) -> Piece | None:
+def _unchanged(signals: Mapping[str, Signal], rules: TimeRules, origin_s: float | None) -> RecordingPiece | None:
     """Return the columns as a piece, not copied, if they need no repair and no resampling; else None."""
     time_s, *others = {id(signal.time_s): signal.time_s for signal in signals.values()}.values()
     one_clock = all(np.array_equal(time_s, other) for other in others)
@@ -106,9 +106,9 @@ def _piece(
     repairs: Sequence[str],
     segment: int,
     origins_s: Sequence[float],
-) -> Piece:
+) -> RecordingPiece:
     table = pd.DataFrame({"time_s": time_s, **columns}, copy=False)
-    return Piece(table, 1.0 / rate_hz, tuple(repairs), segment, origins_s[segment])
+    return RecordingPiece(table, 1.0 / rate_hz, tuple(repairs), segment, origins_s[segment])
 
 
 def _origins(timelines: Sequence[ChannelTimeline], origin_s: float | None) -> list[float]:
@@ -132,7 +132,7 @@ def _check_restarts(timelines: Sequence[ChannelTimeline]) -> None:
 
 def _on_logged_grid(
     timelines: Sequence[ChannelTimeline], rate_hz: float, rules: TimeRules, origins_s: Sequence[float]
-) -> tuple[list[Piece], list[str], Spans]:
+) -> tuple[list[RecordingPiece], list[str], Spans]:
     """Return pieces whose samples are unchanged but for the bridged ones, and stretches that were too short."""
     grid = timelines[0].grid
     spans: Spans = [(-np.inf, np.inf)]
@@ -171,9 +171,9 @@ def _filled(timeline: ChannelTimeline, numbers: NDArray[np.int64]) -> Array:
 
 def _on_new_grid(
     timelines: Sequence[ChannelTimeline], rate_hz: float, rules: TimeRules, origins_s: Sequence[float]
-) -> tuple[list[Piece], list[str], Spans]:
+) -> tuple[list[RecordingPiece], list[str], Spans]:
     """Return pieces on the grid of ``rate_hz``, how each column got there, and stretches that were too short."""
-    pieces: list[Piece] = []
+    pieces: list[RecordingPiece] = []
     short: Spans = []
     methods: dict[str, list[str]] = {}
     for segment, start_s in enumerate(origins_s):
