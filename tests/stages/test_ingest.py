@@ -111,7 +111,7 @@ def test_own_logs_as_the_example_says(
         ({"time": {"rate": 100.0}}, r"time\.rate: unknown key; check its spelling against conf/"),
         ({"time": {"rate_hz": "fast"}}, r"time\.rate_hz: Input should be a valid number, but got 'fast'"),
         ({"checks": {"least_travel": 2.0}}, "checks: least_travel: expected at least 0 and less than 1, but got 2.0"),
-        ({"zero": {"method": "window"}}, "zero: zero: window_s goes with method window and with no other"),
+        ({"zero": {"method": "window"}}, "zero: zero: window_s: expected two times with method window"),
     ],
 )
 def test_impossible_settings_are_refused(change: dict[str, object], message: str) -> None:

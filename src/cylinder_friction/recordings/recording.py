@@ -24,6 +24,12 @@ class RecordingError(ValueError):
     """A recording that cannot be used; the message states what, where, found, expected and what to do."""
 
 
+def expect(valid: object, name: str, expected: str, found: object) -> None:
+    """Refuse a setting that is not ``valid``."""
+    if not valid:
+        raise RecordingError(f"{name}: expected {expected}, but got {found!r}")
+
+
 @dataclass(frozen=True)
 class SensorUncertainty:
     """Standard uncertainty (k = 1) of what a sensor reads."""

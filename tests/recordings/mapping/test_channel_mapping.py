@@ -97,14 +97,14 @@ SIGNAL = "is a sensor's signal and means nothing without its range; state the se
     [
         ("pressure_3_pa", {"unit": "bar"}, "'pressure_3_pa' is not known; expected some of time_s"),
         ("pressure_2_pa", {"unit": "bar"}, "'a' is to fill both 'pressure_1_pa' and 'pressure_2_pa'; expected one"),
-        ("position_m", {"sign": 2}, "channel 'a': sign must be 1 or -1, but got 2"),
+        ("position_m", {"sign": 2}, "channel 'a': sign: expected 1 or -1, but got 2"),
         ("position_m", {"unit": "parsnips"}, "unit 'parsnips' is not known; expected one of m, mm"),
         ("position_m", {"unit": ""}, "'position_m': unit '' is not known"),
         ("position_m", {"channel": ""}, "expected the logger's name of the channel, but got ''"),
         ("position_m", {"channel": "", "rate_hz": 200.0}, "'position_m': rate_hz is for 'time_s' alone"),
-        ("position_m", {"offset": float("nan")}, "offset must be a finite number"),
+        ("position_m", {"offset": float("nan")}, "offset: expected a finite number"),
         ("position_m", {"reference": "absolute"}, "'position_m': reference: absolute is for pressures alone"),
-        ("pressure_1_pa", {"reference": "vacuum"}, "reference must be gauge or absolute, but got 'vacuum'"),
+        ("pressure_1_pa", {"reference": "vacuum"}, "reference: expected gauge or absolute, but got 'vacuum'"),
         (
             "pressure_1_pa",
             {"unit": "barg", "reference": "absolute"},
@@ -125,8 +125,8 @@ SIGNAL = "is a sensor's signal and means nothing without its range; state the se
         ("pressure_1_pa", {"unit": "mA", "sensor": BAR | LOOP | {"unit": "mm"}}, "unit 'mm' measures length"),
         ("time_s", {"unit": "bar"}, "'time_s': unit 'bar' measures pressure"),
         ("time_s", {"unit": "s", "sign": -1}, "'time_s': sign, sensor and time have no meaning"),
-        ("time_s", {"channel": "", "rate_hz": 0.0}, "rate_hz must be a positive number .* but got 0.0"),
-        ("time_s", {"rate_hz": 10.0}, "rate_hz must be a positive number and takes the place of"),
+        ("time_s", {"channel": "", "rate_hz": 0.0}, "rate_hz: expected a positive number .* but got 0.0"),
+        ("time_s", {"rate_hz": 10.0}, "rate_hz: expected a positive number in place of a channel"),
     ],
 )
 def test_wrong_mapping_is_refused(column: str, change: dict[str, Any], message: str) -> None:

@@ -5,6 +5,8 @@ import sys
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from cylinder_friction.recordings.recording import expect
+
 LoadMode = Literal["none", "measured", "position"]
 """What the cylinder carries: nothing, what ``load_force_n`` measures, or a load that position decides."""
 
@@ -32,20 +34,15 @@ class CheckRules:
     stuck_travel: float = 0.25  # A pressure that stays exactly constant over this share of the stroke is stuck
 
     def __post_init__(self) -> None:
+        not_negative = ("least_pressure_span_pa", "least_peak_pressure_pa", "least_force_span_n", "position_slack")
         for names, least, below, expected in (
             (("minimum_duration_s", "minimum_rate_hz", "highest_pressure_pa"), TINY, math.inf, "a positive number"),
             (("lowest_pressure_pa",), -sys.float_info.max, math.inf, "a finite number"),
-            (
-                ("least_pressure_span_pa", "least_peak_pressure_pa", "least_force_span_n", "position_slack"),
-                0.0,
-                math.inf,
-                "zero or a positive number",
-            ),
+            (not_negative, 0.0, math.inf, "zero or a positive number"),
             (("least_travel", "stuck_travel"), 0.0, 1.0, "at least 0 and less than 1"),
         ):
             for name in names:
-                if not least <= getattr(self, name) < below:
-                    raise ValueError(f"{name}: expected {expected}, but got {getattr(self, name)!r}")
+                expect(least <= getattr(self, name) < below, name, expected, getattr(self, name))
 
 
 @dataclass(frozen=True)
@@ -60,17 +57,14 @@ class CheckLimits(CheckRules):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not (math.isfinite(self.stroke_m) and self.stroke_m > 0.0):
-            raise ValueError(f"stroke_m: expected a positive number, but got {self.stroke_m!r}")
-        if self.load not in get_args(LoadMode):
-            raise ValueError(f"load: expected none, measured or position, but got {self.load!r}")
-        if (self.piston_area_m2 is None) != (self.annulus_area_m2 is None):
-            raise ValueError("piston_area_m2 and annulus_area_m2: expected both or neither, but got one")
-        if self.piston_area_m2 is not None and not 0.0 < (self.annulus_area_m2 or 0.0) < self.piston_area_m2:
-            raise ValueError(
-                f"annulus_area_m2: expected more than 0 and less than piston_area_m2 ({self.piston_area_m2} m²), "
-                f"but got {self.annulus_area_m2!r}"
-            )
+        expect(0.0 < self.stroke_m < math.inf, "stroke_m", "a positive number", self.stroke_m)
+        expect(self.load in get_args(LoadMode), "load", "none, measured or position", self.load)
+        a1, a2 = self.piston_area_m2, self.annulus_area_m2
+        if a1 is not None or a2 is not None:
+            both = a1 is not None and a2 is not None
+            expect(both, "piston_area_m2 and annulus_area_m2", "both or neither", (a1, a2))
+            expected = f"more than 0 and less than piston_area_m2 ({a1} m²)"
+            expect(0.0 < (a2 or 0.0) < (a1 or 0.0), "annulus_area_m2", expected, a2)
 
     @property
     def areas_m2(self) -> tuple[float, float] | None:

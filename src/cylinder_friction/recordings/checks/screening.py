@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.checks.finding import spoken
 from cylinder_friction.recordings.mapping.channel_mapping import SensorLimits
-from cylinder_friction.recordings.recording import RecordingError, Signal
+from cylinder_friction.recordings.recording import RecordingError, Signal, expect
 
 OUT_OF_RANGE, AT_ITS_END, SPIKE, INFINITE = 1, 2, 3, 4  # What a sample is marked as; 0 is valid
 
@@ -49,12 +49,10 @@ class ScreenRules:
     spike_steps: float = 5.0  # And this many steps of the converter
 
     def __post_init__(self) -> None:
-        for field in ("overrange", "most_bad", "few_rows", "longest_bad"):
-            if not getattr(self, field) >= 0:
-                raise ValueError(f"{field}: expected a number of at least 0, but got {getattr(self, field)!r}")
-        for field in ("spike_noise", "spike_range", "spike_steps"):
-            if not getattr(self, field) > 0.0:
-                raise ValueError(f"{field}: expected a positive number, but got {getattr(self, field)!r}")
+        for name in ("overrange", "most_bad", "few_rows", "longest_bad"):
+            expect(getattr(self, name) >= 0, name, "a number of at least 0", getattr(self, name))
+        for name in ("spike_noise", "spike_range", "spike_steps"):
+            expect(getattr(self, name) > 0.0, name, "a positive number", getattr(self, name))
 
 
 def screen_signals(

@@ -11,7 +11,7 @@ from functools import cache
 from cylinder_friction.recordings.formats.cells import has_thousands, is_missing, is_number, is_value, split_cells
 from cylinder_friction.recordings.formats.header import read_header
 from cylinder_friction.recordings.formats.time_groups import padded
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import RecordingError, expect
 
 HEADERS = ("auto", "none", "names", "names_units")
 
@@ -28,18 +28,14 @@ class CsvOptions:
     header: str = "auto"
 
     def __post_init__(self) -> None:
-        if self.delimiter not in ("auto", "whitespace") and (len(self.delimiter) != 1 or self.delimiter in '\r\n"'):
-            raise ValueError(f"delimiter: expected one character, 'whitespace' or 'auto', but got {self.delimiter!r}")
-        if self.decimal not in ("auto", ".", ","):
-            raise ValueError(f"decimal: expected '.', ',' or 'auto', but got {self.decimal!r}")
-        if self.header not in HEADERS:
-            raise ValueError(f"header: expected one of {', '.join(HEADERS)}, but got {self.header!r}")
-        if self.encoding != "auto":
-            try:
-                codecs.lookup(self.encoding)
-            except LookupError:
-                expected = "expected one that Python knows, such as utf-8 or cp1252, or 'auto'"
-                raise ValueError(f"encoding: {expected}, but got {self.encoding!r}") from None
+        one = self.delimiter in ("auto", "whitespace") or (len(self.delimiter) == 1 and self.delimiter not in '\r\n"')
+        expect(one, "delimiter", "one character, 'whitespace' or 'auto'", self.delimiter)
+        expect(self.decimal in ("auto", ".", ","), "decimal", "'.', ',' or 'auto'", self.decimal)
+        expect(self.header in HEADERS, "header", f"one of {', '.join(HEADERS)}", self.header)
+        try:
+            codecs.lookup("utf-8" if self.encoding == "auto" else self.encoding)
+        except LookupError:
+            expect(False, "encoding", "one that Python knows, such as utf-8 or cp1252, or 'auto'", self.encoding)
 
 
 AUTOMATIC = CsvOptions()

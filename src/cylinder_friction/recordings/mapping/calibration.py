@@ -26,7 +26,7 @@ from cylinder_friction.recordings.mapping.channel_mapping import (
     sensor_uncertainty,
 )
 from cylinder_friction.recordings.mapping.units import column_scale
-from cylinder_friction.recordings.recording import RecordingError, RecordingMetadata
+from cylinder_friction.recordings.recording import RecordingError, RecordingMetadata, expect
 
 NOT_CORRECTED = "zeros of the pressure sensors not corrected"
 
@@ -108,19 +108,16 @@ class ZeroRules:
     accuracy_factor: float = 2.0
 
     def __post_init__(self) -> None:
-        if self.method not in get_args(ZeroMethod):
-            raise RecordingError(f"zero: method must be one of {get_args(ZeroMethod)}, but got {self.method!r}")
-        if (self.method == "window") != (self.window_s is not None):
-            raise RecordingError(
-                f"zero: window_s goes with method window and with no other, but got {self.window_s} "
-                f"with method {self.method}"
-            )
-        if self.window_s is not None and not -math.inf < self.window_s[0] < self.window_s[1] < math.inf:
-            raise RecordingError(f"zero: window_s must be two times, the first earlier, but got {self.window_s}")
+        window_s = self.window_s
+        expect(self.method in get_args(ZeroMethod), "zero: method", f"one of {get_args(ZeroMethod)}", self.method)
+        if self.method != "window":
+            expect(window_s is None, "zero: window_s", f"none with method {self.method}", window_s)
+        else:
+            valid = window_s is not None and -math.inf < window_s[0] < window_s[1] < math.inf
+            expect(valid, "zero: window_s", "two times with method window, the first earlier", window_s)
         for name in ("band_pa", "steady_pa", "still_m", "minimum_s", "accuracy_factor"):
             value = getattr(self, name)
-            if not 0.0 < value < math.inf:
-                raise RecordingError(f"zero: {name} must be a positive number, but got {value!r}")
+            expect(0.0 < value < math.inf, f"zero: {name}", "a positive number", value)
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import numpy as np
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import QUANTITIES, missing_columns
 from cylinder_friction.recordings.mapping import units
-from cylinder_friction.recordings.recording import RecordingError, SensorUncertainty
+from cylinder_friction.recordings.recording import RecordingError, SensorUncertainty, expect
 
 HALF_WIDTH_TO_STANDARD = 1.0 / math.sqrt(3.0)
 """From the half-width of a rectangular distribution to its standard deviation (JCGM 100:2008, 4.3.7)."""
@@ -35,21 +35,17 @@ class SensorScale:
     delay_s: float = 0.0
 
     def __post_init__(self) -> None:
-        for field in ("range", "signal"):
-            pair = getattr(self, field)
-            if pair is not None and not (len(pair) == 2 and all(map(math.isfinite, pair)) and pair[0] != pair[1]):
-                raise RecordingError(f"sensor: {field} must be two different finite numbers, but got {pair!r}")
-        if self.bits is not None and not 1 <= self.bits <= 32:
-            raise RecordingError(f"sensor: bits must be 1 to 32, but got {self.bits!r}")
-        if self.accuracy_percent is not None and not 0.0 <= self.accuracy_percent <= 100.0:
-            raise RecordingError(
-                f"sensor: accuracy_percent must be 0 to 100 (of full scale), but got {self.accuracy_percent!r}"
-            )
-        if self.zero_uncertainty is not None and not 0.0 <= self.zero_uncertainty < math.inf:
-            raise RecordingError(f"sensor: zero_uncertainty must not be negative, but got {self.zero_uncertainty!r}")
-        if not 0.0 <= self.delay_s < math.inf:
-            raise RecordingError(f"sensor: delay_s must not be negative, but got {self.delay_s!r}")
-        if self.zero_uncertainty is not None and self.accuracy_percent is None:
+        for name in ("range", "signal"):
+            pair = getattr(self, name)
+            valid = pair is None or (len(pair) == 2 and all(map(math.isfinite, pair)) and pair[0] != pair[1])
+            expect(valid, f"sensor: {name}", "two different finite numbers", pair)
+        accuracy, zero = self.accuracy_percent, self.zero_uncertainty
+        expect(self.bits is None or 1 <= self.bits <= 32, "sensor: bits", "1 to 32", self.bits)
+        known = accuracy is None or 0.0 <= accuracy <= 100.0
+        expect(known, "sensor: accuracy_percent", "0 to 100 (of full scale)", accuracy)
+        expect(zero is None or 0.0 <= zero < math.inf, "sensor: zero_uncertainty", "zero or a positive number", zero)
+        expect(0.0 <= self.delay_s < math.inf, "sensor: delay_s", "zero or a positive number", self.delay_s)
+        if zero is not None and accuracy is None:
             raise RecordingError("sensor: zero_uncertainty needs accuracy_percent beside it, which holds for the span")
 
     @classmethod
@@ -115,18 +111,12 @@ class ChannelMapping:
 
     def __post_init__(self) -> None:
         where = f"channel {self.channel!r}"
-        if self.rate_hz is None and not self.channel:
-            raise RecordingError("channel: expected the logger's name of the channel, but got ''")
-        if self.rate_hz is not None and (self.channel or not 0.0 < self.rate_hz < math.inf):
-            raise RecordingError(
-                f"{where}: rate_hz must be a positive number and takes the place of a channel, but got {self.rate_hz!r}"
-            )
-        if self.sign not in (1, -1):
-            raise RecordingError(f"{where}: sign must be 1 or -1, but got {self.sign!r}")
-        if self.reference not in get_args(units.Reference):
-            raise RecordingError(f"{where}: reference must be gauge or absolute, but got {self.reference!r}")
-        if not math.isfinite(self.offset):
-            raise RecordingError(f"{where}: offset must be a finite number, but got {self.offset!r}")
+        expect(self.channel or self.rate_hz is not None, "channel", "the logger's name of the channel", self.channel)
+        rated = self.rate_hz is None or (not self.channel and 0.0 < self.rate_hz < math.inf)
+        expect(rated, f"{where}: rate_hz", "a positive number in place of a channel", self.rate_hz)
+        expect(self.sign in (1, -1), f"{where}: sign", "1 or -1", self.sign)
+        expect(self.reference in get_args(units.Reference), f"{where}: reference", "gauge or absolute", self.reference)
+        expect(math.isfinite(self.offset), f"{where}: offset", "a finite number", self.offset)
         scaled = self.sensor is not None and self.sensor.signal is not None
         if units.electrical(self.unit) is not None and not scaled:
             raise RecordingError(

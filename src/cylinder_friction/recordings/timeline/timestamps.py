@@ -12,7 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import RecordingError, expect
 
 Indices = NDArray[np.int64]
 
@@ -45,14 +45,13 @@ class TimeRules:
 
     def __post_init__(self) -> None:
         for name, valid, wanted in (
-            ("rate_hz", self.rate_hz is None or 0.0 < self.rate_hz < math.inf, "positive or None"),
+            ("rate_hz", self.rate_hz is None or 0.0 < self.rate_hz < math.inf, "a positive number or None"),
             ("longest_bridge_samples", self.longest_bridge_samples >= 0, "0 or more"),
-            ("jitter_share", 0.0 <= self.jitter_share <= 0.25, "in [0, 0.25]"),
-            ("damaged_share", 0.0 <= self.damaged_share <= 0.5, "in [0, 0.5]"),
+            ("jitter_share", 0.0 <= self.jitter_share <= 0.25, "a number in [0, 0.25]"),
+            ("damaged_share", 0.0 <= self.damaged_share <= 0.5, "a number in [0, 0.5]"),
             ("shortest_piece_samples", self.shortest_piece_samples >= 3, "3 or more"),
         ):
-            if not valid:
-                raise ValueError(f"expected {name} to be {wanted}, but got {getattr(self, name)!r}")
+            expect(valid, name, wanted, getattr(self, name))
 
 
 def stamps_to_seconds(stamps: pd.Series[Any] | NDArray[Any], origin: np.datetime64 | None = None) -> Array:
