@@ -1,16 +1,10 @@
 """Recordings to check: a small campaign of the simulated rig."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import pandas as pd
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.rig.campaign import CampaignPlan, campaign
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
 
 
 @pytest.fixture(scope="session")

@@ -5,35 +5,29 @@ Every case takes a good log of the rig and damages it in one way. What is expect
 ``quarantined``.
 """
 
-from __future__ import annotations
-
 import gzip
 import io
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
 import format_writers
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.files import read_json
 from cylinder_friction.recordings.ingesting import Source, ingest_folder
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.path_names import NameRules
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.rig.campaign import CampaignPlan, campaign
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.recording import Recording
-
-    Damage = Callable[[pd.DataFrame, Path], None]
+Damage = Callable[[pd.DataFrame, Path], None]
 
 TIME, P1, P2, POSITION = "Time [s]", "P1 [bar]", "P2 [bar]", "Position [mm]"
 CHANNELS = {

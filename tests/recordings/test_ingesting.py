@@ -1,7 +1,5 @@
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,18 +7,12 @@ import pytest
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.files import read_json
-from cylinder_friction.recordings.ingesting import Source, ingest_folder
+from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_folder
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.path_names import NameRules
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_recordings
 from logger_files import CHANNELS, write_log
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.recordings.ingesting import Ingested
-    from cylinder_friction.recordings.recording import Recording
 
 LIMITS = CheckLimits(stroke_m=0.25)
 

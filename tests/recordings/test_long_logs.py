@@ -1,14 +1,14 @@
 """A log that is processed in parts becomes what the same log becomes as a whole, wherever it is cut."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.conversion import Recipe, pieces_of
 from cylinder_friction.recordings.ingesting import Quarantined, convert_in_parts
 from cylinder_friction.recordings.long_logs import LongRecording, pieces_or_drafts
@@ -16,11 +16,6 @@ from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import RecordingError, RecordingPiece
 from cylinder_friction.recordings.storage import read_metadata
 from logger_files import CHANNELS, made_log
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cylinder_friction.cylinder import Cylinder
 
 ROWS = 60_000
 DELAYED = {"range": [0.0, 250.0], "unit": "mm", "delay_s": 0.012}

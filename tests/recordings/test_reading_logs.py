@@ -1,19 +1,14 @@
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.reading_logs import read_logs
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
 
 CHANNELS = {
     "time_s": {"channel": "t [s]", "unit": "s"},

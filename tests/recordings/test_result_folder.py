@@ -1,7 +1,5 @@
 """A result folder: replaced where an earlier run listed it, refused where not, and nobody's files are removed."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Any

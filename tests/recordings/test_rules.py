@@ -1,10 +1,9 @@
 """What a configuration may not state: each rule is refused by its name, with what was expected and what it got."""
 
-from __future__ import annotations
-
 import math
 import re
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 
@@ -14,9 +13,6 @@ from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.mapping.calibration import ZeroRules
 from cylinder_friction.recordings.mapping.channel_mapping import SensorScale
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 NAN = float("nan")
 

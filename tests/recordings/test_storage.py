@@ -1,7 +1,5 @@
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -18,9 +16,6 @@ from cylinder_friction.recordings.storage import (
     recording_paths,
     write_recording,
 )
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 STEP_S = 0.005
 METADATA = RecordingMetadata(

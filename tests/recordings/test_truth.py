@@ -1,18 +1,11 @@
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.truth import read_truth
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.recordings.recording import Recording
 
 
 def test_truth_is_read_where_it_is(tmp_path: Path, labelled_recordings: list[Recording]) -> None:

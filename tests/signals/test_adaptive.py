@@ -1,17 +1,13 @@
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.signals.adaptive import AdaptiveWindow
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
 
 STEP_S, NOISE_N = 0.005, 20.0
 ADAPTIVE = AdaptiveWindow(3.1e-3, 2.5e-3)

@@ -1,7 +1,5 @@
 """The backlash operator: noise in the gap never pushes it, creep does."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

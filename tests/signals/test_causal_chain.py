@@ -1,20 +1,14 @@
 """One suite over every causal chain: what it must share with a filter that runs beside a machine."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cylinder_friction.signals.causal import CausalBlock
 from cylinder_friction.signals.causal_chain import MovingAverage, OneSidedSavitzkyGolay
 from cylinder_friction.signals.rts import RtsSmoother
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
-
-if TYPE_CHECKING:
-    from cylinder_friction.signals.causal import CausalBlock
 
 STEP_S = 0.005
 CHAINS = [MovingAverage(), OneSidedSavitzkyGolay(), SavitzkyGolay().causal(), RtsSmoother().causal()]

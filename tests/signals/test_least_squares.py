@@ -1,7 +1,5 @@
 """Least squares against NumPy, and the same digits whatever kernel BLAS would choose."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

@@ -1,17 +1,13 @@
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.signals.adaptive import AdaptiveWindow
 from cylinder_friction.signals.causal_chain import MovingAverage
 from cylinder_friction.signals.methods import default_filter, filters_by_method, warn_of_rates, windows_at
 from cylinder_friction.signals.rts import RtsSmoother
 from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyGolay
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
 
 
 def test_every_method_has_its_filter(cylinder: Cylinder) -> None:

@@ -1,7 +1,3 @@
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -10,6 +6,7 @@ from cylinder_friction.recordings.recording import Recording, RecordingError, Re
 from cylinder_friction.signals.causal_chain import MovingAverage, OneSidedSavitzkyGolay
 from cylinder_friction.signals.rts import RtsSmoother
 from cylinder_friction.signals.smooth_signals import (
+    SignalFilter,
     SmoothDrive,
     SmoothSignals,
     signals_of,
@@ -17,9 +14,6 @@ from cylinder_friction.signals.smooth_signals import (
     smooth_recording,
 )
 from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyGolay
-
-if TYPE_CHECKING:
-    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 STEP_S = 0.005
 FILTERS = [MovingAverage(), OneSidedSavitzkyGolay(), CentredMovingAverage(), SavitzkyGolay(), RtsSmoother()]

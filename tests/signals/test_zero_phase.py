@@ -1,7 +1,3 @@
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 from hypothesis import given
@@ -9,10 +5,8 @@ from hypothesis import strategies as st
 
 from cylinder_friction.signals.causal_chain import MovingAverage
 from cylinder_friction.signals.rts import RtsSmoother
+from cylinder_friction.signals.smooth_signals import SignalFilter
 from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyGolay
-
-if TYPE_CHECKING:
-    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 STEP_S = 0.005
 ZERO_PHASE = [CentredMovingAverage(), SavitzkyGolay(), RtsSmoother()]

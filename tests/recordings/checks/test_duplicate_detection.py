@@ -1,6 +1,4 @@
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 import pandas as pd
@@ -9,9 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection, Match, window_hashes
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 
 def made(seed: int, rows: int = 8000, noise_pa: float = 5e3) -> pd.DataFrame:

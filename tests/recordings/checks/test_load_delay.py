@@ -1,17 +1,12 @@
-from __future__ import annotations
-
 import re
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.plausibility import check_friction
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.checks.finding import Finding
 
 STEP_S = 0.005
 

@@ -1,20 +1,15 @@
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.plausibility import check_friction, clear_motion
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.checks.finding import Finding
-
-    Change = Callable[[pd.DataFrame], pd.DataFrame]
+Change = Callable[[pd.DataFrame], pd.DataFrame]
 
 STROKE_M = 0.25
 

@@ -1,8 +1,6 @@
-from __future__ import annotations
-
 import re
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -10,14 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.checks.recording_checks import check_recording, inspect_recording
 from cylinder_friction.recordings.recording import RecordingError, RecordingMetadata
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cylinder_friction.cylinder import Cylinder
 
 METADATA = RecordingMetadata("made", "1", "s1", 0.0)
 LIMITS = CheckLimits(stroke_m=0.25)

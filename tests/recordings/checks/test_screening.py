@@ -1,21 +1,13 @@
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
 from cylinder_friction.recordings.mapping.channel_mapping import SensorLimits
 from cylinder_friction.recordings.recording import RecordingError, Signal
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from cylinder_friction.arrays import Array
-
 
 ROWS = 6000
 TIME_S = 0.005 * np.arange(ROWS)

@@ -1,7 +1,5 @@
-from __future__ import annotations
-
 import gzip
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,13 +7,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cylinder_friction.recordings.formats.layout import CsvOptions
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.recordings.formats.logged_table import LoggedTable
 
 
 @pytest.fixture

@@ -1,7 +1,5 @@
 """What holds for every format: one recording is written to each and read back, whole or damaged."""
 
-from __future__ import annotations
-
 import gzip
 import sys
 from pathlib import Path

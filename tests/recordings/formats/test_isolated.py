@@ -1,13 +1,11 @@
 """One bad file never stops the others: what crashes or hangs a library in C ends only the process it is read in."""
 
-from __future__ import annotations
-
 import gzip
 import signal
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
@@ -20,9 +18,6 @@ import format_writers
 from cylinder_friction.recordings.formats import isolated
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 ROWS = np.arange(6.0)
 DIMENSIONS = b"\x05\0\0\0\x08\0\0\0\x01"

@@ -1,6 +1,4 @@
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -10,9 +8,6 @@ import pytest
 
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def test_columns_of_every_kind(tmp_path: Path) -> None:

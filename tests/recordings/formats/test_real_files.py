@@ -1,7 +1,5 @@
 """Measurements of others, read where they lie; skipped where they are not there."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

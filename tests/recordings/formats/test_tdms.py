@@ -1,14 +1,10 @@
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from nptdms import ChannelObject, TdmsWriter
 
 from cylinder_friction.recordings.formats.reading import read_logged_file
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def written(folder: Path, *channels: tuple[str, str, Any, dict[str, Any]]) -> Path:

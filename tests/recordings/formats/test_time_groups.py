@@ -1,21 +1,15 @@
 """Files with several time columns of one name; their layouts are those of real exports, their numbers made up here."""
 
-from __future__ import annotations
-
 import re
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cylinder_friction.recordings.formats.layout import CsvOptions
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.recordings.formats.logged_table import LoggedTable
 
 FAST = [[0, 0, 10], [5, 1, 11], [10, 2, 12], [15, 3, 13], [20, 4, 14], [25, 5, 15]]
 SLOW = [[0, 0.5], [10, 1.5], [20, 2.5]]

@@ -1,7 +1,5 @@
 """What names of channels say, in English, German and the habits of loggers."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

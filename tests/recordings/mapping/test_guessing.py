@@ -1,7 +1,5 @@
 """First mappings: right where the file tells, marked where it does not, and always YAML."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
-from __future__ import annotations
-
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
@@ -12,9 +10,6 @@ from hypothesis import strategies as st
 from cylinder_friction.recordings.recording import RecordingError, RecordingPiece, Signal
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 OVERSHOOT = 2.2  # as in test_resampling
 ROWS = 2000

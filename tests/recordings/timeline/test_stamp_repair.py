@@ -1,22 +1,16 @@
-from __future__ import annotations
-
 import re
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.timeline.stamp_repair import OrderedStamps, order_stamps, resolve_duplicates
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    Stamps = NDArray[np.float64]
-    Damage = Callable[[Stamps], Stamps]
+Stamps = NDArray[np.float64]
+Damage = Callable[[Stamps], Stamps]
 
 ROWS = 400
 
