@@ -142,7 +142,7 @@ class _Mapped:
 
 
 def _heights(table: LongTable, recipe: Recipe) -> dict[str, float]:
-    """Return how high a spike is in each column. Chunks that cannot be mapped are left out: reading them in turn states why."""
+    """Return how high a spike is in each column, without chunks that cannot be mapped: reading them states why."""
     mapped, found = _Mapped(recipe), [pd.DataFrame()]
     for chunk in table.spread():
         with suppress(RecordingError):
