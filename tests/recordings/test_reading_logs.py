@@ -152,24 +152,3 @@ def test_channels_at_three_rates_are_found_and_brought_to_one(
     position = np.interp(recording.column("time_s"), true["time_s"], true["position_m"])
     assert np.abs(recording.column("position_m") - position)[10:-10].max() < 5e-4
     assert len(recording) == pytest.approx(len(true) / 4, abs=2)
-
-
-def test_a_rate_in_place_of_time_columns_is_refused_for_that(
-    several_rates: Path, cylinder: Cylinder, rig_tables: dict[str, pd.DataFrame], tmp_path: Path
-) -> None:
-    channels = {
-        "time_s": {"rate_hz": 200.0},
-        "pressure_1_pa": {"channel": "Druck Kolben", "unit": "bar"},
-        "pressure_2_pa": {"channel": "Druck Stange", "unit": "bar"},
-        "position_m": {"channel": "Weg", "unit": "mm"},
-    }
-    with pytest.raises(
-        RecordingError, match=r"200 Hz contradicts the file: its time channel 'Name' runs at 100 Hz, so"
-    ):
-        read_logs(several_rates, channels, cylinder)
-    table = next(iter(rig_tables.values()))
-    logged = {"Druck Kolben": table["pressure_1_pa"] / 1e5, "Druck Stange": table["pressure_2_pa"] / 1e5}
-    logged |= {"Weg": table["position_m"] * 1e3, "Zeit": 10 * np.arange(len(table))}
-    pd.DataFrame(logged).to_csv(tmp_path / "one.csv", index=False)
-    with pytest.raises(RecordingError, match="its time channel 'Zeit' runs at 100 Hz, so"):
-        read_logs(tmp_path / "one.csv", channels, cylinder)

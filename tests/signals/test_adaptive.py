@@ -76,14 +76,6 @@ def test_pressures_share_the_windows_of_their_force() -> None:
     assert np.abs(force_n - (STEPS_N + 600.0))[~near_steps()].mean() < 6.0
 
 
-def test_samples_beyond_the_support_have_no_part() -> None:
-    support = ADAPTIVE.support(STEP_S)
-    windows = ADAPTIVE.windows(noisy(STEPS_N), STEP_S)
-    assert windows.before.max() <= support.before
-    assert windows.after.max() <= support.after
-    assert windows.before[0] == windows.after[-1] == 0
-
-
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [

@@ -88,21 +88,3 @@ def test_paper_chain_is_what_the_paper_says() -> None:
     np.testing.assert_allclose(signals.pressure_1_smooth_pa, average(SAMPLES[:, 0], 10), rtol=1e-9, atol=1e-6)
     np.testing.assert_allclose(signals.velocity_m_s, velocity, rtol=1e-9, atol=1e-12)
     np.testing.assert_allclose(signals.acceleration_m_s2, acceleration, rtol=1e-9, atol=1e-9)
-
-
-def test_noise_and_resolution_at_200_hz() -> None:
-    """A 12-bit potentiometer over 300 mm: 73 µm a bit, whose rounding is white noise of 21 µm."""
-    bit_m = 0.3 / 4096
-    noise_m = bit_m / np.sqrt(12.0)
-    _, velocity, acceleration = MovingAverage().taps(STEP_S)
-    _, raw_velocity, raw_acceleration = MovingAverage(1, 1).taps(STEP_S)
-    endpoint = OneSidedSavitzkyGolay().block(STEP_S).taps[2, 2]
-    endpoint_2 = OneSidedSavitzkyGolay(velocity_order=2).block(STEP_S).taps[2, 2]
-    assert bit_m * np.abs(raw_velocity).max() == pytest.approx(14.6e-3, rel=0.01)
-    assert bit_m * raw_acceleration[0] == pytest.approx(2.9, rel=0.02)
-    assert bit_m * np.abs(velocity).max() == pytest.approx(1.46e-3, rel=0.01)
-    assert bit_m * np.abs(acceleration).max() == pytest.approx(0.0098, rel=0.01)
-    assert noise_m * np.linalg.norm(raw_velocity) == pytest.approx(6.0e-3, rel=0.01)
-    assert noise_m * np.linalg.norm(velocity) == pytest.approx(0.60e-3, rel=0.01)
-    assert noise_m * np.linalg.norm(endpoint) == pytest.approx(1.4e-3, rel=0.03)
-    assert noise_m * np.linalg.norm(endpoint_2) == pytest.approx(0.58e-3, rel=0.01)

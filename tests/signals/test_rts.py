@@ -51,22 +51,6 @@ def test_steady_gain_of_a_random_walk_has_its_closed_form() -> None:
     assert gain == pytest.approx((-ratio + np.sqrt(ratio**2 + 4.0 * ratio)) / 2.0, rel=1e-8)
 
 
-def test_smoother_is_nearer_than_its_causal_twin() -> None:
-    generator = np.random.default_rng(5)
-    phase = 2.0 * np.pi * 0.5 * STEP_S * np.arange(4000)
-    position = 0.03 * np.sin(phase)
-    velocity = 0.03 * 2.0 * np.pi * 0.5 * np.cos(phase)
-    samples = np.zeros((4000, 3))
-    samples[:, 2] = position + generator.normal(0.0, 3e-5, 4000)
-    smoother = RtsSmoother()
-    late = slice(200, -200)
-    smooth = smoother.smooth(samples, STEP_S).velocity_m_s
-    causal = smoother.causal().smooth(samples, STEP_S).velocity_m_s
-    smooth_error, causal_error = (np.abs(each - velocity)[late].mean() for each in (smooth, causal))
-    assert smooth_error < 0.4 * causal_error
-    assert smooth_error < 1e-3
-
-
 def test_how_much_is_smoothed_depends_on_time_alone() -> None:
     """Noise that is twice as large leaves twice as much: nothing is known of any sensor's noise."""
     noise = np.random.default_rng(1).normal(0.0, 1.0, (3000, 3))

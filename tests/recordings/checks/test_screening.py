@@ -167,12 +167,6 @@ def test_a_position_sensor_shorter_than_the_stroke_saturates() -> None:
     assert signals["position_m"].values is values  # nobody said where the stroke ends
 
 
-def test_short_signals_pass() -> None:
-    for rows in range(12):
-        values = np.arange(rows, dtype=np.float64)
-        assert screen(values, known=False)[0] is values
-
-
 def test_nothing_is_found_in_the_rigs_recordings(rig_tables: dict[str, pd.DataFrame]) -> None:
     limits = LIMITS | {"pressure_2_pa": LIMITS["pressure_1_pa"]}
     for table in rig_tables.values():

