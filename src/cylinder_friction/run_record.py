@@ -8,6 +8,7 @@ import math
 import time
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
 from typing import Any, Self
 
 Scalar = str | int | float | bool
@@ -29,7 +30,8 @@ STAGES = (
     "register",
 )
 """The stages of the pipeline, in its order."""
-
+RUNS_FOLDER = Path("reports/runs")
+"""One ``<stage>.json`` each: the stage's ``RunRecord``."""
 
 _ADDED_LATER = ("tables", "note", "experiment", "code", "times")
 _BRANCHES = {"search": "hybrid", "train": "hybrid", "baselines": "baselines", "lugre": "lugre"}

@@ -14,7 +14,7 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.recordings.files import write_json
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import read_recordings
-from cylinder_friction.run_record import RunRecord
+from cylinder_friction.run_record import RUNS_FOLDER, RunRecord
 from cylinder_friction.stages._datasets import datasets
 from cylinder_friction.stages._stage import (
     HYBRID_FOLDER,
@@ -22,7 +22,6 @@ from cylinder_friction.stages._stage import (
     PAPER_HYBRID_FOLDER,
     PROCESSED_FOLDERS,
     REPORTS_FOLDER,
-    RUNS_FOLDER,
     artifacts,
 )
 

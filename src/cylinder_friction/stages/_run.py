@@ -7,8 +7,8 @@ from pathlib import Path
 from cylinder_friction.import_graph import code_key
 from cylinder_friction.params.checking import Params, ParamsError, load_params
 from cylinder_friction.recordings.files import write_json
-from cylinder_friction.run_record import STAGES
-from cylinder_friction.stages._stage import PROCESSED_FOLDERS, RUNS_FOLDER
+from cylinder_friction.run_record import RUNS_FOLDER, STAGES
+from cylinder_friction.stages._stage import PROCESSED_FOLDERS
 from cylinder_friction.tracking.log_run import track_or_warn
 from cylinder_friction.tracking.measurement import measured
 

@@ -27,7 +27,6 @@ LSTM_FOLDER = Path("models/lstm")
 PAPER_HYBRID_FOLDER = Path("models/paper_hybrid")
 BASELINES_FOLDER = Path("models/baselines")
 LUGRE_FOLDER = Path("models/lugre")
-REGISTERED_FILE = Path("models/registered.json")
 REPORTS_FOLDER = Path("reports")
 AUDIT_FILE = AUDIT_FOLDER / "audit.json"
 METRICS_FILE = REPORTS_FOLDER / "metrics.json"
@@ -56,8 +55,6 @@ CHOSEN_FILE = "chosen.json"
 """In a hybrid's folder, from ``train`` and ``baselines``: the hyperparameters that it was trained with."""
 TRAINING_DATA_FILE = "training_data.json"
 """Beside it: the hash of every source file, by role and recording."""
-RUNS_FOLDER = Path("reports/runs")
-"""One ``<stage>.json`` each: the stage's ``RunRecord``, from which its MLflow run is logged, now or later."""
 
 
 def cylinder_from(params: CylinderParams) -> Cylinder:

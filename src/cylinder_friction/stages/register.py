@@ -19,7 +19,7 @@ from cylinder_friction.recordings.files import hash_of, read_json, write_json
 from cylinder_friction.recordings.storage import iterate_recordings, read_recording, recording_paths
 from cylinder_friction.recordings.truth import known_truth
 from cylinder_friction.reporting.model_card import model_card
-from cylinder_friction.run_record import RunRecord, by_columns
+from cylinder_friction.run_record import RUNS_FOLDER, RunRecord, by_columns
 from cylinder_friction.stages._datasets import datasets
 from cylinder_friction.stages._stage import (
     CHOSEN_FILE,
@@ -29,7 +29,6 @@ from cylinder_friction.stages._stage import (
     METRICS_FILE,
     PAPER_HYBRID_FOLDER,
     PROCESSED_FOLDERS,
-    REGISTERED_FILE,
     TRAINING_DATA_FILE,
     artifacts,
     cylinder_from,
@@ -43,7 +42,7 @@ if TYPE_CHECKING:
     from cylinder_friction.tracking.gate import Registered
 
 EXAMPLE_ROWS = 5
-COMPARE_RECORD = Path("reports/runs/compare.json")
+COMPARE_RECORD = RUNS_FOLDER / "compare.json"
 _FOLDERS = {"hybrid": HYBRID_FOLDER, "paper_hybrid": PAPER_HYBRID_FOLDER}
 
 
@@ -55,7 +54,7 @@ def run(params: Params) -> RunRecord:
         LineageError: ``dvc.lock`` does not state which data the candidate was made from.
     """
     from cylinder_friction.tracking.gate import Candidate
-    from cylinder_friction.tracking.registry import register
+    from cylinder_friction.tracking.registry import REGISTERED_FILE, register
 
     settings = params.register_
     folder, ingested = _FOLDERS[settings.candidate], read_json(INGESTED_FILE)

@@ -15,11 +15,10 @@ from mlflow.entities import Metric, Param, Run, RunTag
 from mlflow.utils.mlflow_tags import MLFLOW_RUN_NOTE, MLFLOW_SOURCE_NAME
 
 from cylinder_friction.recordings.files import read_json
-from cylinder_friction.run_record import STAGES, RunRecord, comes_after
+from cylinder_friction.run_record import RUNS_FOLDER, STAGES, RunRecord, comes_after
 from cylinder_friction.tracking.datasets import dataset_input
 from cylinder_friction.tracking.store import Store
 
-RUNS_FOLDER = "reports/runs"
 STAGE_TAG = "stage"
 """Tag of a top-level run and of a stage's: which stage it is, or ``pipeline``."""
 EXECUTION = "pipeline"

@@ -28,7 +28,7 @@ from cylinder_friction.tracking.repository import LineageError, TrackingError
 from cylinder_friction.tracking.store import Store, open_store
 
 ALIAS = "champion"
-REGISTERED_FILE = "models/registered.json"
+REGISTERED_FILE = Path("models/registered.json")
 _INCUMBENT = "gate_incumbent"
 _REASON = "gate_reason"
 _ROLLED_BACK = "rolled_back"

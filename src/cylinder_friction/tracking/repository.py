@@ -22,7 +22,7 @@ class LineageError(TrackingError):
 
 
 CODE_FILE = "code.yaml"
-"""In a project on the installed package, which holds no source: the hash of each stage's code."""
+"""The hash of each stage's code. Git holds it in a project on the installed package, which has no source of its own."""
 RESULT_SHAPING_PATHS = ("src", ":/src", "conf", "params.yaml", "dvc.yaml", CODE_FILE, ":/pyproject.toml")
 """What decides a result besides the data: a pipeline's code and configuration, and the code at the repository's root.
 
