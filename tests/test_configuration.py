@@ -92,7 +92,13 @@ def test_the_papers_final_values_are_trained_by_default(composed: dict[str, Any]
     ("path", "value", "message"),
     [
         ("search.trails", 5, "search.trails: unknown key; check its spelling against conf/"),
-        ("cylinder.stroke_m", -0.25, "cylinder.stroke_m: Input should be greater than 0, but got -0.25"),
+        ("cylinder.stroke_m", -0.25, "'Bosch H160CA 63x28': stroke_m must be a positive number, but got -0.25"),
+        (
+            "cylinder.rod_diameter_m",
+            0.07,
+            "rod_diameter_m must be smaller than bore_diameter_m (0.063 m), but got 0.07",
+        ),
+        ("cylinder.length_m", 0.25, "cylinder.length_m: unknown key; check its spelling against conf/"),
         ("train.training.epochs", "many", "train.training.epochs: Input should be a valid integer, but got 'many'"),
         ("train.training.epochs", 2.5, "train.training.epochs: Input should be a valid integer"),
         ("filter.method", "kalman", "filter.method: Input should be"),
@@ -114,11 +120,15 @@ def test_what_is_wrong_is_refused_by_its_key(content: dict[str, Any], path: str,
     assert message in str(refused.value)
 
 
-def test_a_missing_key_is_named(content: dict[str, Any]) -> None:
-    del content["lugre"]["generations"]
+@pytest.mark.parametrize(("section", "key"), [("lugre", "generations"), ("cylinder", "stroke_m")])
+def test_a_missing_key_is_named(content: dict[str, Any], section: str, key: str) -> None:
+    del content[section][key]
     with pytest.raises(
-        ParamsError, match=r"lugre\.generations: missing; run the command `params` to compose it from conf/"
+        ParamsError, match=rf"{section}\.{key}: missing; run the command `params` to compose it from conf/"
     ):
+        check_params(content, "params.yaml")
+    del content["cylinder"]["name"]
+    with pytest.raises(ParamsError, match="cylinder: name is missing; models of this cylinder are reg"):
         check_params(content, "params.yaml")
 
 

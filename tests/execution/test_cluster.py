@@ -140,10 +140,10 @@ def test_a_piece_that_kills_every_worker_is_reported_by_name_and_the_others_are_
 def test_a_search_in_batches_is_the_same_on_a_cluster_whose_worker_is_killed(on_cluster: Any, tmp_path: Path) -> None:
     space = SearchSpace((1, 2, 3), (16, 32, 64), (0.1, 0.3), (1e-5, 1e-3), (32, 100), (10, 50))
     plan = SearchPlan(10, 4, 3, 200, batch=4)
-    alone = run_search(space, plan, cost, partial(bowl, ""), tmp_path / "alone.log", lambda _: None)
+    alone = run_search(space, plan, cost, partial(bowl, ""), tmp_path / "alone.log", lambda: None)
     objective = partial(bowl, str(tmp_path / "killed"))
     with workers_from_environment() as workers:
-        found = run_search(space, plan, cost, objective, tmp_path / "cluster.log", lambda _: None, workers)
+        found = run_search(space, plan, cost, objective, tmp_path / "cluster.log", lambda: None, workers)
     assert found == alone
     assert (tmp_path / "killed").exists()
 

@@ -20,30 +20,21 @@ from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassFo
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.friction_models.lugre import LuGre
-from cylinder_friction.params.checking import Params
-from cylinder_friction.params.learning import CompareParams
 from cylinder_friction.recordings.files import hash_of, write_json
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.signals.methods import filters_by_method
 from cylinder_friction.stages import compare
 from cylinder_friction.stages._stage import BEST_FILE, CHOSEN_FILE, FILTERS_FILE, INGESTED_FILE, OFFSET_FILE, SPACE_FILE
+from shipped_params import shipped
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.params.checking import Params
     from cylinder_friction.recordings.recording import Recording
     from cylinder_friction.run_record import RunRecord
 
-SETTINGS = CompareParams(
-    main="hybrid",
-    figure_duration_s=2.0,
-    autocorrelation_lags=40,
-    timing_repeats=5,
-    standstill_velocity_m_s=0.001,
-    reversal_window_s=0.1,
-    maximum_lag_s=0.1,
-)
 TRUTH_FOLDER = Path("data/raw/rig_truth")
 
 
@@ -51,7 +42,8 @@ def tiny_params(truth: str = TRUTH_FOLDER.as_posix(), main: str = "hybrid") -> P
     """Only what the stage reads; what earlier stages decided lies in their files."""
     write_json(INGESTED_FILE, {"source": "data/raw/rig", "truth": truth, "load": "none"})
     write_json(OFFSET_FILE, {"left_alone_because": "offset.identify is never", "sessions": []})
-    return Params.model_construct(compare=SETTINGS.model_copy(update={"main": main}))
+    quick = {"figure_duration_s": 2.0, "autocorrelation_lags": 40, "timing_repeats": 5, "maximum_lag_s": 0.1}
+    return shipped(compare={"main": main, **quick})
 
 
 @pytest.fixture(scope="module")

@@ -1,3 +1,5 @@
+"""Stage ``lugre``: each estimator is identified on the recordings that are its own."""
+
 from __future__ import annotations
 
 import json
@@ -10,46 +12,33 @@ import pytest
 
 from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.params.checking import Params
-from cylinder_friction.params.data import CylinderParams
-from cylinder_friction.params.learning import LugreParams
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.stages import lugre
 from cylinder_friction.stages._stage import LUGRE_FOLDER
+from shipped_params import shipped
 
 if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.params.checking import Params
     from cylinder_friction.recordings.recording import Recording
     from cylinder_friction.run_record import RunRecord
 
 
-def tiny_params(cylinder: Cylinder, condition: str = "1") -> Params:
-    section = LugreParams(
-        seed=1,
-        condition=condition,
-        population=2,
-        generations=2,
-        simulated_recordings=1,
-        velocity_dead_band_m_s=6e-4,
-        damping_ratio=0.5,
-        confidence=0.95,
-    )
-    return Params.model_construct(cylinder=CylinderParams(**cylinder.__dict__), lugre=section)
+def tiny_params(condition: str = "1") -> Params:
+    effort = {"population": 2, "generations": 2, "simulated_recordings": 1}
+    return shipped(lugre={"condition": condition, "velocity_dead_band_m_s": 6e-4, **effort})
 
 
 @pytest.fixture(scope="module")
-def finished(
-    tmp_path_factory: pytest.TempPathFactory, cylinder: Cylinder, labelled_recordings: list[Recording]
-) -> tuple[Path, RunRecord]:
+def finished(tmp_path_factory: pytest.TempPathFactory, labelled_recordings: list[Recording]) -> tuple[Path, RunRecord]:
     """A folder in which the stage has run once, and its record; read only."""
     folder = tmp_path_factory.mktemp("lugre")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
         for recording in labelled_recordings[:3]:
             write_recording(Path("data/processed/train"), recording)
-        return folder, lugre.run(tiny_params(cylinder))
+        return folder, lugre.run(tiny_params())
 
 
 @pytest.fixture
@@ -82,17 +71,17 @@ def test_the_stage_leaves_every_estimator_and_the_points(
     assert record.params["condition"] == "1"
 
 
-def test_a_test_that_nobody_recorded_is_refused_and_nothing_is_written(workplace: Path, cylinder: Cylinder) -> None:
+def test_a_condition_that_nobody_recorded_is_refused_and_nothing_is_written(workplace: Path) -> None:
     with pytest.raises(RecordingError, match=r"no recording of condition '7'; got conditions \['1', '2'\]"):
-        lugre.run(tiny_params(cylinder, condition="7"))
+        lugre.run(tiny_params("7"))
     assert not LUGRE_FOLDER.exists()
 
 
 def test_recordings_of_other_conditions_change_what_is_identified_in_all_of_them_alone(
-    workplace: Path, finished: tuple[Path, RunRecord], cylinder: Cylinder, labelled_recordings: list[Recording]
+    workplace: Path, finished: tuple[Path, RunRecord], labelled_recordings: list[Recording]
 ) -> None:
     write_recording(Path("data/processed/train"), labelled_recordings[-1])
-    lugre.run(tiny_params(cylinder))
+    lugre.run(tiny_params())
     names = ("lugre", "pressure_lugre", "pressure_lugre_all", lugre.STRIBECK_FILE)
     changed = {name for name in names if hash_of(LUGRE_FOLDER / name) != hash_of(finished[0] / LUGRE_FOLDER / name)}
     assert changed == {"pressure_lugre_all"}

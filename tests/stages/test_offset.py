@@ -11,8 +11,6 @@ import pytest
 
 from cylinder_friction.labelling.load import LoadIdentification
 from cylinder_friction.labelling.strokes import TravelCovered
-from cylinder_friction.params.checking import Params
-from cylinder_friction.params.data import CylinderParams, OffsetParams
 from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.recordings.recording import Recording, RecordingError, SensorUncertainty
 from cylinder_friction.recordings.storage import read_recordings, write_recording
@@ -26,13 +24,14 @@ from cylinder_friction.stages._stage import (
     PROCESSED_FOLDERS,
     SPLIT_FILE,
 )
+from shipped_params import shipped
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.run_record import RunRecord
 
-PLAN = {"slowest_m_s": 6e-3, "settling_s": 0.2, "block_s": 0.1, "asymmetry": 0.15, "asymmetry_sd": 5e-3}
 STATED = {name: SensorUncertainty(3000.0, 0.0) for name in ("pressure_1_pa", "pressure_2_pa")}
 OFFSET_N = 12.0
 
@@ -57,12 +56,9 @@ def workplace(
     return tmp_path
 
 
-def params_for(cylinder: Cylinder, identify: str = "auto", *, common_load: bool = False) -> Params:
-    geometry = {name: getattr(cylinder, name) for name in CylinderParams.model_fields}
-    return Params.model_construct(
-        cylinder=CylinderParams(**geometry),
-        offset=OffsetParams(identify=identify, common_load=common_load, drift_s=3600.0, **PLAN),
-    )
+def run(load: str = "none", identify: str = "auto", *, common_load: bool = False, oil: str = "recorded") -> RunRecord:
+    write_json(INGESTED_FILE, {"load": load, "oil_temperature": oil})
+    return offset.run(shipped(offset={"identify": identify, "common_load": common_load}))
 
 
 def change(role: str, **metadata: Any) -> None:
@@ -71,8 +67,8 @@ def change(role: str, **metadata: Any) -> None:
         write_recording(LABELLED_FOLDER, replace(recording, metadata=replace(recording.metadata, **metadata)))
 
 
-def test_offsets_leave_the_labels_and_pressures_stay_as_measured(workplace: Path, cylinder: Cylinder) -> None:
-    record = offset.run(params_for(cylinder))
+def test_offsets_leave_the_labels_and_pressures_stay_as_measured(workplace: Path) -> None:
+    record = run()
     measured = {each.name: each for each in read_recordings(LABELLED_FOLDER)}
     found = {each["session"]: each for each in read_json(OFFSET_FILE)["sessions"]}
     assert read_json(OFFSET_FILE)["left_alone_because"] == ""
@@ -88,14 +84,9 @@ def test_offsets_leave_the_labels_and_pressures_stay_as_measured(workplace: Path
     # sessions with and without an offset alternate; their mean is not determined
     assert np.mean(difference_n[1::2]) - np.mean(difference_n[::2]) == pytest.approx(OFFSET_N, abs=4.0)
     assert read_json(ESTIMATORS_FILE)["offset_tracker"]["prior"][0] == pytest.approx(11.99, abs=0.01)
-    assert offset.run(params_for(cylinder)) == record
-
-
-def test_other_sessions_change_nothing_in_training(workplace: Path, cylinder: Cylinder) -> None:
-    first = offset.run(params_for(cylinder)).datasets["train"]
     for recording in read_recordings(LABELLED_FOLDER)[5:]:
         write_recording(LABELLED_FOLDER, recording.with_columns(friction_n=2.0 * recording.column("friction_n")))
-    assert offset.run(params_for(cylinder)).datasets["train"] == first
+    assert run().datasets["train"] == record.datasets["train"], "other sessions change nothing in training"
 
 
 @pytest.mark.parametrize(
@@ -106,10 +97,10 @@ def test_other_sessions_change_nothing_in_training(workplace: Path, cylinder: Cy
     ],
 )
 def test_offsets_are_left_alone_and_the_reason_is_kept(
-    workplace: Path, cylinder: Cylinder, role: str, metadata: dict[str, Any], reason: str
+    workplace: Path, role: str, metadata: dict[str, Any], reason: str
 ) -> None:
     change(role, **metadata)
-    record = offset.run(params_for(cylinder))
+    record = run()
     content = read_json(OFFSET_FILE)
     assert content["sessions"] == []
     assert re.search(reason, content["left_alone_because"])
@@ -118,20 +109,20 @@ def test_offsets_are_left_alone_and_the_reason_is_kept(
     assert not any(each.metadata.identified_zero for each in read_recordings(PROCESSED_FOLDERS["train"]))
 
 
-def test_a_load_identified_from_position_and_a_wish_leave_offsets_alone(workplace: Path, cylinder: Cylinder) -> None:
-    assert offset.run(params_for(cylinder, "never")).tags["offsets"] == "offset.identify is never"
-    write_json(INGESTED_FILE, {"load": "position", "oil_temperature": "recorded"})
+def test_a_load_identified_from_position_and_a_wish_leave_offsets_alone(workplace: Path) -> None:
+    assert run(identify="never").tags["offsets"] == "offset.identify is never"
     write_loads(0.0)
-    assert "has absorbed the sensors' offset" in offset.run(params_for(cylinder)).tags["offsets"]
+    assert "has absorbed the sensors' offset" in run("position").tags["offsets"]
 
 
-def test_beside_a_measured_load_the_load_cell_has_its_part_of_the_offset(workplace: Path, cylinder: Cylinder) -> None:
-    write_json(INGESTED_FILE, {"load": "measured", "oil_temperature": "recorded"})
-    cell = {**STATED, "load_force_n": SensorUncertainty(5.0, 0.0)}
+def test_beside_a_measured_load_the_load_cell_has_its_part_of_the_offset(workplace: Path) -> None:
     for recording in read_recordings(LABELLED_FOLDER):
-        loaded = recording.with_columns(load_force_n=np.zeros(len(recording)))
-        write_recording(LABELLED_FOLDER, replace(loaded, metadata=replace(recording.metadata, uncertainty=cell)))
-    assert offset.run(params_for(cylinder)).tags["offsets"] == "identified"
+        write_recording(LABELLED_FOLDER, recording.with_columns(load_force_n=np.zeros(len(recording))))
+    assert "the uncertainty of the sensors' zeros is not stated" in run("measured").tags["offsets"]
+    assert read_json(ESTIMATORS_FILE)["offset_tracker"] is None
+    for role in PROCESSED_FOLDERS:
+        change(role, uncertainty={**STATED, "load_force_n": SensorUncertainty(5.0, 0.0)})
+    assert run("measured").tags["offsets"] == "identified"
     given, sessions = read_json(ESTIMATORS_FILE), read_json(OFFSET_FILE)["sessions"]
     assert given["inputs"] == ["pressure_1_pa", "pressure_2_pa", "position_m", "load_force_n"]
     assert given["offset_tracker"]["weights"][0][3] == pytest.approx(-1.0, abs=0.05)
@@ -141,14 +132,6 @@ def test_beside_a_measured_load_the_load_cell_has_its_part_of_the_offset(workpla
     assert set(tested.identified_zero) == {"pressure_1_pa", "pressure_2_pa", "load_force_n"}
     cell_n = tested.identified_zero["load_force_n"].offset
     assert cell_n == pytest.approx(-found["offset_n"] * 25.0 / found["prior_n"] ** 2)
-
-
-def test_beside_a_load_cell_of_unknown_accuracy_offsets_are_left_alone(workplace: Path, cylinder: Cylinder) -> None:
-    write_json(INGESTED_FILE, {"load": "measured", "oil_temperature": "recorded"})
-    for recording in read_recordings(LABELLED_FOLDER):
-        write_recording(LABELLED_FOLDER, recording.with_columns(load_force_n=np.zeros(len(recording))))
-    assert "the uncertainty of the sensors' zeros is not stated" in offset.run(params_for(cylinder)).tags["offsets"]
-    assert read_json(ESTIMATORS_FILE)["offset_tracker"] is None
 
 
 def write_loads(spread_n: float) -> None:
@@ -167,7 +150,6 @@ def write_loads(spread_n: float) -> None:
 def test_with_a_common_load_the_offset_of_each_session_is_identified_beside_it(
     workplace: Path, cylinder: Cylinder
 ) -> None:
-    write_json(INGESTED_FILE, {"load": "position", "oil_temperature": "recorded"})
     write_loads(1.0)
     loads = read_json(IDENTIFIED_FILE)
     for each in read_recordings(LABELLED_FOLDER):
@@ -178,7 +160,7 @@ def test_with_a_common_load_the_offset_of_each_session_is_identified_beside_it(
         write_recording(
             LABELLED_FOLDER, each.with_columns(load_force_n=own_n, pressure_1_pa=pressure_pa, friction_n=friction_n)
         )
-    offset.run(params_for(cylinder, common_load=True))
+    run("position", common_load=True)
     found = {each["session"]: each["offset_n"] for each in read_json(OFFSET_FILE)["sessions"]}
     values = [found[name] for name in sorted(found)]
     assert np.mean(values[1::2]) - np.mean(values[::2]) == pytest.approx(OFFSET_N, abs=4.0)
@@ -188,25 +170,21 @@ def test_with_a_common_load_the_offset_of_each_session_is_identified_beside_it(
     inside = (recording.column("position_m") >= 0.02) & (recording.column("position_m") <= 0.2)
     assert recording.column("load_force_n")[inside] == pytest.approx(302.0)
     assert not recording.usable()[~inside].any()
-    offset.run(params_for(cylinder))
-    assert "has absorbed the sensors' offset" in read_json(OFFSET_FILE)["left_alone_because"]
 
 
-def test_sessions_of_different_loads_have_no_common_one(workplace: Path, cylinder: Cylinder) -> None:
-    write_json(INGESTED_FILE, {"load": "position", "oil_temperature": "recorded"})
+def test_sessions_of_different_loads_have_no_common_one(workplace: Path) -> None:
     write_loads(10.0)
     with pytest.raises(
         RecordingError,
         match=r"sessions carry different loads: that of test1-1 is 20 N from the mean of the training sessions, known "
         r"to 5 N; expected at most 2 times that; set offset\.common_load to false",
     ):
-        offset.run(params_for(cylinder, common_load=True))
+        run("position", common_load=True)
 
 
-def test_estimators_are_given_the_mean_load_of_the_training_sessions(workplace: Path, cylinder: Cylinder) -> None:
-    write_json(INGESTED_FILE, {"load": "position", "oil_temperature": "input"})
+def test_estimators_are_given_the_mean_load_of_the_training_sessions(workplace: Path) -> None:
     write_loads(10.0)
-    offset.run(params_for(cylinder))
+    run("position", oil="input")
     given = read_json(ESTIMATORS_FILE)
     assert given["inputs"] == ["pressure_1_pa", "pressure_2_pa", "position_m", "oil_temperature_c"]
     assert given["position_load"]["range_m"] == [0.02, 0.2]
@@ -215,7 +193,7 @@ def test_estimators_are_given_the_mean_load_of_the_training_sessions(workplace: 
     np.testing.assert_allclose(given["position_load"]["standard_uncertainty_n"], np.sqrt(250.0 + 25.0))
 
 
-def test_what_is_to_be_identified_in_any_case_and_cannot_be_is_refused(workplace: Path, cylinder: Cylinder) -> None:
+def test_what_is_to_be_identified_in_any_case_and_cannot_be_is_refused(workplace: Path) -> None:
     change("train", uncertainty={})
     with pytest.raises(RecordingError, match="the uncertainty of the zero of 'pressure_1_pa' is not stated"):
-        offset.run(params_for(cylinder, "always"))
+        run(identify="always")

@@ -10,7 +10,7 @@ import pytest
 
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.recordings.storage import read_recordings
-from cylinder_friction.stages._datasets import datasets
+from cylinder_friction.stages._stage import datasets
 from cylinder_friction.tracking.datasets import dataset_input, digest_of
 
 

@@ -5,32 +5,32 @@ from __future__ import annotations
 import threading
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from optuna.storages.journal import JournalFileSymlinkLock
 
 from cylinder_friction.tuning.search import SearchPlan, Trial, best_trial, run_search
 from cylinder_friction.tuning.space import SearchSpace
-from cylinder_friction.tuning.trials import DiscardedTrial
 
 if TYPE_CHECKING:
-    from cylinder_friction.tuning.search import Value
-    from cylinder_friction.tuning.trials import Report
+    from collections.abc import Callable
+
+    from cylinder_friction.tuning.search import Objective, Report, Values
 
 SPACE = SearchSpace((1, 2, 3), (16, 32, 64), (0.1, 0.3), (1e-5, 1e-3), (32, 100), (10, 50))
-PLAN = SearchPlan(trials=14, startup_trials=4, maximum_multiply_adds=200, seed=3)
+PLAN = SearchPlan(trials=14, startup_trials=4, maximum_multiply_adds=190, seed=3)
 
 
 class KilledError(Exception):
     """Stands for the kill signal."""
 
 
-def cost(params: dict[str, Value]) -> int:
+def cost(params: Values) -> int:
     return int(params["layers"] * params["nodes"])
 
 
-def bowl(params: dict[str, Value], report: Report) -> float:
+def bowl(params: Values, report: Report) -> float:
     """Best at one layer of 64 nodes; reports its error falling over three epochs."""
     error = 10.0 + 5.0 * (params["layers"] - 1) + abs(params["nodes"] - 64) / 8 + params["dropout"]
     for epoch in range(3):
@@ -38,40 +38,41 @@ def bowl(params: dict[str, Value], report: Report) -> float:
     return float(error)
 
 
-def test_a_search_killed_again_and_again_equals_an_undisturbed_one(tmp_path: Path) -> None:
-    undisturbed = run_search(SPACE, PLAN, cost, bowl, tmp_path / "whole.log", lambda _: None)
-    calls: list[dict[str, Value]] = []
+def killed_at(*calls: int) -> tuple[list[Values], Objective]:
+    """Return what was tried, and ``bowl`` killed at these calls."""
+    tried: list[Values] = []
 
-    def sometimes_killed(params: dict[str, Value], report: Report) -> float:
-        calls.append(params)
-        if len(calls) in (2, 5, 6):
+    def objective(params: Values, report: Report) -> float:
+        tried.append(params)
+        if len(tried) in calls:
             raise KilledError
         return bowl(params, report)
 
-    for _ in range(3):
+    return tried, objective
+
+
+@pytest.fixture
+def search(tmp_path: Path) -> Callable[..., list[Trial]]:
+    def run(journal: str, objective: Objective = bowl, **changes: Any) -> list[Trial]:
+        return run_search(SPACE, replace(PLAN, **changes), cost, objective, tmp_path / journal)
+
+    return run
+
+
+@pytest.mark.parametrize(("batch", "kills"), [(1, (2, 5, 6)), (3, (1,)), (3, (2,)), (3, (3,)), (3, (4,)), (3, (7,))])
+def test_a_search_killed_again_and_again_equals_an_undisturbed_one(
+    search: Callable[..., list[Trial]], batch: int, kills: tuple[int, ...]
+) -> None:
+    undisturbed = search("whole.log", batch=batch)
+    tried, objective = killed_at(*kills)
+    for _ in kills:
         with pytest.raises(KilledError):
-            run_search(SPACE, PLAN, cost, sometimes_killed, tmp_path / "killed.log", lambda _: None)
-    resumed = run_search(SPACE, PLAN, cost, sometimes_killed, tmp_path / "killed.log", lambda _: None)
-    assert resumed == undisturbed
-    run = sum(trial.state != "too_costly" for trial in undisturbed)
-    assert len(calls) == run + 3
-
-
-@pytest.mark.parametrize("killed_at", [1, 2, 3, 4, 7])
-def test_a_search_in_batches_killed_within_one_equals_an_undisturbed_one(tmp_path: Path, killed_at: int) -> None:
-    plan = replace(PLAN, batch=3)
-    undisturbed = run_search(SPACE, plan, cost, bowl, tmp_path / "whole.log", lambda _: None)
-    calls = iter(range(1, 1000))
-
-    def killed(params: dict[str, Value], report: Report) -> float:
-        if next(calls) == killed_at:
-            raise KilledError
-        return bowl(params, report)
-
-    with pytest.raises(KilledError):
-        run_search(SPACE, plan, cost, killed, tmp_path / "killed.log", lambda _: None)
-    assert run_search(SPACE, plan, cost, killed, tmp_path / "killed.log", lambda _: None) == undisturbed
-    assert undisturbed != run_search(SPACE, PLAN, cost, bowl, tmp_path / "one.log", lambda _: None)
+            search("killed.log", objective, batch=batch)
+    assert search("killed.log", objective, batch=batch) == undisturbed
+    repeated = len(tried) - sum(trial.state != "too_costly" for trial in undisturbed)
+    assert len(kills) <= repeated <= batch * len(kills), "only what was not finished is tried again"
+    if batch > 1:
+        assert undisturbed != search("one.log")
 
 
 def test_a_kill_while_the_journal_is_written_keeps_nobody_waiting(
@@ -79,62 +80,40 @@ def test_a_kill_while_the_journal_is_written_keeps_nobody_waiting(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     JournalFileSymlinkLock("trials.log").acquire()  # as Optuna does; the kill comes before it lets go
-    arguments = (SPACE, PLAN, cost, bowl, Path("trials.log"), lambda _: None)
-    search = threading.Thread(target=run_search, args=arguments, daemon=True)
+    search = threading.Thread(target=run_search, args=(SPACE, PLAN, cost, bowl, Path("trials.log")), daemon=True)
     search.start()
     search.join(timeout=60.0)
     assert not search.is_alive()
 
 
-def test_it_finds_the_best_and_prunes_what_is_worse_than_most(tmp_path: Path) -> None:
-    trials = run_search(SPACE, PLAN, cost, bowl, tmp_path / "trials.log", lambda _: None)
+def test_it_finds_the_best_prunes_what_is_worse_than_most_and_never_trains_what_is_too_costly(
+    search: Callable[..., list[Trial]],
+) -> None:
+    tried, objective = killed_at()
+    trials = search("trials.log", objective, trials=20)
     best = best_trial(trials)
-    assert best.params["layers"] == 1
-    assert best.params["nodes"] == 64
+    assert (best.params["layers"], best.params["nodes"]) == (1, 64)
     pruned = [trial for trial in trials if trial.state == "pruned"]
     assert pruned
     assert all(trial.value is None and 1 < len(trial.reported) <= 3 for trial in pruned)
+    costly = [trial for trial in trials if trial.state == "too_costly"]
+    assert costly
+    assert all(trial.multiply_adds > PLAN.maximum_multiply_adds and not trial.reported for trial in costly)
+    assert [trial.params for trial in trials if trial.state != "too_costly"] == tried
+    assert max(map(cost, tried)) <= PLAN.maximum_multiply_adds
+    started_s, ended_s, *reported_s = best.when_s
+    assert len(reported_s) == len(best.reported) == 3
+    assert started_s <= reported_s[0] <= reported_s[-1] <= ended_s
 
 
-def test_what_is_too_costly_is_never_trained(tmp_path: Path) -> None:
-    plan = SearchPlan(trials=12, startup_trials=12, maximum_multiply_adds=64, seed=0)
-
-    def refuse_costly(params: dict[str, Value], report: Report) -> float:
-        assert cost(params) <= 64
-        return bowl(params, report)
-
-    trials = run_search(SPACE, plan, cost, refuse_costly, tmp_path / "trials.log", lambda _: None)
-    assert {trial.state for trial in trials} >= {"too_costly", "complete"}
-
-
-def test_trials_survive_the_disk_and_a_line_cut_off(tmp_path: Path) -> None:
-    journal = tmp_path / "deep/trials.log"
-    trials = run_search(SPACE, PLAN, cost, bowl, journal, lambda _: None)
-    with journal.open("ab") as file:
+def test_trials_survive_the_disk_and_a_line_cut_off(search: Callable[..., list[Trial]], tmp_path: Path) -> None:
+    trials = search("deep/trials.log")
+    with (tmp_path / "deep/trials.log").open("ab") as file:
         file.write(b'{"op_code":5,"wor')
-    again = run_search(SPACE, PLAN, cost, bowl, journal, lambda _: None)
-    assert again == trials
-    longer = replace(PLAN, trials=PLAN.trials + 1)
-    assert run_search(SPACE, longer, cost, bowl, journal, lambda _: None)[:-1] == trials
+    assert search("deep/trials.log") == trials
+    assert search("deep/trials.log", trials=PLAN.trials + 1)[:-1] == trials
 
 
 def test_nothing_completed_is_an_error_that_says_what_to_do() -> None:
     with pytest.raises(ValueError, match=r"none of 1 trials was completed \(states \['too_costly'\]\); raise maximum"):
         best_trial([Trial({"layers": 1}, "too_costly", None, 10)])
-
-
-def test_what_the_report_raises_ends_the_trial(tmp_path: Path) -> None:
-    plan = SearchPlan(trials=8, startup_trials=2, maximum_multiply_adds=10**9, seed=0)
-    worse = iter(range(100))
-
-    def worsening(params: dict[str, Value], report: Report) -> float:
-        level = float(next(worse))
-        try:
-            report(level)
-            report(level)
-        except DiscardedTrial:
-            raise
-        return level
-
-    trials = run_search(SPACE, plan, cost, worsening, tmp_path / "trials.log", lambda _: None)
-    assert [trial.state for trial in trials].count("pruned") >= 4

@@ -9,8 +9,8 @@ import yaml
 from pydantic import AfterValidator, Field, model_validator
 
 from cylinder_friction.commands.params import composed
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.params.checking import PARAMS_FILE, ParamsError, checked
-from cylinder_friction.params.data import CylinderParams
 from cylinder_friction.params.section import Count, Positive, Section, Seed
 from cylinder_friction.recordings.files import write_text
 from friction_benchmark.tasks import task_named
@@ -91,7 +91,7 @@ class ScoringParams(Section):
 class BenchmarkParams(Section):
     """The whole configuration of the benchmark."""
 
-    cylinder: CylinderParams
+    cylinder: Cylinder
     source: str
     campaign: CampaignParams
     plan: PlanParams

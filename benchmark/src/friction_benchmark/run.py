@@ -11,8 +11,7 @@ from cylinder_friction.evaluation.strata import StrataLimits
 from cylinder_friction.import_graph import relative_to_source, used_files
 from cylinder_friction.recordings.files import hash_of, read_json, write_json
 from cylinder_friction.run_record import RunRecord
-from cylinder_friction.stages._datasets import datasets
-from cylinder_friction.stages._stage import artifacts, cylinder_from, flat
+from cylinder_friction.stages._stage import artifacts, datasets, flat
 from cylinder_friction.tracking.log_run import log_run, track_or_warn
 from cylinder_friction.tracking.measurement import measured
 from cylinder_friction.tracking.repository import TrackingError, repository_root
@@ -112,7 +111,7 @@ def runner_from(params: BenchmarkParams) -> Runner:
     sources = Sources(
         folder=Cache(cache).campaigns,
         sizes=Sizes(**params.campaign.model_dump()),
-        cylinder=cylinder_from(params.cylinder),
+        cylinder=params.cylinder,
         code=code_key("friction_benchmark.campaigns"),
         own=tuple((role, Path(params.source) / role) for role in recordings),
         own_hashes=tuple(recordings.items()),

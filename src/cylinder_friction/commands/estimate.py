@@ -19,7 +19,6 @@ from cylinder_friction.estimation.from_logs import PAGE_FILE, FileFormat, Fricti
 from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.params.checking import IN_A_PROJECT, PARAMS_FILE, ParamsError, load_params
 from cylinder_friction.recordings.checks.limits import LoadMode
-from cylinder_friction.stages._stage import cylinder_from
 
 if TYPE_CHECKING:
     from cylinder_friction.estimation.identification import FrictionModels
@@ -99,7 +98,7 @@ def cylinder_of(given: str | None) -> Cylinder:
     if given is None and not PARAMS_FILE.is_file():
         raise ParamsError(f"no {PARAMS_FILE} here to take the cylinder from; give --cylinder, or {IN_A_PROJECT}")
     if given is None:
-        return cylinder_from(load_params().cylinder)
+        return load_params().cylinder
     if "=" in given:
         content = yaml.safe_load("{" + given.replace("=", ": ") + "}")
     else:

@@ -12,7 +12,7 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.params.checking import Params, load_params
 from cylinder_friction.recordings.storage import read_recordings
-from cylinder_friction.stages._stage import PROCESSED_FOLDERS, cylinder_from
+from cylinder_friction.stages._stage import PROCESSED_FOLDERS
 from cylinder_friction.testing.golden import (
     MODEL_FOLDER,
     golden_samples,
@@ -36,7 +36,7 @@ def train_golden_model(folder: Path, params: Params, inputs: Sequence[str] | Non
     data = LearningData.read()
     firsts = {recording.metadata.condition: recording for recording in reversed(data.train)}
     hybrid = HybridEstimator(
-        cylinder_from(params.cylinder),
+        params.cylinder,
         "force_balance",
         ARCHITECTURE,
         PLAN,

@@ -15,7 +15,6 @@ from cylinder_friction.recordings.files import write_json
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.run_record import RUNS_FOLDER, RunRecord
-from cylinder_friction.stages._datasets import datasets
 from cylinder_friction.stages._stage import (
     HYBRID_FOLDER,
     LUGRE_FOLDER,
@@ -23,6 +22,7 @@ from cylinder_friction.stages._stage import (
     PROCESSED_FOLDERS,
     REPORTS_FOLDER,
     artifacts,
+    datasets,
 )
 
 if TYPE_CHECKING:

@@ -7,17 +7,17 @@ from pathlib import Path
 from typing import Any
 
 import yaml
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.params.data import (
-    CylinderParams,
     FilterParams,
+    IngestParams,
     LabelParams,
     OffsetParams,
     RecordParams,
     SplitParams,
 )
-from cylinder_friction.params.ingest import IngestParams
 from cylinder_friction.params.learning import (
     BaselinesParams,
     CompareParams,
@@ -26,8 +26,7 @@ from cylinder_friction.params.learning import (
     SearchParams,
     TrainParams,
 )
-from cylinder_friction.params.refusal import PARAMS_FILE, ParamsError, checked
-from cylinder_friction.params.section import Section
+from cylinder_friction.params.section import PARAMS_FILE, ParamsError, Section, checked
 
 __all__ = [
     "IN_A_PROJECT",
@@ -47,7 +46,7 @@ IN_A_PROJECT = "run this in a project's folder, which `cylinder-friction init FO
 class Params(Section):
     """The whole configuration, one section a stage."""
 
-    cylinder: CylinderParams
+    cylinder: Cylinder
     record: RecordParams
     ingest: IngestParams
     filter: FilterParams
@@ -67,6 +66,13 @@ class Params(Section):
         name = self.cylinder.name
         suffix = "" if name == REFERENCE_CYLINDER else "-" + re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
         return self.register_.model_name + suffix
+
+    @field_validator("cylinder", mode="before")
+    @classmethod
+    def _cylinder_has_a_name(cls, content: Any) -> Any:
+        if isinstance(content, dict) and "name" not in content:
+            raise ValueError("name is missing; models of this cylinder are registered under its name")
+        return content
 
     @model_validator(mode="after")
     def _end_stop_margin_leaves_room(self) -> Params:

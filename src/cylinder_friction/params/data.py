@@ -1,4 +1,4 @@
-"""Parameters of the stages that make data: the rig's campaign, filters and labels."""
+"""Parameters of the stages that make data: the rig's campaign, your own logs, filters and labels."""
 
 from __future__ import annotations
 
@@ -8,17 +8,14 @@ from typing import Annotated, Literal
 from pydantic import Field, field_validator, model_validator
 
 from cylinder_friction.params.section import Count, NotNegative, Positive, Section, Seed
+from cylinder_friction.recordings.checks.limits import CheckRules, LoadMode
+from cylinder_friction.recordings.checks.screening import ScreenRules
+from cylinder_friction.recordings.formats.layout import CsvOptions
+from cylinder_friction.recordings.mapping.calibration import ZeroRules
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, check_mapping
+from cylinder_friction.recordings.path_names import compile_name_pattern
+from cylinder_friction.recordings.timeline.timestamps import TimeRules
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
-
-
-class CylinderParams(Section):
-    """Geometry; see ``cylinder.Cylinder``."""
-
-    name: str
-    bore_diameter_m: Positive
-    rod_diameter_m: Positive
-    stroke_m: Positive
-    moving_mass_kg: Positive
 
 
 class RecordParams(Section):
@@ -52,6 +49,39 @@ class RecordParams(Section):
         if not math.isclose(round(1e-3 / seconds) * seconds, 1e-3, rel_tol=1e-9):
             raise ValueError("must divide one millisecond without remainder, such as 5.0e-5")
         return seconds
+
+
+class IngestParams(Section):
+    """Which folder is read and how its files become recordings; the rules check their own numbers."""
+
+    source: str
+    truth: str
+    load: LoadMode
+    oil_temperature: Literal["recorded", "input"]
+    pattern: str
+    name_pattern: str | None
+    name_table: str | None
+    format: Literal["auto", "csv", "matlab", "mdf", "tdms", "hdf5", "parquet", "excel"]
+    csv: CsvOptions
+    channels: dict[str, ChannelMapping]
+    time: TimeRules
+    screen: ScreenRules
+    zero: ZeroRules
+    checks: CheckRules
+
+    @field_validator("channels")
+    @classmethod
+    def _channels_make_a_recording(cls, channels: dict[str, ChannelMapping]) -> dict[str, ChannelMapping]:
+        check_mapping(channels)
+        return channels
+
+    @model_validator(mode="after")
+    def _names_come_from_one_place(self) -> IngestParams:
+        if (self.name_pattern is None) == (self.name_table is None):
+            raise ValueError("name_pattern or name_table must be set, and the other null")
+        if self.name_pattern is not None:
+            compile_name_pattern(self.name_pattern)
+        return self
 
 
 class AdaptiveParams(Section):

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-from pydantic import Field, model_validator
+from pydantic import Field
 
 from cylinder_friction.params.section import Count, Fraction, NotNegative, Positive, Section, Seed
-from cylinder_friction.tuning.space import RANGES
+from cylinder_friction.tuning.space import SearchSpace
 
 
 class HybridParams(Section):
@@ -34,58 +34,38 @@ class TrainingParams(Section):
     forest_leaf: Count
 
 
-class SpaceParams(Section):
-    """Where the search looks: lists of choices and ranges ``[lowest, highest]``."""
-
-    layers: list[Count]
-    nodes: list[Count]
-    dropout: list[Fraction]
-    learning_rate: Annotated[tuple[Positive, Positive], Field(strict=False)]
-    forest_trees: Annotated[tuple[Count, Count], Field(strict=False)]
-    forest_depth: Annotated[tuple[Count, Count], Field(strict=False)]
-
-    @model_validator(mode="after")
-    def _ranges_go_up(self) -> SpaceParams:
-        for key in RANGES:
-            lowest, highest = getattr(self, key)
-            if lowest > highest:
-                raise ValueError(f"{key}: lowest {lowest} is above highest {highest}; swap them")
-        return self
-
-
-class SearchParams(Section):
-    """Optuna's search over a hybrid's hyperparameters."""
+class LearningParams(Section):
+    """What every stage that trains a hybrid takes."""
 
     seed: Seed
     device: Literal["auto", "cpu", "cuda"]
+    training: TrainingParams
+
+
+class SearchParams(LearningParams):
+    """Optuna's search over a hybrid's hyperparameters."""
+
     hybrid: Literal["force_balance", "paper"]
     trials: Count
     startup_trials: Count
     batch: Count
     maximum_multiply_adds: Count
-    space: SpaceParams
-    training: TrainingParams
+    space: SearchSpace
 
 
-class TrainParams(Section):
+class TrainParams(LearningParams):
     """The final training of the hybrid, with the best hyperparameters found or with those stated here."""
 
-    seed: Seed
-    device: Literal["auto", "cpu", "cuda"]
     use_search: bool
     design: Literal["force_balance", "paper"]
     lag_s: NotNegative
     hybrid: HybridParams
-    training: TrainingParams
 
 
-class BaselinesParams(Section):
+class BaselinesParams(LearningParams):
     """The paper's hybrid with the published hyperparameters, which the random forest alone shares."""
 
-    seed: Seed
-    device: Literal["auto", "cpu", "cuda"]
     hybrid: HybridParams
-    training: TrainingParams
 
 
 class LugreParams(Section):

@@ -7,8 +7,7 @@ from pathlib import Path
 import yaml
 from pydantic import Field, model_validator
 
-from cylinder_friction.params.refusal import ParamsError, checked
-from cylinder_friction.params.section import Section
+from cylinder_friction.params.section import ParamsError, Section, checked
 from cylinder_friction.service.access import LiveAccess
 from cylinder_friction.service.live.settings import (
     LineProtocolSettings,

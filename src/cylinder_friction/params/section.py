@@ -1,9 +1,12 @@
-"""What every section shares: frozen, strict, no unknown keys; and the kinds of numbers that parameters are."""
+"""What every section of a configuration shares, and how a configuration is checked and refused."""
 
-from typing import Annotated
+import json
+from pathlib import Path
+from typing import Annotated, Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+PARAMS_FILE = Path("params.yaml")
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Fraction = Annotated[float, Field(ge=0.0, lt=1.0)]
@@ -12,6 +15,47 @@ Seed = Annotated[int, Field(ge=0, lt=2**31)]
 
 
 class Section(BaseModel):
-    """One section of ``params.yaml``."""
+    """One section of ``params.yaml``: frozen, strict, without unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+
+Kind = TypeVar("Kind", bound=Section)
+
+
+class ParamsError(ValueError):
+    """A configuration that is refused; the message names the key."""
+
+
+def checked(kind: type[Kind], content: Any, where: str) -> Kind:
+    """Return typed parameters, or refuse them with every offending key named.
+
+    Args:
+        kind: What they are checked against.
+        content: What the YAML file or Hydra gave.
+        where: Name of the source, for the message.
+
+    Raises:
+        ParamsError: A key is unknown or missing, a type is wrong or a value impossible.
+    """
+    try:
+        # As JSON, so that in strict mode a mapping may be a dataclass, and a list a pair.
+        return kind.model_validate_json(json.dumps(content, default=str))
+    except ValidationError as error:
+        lines = [_explain(dict(problem), where) for problem in error.errors()]
+        raise ParamsError(f"{where}: refused, nothing was run\n  " + "\n  ".join(lines)) from None
+
+
+def _explain(problem: dict[str, Any], where: str) -> str:
+    key = ".".join(str(part) for part in problem["loc"]) or "(whole file)"
+    if problem["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+        return f"{key}: unknown key; check its spelling against conf/"
+    if problem["type"] == "missing":
+        if Path(where).name == PARAMS_FILE.name:
+            return f"{key}: missing; run the command `params` to compose it from conf/"
+        return (
+            f"{key}: missing, conf/ was made for another version; copy it from conf/{problem['loc'][0]}/ of a new "
+            "folder, which `cylinder-friction init FOLDER` makes"
+        )
+    got = "" if isinstance(problem["input"], dict) else f", but got {problem['input']!r}"
+    return f"{key}: {problem['msg'].removeprefix('Value error, ')}{got}"

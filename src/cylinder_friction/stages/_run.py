@@ -5,8 +5,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from cylinder_friction.import_graph import code_key
-from cylinder_friction.params.checking import Params, ParamsError, load_params
+from cylinder_friction.params.checking import ParamsError, load_params
 from cylinder_friction.recordings.files import write_json
+from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.storage import read_metadata, recording_paths
 from cylinder_friction.run_record import RUNS_FOLDER, STAGES
 from cylinder_friction.stages._stage import PROCESSED_FOLDERS
 from cylinder_friction.tracking.log_run import track_or_warn
@@ -19,12 +21,13 @@ def run_stage(name: str) -> None:
     Raises:
         ParamsError: There is no such stage; or anything in ``params.yaml`` is refused, in whichever section, so that
             no stage starts on half a configuration.
+        RecordingError: No training recording is of the condition that ``lugre.condition`` names.
     """
     if name not in STAGES:
         raise ParamsError(f"no stage {name!r}; expected one of {', '.join(STAGES)}")
-    params: Params = load_params()
-    if name in ("search", "train", "baselines"):
-        _refuse_unknown_condition(params.lugre.condition)
+    params = load_params()
+    if name in ("search", "train", "baselines", "lugre"):  # before hours of training: ``lugre`` may come after it
+        _refuse_unknown_condition(PROCESSED_FOLDERS["train"], params.lugre.condition)
     root, module = Path.cwd(), f"cylinder_friction.stages.{name}"
     code = code_key(module)
     with measured() as measurement:
@@ -34,12 +37,10 @@ def run_stage(name: str) -> None:
     track_or_warn(record, root)
 
 
-def _refuse_unknown_condition(condition: str) -> None:
-    """Refuse ``lugre.condition`` before hours of search and training: the stage that needs it may come after them.
-
-    Raises:
-        RecordingError: No training recording is of that condition.
-    """
-    from cylinder_friction.stages.lugre import paths_of_condition
-
-    paths_of_condition(PROCESSED_FOLDERS["train"], condition)
+def _refuse_unknown_condition(folder: Path, condition: str) -> None:
+    conditions = {read_metadata(path).condition for path in recording_paths(folder)}
+    if condition not in conditions:
+        raise RecordingError(
+            f"{folder}: no recording of condition {condition!r}; got conditions {sorted(conditions)}; "
+            "name one of them as lugre.condition in params.yaml"
+        )

@@ -1,18 +1,16 @@
-"""What every stage shares: where things lie, and how a stage begins and ends."""
+"""What every stage shares: where things lie, and the parts of its run record."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+from pydantic import BaseModel
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.files import hash_of
-
-if TYPE_CHECKING:
-    from pydantic import BaseModel
-
-    from cylinder_friction.params.data import CylinderParams
-    from cylinder_friction.run_record import Scalar
+from cylinder_friction.recordings.storage import columns_and_rows
+from cylinder_friction.run_record import Dataset, Scalar
 
 RIG_FOLDER = Path("data/raw/rig")
 RIG_TRUTH_FOLDER = Path("data/raw/rig_truth")
@@ -57,26 +55,35 @@ TRAINING_DATA_FILE = "training_data.json"
 """Beside it: the hash of every source file, by role and recording."""
 
 
-def cylinder_from(params: CylinderParams) -> Cylinder:
-    return Cylinder(**params.model_dump())
-
-
-def flat(section: BaseModel, prefix: str = "", *, exclude_defaults: bool = False) -> dict[str, Scalar]:
+def flat(section: BaseModel | Cylinder, prefix: str = "", *, exclude_defaults: bool = False) -> dict[str, Scalar]:
     """Return a section's parameters as ``{"outer.inner": value}``; lists become text."""
+    if isinstance(section, Cylinder):
+        return _flat(asdict(section), prefix)
+    return _flat(section.model_dump(exclude_defaults=exclude_defaults), prefix)
+
+
+def _flat(content: Mapping[str, Any], prefix: str) -> dict[str, Scalar]:
     result: dict[str, Scalar] = {}
-    for key, value in section.model_dump(exclude_defaults=exclude_defaults).items():
-        _flatten(f"{prefix}{key}", value, result)
+    for key, value in content.items():
+        if isinstance(value, dict):
+            result |= _flat(value, f"{prefix}{key}.")
+        else:
+            result[prefix + key] = value if isinstance(value, str | int | float | bool) else str(value)
     return result
-
-
-def _flatten(key: str, value: Any, into: dict[str, Scalar]) -> None:
-    if isinstance(value, dict):
-        for inner, content in value.items():
-            _flatten(f"{key}.{inner}", content, into)
-    else:
-        into[key] = value if isinstance(value, str | int | float | bool) else str(value)
 
 
 def artifacts(*paths: Path) -> dict[str, str]:
     """Return ``{path: hash}`` for a run record."""
     return {path.as_posix(): hash_of(path) for path in paths}
+
+
+def datasets(folders: Mapping[str, Path], *, written: bool = False) -> dict[str, Dataset]:
+    """Return folders of recordings for a run record, by role; ``written`` if the stage made them.
+
+    Raises:
+        FileNotFoundError: A folder is not there.
+    """
+    return {
+        role: Dataset(folder.as_posix(), hash_of(folder), *columns_and_rows(folder), written)
+        for role, folder in folders.items()
+    }

@@ -1,4 +1,4 @@
-"""What the stages that train share: a hybrid from parameters, trained, resumed and written."""
+"""What the stages that train share: a hybrid from parameters, trained, resumed, written and recorded."""
 
 from __future__ import annotations
 
@@ -10,36 +10,35 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import torch
-from pydantic import BaseModel
 from tqdm import tqdm
 
-from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import Architecture, Checkpoint, TrainingPlan
 from cylinder_friction.evaluation.validation import mean_absolute_error_n
 from cylinder_friction.import_graph import code_key
-from cylinder_friction.params.learning import TrainParams
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
 from cylinder_friction.recordings.files import read_json, write_json
-from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recordings
-from cylinder_friction.run_record import Dataset, now_ms
-from cylinder_friction.stages._datasets import datasets
+from cylinder_friction.run_record import RunRecord, Times, now_ms
 from cylinder_friction.stages._stage import (
     CHOSEN_FILE,
     ESTIMATORS_FILE,
     PROCESSED_FOLDERS,
     TRAINING_DATA_FILE,
-    cylinder_from,
+    artifacts,
+    datasets,
+    flat,
 )
 
 if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.estimators.front_end import Design
-    from cylinder_friction.params.checking import Params
-    from cylinder_friction.params.learning import BaselinesParams, TrainingParams
+    from cylinder_friction.params.learning import BaselinesParams, LearningParams, TrainingParams, TrainParams
+    from cylinder_friction.recordings.recording import Recording
+    from cylinder_friction.run_record import Dataset, Scalar
 
 NETWORK_MAE = "network_mae_n"
 """Group of the network's error by epoch, without the forest, among a run's curves."""
@@ -65,17 +64,15 @@ class LearningData:
     @classmethod
     def read(cls) -> Self:
         folders = {role: PROCESSED_FOLDERS[role] for role in ("train", "validation", "calibration")}
-        train, validation, calibration = (read_recordings(folder) for folder in folders.values())
+        recordings = {role: read_recordings(folder) for role, folder in folders.items()}
         given = read_json(ESTIMATORS_FILE)
         load, tracker = given["position_load"], given["offset_tracker"]
         return cls(
-            train,
-            validation,
-            calibration,
-            tuple(given["inputs"]),
-            None if load is None else PositionLoad.from_dict(load),
-            None if tracker is None else OffsetTracker.from_dict(tracker),
-            datasets(folders),
+            **recordings,
+            inputs=tuple(given["inputs"]),
+            position_load=None if load is None else PositionLoad.from_dict(load),
+            tracker=None if tracker is None else OffsetTracker.from_dict(tracker),
+            datasets=datasets(folders),
         )
 
     @property
@@ -88,52 +85,76 @@ class LearningData:
         """The recordings that bounds are calibrated on."""
         return self.calibration or self.validation
 
-    def sources(self) -> dict[str, dict[str, str]]:
-        """Return the hash of every source file, by role and recording."""
-        return {
-            role: {recording.name: recording.metadata.source_sha256 for recording in recordings}
-            for role, recordings in (
-                ("train", self.train),
-                ("validation", self.validation),
-                ("calibration", self.calibration),
-            )
-        }
+
+def hybrid_from(
+    cylinder: Cylinder,
+    design: Design,
+    chosen: Mapping[str, Any],
+    settings: LearningParams,
+    data: LearningData,
+    lag_s: float = 0.0,
+) -> HybridEstimator:
+    """Return an untrained hybrid.
+
+    Args:
+        cylinder: Its geometry.
+        design: What the forest and the network are given.
+        chosen: The hyperparameters that the search varies.
+        settings: Training, seed and device of the stage.
+        data: Its inputs, the load that position decides, and how it learns the sensors' offset.
+        lag_s: How long after a moment its friction is estimated [s].
+    """
+    return HybridEstimator(
+        cylinder,
+        design,
+        Architecture(int(chosen["layers"]), int(chosen["nodes"]), chosen["dropout"], chosen["learning_rate"]),
+        TrainingPlan(**settings.training.model_dump(exclude={"forest_rows", "forest_leaf"})),
+        forest_plan(chosen, settings.training),
+        settings.seed,
+        device_from(settings.device),
+        inputs=data.inputs,
+        tracker=data.tracker,
+        lag_s=lag_s,
+        position_load=data.position_load,
+    )
+
+
+def forest_plan(chosen: Mapping[str, Any], training: TrainingParams) -> ForestPlan:
+    return ForestPlan(
+        int(chosen["forest_trees"]), int(chosen["forest_depth"]), training.forest_rows, training.forest_leaf
+    )
+
+
+def device_from(choice: str) -> str:
+    """Return ``cuda`` or ``cpu``; ``auto`` takes CUDA if there is one.
+
+    Raises:
+        RuntimeError: ``cuda`` was asked for and there is none.
+    """
+    available = torch.cuda.is_available()
+    if choice == "cuda" and not available:
+        raise RuntimeError("device is 'cuda', but PyTorch finds no CUDA device; use 'auto' or 'cpu'")
+    return "cuda" if choice != "cpu" and available else "cpu"
 
 
 def train_hybrid(
-    stage: str,
-    params: Params,
-    section: TrainParams | BaselinesParams,
-    design: Design,
-    chosen: Mapping[str, Any],
-    data: LearningData,
-) -> tuple[HybridEstimator, list[int]]:
-    """Return a trained hybrid and when each epoch ended [ms since 1970]; a run that was killed is gone on with.
-
-    Args:
-        stage: Name of the stage.
-        params: Of the pipeline, for the cylinder.
-        section: Training, seed and device of the stage.
-        design: What the forest and the network are given.
-        chosen: The hyperparameters that a search would vary.
-        data: What is learned from.
-    """
-    training = section.training
-    cylinder, seeds = cylinder_from(params.cylinder), (section.seed, section.device)
-    lag_s = section.lag_s if isinstance(section, TrainParams) else 0.0
-    estimator = hybrid_from(cylinder, design, chosen, training, *seeds, data, lag_s)
-    own = {"design": design, "seed": section.seed, "lag_s": lag_s}
-    folder = resume_folder(stage, RESUMED_CODE, params.cylinder, chosen, training, data.hashes, own)
+    stage: str, hybrid: HybridEstimator, chosen: Mapping[str, Any], settings: LearningParams, data: LearningData
+) -> list[int]:
+    """Train a hybrid of ``hybrid_from``; a killed training goes on. Return when each epoch ended [ms since 1970]."""
+    assert hybrid.cylinder is not None
+    own = {"design": hybrid.design, "seed": settings.seed, "lag_s": hybrid.lag_s}
+    depends_on = (flat(hybrid.cylinder), chosen, settings.training.model_dump(), data.hashes, own)
+    checkpoint = Checkpoint(resume_folder(stage, RESUMED_CODE, *depends_on))
     ended_ms: list[int] = []
-    with tqdm(total=training.epochs, desc=f"train {design} hybrid", unit="epoch", disable=None) as bar:
+    with tqdm(total=settings.training.epochs, desc=f"train {hybrid.design} hybrid", unit="epoch", disable=None) as bar:
 
         def after_epoch(epoch: int, train_mae_n: float, validation_mae_n: float) -> None:
             ended_ms.append(now_ms())
             bar.set_postfix_str(f"training {train_mae_n:.2f} N, validation {validation_mae_n:.2f} N")
             bar.update(epoch - bar.n)
 
-        estimator.fit(data.train, data.validation, data.calibration, Checkpoint(folder), after_epoch)
-    return estimator, ended_ms
+        hybrid.fit(data.train, data.validation, data.calibration, checkpoint, after_epoch)
+    return ended_ms
 
 
 def write_hybrid(folder: Path, estimator: HybridEstimator, data: LearningData, chosen: Mapping[str, Any]) -> None:
@@ -150,78 +171,43 @@ def write_hybrid(folder: Path, estimator: HybridEstimator, data: LearningData, c
             "best_epoch": curve.best_epoch,
         },
     )
-    write_json(folder / TRAINING_DATA_FILE, data.sources())
+    roles = {"train": data.train, "validation": data.validation, "calibration": data.calibration}
+    sources = {role: {each.name: each.metadata.source_sha256 for each in own} for role, own in roles.items()}
+    write_json(folder / TRAINING_DATA_FILE, sources)
 
 
-def learned_metrics(estimators: Mapping[str, FrictionEstimator], validation: Sequence[Recording]) -> dict[str, float]:
-    """Return each estimator's validation error [N] and cost of a step [multiply-adds]."""
-    return {
-        f"validation_mae_n/{name}": mean_absolute_error_n(each, validation) for name, each in estimators.items()
-    } | {f"multiply_adds/{name}": float(each.multiply_adds()) for name, each in estimators.items()}
-
-
-def learning_curves(estimator: HybridEstimator) -> dict[str, list[float]]:
-    """Return the errors of the network after each epoch [N], on training and on validation recordings."""
-    curve = estimator.learning_curve
-    return {f"{NETWORK_MAE}/train": curve.train_mae, f"{NETWORK_MAE}/validation": curve.validation_mae}
-
-
-def hybrid_from(
-    cylinder: Cylinder,
-    design: Design,
-    chosen: Mapping[str, Any],
-    training: TrainingParams,
-    seed: int,
-    device: str,
+def training_record(
+    stage: str,
+    settings: TrainParams | BaselinesParams,
+    found: Mapping[str, Scalar],
+    hybrid: HybridEstimator,
+    epochs_ms: list[int],
+    estimators: Mapping[str, FrictionEstimator],
     data: LearningData,
-    lag_s: float = 0.0,
-) -> HybridEstimator:
-    """Return an untrained hybrid.
+    folders: Sequence[Path],
+) -> RunRecord:
+    """Return the record of a stage that trained ``hybrid`` and made ``estimators``; ``found`` are further parameters.
 
-    Args:
-        cylinder: Its geometry.
-        design: What the forest and the network are given.
-        chosen: The hyperparameters that the search varies.
-        training: How it is trained.
-        seed: Seeds weights, dropout, batch order and the forest.
-        device: ``auto``, ``cpu`` or ``cuda``.
-        data: Its inputs, the load that position decides, and how it learns the sensors' offset.
-        lag_s: How long after a moment its friction is estimated [s].
+    Its metrics are each estimator's validation error [N] and cost of a step [multiply-adds].
     """
-    return HybridEstimator(
-        cylinder,
-        design,
-        Architecture(int(chosen["layers"]), int(chosen["nodes"]), chosen["dropout"], chosen["learning_rate"]),
-        TrainingPlan(**training.model_dump(exclude={"forest_rows", "forest_leaf"})),
-        forest_plan(chosen, training),
-        seed,
-        device_from(device),
-        inputs=data.inputs,
-        tracker=data.tracker,
-        lag_s=lag_s,
-        position_load=data.position_load,
+    curve = hybrid.learning_curve
+    curves = {f"{NETWORK_MAE}/train": curve.train_mae, f"{NETWORK_MAE}/validation": curve.validation_mae}
+    metrics = {}
+    for name, each in estimators.items():
+        metrics[f"validation_mae_n/{name}"] = mean_absolute_error_n(each, data.validation)
+        metrics[f"multiply_adds/{name}"] = float(each.multiply_adds())
+    return RunRecord(
+        name=stage,
+        params={**flat(settings), **found, "device": hybrid.device},
+        metrics=metrics,
+        curves=curves,
+        artifacts=artifacts(*folders),
+        datasets=data.datasets,
+        times=Times(0, 0, dict.fromkeys(curves, epochs_ms)),
     )
 
 
-def forest_plan(chosen: Mapping[str, Any], training: TrainingParams) -> ForestPlan:
-    return ForestPlan(
-        int(chosen["forest_trees"]), int(chosen["forest_depth"]), training.forest_rows, training.forest_leaf
-    )
-
-
-def device_from(choice: str) -> str:
-    """Return ``cuda`` or ``cpu``; ``auto`` takes CUDA where there is one.
-
-    Raises:
-        RuntimeError: ``cuda`` was asked for and there is none.
-    """
-    available = torch.cuda.is_available()
-    if choice == "cuda" and not available:
-        raise RuntimeError("device is 'cuda', but PyTorch finds no CUDA device; use 'auto' or 'cpu'")
-    return "cuda" if choice != "cpu" and available else "cpu"
-
-
-def resume_folder(stage: str, code: Sequence[str], *depends_on: BaseModel | Mapping[str, Any]) -> Path:
+def resume_folder(stage: str, code: Sequence[str], *depends_on: Mapping[str, Any]) -> Path:
     """Return where a killed stage finds what it had finished.
 
     Args:
@@ -229,6 +215,5 @@ def resume_folder(stage: str, code: Sequence[str], *depends_on: BaseModel | Mapp
         code: The modules that do the resumed work; their names and those of all they import go into the key by content.
         depends_on: Parameters, and hashes of the data that is read.
     """
-    content = [part.model_dump() if isinstance(part, BaseModel) else dict(part) for part in depends_on]
-    key = hashlib.sha256(json.dumps([content, code_key(*code)], sort_keys=True).encode()).hexdigest()[:16]
-    return Path(".cylinder-friction/resume") / f"{stage}-{key}"
+    content = json.dumps([[dict(part) for part in depends_on], code_key(*code)], sort_keys=True)
+    return Path(".cylinder-friction/resume") / f"{stage}-{hashlib.sha256(content.encode()).hexdigest()[:16]}"

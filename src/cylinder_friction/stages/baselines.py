@@ -8,20 +8,20 @@ from tqdm import tqdm
 
 from cylinder_friction.estimators.baselines import baselines
 from cylinder_friction.recordings.files import whole_folder
-from cylinder_friction.run_record import RunRecord, Times
-from cylinder_friction.stages._stage import BASELINES_FOLDER, PAPER_HYBRID_FOLDER, artifacts, cylinder_from, flat
+from cylinder_friction.stages._stage import BASELINES_FOLDER, PAPER_HYBRID_FOLDER
 from cylinder_friction.stages._training import (
     LearningData,
     forest_plan,
-    learned_metrics,
-    learning_curves,
+    hybrid_from,
     train_hybrid,
+    training_record,
     write_hybrid,
 )
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.params.checking import Params
+    from cylinder_friction.run_record import RunRecord
 
 REAL_TIME = ("random_forest", "paper_lstm")
 """What can be exported to other runtimes beside the hybrids, and so needs guard and bounds."""
@@ -29,12 +29,11 @@ REAL_TIME = ("random_forest", "paper_lstm")
 
 def run(params: Params) -> RunRecord:
     """Read the training and validation recordings, write the paper's hybrid and every baseline."""
-    settings = params.baselines
-    data = LearningData.read()
+    settings, cylinder, data = params.baselines, params.cylinder, LearningData.read()
     chosen = settings.hybrid.model_dump()
-    paper, epochs_ms = train_hybrid("baselines", params, settings, "paper", chosen, data)
+    paper = hybrid_from(cylinder, "paper", chosen, settings, data)
+    epochs_ms = train_hybrid("baselines", paper, chosen, settings, data)
     trees = forest_plan(chosen, settings.training)
-    cylinder = cylinder_from(params.cylinder)
     named: dict[str, FrictionEstimator] = dict(
         baselines(cylinder, data.inputs, trees, settings.seed, data.position_load)
     )
@@ -48,12 +47,5 @@ def run(params: Params) -> RunRecord:
     with whole_folder(BASELINES_FOLDER) as draft:
         for name, baseline in named.items():
             baseline.save(draft / name)
-    return RunRecord(
-        name="baselines",
-        params=flat(settings) | {"device": paper.device},
-        metrics=learned_metrics({"paper_hybrid": paper, **named}, data.validation),
-        curves=learning_curves(paper),
-        artifacts=artifacts(PAPER_HYBRID_FOLDER, BASELINES_FOLDER),
-        datasets=data.datasets,
-        times=Times(0, 0, dict.fromkeys(learning_curves(paper), epochs_ms)),
-    )
+    estimators, folders = {"paper_hybrid": paper, **named}, (PAPER_HYBRID_FOLDER, BASELINES_FOLDER)
+    return training_record("baselines", settings, {}, paper, epochs_ms, estimators, data, folders)

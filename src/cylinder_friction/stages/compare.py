@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,7 +33,6 @@ from cylinder_friction.reporting.report import ReportInputs, report_html
 from cylinder_friction.reporting.style import png_bytes
 from cylinder_friction.reporting.summary import summary
 from cylinder_friction.run_record import RunRecord, by_columns
-from cylinder_friction.stages._datasets import datasets
 from cylinder_friction.stages._stage import (
     AUDIT_FILE,
     BASELINES_FOLDER,
@@ -52,12 +51,12 @@ from cylinder_friction.stages._stage import (
     REPORTS_FOLDER,
     SPACE_FILE,
     artifacts,
+    datasets,
     flat,
 )
 
 if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
-    from cylinder_friction.params.learning import CompareParams
     from cylinder_friction.recordings.recording import Recording
 
 TIMINGS_FILE = REPORTS_FOLDER / "timings.json"
@@ -68,6 +67,7 @@ FIGURES_FOLDER = REPORTS_FOLDER / "figures"
 PLOTS_FOLDER = REPORTS_FOLDER / "plots"
 FILES = (METRICS_FILE, TIMINGS_FILE, STARTS_FILE, COVERAGE_FILE, TABLE_FILE, REPORT_FILE)
 WRITTEN = (*FILES, FIGURES_FOLDER, PLOTS_FOLDER)
+COMPARED_BY = {field.name for field in fields(ComparisonSettings)}
 LEARNING_CURVE_FILE = "learning_curve.json"
 RIVAL = "lugre"
 LABEL_NOTES = {"moving_average": "off line, late: causal moving averages"}  # Every other method looks ahead
@@ -87,7 +87,7 @@ def run(params: Params) -> RunRecord:
     estimators = load_estimators()
     truth_n = known_truth(read_json(INGESTED_FILE)["truth"], recordings)
     comparison = replace(
-        compare(estimators, recordings, comparison_settings(settings), truth_n),
+        compare(estimators, recordings, ComparisonSettings(**settings.model_dump(include=COMPARED_BY)), truth_n),
         notes=notes_of(estimators, recordings, read_json(FILTERS_FILE)["method"]),
     )
     curves = {
@@ -114,10 +114,6 @@ def run(params: Params) -> RunRecord:
         artifacts=artifacts(*WRITTEN),
         datasets=datasets({"test": PROCESSED_FOLDERS["test"]}),
     )
-
-
-def comparison_settings(settings: CompareParams) -> ComparisonSettings:
-    return ComparisonSettings(settings.standstill_velocity_m_s, settings.reversal_window_s, settings.maximum_lag_s)
 
 
 def notes_of(

@@ -13,8 +13,7 @@ from cylinder_friction.recordings.storage import read_recording, recording_paths
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.signals.methods import filters_by_method, warn_of_rates
 from cylinder_friction.signals.smooth_signals import filtered
-from cylinder_friction.stages._datasets import datasets
-from cylinder_friction.stages._stage import FILTERS_FILE, RECORDINGS_FOLDER, SIGNALS_FOLDER, cylinder_from, flat
+from cylinder_friction.stages._stage import FILTERS_FILE, RECORDINGS_FOLDER, SIGNALS_FOLDER, datasets, flat
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -31,23 +30,18 @@ def run(params: Params) -> RunRecord:
     ``load_force_smooth_n``. They are stored in single precision, thousands of times finer than any sensor's step.
     ``filters.json`` beside the recordings holds the method and the settings of every method.
     """
-    cylinder = cylinder_from(params.cylinder)
-    chosen = filters_by_method(cylinder, **params.filter.model_dump(exclude={"method"}))[params.filter.method]
-    rows = 0
-    sample_times_s: set[float] = set()
-    paths = recording_paths(RECORDINGS_FOLDER)
+    settings, paths = params.filter, recording_paths(RECORDINGS_FOLDER)
+    chosen = filters_by_method(params.cylinder, **settings.model_dump(exclude={"method"}))[settings.method]
     with workers_from_environment() as workers, whole_folder(SIGNALS_FOLDER) as folder:
-        write_json(folder / FILTERS_FILE.name, params.filter.model_dump())
+        write_json(folder / FILTERS_FILE.name, settings.model_dump())
         pieces = [partial(write_filtered, path, chosen, folder) for path in paths]
         done = workers.all_in_order(pieces, [path.stem for path in paths])
-        for own_rows, sample_time_s in tqdm(done, "filter", len(paths), unit="recording", disable=None):
-            rows += own_rows
-            sample_times_s.add(sample_time_s)
-    warn_of_rates(chosen, sample_times_s)
+        written = list(tqdm(done, "filter", len(paths), unit="recording", disable=None))
+    warn_of_rates(chosen, {sample_time_s for _, sample_time_s in written})
     return RunRecord(
         name="filter",
-        params=flat(params.filter),
-        metrics={"recordings": float(len(paths)), "rows": float(rows)},
+        params=flat(settings),
+        metrics={"recordings": float(len(paths)), "rows": float(sum(rows for rows, _ in written))},
         datasets=datasets({"recordings": RECORDINGS_FOLDER}) | datasets({"signals": SIGNALS_FOLDER}, written=True),
     )
 

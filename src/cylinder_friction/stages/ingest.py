@@ -16,12 +16,11 @@ from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_fold
 from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.run_record import RunRecord
-from cylinder_friction.stages._datasets import datasets
-from cylinder_friction.stages._stage import INGESTED_FILE, RECORDINGS_FOLDER, artifacts, cylinder_from, flat
+from cylinder_friction.stages._stage import INGESTED_FILE, RECORDINGS_FOLDER, artifacts, datasets, flat
 
 if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
-    from cylinder_friction.params.ingest import IngestParams
+    from cylinder_friction.params.data import IngestParams
 
 QUARANTINE_FILE = Path("data/interim/quarantine.json")
 """Every file, or piece of one, that did not become a recording, and why."""
@@ -36,8 +35,10 @@ def run(params: Params) -> RunRecord:
         RecordingError: Mapping and ``ingest.load`` contradict each other, there is no file, or not one is usable.
     """
     refuse_unlike_load(params.ingest)
+    folder = Path(params.ingest.source)
+    source = Source(folder, params.ingest.pattern, recipe_from(params, folder))
     with workers_from_environment() as workers:
-        ingested = ingest_folder(source_from(params), RECORDINGS_FOLDER, QUARANTINE_FILE, workers)
+        ingested = ingest_folder(source, RECORDINGS_FOLDER, QUARANTINE_FILE, workers)
     write_json(INGESTED_FILE, params.ingest.model_dump(include={"source", "truth", "load", "oil_temperature"}))
     tqdm.write(f"ingest: {ingested.summary()}")
     return RunRecord(
@@ -74,18 +75,12 @@ def refuse_unlike_load(settings: IngestParams) -> None:
         )
 
 
-def source_from(params: Params) -> Source:
-    """Return what ``ingest_folder`` reads, from the configuration."""
-    folder = Path(params.ingest.source)
-    return Source(folder, params.ingest.pattern, recipe_from(params, folder))
-
-
 def recipe_from(params: Params, folder: Path) -> Recipe:
     """Return how a file becomes recordings; a table of names is looked for in ``folder``."""
     settings = params.ingest
     table = None if settings.name_table is None else folder / settings.name_table
     names = NameRules(settings.name_pattern, table)
-    return Recipe.from_settings(settings.model_dump(), names, cylinder_from(params.cylinder), settings.load)
+    return Recipe.from_settings(settings.model_dump(), names, params.cylinder, settings.load)
 
 
 def _metrics(ingested: Ingested) -> dict[str, float]:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import asdict, fields
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import pandas as pd
 from tqdm import tqdm
 
 from cylinder_friction.execution.selection import workers_from_environment
@@ -20,12 +19,10 @@ from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.recordings.columns import ALL_CONDITIONS
 from cylinder_friction.recordings.files import read_json, whole_folder, write_json, write_text
-from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.recordings.storage import read_metadata, read_recording, recording_paths, write_recording
 from cylinder_friction.recordings.truth import read_truth
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.signals.methods import filters_by_method
-from cylinder_friction.stages._datasets import datasets
 from cylinder_friction.stages._stage import (
     AUDIT_FILE,
     AUDIT_FOLDER,
@@ -35,16 +32,15 @@ from cylinder_friction.stages._stage import (
     LABELLED_FOLDER,
     SIGNALS_FOLDER,
     artifacts,
-    cylinder_from,
+    datasets,
     flat,
 )
 
 if TYPE_CHECKING:
-    from cylinder_friction.execution.workers import Workers
     from cylinder_friction.labelling.session import SessionIdentification
     from cylinder_friction.params.checking import Params
-    from cylinder_friction.params.data import LabelParams
     from cylinder_friction.recordings.checks.limits import LoadMode
+    from cylinder_friction.recordings.recording import Recording
     from cylinder_friction.signals.smooth_signals import SignalFilter
 
 NOTHING_IDENTIFIED = "the load does not depend on position, and the moving mass is given, so nothing was identified"
@@ -63,148 +59,94 @@ def run(params: Params) -> RunRecord:
     """
     settings = params.label
     ingested, filtering = read_json(INGESTED_FILE), read_json(FILTERS_FILE)
-    method = filtering.pop("method")
-    filters = filters_by_method(cylinder_from(params.cylinder), **filtering)
-    labeller = labeller_from(params, ingested["load"])
+    method, load = filtering.pop("method"), ingested["load"]
+    filters = filters_by_method(params.cylinder, **filtering)
+    labelling = Labelling(labeller_from(params, load), filters, method, ingested["truth"], settings.event_window_s)
     metadata = [read_metadata(path) for path in recording_paths(SIGNALS_FOLDER)]
-    with workers_from_environment() as workers:
-        identified = identify_sessions(metadata, labeller, filters[method], workers)
-        write_identified(identified)
-        metrics = write_labelled(metadata, labeller, filters[method], identified, workers)
-        folder = Path(ingested["truth"])
-        known = [each for each in metadata if ingested["truth"] and (folder / f"{each.name}.parquet").is_file()]
-        audit = audit_labels(known, folder, settings.event_window_s, labeller, filters, identified, workers)
-    write_audit(audit)
+    names = [each.name for each in metadata]
+    sessions: dict[str, list[str]] = {}
+    for each in sorted(metadata, key=lambda each: each.session) if labelling.labeller.needs_identification else ():
+        sessions.setdefault(each.session, []).append(each.name)
+    with workers_from_environment() as workers, whole_folder(LABELLED_FOLDER) as folder:
+        found = workers.all_in_order([partial(labelling.identify, *each) for each in sessions.items()], list(sessions))
+        shown = tqdm(found, "identify", len(sessions), unit="session", disable=None if sessions else True)
+        identified = dict(zip(sessions, shown, strict=True))
+        pieces = [partial(labelling.write, each.name, identified.get(each.session), folder) for each in metadata]
+        done = workers.all_in_order(pieces, names)
+        written = list(tqdm(done, "label", len(names), unit="recording", disable=None))
+    write_json(
+        IDENTIFIED_FILE,
+        {session: each.to_dict() for session, each in identified.items()} or {"note": NOTHING_IDENTIFIED},
+    )
+    audited = [audit for _, _, audit in written if audit is not None]
+    audit = Audit(settings.event_window_s)
+    for own in audited:
+        audit.merge(own)
+    write_audit(audit.rows())
     return RunRecord(
         name="label",
-        params=flat(settings) | {"filter": method, "load": ingested["load"]},
-        metrics=metrics | {"audited_recordings": float(len(known))} | _audit_metrics(audit, method),
+        params=flat(settings) | {"filter": method, "load": load},
+        metrics={
+            "recordings": float(len(names)),
+            "rows": float(sum(rows for rows, _, _ in written)),
+            "usable_rows": float(sum(usable for _, usable, _ in written)),
+            "audited_recordings": float(len(audited)),
+            **_audit_metrics(audit.rows(), method),
+        },
         artifacts=artifacts(AUDIT_FOLDER, IDENTIFIED_FILE),
         datasets=datasets({"signals": SIGNALS_FOLDER}) | datasets({"labelled": LABELLED_FOLDER}, written=True),
-    )
-
-
-def stiffness_from(settings: LabelParams) -> Stiffness:
-    """Return which spring enters the equation of motion, from the configuration."""
-    return Stiffness(
-        mode=settings.stiffness,
-        bulk_modulus_pa=settings.bulk_modulus_pa,
-        external_stiffness_n_m=settings.external_stiffness_n_m,
-        reference_m=settings.stiffness_reference_m,
-        dead_volume_m3=settings.dead_volume_m3,
     )
 
 
 def labeller_from(params: Params, load: LoadMode) -> Labeller:
     """Return how labels are made, from the configuration and what the rod works against."""
     settings = params.label
-    return Labeller(
-        cylinder_from(params.cylinder),
-        stiffness_from(settings),
-        settings.end_stop_margin_m,
-        load,
-        settings.inertia,
-        LoadPlan(**settings.identify.model_dump()),
+    stiffness = Stiffness(
+        mode=settings.stiffness,
+        bulk_modulus_pa=settings.bulk_modulus_pa,
+        external_stiffness_n_m=settings.external_stiffness_n_m,
+        reference_m=settings.stiffness_reference_m,
+        dead_volume_m3=settings.dead_volume_m3,
     )
+    plan = LoadPlan(**settings.identify.model_dump())
+    return Labeller(params.cylinder, stiffness, settings.end_stop_margin_m, load, settings.inertia, plan)
 
 
-def identify_sessions(
-    metadata: Sequence[RecordingMetadata], labeller: Labeller, used_filter: SignalFilter, workers: Workers
-) -> dict[str, SessionIdentification]:
-    """Return load and mass of each session; nothing where neither is to be identified.
+@dataclass(frozen=True)
+class Labelling:
+    """What is done with each session and each recording, as workers elsewhere get it."""
 
-    Sessions are split whole, so no held-out recording contributes to a training label.
+    labeller: Labeller
+    filters: Mapping[str, SignalFilter]  # All of them, for the audit
+    method: str  # Of the filter that smoothed the signals
+    truth: str  # Folder of true friction; empty if nobody knows it
+    event_window_s: float  # Of the audit
 
-    Raises:
-        RecordingError: A session does not determine its load.
-    """
-    names: dict[str, list[str]] = {}
-    for entry in sorted(metadata, key=lambda entry: entry.session):
-        names.setdefault(entry.session, []).append(entry.name)
-    if not labeller.needs_identification:
-        return {}
-    pieces = [partial(identify_session, *each, labeller, used_filter) for each in names.items()]
-    return dict(zip(names, _shown(workers.all_in_order(pieces, list(names)), names, "identify"), strict=True))
+    def identify(self, session: str, names: Sequence[str]) -> SessionIdentification:
+        """Return load and mass of a session from its recordings.
 
+        Sessions are split whole, so no held-out recording contributes to a training label.
 
-def identify_session(
-    session: str, names: Sequence[str], labeller: Labeller, used_filter: SignalFilter
-) -> SessionIdentification:
-    """Return load and mass of a session from the recordings of these names."""
-    return labeller.identify_sessions({session: map(_signals, names)}, used_filter)[session]
+        Raises:
+            RecordingError: The session does not determine its load.
+        """
+        recordings = {session: map(_signals, names)}
+        return self.labeller.identify_sessions(recordings, self.filters[self.method])[session]
 
+    def write(self, name: str, identified: SessionIdentification | None, folder: Path) -> tuple[int, int, Audit | None]:
+        """Write one recording with its label into a folder.
 
-def write_identified(identified: Mapping[str, SessionIdentification]) -> None:
-    """Write what was identified, one entry per session; names carry their units, ``_interval`` is a pair."""
-    content: dict[str, Any] = {session: each.to_dict() for session, each in identified.items()}
-    write_json(IDENTIFIED_FILE, content or {"note": NOTHING_IDENTIFIED})
-
-
-def write_labelled(
-    metadata: Sequence[RecordingMetadata],
-    labeller: Labeller,
-    used_filter: SignalFilter,
-    identified: Mapping[str, SessionIdentification],
-    workers: Workers,
-) -> dict[str, float]:
-    """Write the recordings with their labels; return how many recordings, rows and usable rows."""
-    rows, usable = 0, 0
-    names = [each.name for each in metadata]
-    with whole_folder(LABELLED_FOLDER) as folder:
-        pieces = [
-            partial(write_label, each.name, labeller, used_filter, identified.get(each.session), folder)
-            for each in metadata
-        ]
-        for own_rows, own_usable in _shown(workers.all_in_order(pieces, names), names, "label"):
-            rows, usable = rows + own_rows, usable + own_usable
-    return {"recordings": float(len(names)), "rows": float(rows), "usable_rows": float(usable)}
-
-
-def write_label(
-    name: str, labeller: Labeller, used_filter: SignalFilter, identified: SessionIdentification | None, folder: Path
-) -> tuple[int, int]:
-    """Write one recording with its label into a folder; return how many rows and usable rows."""
-    labelled = labeller.labelled(_signals(name), used_filter, identified)
-    write_recording(folder, labelled)
-    return len(labelled), int(labelled.usable().sum())
-
-
-def audit_labels(
-    metadata: Sequence[RecordingMetadata],
-    truth_folder: Path,
-    event_window_s: float,
-    labeller: Labeller,
-    filters: Mapping[str, SignalFilter],
-    identified: Mapping[str, SessionIdentification],
-    workers: Workers,
-) -> list[AuditRow]:
-    """Return the audit of every filter on recordings whose truth lies in a folder."""
-    names = [each.name for each in metadata]
-    pieces = [
-        partial(audit_label, each.name, truth_folder, event_window_s, labeller, filters, identified.get(each.session))
-        for each in metadata
-    ]
-    audit = Audit(event_window_s)
-    for own in _shown(workers.all_in_order(pieces, names), names, "audit labels"):
-        audit.merge(own)
-    return audit.rows()
-
-
-def audit_label(
-    name: str,
-    truth_folder: Path,
-    event_window_s: float,
-    labeller: Labeller,
-    filters: Mapping[str, SignalFilter],
-    identified: SessionIdentification | None,
-) -> Audit:
-    """Return the audit of every filter on one recording."""
-    recording = _signals(name)
-    truth = read_truth(truth_folder, recording)
-    assert truth is not None
-    audit = Audit(event_window_s)
-    labeller.audit(recording, truth, filters, audit, identified)
-    return audit
+        Returns:
+            Rows, usable rows, and the audit of every filter on this recording; None if its truth is not known.
+        """
+        recording = _signals(name)
+        labelled = self.labeller.labelled(recording, self.filters[self.method], identified)
+        write_recording(folder, labelled)
+        truth = read_truth(Path(self.truth), recording) if self.truth else None
+        audit = None if truth is None else Audit(self.event_window_s)
+        if truth is not None and audit is not None:
+            self.labeller.audit(recording, truth, self.filters, audit, identified)
+        return len(labelled), int(labelled.usable().sum()), audit
 
 
 def write_audit(rows: Sequence[AuditRow]) -> None:
@@ -214,22 +156,14 @@ def write_audit(rows: Sequence[AuditRow]) -> None:
         content = asdict(row)
         place = nested.setdefault(content.pop("filter"), {}).setdefault(content.pop("condition"), {})
         place[content.pop("stratum")] = content
-    text = io.StringIO()
-    writer = csv.DictWriter(text, [field.name for field in fields(AuditRow)], lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(map(asdict, rows))
+    table = pd.DataFrame(map(asdict, rows), columns=[field.name for field in fields(AuditRow)])
     with whole_folder(AUDIT_FOLDER) as folder:
         write_json(folder / AUDIT_FILE.name, nested)
-        write_text(folder / "audit.csv", text.getvalue())
+        write_text(folder / "audit.csv", table.to_csv(index=False, lineterminator="\n"))
 
 
 def _signals(name: str) -> Recording:
     return read_recording(SIGNALS_FOLDER / f"{name}.parquet")
-
-
-def _shown(results: Iterator[Any], names: Collection[str], what: str) -> Iterator[Any]:
-    """Yield results with a progress bar."""
-    yield from tqdm(results, what, len(names), unit="piece", disable=None)
 
 
 def _audit_metrics(rows: Sequence[AuditRow], method: str) -> dict[str, float]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from cylinder_friction.estimators.analytical import AnalyticalEstimator
@@ -12,11 +11,10 @@ from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEsti
 from cylinder_friction.friction_models.identification.procedure import SearchEffort
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.recordings.files import whole_folder, write_json
-from cylinder_friction.recordings.recording import Recording, RecordingError
-from cylinder_friction.recordings.storage import read_metadata, read_recordings, recording_paths
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.run_record import RunRecord, Table, Times, by_columns, now_ms
-from cylinder_friction.stages._datasets import datasets
-from cylinder_friction.stages._stage import LUGRE_FOLDER, PROCESSED_FOLDERS, artifacts, cylinder_from, flat
+from cylinder_friction.stages._stage import LUGRE_FOLDER, PROCESSED_FOLDERS, artifacts, datasets, flat
 
 if TYPE_CHECKING:
     from cylinder_friction.friction_models.identification.procedure import Identification
@@ -35,9 +33,8 @@ def run(params: Params) -> RunRecord:
     Raises:
         RecordingError: No training recording is of the condition that ``lugre.condition`` names.
     """
-    paths_of_condition(PROCESSED_FOLDERS["train"], params.lugre.condition)
     recordings = read_recordings(PROCESSED_FOLDERS["train"])
-    cylinder, settings = cylinder_from(params.cylinder), params.lugre
+    cylinder, settings = params.cylinder, params.lugre
     estimators: dict[str, AnalyticalEstimator] = {
         "lugre": LugreEstimator(cylinder, **settings.model_dump()),
         "pressure_lugre": PressureLugreEstimator(cylinder, **settings.model_dump()),
@@ -50,43 +47,27 @@ def run(params: Params) -> RunRecord:
             confidence=settings.confidence,
         ),
     }
-    metrics: dict[str, float] = {}
-    curves: dict[str, list[float]] = {}
-    steps_ms: dict[str, list[int]] = {}
     identified: dict[str, Identification] = {}
+    ended_ms: dict[str, int] = {}
     with whole_folder(LUGRE_FOLDER) as folder:
         for name, estimator in estimators.items():
             estimator.fit(recordings)
             estimator.save(folder / name)
-            found = estimator.identification
-            assert found is not None
-            identified[name] = found
-            metrics[f"train_mae_percent/{name}"] = found.error_percent
-            curves[f"search_mae_n/{name}"] = list(found.history)
-            steps_ms[f"search_mae_n/{name}"] = [now_ms()] * len(found.history)  # all known as it ends
+            assert estimator.identification is not None
+            identified[name], ended_ms[name] = estimator.identification, now_ms()
         write_json(folder / STRIBECK_FILE, _stribeck_content(identified["lugre"]))
     return RunRecord(
         name="lugre",
         params=flat(params.lugre),
-        metrics=metrics,
-        curves=curves,
+        metrics={f"train_mae_percent/{name}": found.error_percent for name, found in identified.items()},
+        curves={f"search_mae_n/{name}": list(found.history) for name, found in identified.items()},
         tables={"parameters": _parameters(identified)},
         artifacts=artifacts(LUGRE_FOLDER),
         datasets=datasets({"train": PROCESSED_FOLDERS["train"]}),
-        times=Times(0, 0, steps_ms),
+        times=Times(
+            0, 0, {f"search_mae_n/{name}": [ended_ms[name]] * len(found.history) for name, found in identified.items()}
+        ),
     )
-
-
-def paths_of_condition(folder: Path, condition: str) -> list[Path]:
-    """Return the recordings of one condition in a folder, sorted; raises ``RecordingError`` if there is none."""
-    conditions = {path: read_metadata(path).condition for path in recording_paths(folder)}
-    chosen = [path for path, its_condition in conditions.items() if its_condition == condition]
-    if not chosen:
-        raise RecordingError(
-            f"{folder}: no recording of condition {condition!r}; got conditions {sorted(set(conditions.values()))}; "
-            "name one of them as lugre.condition in params.yaml"
-        )
-    return chosen
 
 
 def _effort_on_all(settings: LugreParams, recordings: Sequence[Recording]) -> SearchEffort:

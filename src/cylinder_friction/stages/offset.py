@@ -19,7 +19,6 @@ from cylinder_friction.recordings.files import read_json, whole_folder, write_js
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recording, write_recording
 from cylinder_friction.run_record import RunRecord
-from cylinder_friction.stages._datasets import datasets
 from cylinder_friction.stages._stage import (
     ESTIMATORS_FILE,
     IDENTIFIED_FILE,
@@ -29,7 +28,7 @@ from cylinder_friction.stages._stage import (
     PROCESSED_FOLDERS,
     SPLIT_FILE,
     artifacts,
-    cylinder_from,
+    datasets,
     flat,
 )
 
@@ -50,7 +49,7 @@ def run(params: Params) -> RunRecord:
             load carry different ones.
     """
     names, ingested = read_json(SPLIT_FILE), read_json(INGESTED_FILE)
-    inputs, settings, cylinder = estimator_inputs(ingested), params.offset, cylinder_from(params.cylinder)
+    inputs, settings, cylinder = estimator_inputs(ingested), params.offset, params.cylinder
     recordings: dict[str, list[Recording]] = {
         role: [read_recording(LABELLED_FOLDER / f"{name}.parquet") for name in names[role]] for role in names
     }
@@ -66,8 +65,9 @@ def run(params: Params) -> RunRecord:
     sessions: list[dict[str, Any]] = []
     tracker: OffsetTracker | None = None
     if not reason:
-        plan, channels = plan_from(settings), channel_names(inputs, load)
-        recordings, sessions, tracker = _corrected(recordings, cylinder, plan, channels)
+        recordings, sessions, tracker = _corrected(
+            recordings, cylinder, plan_from(settings), channel_names(inputs, load)
+        )
     for role, folder in PROCESSED_FOLDERS.items():
         with whole_folder(folder) as written:
             for recording in recordings[role]:
@@ -99,10 +99,8 @@ def _corrected(
     sessions = []
     for role, own in recordings.items():
         conditions = {each.metadata.session: each.metadata.condition for each in own}
-        sessions += [
-            {"role": role, "condition": conditions[name], **found.to_dict()}
-            for name, found in model.offsets(own).items()
-        ]
+        for name, found in model.offsets(own).items():
+            sessions.append({"role": role, "condition": conditions[name], **found.to_dict()})
     corrected = {role: model.corrected(own) for role, own in recordings.items()}
     learnable = PRESSURE_1 in corrected["train"][0].table.columns and zeros_are_known(corrected["train"])
     return corrected, sessions, fit_offset_tracker(corrected["train"], cylinder, channels, plan) if learnable else None
@@ -136,9 +134,8 @@ def _left_alone(wanted: str, own_loads: bool, recordings: Mapping[str, Sequence[
 def _metrics(sessions: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     if not sessions:
         return {}
-    numbers = {name: np.array([each[name] for each in sessions]) for name in ("offset_n", "standard_uncertainty_n")}
     return {
         "sessions": float(len(sessions)),
-        "largest_offset_n": float(np.abs(numbers["offset_n"]).max()),
-        "mean_uncertainty_n": float(numbers["standard_uncertainty_n"].mean()),
+        "largest_offset_n": max(abs(each["offset_n"]) for each in sessions),
+        "mean_uncertainty_n": float(np.mean([each["standard_uncertainty_n"] for each in sessions])),
     }

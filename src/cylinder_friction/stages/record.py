@@ -11,10 +11,10 @@ import pandas as pd
 from tqdm import tqdm
 
 from cylinder_friction.recordings.files import hash_of, whole_folder, write_text
-from cylinder_friction.rig.campaign import CampaignPlan, RigRecording, campaign
+from cylinder_friction.rig.campaign import CampaignPlan, campaign
 from cylinder_friction.rig.sensors import DECIMALS
 from cylinder_friction.run_record import Dataset, RunRecord
-from cylinder_friction.stages._stage import RIG_FOLDER, RIG_TRUTH_FOLDER, cylinder_from, flat
+from cylinder_friction.stages._stage import RIG_FOLDER, RIG_TRUTH_FOLDER, flat
 
 if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
@@ -32,7 +32,7 @@ def run(params: Params) -> RunRecord:
         ValueError: See ``rig.campaign.campaign``.
     """
     plan = CampaignPlan(**params.record.model_dump())
-    recordings = campaign(cylinder_from(params.cylinder), plan)
+    recordings = campaign(params.cylinder, plan)
     columns: dict[Path, dict[str, str]] = {RIG_FOLDER: {}, RIG_TRUTH_FOLDER: {}}
     rows = 0
     magnitudes_n: defaultdict[str, list[float]] = defaultdict(list)
@@ -46,17 +46,14 @@ def run(params: Params) -> RunRecord:
             columns[RIG_FOLDER] = dict.fromkeys(recording.logger.columns, "double")
             columns[RIG_TRUTH_FOLDER] = dict.fromkeys(recording.truth.columns, "double")
             rows += len(recording.truth)
-            magnitudes_n[recording.metadata.condition].append(_mean_magnitude_n(recording))
+            magnitudes_n[recording.metadata.condition].append(float(recording.truth["friction_n"].abs().mean()))
     return RunRecord(
         name="record",
         params=flat(params.record) | flat(params.cylinder, "cylinder."),
         metrics={
             "recordings": float(plan.recordings),
             "seconds": plan.recordings * plan.duration_s,
-            **{
-                f"mean_friction_n/condition_{condition}": float(np.mean(values))
-                for condition, values in magnitudes_n.items()
-            },
+            **{f"mean_friction_n/condition_{name}": float(np.mean(values)) for name, values in magnitudes_n.items()},
         },
         datasets={
             folder.name: Dataset(folder.as_posix(), hash_of(folder), columns[folder], rows, written=True)
@@ -68,7 +65,3 @@ def run(params: Params) -> RunRecord:
 def write_logger_csv(path: Path, table: pd.DataFrame) -> None:
     """Write a table as the logger does, each number with so many decimals."""
     table.to_csv(path, index=False, float_format=f"%.{DECIMALS}f", lineterminator="\n")
-
-
-def _mean_magnitude_n(recording: RigRecording) -> float:
-    return float(recording.truth["friction_n"].abs().mean())

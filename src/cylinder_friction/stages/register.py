@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections import defaultdict
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,11 +16,10 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.evaluation.metrics import errors
 from cylinder_friction.evaluation.reported import Reference, error_metrics, reported_errors
 from cylinder_friction.recordings.files import hash_of, read_json, write_json
-from cylinder_friction.recordings.storage import iterate_recordings, read_recording, recording_paths
+from cylinder_friction.recordings.storage import iterate_recordings
 from cylinder_friction.recordings.truth import known_truth
 from cylinder_friction.reporting.model_card import model_card
 from cylinder_friction.run_record import RUNS_FOLDER, RunRecord, by_columns
-from cylinder_friction.stages._datasets import datasets
 from cylinder_friction.stages._stage import (
     CHOSEN_FILE,
     COVERAGE_FILE,
@@ -31,7 +30,7 @@ from cylinder_friction.stages._stage import (
     PROCESSED_FOLDERS,
     TRAINING_DATA_FILE,
     artifacts,
-    cylinder_from,
+    datasets,
     flat,
 )
 from cylinder_friction.tracking.repository import TrackingError
@@ -59,7 +58,7 @@ def run(params: Params) -> RunRecord:
     settings = params.register_
     folder, ingested = _FOLDERS[settings.candidate], read_json(INGESTED_FILE)
     test_folder = PROCESSED_FOLDERS["test"]
-    reference, errors_percent = reported_errors(_report(settings.candidate))
+    reference, errors_percent = reported_errors(_reported(settings.candidate))
     origin = origin_of(Path(), ingested["source"], [path.as_posix() for path in PROCESSED_FOLDERS.values()])
     candidate = Candidate(
         model_name=params.registered_name,
@@ -68,7 +67,7 @@ def run(params: Params) -> RunRecord:
         errors_percent=errors_percent,
         test_data_md5=origin.data[test_folder.as_posix()],
         origin=origin,
-        example=_example(test_folder, read_json(folder / DESCRIPTION_FILE)["input"]),
+        example=_example(folder),
         tolerance_percent=settings.tolerance_percent,
         reference=reference,
         card=_card(params, folder),
@@ -96,23 +95,17 @@ def measured_errors(reference: Reference, truth_folder: str, folder: Path) -> di
         folder: Of the saved estimator.
     """
     estimator = load_estimator(folder)
-    references: dict[str, list[Array]] = {}
-    estimates: dict[str, list[Array]] = {}
+    known: defaultdict[str, list[Array]] = defaultdict(list)
     for recording in iterate_recordings(PROCESSED_FOLDERS["test"]):
-        known = recording.column("friction_n")
+        truth_n = {recording.name: recording.column("friction_n")}
         if reference == "truth":
             truth_n = known_truth(truth_folder, [recording])
-            if recording.name not in truth_n:
-                continue
-            known = truth_n[recording.name]
-        usable, condition = recording.usable(), recording.metadata.condition
-        references.setdefault(condition, []).append(known[usable])
-        estimates.setdefault(condition, []).append(estimator.estimate(recording)[usable])
-    result = {}
-    for condition in sorted(references):
-        friction, estimate = np.concatenate(references[condition]), np.concatenate(estimates[condition])
-        result[condition] = errors(friction, estimate, np.ones(len(friction), dtype=np.bool_)).percent
-    return result
+        if recording.name in truth_n:
+            both = np.stack([truth_n[recording.name], estimator.estimate(recording)])
+            known[recording.metadata.condition].append(both[:, recording.usable()])
+    joined = {condition: np.concatenate(known[condition], axis=1) for condition in sorted(known)}
+    every = {condition: np.ones(both.shape[1], dtype=np.bool_) for condition, both in joined.items()}
+    return {name: errors(both[0], both[1], every[name]).percent for name, both in joined.items()}
 
 
 def _card(params: Params, folder: Path) -> str:
@@ -121,45 +114,44 @@ def _card(params: Params, folder: Path) -> str:
     sources = read_json(folder / TRAINING_DATA_FILE)
     return model_card(
         candidate,
-        cylinder_from(params.cylinder),
+        params.cylinder,
         read_json(folder / DESCRIPTION_FILE),
         read_json(folder / CHOSEN_FILE),
         {role: len(recordings) for role, recordings in sources.items()},
-        _report(candidate),
+        _reported(candidate),
         read_json(COVERAGE_FILE) if candidate == read_json(COMPARE_RECORD)["params"]["main"] else [],
     )
 
 
 def _decision(registered: Registered) -> list[dict[str, str | float]]:
     """Return what the gate decided on: a row for each condition."""
+    candidate = registered.candidate
     incumbent = registered.incumbent.errors_percent if registered.incumbent else {}
-    tolerance = registered.candidate.tolerance_percent
     return [
         {
             "condition": name,
             "candidate_percent": error,
             "incumbent_percent": incumbent.get(name, math.nan),
-            "tolerance_percent": tolerance,
+            "tolerance_percent": candidate.tolerance_percent,
         }
-        for name, error in registered.candidate.errors_percent.items()
+        for name, error in candidate.errors_percent.items()
     ]
 
 
-def _report(candidate: str) -> dict[str, dict[str, float]]:
+def _reported(candidate: str) -> dict[str, dict[str, float]]:
     """Return the candidate's numbers by condition from the comparison's report."""
-    report = read_json(METRICS_FILE)
+    report: dict[str, dict[str, dict[str, float]]] = read_json(METRICS_FILE)
     if candidate not in report:
         raise TrackingError(
             f"{METRICS_FILE}: has no estimator {candidate!r}, but {sorted(report)}; run the compare stage"
         )
-    conditions: dict[str, dict[str, float]] = report[candidate]
-    return conditions
+    return report[candidate]
 
 
-def _example(folder: Path, inputs: Sequence[str]) -> dict[str, list[float]]:
-    """Return the first rows of the first held-out recording, by input."""
-    paths = recording_paths(folder)
-    if not paths:
-        raise TrackingError(f"{folder}: holds no held-out recording; run the split stage")
-    first = read_recording(paths[0])
+def _example(model: Path) -> dict[str, list[float]]:
+    """Return the first rows of the first held-out recording, by input of the model."""
+    first = next(iterate_recordings(PROCESSED_FOLDERS["test"]), None)
+    if first is None:
+        raise TrackingError(f"{PROCESSED_FOLDERS['test']}: holds no held-out recording; run the split stage")
+    inputs = read_json(model / DESCRIPTION_FILE)["input"]
     return {column: first.column(column)[:EXAMPLE_ROWS].tolist() for column in inputs}

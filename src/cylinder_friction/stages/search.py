@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from functools import lru_cache, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,17 +17,9 @@ from cylinder_friction.recordings.files import whole_folder, write_json
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.reporting.search_figures import write_search_page
 from cylinder_friction.run_record import RunRecord, Times
-from cylinder_friction.stages._stage import (
-    BEST_FILE,
-    SEARCH_FOLDER,
-    SPACE_FILE,
-    artifacts,
-    cylinder_from,
-    flat,
-)
+from cylinder_friction.stages._stage import BEST_FILE, SEARCH_FOLDER, SPACE_FILE, artifacts, flat
 from cylinder_friction.stages._training import NETWORK_MAE, RESUMED_CODE, LearningData, hybrid_from, resume_folder
-from cylinder_friction.tuning.search import SearchPlan, TimedTrial, Trial, best_trial, run_search
-from cylinder_friction.tuning.space import SearchSpace
+from cylinder_friction.tuning.search import SearchPlan, Trial, best_trial, run_search
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,8 +27,7 @@ if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.params.checking import Params
     from cylinder_friction.params.learning import SearchParams
-    from cylinder_friction.tuning.search import Value
-    from cylinder_friction.tuning.trials import Report
+    from cylinder_friction.tuning.search import Report, Values
 
 SEARCHED_CODE = ("cylinder_friction.tuning.search", "cylinder_friction.evaluation.validation", *RESUMED_CODE)
 
@@ -46,36 +36,25 @@ CURVE = f"{NETWORK_MAE}/validation"
 
 def run(params: Params) -> RunRecord:
     """Read the training and validation recordings, write the trials, the best parameters and the plots."""
-    settings = params.search
-    data = LearningData.read()
-    cylinder = cylinder_from(params.cylinder)
-    journal = resume_folder("search", SEARCHED_CODE, settings, params.cylinder, data.hashes) / "trials.log"
-    times: list[Times] = []
-
-    def after_trial(timed: TimedTrial) -> None:
-        started_ms, ended_ms, *reported_ms = (
-            int(1000 * moment) for moment in (timed.started_s, timed.ended_s, *timed.reported_s)
-        )
-        times.append(Times(started_ms, ended_ms, {CURVE: reported_ms}))
-        bar.update(1)
-
+    settings, cylinder, data = params.search, params.cylinder, LearningData.read()
+    depends_on = (settings.model_dump(), flat(cylinder), data.hashes)
+    journal = resume_folder("search", SEARCHED_CODE, *depends_on) / "trials.log"
     cost = partial(_cost, settings, channel_names(data.inputs, data.position_load))
     plan = SearchPlan(
-        settings.trials, settings.startup_trials, settings.seed, settings.maximum_multiply_adds, batch=settings.batch
+        settings.trials, settings.startup_trials, settings.seed, settings.maximum_multiply_adds, settings.batch
     )
-    space = SearchSpace(**{key: tuple(value) for key, value in settings.space.model_dump().items()})
     with (
         workers_from_environment() as workers,
         tqdm(total=settings.trials, desc="search", unit="trial", disable=None) as bar,
     ):
         objective = partial(error_of, settings, cylinder, data if workers.here else data.hashes)
-        trials = run_search(space, plan, cost, objective, journal, after_trial, workers)
+        trials = run_search(settings.space, plan, cost, objective, journal, bar.update, workers)
     best = best_trial(trials)
     with whole_folder(SEARCH_FOLDER) as folder:
-        write_json(folder / "trials.json", [asdict(trial) for trial in trials])
+        write_json(folder / "trials.json", [trial.to_dict() for trial in trials])
         write_json(folder / BEST_FILE.name, {"design": settings.hybrid, **best.params})
-        write_json(folder / SPACE_FILE.name, settings.space.model_dump())
-        write_search_page(trials, space, plan, folder / "search.html")
+        write_json(folder / SPACE_FILE.name, settings.model_dump()["space"])
+        write_search_page(trials, settings.space, plan, folder / "search.html")
     return RunRecord(
         name="search",
         params=flat(settings) | {f"best.{name}": value for name, value in best.params.items()},
@@ -83,28 +62,24 @@ def run(params: Params) -> RunRecord:
         | {"completed_trials": float(sum(trial.value is not None for trial in trials))},
         artifacts=artifacts(SEARCH_FOLDER),
         datasets=data.datasets,
-        children=tuple(_child(number, *each) for number, each in enumerate(zip(trials, times, strict=True))),
+        children=tuple(_child(number, trial) for number, trial in enumerate(trials)),
     )
 
 
 def error_of(
-    settings: SearchParams,
-    cylinder: Cylinder,
-    given: LearningData | dict[str, str],
-    values: dict[str, Value],
-    report: Report,
+    settings: SearchParams, cylinder: Cylinder, given: LearningData | dict[str, str], values: Values, report: Report
 ) -> float:
     """Return a hybrid's error on the validation recordings, trained with these hyperparameters [N].
 
     Args:
         settings: Of the search.
         cylinder: Whose recordings they are.
-        given: What is learned from, or its hashes, where a worker elsewhere reads it.
+        given: What is learned from; or its hashes, for a worker elsewhere that reads it.
         values: The hyperparameters.
         report: Called with the network's validation error after each epoch [N].
     """
     data = given if isinstance(given, LearningData) else _read_once(Path.cwd(), tuple(sorted(given.items())))
-    estimator = hybrid_from(cylinder, settings.hybrid, values, settings.training, settings.seed, settings.device, data)
+    estimator = hybrid_from(cylinder, settings.hybrid, values, settings, data)
     with tqdm(total=settings.training.epochs, desc="trial", unit="epoch", leave=False, disable=None) as bar:
 
         def after_epoch(_epoch: int, _train_mae_n: float, validation_mae_n: float) -> None:
@@ -125,13 +100,14 @@ def _read_once(folder: Path, hashes: tuple[tuple[str, str], ...]) -> LearningDat
     return data
 
 
-def _cost(settings: SearchParams, channels: Sequence[str], values: dict[str, Value]) -> int:
+def _cost(settings: SearchParams, channels: Sequence[str], values: Values) -> int:
     features = feature_count(settings.hybrid, channels)
     network = lstm_multiply_adds(int(values["layers"]), int(values["nodes"]), features)
     return network + int(values["forest_trees"]) * int(values["forest_depth"])
 
 
-def _child(number: int, trial: Trial, times: Times) -> RunRecord:
+def _child(number: int, trial: Trial) -> RunRecord:
+    started_ms, ended_ms, *reported_ms = (int(1000 * moment) for moment in trial.when_s)
     metrics = {"multiply_adds": float(trial.multiply_adds)}
     if trial.value is not None:
         metrics["validation_mae_n"] = trial.value
@@ -141,5 +117,5 @@ def _child(number: int, trial: Trial, times: Times) -> RunRecord:
         metrics=metrics,
         curves={CURVE: trial.reported} if trial.reported else {},
         tags={"state": trial.state},
-        times=times,
+        times=Times(started_ms, ended_ms, {CURVE: reported_ms}),
     )

@@ -8,8 +8,7 @@ from cylinder_friction.recordings.files import write_json
 from cylinder_friction.recordings.splits import split_sessions
 from cylinder_friction.recordings.storage import read_metadata, recording_paths
 from cylinder_friction.run_record import RunRecord
-from cylinder_friction.stages._datasets import datasets
-from cylinder_friction.stages._stage import LABELLED_FOLDER, SPLIT_FILE, artifacts, flat
+from cylinder_friction.stages._stage import LABELLED_FOLDER, SPLIT_FILE, artifacts, datasets, flat
 
 if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params

@@ -5,44 +5,31 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from cylinder_friction.recordings.files import read_json, whole_folder
-from cylinder_friction.run_record import RunRecord, Times
-from cylinder_friction.stages._stage import BEST_FILE, HYBRID_FOLDER, LSTM_FOLDER, artifacts, flat
-from cylinder_friction.stages._training import (
-    LearningData,
-    learned_metrics,
-    learning_curves,
-    train_hybrid,
-    write_hybrid,
-)
+from cylinder_friction.stages._stage import BEST_FILE, HYBRID_FOLDER, LSTM_FOLDER
+from cylinder_friction.stages._training import LearningData, hybrid_from, train_hybrid, training_record, write_hybrid
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.front_end import Design
     from cylinder_friction.params.checking import Params
     from cylinder_friction.params.learning import TrainParams
+    from cylinder_friction.run_record import RunRecord, Scalar
 
 
 def run(params: Params) -> RunRecord:
     """Read the training and validation recordings and the best hyperparameters, write the hybrid and its LSTM."""
-    data = LearningData.read()
-    design, chosen = chosen_hybrid(params.train)
-    hybrid, epochs_ms = train_hybrid("train", params, params.train, design, chosen, data)
+    settings, data = params.train, LearningData.read()
+    design, chosen = chosen_hybrid(settings)
+    hybrid = hybrid_from(params.cylinder, design, chosen, settings, data, settings.lag_s)
+    epochs_ms = train_hybrid("train", hybrid, chosen, settings, data)
     alone = hybrid.without_forest()
-    alone.calibrate(data.train, data.calibrating, alone.cylinder)
+    alone.calibrate(data.train, data.calibrating, params.cylinder)
     with whole_folder(HYBRID_FOLDER) as draft:
         write_hybrid(draft, hybrid, data, chosen)
     with whole_folder(LSTM_FOLDER) as draft:
         alone.save(draft)
-    return RunRecord(
-        name="train",
-        params=flat(params.train)
-        | {f"hybrid.{key}": value for key, value in chosen.items()}
-        | {"design": design, "device": hybrid.device},
-        metrics=learned_metrics({"hybrid": hybrid, "lstm": alone}, data.validation),
-        curves=learning_curves(hybrid),
-        artifacts=artifacts(HYBRID_FOLDER, LSTM_FOLDER),
-        datasets=data.datasets,
-        times=Times(0, 0, dict.fromkeys(learning_curves(hybrid), epochs_ms)),
-    )
+    found: dict[str, Scalar] = {"design": design} | {f"hybrid.{key}": value for key, value in chosen.items()}
+    estimators = {"hybrid": hybrid, "lstm": alone}
+    return training_record("train", settings, found, hybrid, epochs_ms, estimators, data, (HYBRID_FOLDER, LSTM_FOLDER))
 
 
 def chosen_hybrid(settings: TrainParams) -> tuple[Design, dict[str, Any]]:

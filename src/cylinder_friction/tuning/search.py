@@ -1,5 +1,11 @@
-"""The search for the hybrid's hyperparameters: trials under a bound on the cost of a step."""
+"""The search for the hybrid's hyperparameters with Optuna: under a bound on the cost of a step, and it survives a kill.
 
+Finished trials are kept in a journal. Each proposal depends only on the seed, its number and the batches of trials
+before its own, so a search that is resumed from its journal, or run by any number of workers, ends bit for bit where an
+undisturbed one does. A trial that a kill left running is tried again.
+"""
+
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import partial
@@ -7,51 +13,61 @@ from pathlib import Path
 
 import optuna
 from optuna.distributions import BaseDistribution, CategoricalDistribution, FloatDistribution, IntDistribution
-from optuna.trial import FrozenTrial, TrialState
+from optuna.samplers import BaseSampler
+from optuna.trial import FrozenTrial, TrialState, create_trial
 
-from cylinder_friction.execution.workers import Workers
+from cylinder_friction.execution.workers import Died, Workers
 from cylinder_friction.tuning.space import RANGES, SearchSpace
-from cylinder_friction.tuning.trials import (
-    DiscardedTrial,
-    Objective,
-    Report,
-    TuningPlan,
-    reason_of,
-    reported_at_s,
-    run_trials,
-)
+from cylinder_friction.tuning.study_store import study_storage
 
 Value = int | float
-Cost = Callable[[dict[str, Value]], int]  # Takes hyperparameters, returns the multiply-adds of one step
+Values = dict[str, Value]
+Cost = Callable[[Values], int]
+"""Takes hyperparameters, returns the multiply-adds of one step."""
+Report = Callable[[float], None]
+Objective = Callable[[Values, Report], float]
+"""Trains with hyperparameters, calls back with each epoch's validation error, returns the final one [N]."""
+
+_REASON = "reason"  # User attribute of a trial without a value: why
+_REPORTED_S = "reported_s"  # User attribute: when each intermediate error was reported
+
+
+class DiscardedTrial(Exception):  # noqa: N818 - not an error: it ends a trial that is not worth going on with
+    """Raised by ``Report`` to end a trial without a value; its message is the reason."""
 
 
 @dataclass(frozen=True)
 class Trial:
     """One finished trial."""
 
-    params: dict[str, Value]  # The hyperparameters
-    # ``complete``, ``pruned`` (stopped early as worse than most) or ``too_costly`` (over the bound, not run)
+    params: Values  # The hyperparameters
+    # ``complete``, ``pruned`` (stopped early as worse than most), ``too_costly`` (over the bound, not run), or
+    # ``lost: ...`` (why no worker survived it)
     state: str
     value: float | None  # Validation mean absolute error of the whole hybrid [N]; None unless complete
     multiply_adds: int  # Of one step
     reported: list[float] = field(default_factory=list)  # Validation error of the network alone after each epoch [N]
+    # When it began and ended, and when each of ``reported`` was known [s since 1970]; no part of what it found
+    when_s: tuple[float, ...] = field(default=(), compare=False)
+
+    def to_dict(self) -> dict[str, object]:
+        """Return what it found."""
+        return {key: value for key, value in asdict(self).items() if key != "when_s"}
 
 
 @dataclass(frozen=True)
-class TimedTrial:
-    """A finished trial and when it went on [s since 1970], which is no part of what it found."""
+class SearchPlan:
+    """How a search goes.
 
-    trial: Trial
-    started_s: float
-    ended_s: float
-    reported_s: list[float]  # Of ``Trial.reported``
+    ``batch`` trials are proposed at a time, none of which knows of the others: so many can run side by side, and the
+    sampler learns later. It shapes what is found; the number of workers does not.
+    """
 
-
-@dataclass(frozen=True)
-class SearchPlan(TuningPlan):
-    """How many trials, how many of them drawn at random first, the seed, and the bound on a step's multiply-adds."""
-
-    maximum_multiply_adds: int
+    trials: int
+    startup_trials: int  # Drawn at random before the sampler learns
+    seed: int
+    maximum_multiply_adds: int  # Of a step; trials above are not run
+    batch: int = 1
 
 
 def run_search(
@@ -60,43 +76,112 @@ def run_search(
     cost: Cost,
     objective: Objective,
     journal: Path,
-    after_trial: Callable[[TimedTrial], None],
+    after_trial: Callable[[], object] = lambda: None,
     workers: Workers | None = None,
 ) -> list[Trial]:
     """Run what is left of the plan and return all trials in order.
+
+    Hyperparameters are proposed by a tree-structured Parzen estimator (Bergstra et al. 2011); a trial whose
+    intermediate error is worse than the median is ``pruned``. Both look at the batches before its own.
 
     Args:
         space: Where to look.
         plan: How long.
         cost: See ``Cost``.
-        objective: Trains with given hyperparameters, calls back with each epoch's validation error, returns the final
-            one [N].
-        journal: File of the finished trials; see ``run_trials``.
-        after_trial: Called with each trial as it finishes, those of an earlier run included.
-        workers: See ``run_trials``.
+        objective: See ``Objective``; for workers elsewhere both can be pickled.
+        journal: File of the finished trials, read at the start and appended to, or what ``study_storage`` takes in its
+            place.
+        after_trial: Called as each trial finishes, and for each one of an earlier run.
+        workers: Run the trials of a batch side by side; None: one after the other, here.
     """
+    workers = workers or Workers()
+    search = _Search(_distributions(space), plan, cost, objective)
+    with study_storage(journal) as (storage, name):
+        optuna.logging.set_verbosity(optuna.logging.WARNING)
+        study = optuna.create_study(storage=storage, study_name=name, load_if_exists=True)
+        finished = [
+            trial
+            for trial in study.get_trials(deepcopy=False)
+            if trial.state == TrialState.COMPLETE or (trial.state.is_finished() and _REASON in trial.user_attrs)
+        ]
+        for _ in finished:
+            after_trial()
+        while len(finished) < plan.trials:
+            earlier = finished[: len(finished) // plan.batch * plan.batch]
+            following = range(len(finished), min(len(earlier) + plan.batch, plan.trials))
+            proposed = [search.proposed(number, earlier) for number in following]
+            results = workers.in_order([partial(search.tried, values, earlier) for values in proposed])
+            for values, result in zip(proposed, results, strict=True):
+                trial = search.lost(values, result.reason) if isinstance(result, Died) else result
+                study.add_trial(trial)
+                finished.append(trial)
+                after_trial()
+    return [search.trial(each) for each in finished]
 
-    def trial_of(trial: FrozenTrial) -> Trial:
-        reported = [value for _, value in sorted(trial.intermediate_values.items())]
-        complete = trial.state == TrialState.COMPLETE
-        value = trial.value if complete else None
-        return Trial(dict(trial.params), reason_of(trial) or "complete", value, cost(trial.params), reported)
 
-    def finish(trial: FrozenTrial) -> None:
-        started_s, ended_s = (
-            moment.timestamp() for moment in (trial.datetime_start, trial.datetime_complete) if moment
+@dataclass(frozen=True)
+class _Search:
+    """One search, as workers elsewhere get it."""
+
+    distributions: dict[str, BaseDistribution]
+    plan: SearchPlan
+    cost: Cost
+    objective: Objective
+
+    def study(self, trials: Sequence[FrozenTrial], sampler: BaseSampler | None = None) -> optuna.Study:
+        """Return a study in memory that knows these trials."""
+        optuna.logging.set_verbosity(optuna.logging.WARNING)
+        pruner = optuna.pruners.MedianPruner(n_startup_trials=self.plan.startup_trials, n_warmup_steps=2)
+        study = optuna.create_study(sampler=sampler, pruner=pruner)
+        study.add_trials(trials)
+        return study
+
+    def proposed(self, number: int, earlier: Sequence[FrozenTrial]) -> Values:
+        """Return the values of a trial, from the seed, its number and the trials before its batch."""
+        sampler = optuna.samplers.TPESampler(
+            seed=self.plan.seed * 10_007 + number, n_startup_trials=self.plan.startup_trials
         )
-        after_trial(TimedTrial(trial_of(trial), started_s, ended_s, reported_at_s(trial)))
+        return dict(self.study(earlier, sampler).ask(self.distributions).params)
 
-    affordable = partial(_affordable, cost, plan.maximum_multiply_adds, objective)
-    finished = run_trials(_distributions(space), plan, affordable, journal, after_trial=finish, workers=workers)
-    return [trial_of(trial) for trial in finished]
+    def tried(self, values: Values, earlier: Sequence[FrozenTrial]) -> FrozenTrial:
+        """Return the finished trial of these values."""
+        study = self.study(earlier)
+        study.enqueue_trial(values)
+        trial = study.ask(self.distributions)
+        reported_s: list[float] = []
 
+        def report(error: float) -> None:
+            reported_s.append(time.time())
+            trial.report(error, len(reported_s))  # from 1: the first is never compared
+            if trial.should_prune():
+                raise DiscardedTrial("pruned")
 
-def _affordable(cost: Cost, most: int, objective: Objective, params: dict[str, Value], report: Report) -> float:
-    if cost(params) > most:
-        raise DiscardedTrial("too_costly")
-    return objective(params, report)
+        state, value = TrialState.COMPLETE, None
+        try:
+            if self.cost(trial.params) > self.plan.maximum_multiply_adds:
+                raise DiscardedTrial("too_costly")
+            value = self.objective(dict(trial.params), report)
+        except DiscardedTrial as discarded:
+            trial.set_user_attr(_REASON, str(discarded))
+            state = TrialState.PRUNED
+        trial.set_user_attr(_REPORTED_S, reported_s)
+        return study.tell(trial, value, state)
+
+    def lost(self, values: Values, reason: str) -> FrozenTrial:
+        """Return the trial of values that no worker survived."""
+        attributes = {_REASON: f"lost: {reason}"}
+        return create_trial(
+            state=TrialState.FAIL, params=values, distributions=self.distributions, user_attrs=attributes
+        )
+
+    def trial(self, found: FrozenTrial) -> Trial:
+        """Return a finished trial without Optuna."""
+        reported = [value for _, value in sorted(found.intermediate_values.items())]
+        value = found.value if found.state == TrialState.COMPLETE else None
+        moments = [each.timestamp() for each in (found.datetime_start, found.datetime_complete) if each]
+        when_s = (*moments, *found.user_attrs.get(_REPORTED_S, ()))
+        state = found.user_attrs.get(_REASON, "complete")
+        return Trial(dict(found.params), state, value, self.cost(found.params), reported, when_s)
 
 
 def best_trial(trials: Sequence[Trial]) -> Trial:
@@ -120,7 +205,7 @@ def study_of(trials: Sequence[Trial], space: SearchSpace) -> optuna.Study:
     study = optuna.create_study(study_name="search", direction="minimize")
     for trial in trials:
         study.add_trial(
-            optuna.trial.create_trial(
+            create_trial(
                 state=TrialState.COMPLETE if trial.value is not None else TrialState.PRUNED,
                 value=trial.value,
                 params=dict(trial.params),
@@ -135,7 +220,7 @@ def _distributions(space: SearchSpace) -> dict[str, BaseDistribution]:
     return {name: _distribution(name, values) for name, values in asdict(space).items()}
 
 
-def _distribution(name: str, values: tuple[Value, ...]) -> BaseDistribution:
+def _distribution(name: str, values: Sequence[Value]) -> BaseDistribution:
     if name not in RANGES:
         return CategoricalDistribution(values)
     lowest, highest = values

@@ -1,18 +1,35 @@
 """Where the search for the hybrid's hyperparameters looks."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Annotated
+
+from pydantic import Field
 
 RANGES = ("learning_rate", "forest_trees", "forest_depth")
 """What is searched between a lowest and a highest value; of everything else, choices are listed."""
 
+_Count = Annotated[int, Field(ge=1)]
+_Rate = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
+
 
 @dataclass(frozen=True)
 class SearchSpace:
-    """Choices of layers, nodes and dropout; lowest and highest learning rate (log), trees and depth."""
+    """Choices of layers, nodes and dropout; lowest and highest learning rate (log), trees and depth.
 
-    layers: tuple[int, ...]
-    nodes: tuple[int, ...]
-    dropout: tuple[float, ...]
-    learning_rate: tuple[float, float]
-    forest_trees: tuple[int, int]
-    forest_depth: tuple[int, int]
+    Raises:
+        ValueError: A range's lowest value is above its highest.
+    """
+
+    layers: Sequence[_Count]
+    nodes: Sequence[_Count]
+    dropout: Sequence[Annotated[float, Field(ge=0.0, lt=1.0)]]
+    learning_rate: tuple[_Rate, _Rate]
+    forest_trees: tuple[_Count, _Count]
+    forest_depth: tuple[_Count, _Count]
+
+    def __post_init__(self) -> None:
+        for key in RANGES:
+            lowest, highest = getattr(self, key)
+            if lowest > highest:
+                raise ValueError(f"{key}: lowest {lowest} is above highest {highest}; swap them")
