@@ -13,7 +13,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from cylinder_friction.service.live.connection import ClientGoneError, Connection, Peers
-from cylinder_friction.service.live.frames import EstimateBlock, SampleBlock, pack_samples, unpack
+from cylinder_friction.service.live.frames import LATEST_S, EstimateBlock, SampleBlock, pack_samples, unpack
 from cylinder_friction.service.live.service import LiveService
 from cylinder_friction.service.live.settings import SessionRules
 
@@ -250,7 +250,7 @@ def _blocks(message: bytes, handles: Sequence[int], columns: int) -> list[tuple[
             return None
         kind, width, count, handle, index, time_s = struct.unpack_from("<BBHIQd", message, at)
         size = 8 * width * count
-        good = kind == 1 and width == columns and count and handle in handles and math.isfinite(time_s)
+        good = kind == 1 and width == columns and count and handle in handles and 0.0 <= time_s < LATEST_S
         if not good or index + count > 2**53 or len(message) - at - 24 < size:
             return None
         numbers = struct.unpack_from(f"<{width * count}d", message, at + 24)

@@ -37,11 +37,33 @@ def test_another_file_is_refused(tmp_path: Path, text: str, message: str) -> Non
         TokenFile(tmp_path / "tokens")
 
 
-def test_a_file_that_breaks_leaves_the_old_tokens(tmp_path: Path) -> None:
+def test_a_file_that_breaks_leaves_the_old_tokens_and_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "tokens"
+    path.write_text(HASH)
+    tokens = TokenFile(path)
+    path.write_text("no hash")
+    assert tokens.refresh()
+    assert not tokens.refresh()
+    assert tokens.refusal(b"abc") is None
+    assert "tokens:1: expected the SHA-256 of a token" in tokens.problem
+    assert tokens.problem.endswith("the tokens stay as they were")
+    path.write_text(f"{HASH}\n")
+    assert tokens.refresh()
+    assert tokens.problem == ""
+
+
+@pytest.mark.parametrize("left", [None, "", "# nobody\n"])
+def test_a_file_that_is_emptied_or_deleted_lets_nobody_in(tmp_path: Path, left: str | None) -> None:
     path = tmp_path / "tokens"
     path.write_text(HASH)
     tokens = TokenFile(path)
     path.unlink()
+    if left is not None:
+        path.write_text(left)
     assert tokens.refresh()
-    assert not tokens.refresh()
+    refusal = tokens.refusal(b"abc")
+    assert refusal is not None
+    assert refusal.status == 401
+    path.write_text(f"{HASH}\n")
+    assert tokens.refresh()
     assert tokens.refusal(b"abc") is None

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING
 
 from cylinder_friction.commands._model import model_folder
 from cylinder_friction.params.live import LIVE_FILE, LiveParams, load_live_params
+from cylinder_friction.recordings.locks import locked
 from cylinder_friction.service.links.line_protocol import LineProtocolLink
 from cylinder_friction.service.links.link import Link
 from cylinder_friction.service.live.app import ENGINES_FOLDER, HISTORY_FOLDER, create_app
@@ -38,7 +39,7 @@ FEW_COLLECTIONS = 200_000
 """More objects than wait to be kept at a time; below that, looking for cycles took 7 % of the core and found none."""
 SHORT_TURN_S = 5e-4
 """So long samples may wait for another thread, one that keeps others or a link's; Python's 5 ms would be the p99."""
-JOURNAL_FILE = "journal.db"
+JOURNAL_FILE, LOCK_FILE = "journal.db", ".lock"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -60,6 +61,17 @@ def run(options: argparse.Namespace) -> int:
     params = configured.model_copy(update={name: value for name, value in given.items() if value is not None})
     if options.replay and (params.access.tokens or params.access.tls_key):
         raise LiveError("--replay is to try the service without a machine; it needs one without tokens and TLS")
+    with locked(params.folder / LOCK_FILE, wait=False) as held:
+        if not held:
+            raise LiveError(
+                f"{params.folder}: another live service keeps its sessions here; give this one another --folder, or "
+                "end the other"
+            )
+        _run(options, params)
+    return 0
+
+
+def _run(options: argparse.Namespace, params: LiveParams) -> None:
     engines = params.folder / ENGINES_FOLDER
     engine = checked_engine(engine_folder(params.model, engines))
     recordings = _replayed(options, engine) if options.replay else {}
@@ -71,7 +83,6 @@ def run(options: argparse.Namespace) -> int:
         others=other_engines(engines, engine),
     )
     _serve(service, params, options.speed, recordings)
-    return 0
 
 
 def engine_folder(model: str | None, engines: Path) -> Path:

@@ -84,16 +84,19 @@ def file_stamp(path: Path) -> tuple[int, int]:
     return found.st_mtime_ns, found.st_ino
 
 
-def read_tokens(path: Path, roles: Sequence[str] = ()) -> tuple[tuple[str, str], ...]:
+def read_tokens(path: Path, roles: Sequence[str] = (), *, may_be_empty: bool = False) -> tuple[tuple[str, str], ...]:
     """Return the SHA-256 of every token, the first word of each line, with the second word; # begins a comment.
 
     Args:
         path: A file as ``sha256sum`` writes it.
         roles: What the second word must be one of; empty: it is a comment.
+        may_be_empty: A file without a token, or none at all, holds none; otherwise either is refused.
 
     Raises:
         AccessError: The file cannot be read, is empty, or holds something else.
     """
+    if may_be_empty and not path.exists():
+        return ()
     try:
         lines = path.read_text(encoding="ascii").splitlines()
     except (OSError, UnicodeDecodeError) as error:
@@ -112,18 +115,22 @@ def read_tokens(path: Path, roles: Sequence[str] = ()) -> tuple[tuple[str, str],
         if roles and role not in roles:
             raise AccessError(f"{path}:{number}: got {role!r} behind the hash, expected a role: {', '.join(roles)}")
         tokens.append((word.lower(), role))
-    if not tokens:
+    if not (tokens or may_be_empty):
         raise AccessError(f"{path}: holds no token; expected the SHA-256 of one per line")
     return tuple(tokens)
 
 
 class TokenFile:
-    """The tokens of a file, read again when it changes."""
+    """The tokens of a file, read again when it changes; one that was emptied or deleted lets nobody in.
+
+    Attributes:
+        problem: Why the tokens of the file as it is now are not those that count; empty where they are.
+    """
 
     def __init__(self, path: Path, roles: Sequence[str] = ()) -> None:
         """Read the file; raises ``AccessError`` as ``read_tokens`` does."""
         self._path, self._roles, self._stamp = path, roles, file_stamp(path)
-        self._tokens = read_tokens(path, roles)
+        self._tokens, self.problem = read_tokens(path, roles), ""
 
     def refresh(self) -> bool:
         """Read the file again if it has changed, return whether it has; if it cannot be read, the old tokens stay."""
@@ -132,9 +139,13 @@ class TokenFile:
             return False
         self._stamp = stamp
         try:
-            self._tokens = read_tokens(self._path, self._roles)
+            self._tokens, self.problem = read_tokens(self._path, self._roles, may_be_empty=True), ""
         except AccessError as error:
-            _log.error("%s; the tokens stay as they were", error)
+            self.problem = f"{error}; the tokens stay as they were"
+            _log.error(self.problem)
+        else:
+            if not self._tokens:
+                _log.error("%s: holds no token any more; nobody is let in until it does", self._path)
         return True
 
     def role_of(self, token: bytes) -> str | None:

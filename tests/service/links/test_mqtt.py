@@ -206,10 +206,17 @@ def test_results_are_retained_json_and_the_state_is_known(
             client.send(samples[:300])
             client.wait_until_kept()
             time.sleep(0.3)
-        with by_hand(broker, "cylinder-friction/results/#") as (_, got):
+        with by_hand(broker, "cylinder-friction/results/hall 3/#") as (_, got):
             topic, payload = got.get(timeout=60.0)
             assert topic == "cylinder-friction/results/hall 3/press"
-            return dict(json.loads(payload))
+        with Client(f"mqtt://127.0.0.1:{broker.port}/cylinder-friction/d", "in", 0.005) as client:
+            client.send(samples[:300])  # its results have a topic like one of a client
+            client.wait_until_kept()
+        with by_hand(broker, "cylinder-friction/results/+") as (_, got):
+            assert got.get(timeout=60.0)[0] == "cylinder-friction/results/in"
+            time.sleep(0.5)
+            assert got.empty(), "nothing is answered to results"
+        return dict(json.loads(payload))
 
     link = link_to(broker, results_hz=10.0)
     result = served([link], LiveService(engine, Journal(tmp_path / "journal.db")), tmp_path, use)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import re
 import signal
+import subprocess
+import sys
 import time
 import urllib.request
 from contextlib import ExitStack
@@ -126,6 +128,14 @@ def test_a_hang_up_that_is_ignored_as_by_nohup_ends_nothing(model: Path, tmp_pat
             assert process.poll() is None
     finally:
         signal.signal(signal.SIGHUP, before)
+
+
+def test_a_folder_is_that_of_one_service(model: Path, tmp_path: Path, port: int) -> None:
+    with running(model, tmp_path, port):
+        command = [sys.executable, "-m", "cylinder_friction.commands.cli", "live", "--model", str(model), "--port", "0"]
+        done = subprocess.run([*command, "--folder", str(tmp_path)], capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert "another live service keeps its sessions here; give this one another --folder" in done.stderr
 
 
 def test_by_hand_wrongly_and_from_elsewhere(samples: Array, model: Path, tmp_path: Path, port: int) -> None:

@@ -46,7 +46,7 @@ def test_a_start_needs_neither_the_estimator_nor_a_compiler_until_either_changes
     assert Engine(folder).called == ""
     monkeypatch.setenv("PATH", str(tmp_path / "nothing"))
     monkeypatch.setattr(loading, "load_estimator", None)
-    for called in ("models:/friction/2", "models:/friction/3"):
+    for called in ("the first press", "the second press"):
         assert engine_of(model, engines, called) == folder
         assert Engine(folder).called == called
     (model / "note.txt").write_text("changed", encoding="utf-8")

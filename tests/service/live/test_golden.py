@@ -41,6 +41,11 @@ def test_the_trajectory_beside_the_estimator_must_be_met(
     assert checked_engine(folder).golden_difference_n == 0.0  # that of the model in service stays
 
 
+def test_a_registered_model_without_its_trajectory_is_refused(registered: Path, tmp_path: Path) -> None:
+    with pytest.raises(GoldenError, match=r"models:/friction/3: its golden trajectory, golden\.json, is not there"):
+        engine_of(registered, tmp_path / "engines", "models:/friction/3")
+
+
 @pytest.mark.parametrize(
     ("changed", "words"),
     [

@@ -1,41 +1,35 @@
-"""Sessions are kept a few at a time, and all that are due where that takes longer than it should."""
+"""What runs in the background of the live service is started again when it fails, and said to have failed."""
 
 from __future__ import annotations
 
 import asyncio
-import time
-from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-import pytest
-
-from cylinder_friction.service.live import keeping
-from cylinder_friction.service.live.connection import Peers
+from cylinder_friction.service.live.journal import Journal
+from cylinder_friction.service.live.keeping import kept_running
+from cylinder_friction.service.live.service import LiveService
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from pathlib import Path
+
+    from cylinder_friction.service.live.engine import Engine
 
 
-@pytest.mark.parametrize(("takes_s", "expected"), [(0.0, [2] * 25), (0.5, [2, 23, 25])])
-def test_a_service_that_is_late_keeps_more_sessions_at_a_time(
-    monkeypatch: pytest.MonkeyPatch, takes_s: float, expected: list[int]
-) -> None:
-    clock, kept = [0.0], list[int]()
+def test_a_job_that_ends_makes_the_service_not_ready_until_it_runs_again(engine: Engine, tmp_path: Path) -> None:
+    service, runs = LiveService(engine, Journal(tmp_path / "journal.db")), []
 
-    async def keep_some(_service: Any, _peers: Peers, sessions: Sequence[int]) -> None:
-        kept.append(len(sessions))
-        clock[0] += takes_s
+    async def job() -> None:
+        runs.append(service.ended_jobs.get("history"))
+        if len(runs) < 3:
+            raise OverflowError("a time that is none")
+        await asyncio.Event().wait()
 
-    async def sleep(seconds: float) -> None:
-        clock[0] += seconds
+    async def until_ready() -> None:
+        running = asyncio.create_task(kept_running(service, "history", job))
+        while len(runs) < 3 or service.ended_jobs:
+            await asyncio.sleep(0.01)
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
 
-    def close_idle() -> list[str]:
-        raise KeyboardInterrupt  # after one round
-
-    monkeypatch.setattr(keeping, "keep_some", keep_some)
-    monkeypatch.setattr(asyncio, "sleep", sleep)
-    monkeypatch.setattr(time, "monotonic", lambda: clock[0])
-    service: Any = SimpleNamespace(sessions={str(each): each for each in range(50)}, close_idle=close_idle)
-    with pytest.raises(KeyboardInterrupt):
-        keeping.keep_each_second(service, Peers()).send(None)
-    assert kept == expected
+    asyncio.run(until_ready())
+    assert runs == [None, *["OverflowError: a time that is none"] * 2]

@@ -230,6 +230,9 @@ def test_outcomes_are_counted_since_the_start_whatever_is_opened_and_closed(
     ("name", "inputs", "sample_time_s", "words"),
     [
         ("../etc\n", None, None, "expected 1 to 80 letters"),
+        (".", None, None, "a letter or digit among them"),
+        ("..", None, None, "a letter or digit among them"),
+        ("\u6cb9" * 60, None, None, "at most 200 bytes as the name of a folder"),
         ("press", ("position_m",), None, r"got columns \['position_m'\]; the model takes"),
         ("press", None, 0.001, "got a sample time of 0.001 s; the model was trained at 0.005 s"),
         ("press", None, float("nan"), "got a sample time of nan s"),
@@ -255,7 +258,55 @@ def test_one_session_too_many_is_refused_and_one_wrong_block_stops_its_message(
         (SampleBlock(99, 0, 0.0, samples[:2]), "handle 99: no open session has it"),
         (SampleBlock(session.handle, 7, 0.0, samples[:2, :1]), "got 1 columns"),
         (SampleBlock(session.handle, 7, float("inf"), samples[:2]), "got time inf"),
+        (SampleBlock(session.handle, 7, 1e300, samples[:2]), "expected seconds since 1970, before the year 2242"),
+        (SampleBlock(session.handle, 7, -1.0, samples[:2]), "got time -1.0"),
     ):
         with pytest.raises(LiveError, match=words):
             service.receive([*good, wrong])
     assert session.next_index == 0
+
+
+def test_a_time_that_is_none_stays_in_its_own_session_and_leaves_the_journal(
+    engine: Engine, samples: Array, tmp_path: Path
+) -> None:
+    """An earlier version took such times in, and moved nothing into the history from then on."""
+    service = service_of(engine, tmp_path)
+    for name in ("bad", "good"):
+        session = opened(service, name)
+        service.receive(blocks(session, samples, 0, 7))
+    service.sessions["bad"].unkept[0].time_s = 1e300
+    service.keep()
+    files = move_into_history(service.journal, tmp_path / "history")
+    assert {path.parent.relative_to(tmp_path / "history").as_posix() for path in files} == {
+        "bad/no-day",
+        "good/1970-01-01",
+    }
+    assert service.journal.with_chunks(service.journal.last_chunk()) == []
+
+
+def test_a_session_whose_history_cannot_be_written_stops_no_other(
+    engine: Engine, samples: Array, tmp_path: Path
+) -> None:
+    service = service_of(engine, tmp_path)
+    for name in ("bad", "good"):
+        service.receive(blocks(opened(service, name), samples, 0, 7))
+    service.keep()
+    history = tmp_path / "history"
+    history.mkdir()
+    (history / "bad").write_text("a file where its folder would be")
+    files = move_into_history(service.journal, history)
+    assert [path.parent.parent.name for path in files] == ["good"]
+    assert service.journal.with_chunks(service.journal.last_chunk()) == ["bad"]
+
+
+@pytest.mark.parametrize("name", ["journal.db", "journal.db-wal"])
+def test_a_journal_that_is_taken_away_is_noticed_when_something_is_kept(
+    engine: Engine, samples: Array, tmp_path: Path, name: str
+) -> None:
+    service = service_of(engine, tmp_path)
+    session = opened(service, "press")
+    service.receive(blocks(session, samples, 0, 7))
+    (tmp_path / name).unlink()
+    with pytest.raises(OSError, match=f"{name} was removed or replaced while the service ran; start it again"):
+        service.keep()
+    assert session.kept_index == 0

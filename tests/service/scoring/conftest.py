@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 import malformed_requests
+from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, recorded
 from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
+from cylinder_friction.deployment.scoring import ServedGraph
+from cylinder_friction.recordings.files import write_json
 from cylinder_friction.service.scoring.model_source import GRAPH_FILE, ServedModel, write_current
 from cylinder_friction.service.scoring.settings import ServeSettings
 
@@ -32,6 +35,7 @@ def model_folder(small_model: StepModel, tmp_path_factory: pytest.TempPathFactor
     graph = tmp_path_factory.mktemp("served") / GRAPH_FILE
     graph.parent.mkdir(parents=True)
     graph.write_bytes(sequence_graph(small_model).SerializeToString())
+    write_json(graph.with_name(GOLDEN_FILE), recorded(ServedGraph(graph), small_model))
     return graph.parents[1]
 
 

@@ -5,11 +5,13 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import socket
 import subprocess
 import sys
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -114,6 +116,22 @@ def test_requests_beyond_the_limit_are_put_off_and_slow_ones_end(serve: Serve, m
         assert [each.result().status for each in slow] == [503, 503]
         held.set()
         assert server.ask(GOOD).status == 200
+
+
+def test_bodies_that_arrive_slowly_take_no_place_of_those_that_are_scored(serve: Serve) -> None:
+    begun = b"POST /invocations HTTP/1.1\r\nHost: x\r\nContent-Type: text/csv\r\nContent-Length: 900\r\n\r\np"
+    with serve(max_concurrent=1, timeout_s=120.0) as server, ExitStack() as slow:
+        for _ in range(20):
+            slow.enter_context(socket.create_connection(("127.0.0.1", server.port))).sendall(begun)
+        assert server.ask(GOOD).status == 200
+
+
+def test_a_body_whose_length_is_stated_twice_is_refused(server: Any) -> None:
+    reply = server.send(
+        b"POST /invocations HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\nContent-Length: 2\r\n"
+        b"Transfer-Encoding: chunked\r\n\r\n0\r\n\r\n"
+    )
+    assert reply.status == 400
 
 
 @pytest.mark.parametrize(

@@ -43,9 +43,15 @@ def with_golden(model: ServedModel, off_n: float = 0.0, flags: int = 0) -> None:
 
 
 def test_a_model_is_run_on_its_golden_trajectory(other: ServedModel) -> None:
-    assert open_model(other).golden_difference_n is None
+    assert open_model(other).golden_difference_n < 0.1
     with_golden(other)
     assert open_model(other).golden_difference_n == 0.0
+
+
+def test_a_model_whose_golden_trajectory_was_deleted_is_refused(other: ServedModel) -> None:
+    (other.folder / GOLDEN_FILE).unlink()
+    with pytest.raises(ServingError, match=r"version 8: its golden trajectory, .*golden.json, is not there; register"):
+        open_model(other)
 
 
 @pytest.mark.parametrize(

@@ -22,7 +22,7 @@ from cylinder_friction.service.live.changing import Changing, giving_newtons
 from cylinder_friction.service.live.connection import ClientGoneError, Connection, Peers
 from cylinder_friction.service.live.events import Events
 from cylinder_friction.service.live.history import move_into_history
-from cylinder_friction.service.live.keeping import keep_each_second, keep_some, move_each_minute
+from cylinder_friction.service.live.keeping import Job, keep_each_second, keep_some, kept_running, move_each_minute
 from cylinder_friction.service.live.service import LiveService
 from cylinder_friction.service.live.stribeck import Lines
 from cylinder_friction.service.live.watching import Watchers
@@ -72,11 +72,15 @@ def create_app(
         await guard.serve(socket, "read", partial(watchers.run, socket))
 
     async def readyz(_: Request) -> Response:
-        ready = service.loop_lag_s < 1.0 and not service.keeps_not_because and not peers.draining
+        well = not service.keeps_not_because and not service.ended_jobs
+        ready = service.loop_lag_s < 1.0 and well and not peers.draining
         body = {
             "ready": ready,
             "ending": peers.draining,
             "not_kept": service.keeps_not_because,
+            "ended_jobs": service.ended_jobs,
+            "tokens": "" if guard.tokens is None else guard.tokens.problem,
+            "not_in_history": service.not_in_history,
             "model_of_new_sessions": service.engine.model,
             "gives_newtons": giving_newtons(service),
             "loop_lag_s": service.loop_lag_s,
@@ -92,9 +96,17 @@ def create_app(
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
         async with AsyncExitStack() as started:
-            keeping = keep_each_second(service, peers), move_each_minute(service, history)
-            jobs = (*keeping, _overdue(service), watchers.tick(), _refresh(guard), events.watch(service))
-            await started.enter_async_context(in_background(*jobs))
+            jobs: dict[str, Job] = {
+                "keeping": partial(keep_each_second, service, peers),
+                "history": partial(move_each_minute, service, history),
+                "gaps": partial(_overdue, service),
+                "page": watchers.tick,
+                "tokens": partial(_refresh, guard),
+                "events": partial(events.watch, service),
+            }
+            await started.enter_async_context(
+                in_background(*(kept_running(service, name, job) for name, job in jobs.items()))
+            )
             for link in links:
                 await started.enter_async_context(link.running(service, peers))
             yield

@@ -120,13 +120,15 @@ class Engine:
         return results
 
 
-def take_golden(folder: Path, estimator: Path) -> None:
+def take_golden(folder: Path, estimator: Path, called: str = "") -> None:
     """Copy the golden trajectory beside a saved estimator, where a registered model has it, into its engine's folder.
 
     Raises:
-        GoldenError: The engine does not meet it; a trajectory that is there already stays.
+        GoldenError: The engine does not meet it, or a registered model has none; one that is there already stays.
     """
     golden, own = estimator.resolve().with_name(GOLDEN_FILE), folder / GOLDEN_FILE
+    if called.startswith("models:/") and not golden.is_file():
+        raise GoldenError(f"{called}: its golden trajectory, {GOLDEN_FILE}, is not there; register the model again")
     if golden.is_file() and not (own.is_file() and own.read_bytes() == golden.read_bytes()):
         _difference_n(Engine(folder), golden)
         write_bytes(own, golden.read_bytes())

@@ -101,7 +101,7 @@ def engine_of(estimator: Path, engines: Path, called: str = "") -> Path:
     what the model is called lies there too.
 
     Raises:
-        GoldenError: The engine does not meet it.
+        GoldenError: The engine does not meet it, or a registered model has none.
     """
     known = engines / _BY_ESTIMATOR / _key(estimator)
     folder = engines / (known.read_text(encoding="ascii") if known.is_file() else "unknown")
@@ -110,7 +110,7 @@ def engine_of(estimator: Path, engines: Path, called: str = "") -> Path:
 
         folder = built_engine(load_estimator(estimator), engines)
         write_text(known, folder.name)
-    take_golden(folder, estimator)
+    take_golden(folder, estimator, called)
     if called and called_in(folder) != called:
         write_text(folder / CALLED, called)
     return folder

@@ -29,6 +29,8 @@ SAMPLES, ESTIMATES, ACKNOWLEDGEMENT = 1, 2, 3
 HEADER = struct.Struct("<BBHIQd")
 LARGEST_INDEX = 1 << 53
 """Greater indices would not survive JSON."""
+LATEST_S = 2.0**33
+"""In the year 2242: a later time is no time, but bytes in the wrong order."""
 NEWTONS = 3
 ROW_BYTES, FLAG_BYTES = 8 * NEWTONS, 4
 """Of one estimate's newtons, and of its flags."""

@@ -5,6 +5,7 @@ pyarrow is imported where it is needed: a start does not write, and after a kill
 
 from __future__ import annotations
 
+import logging
 import math
 import time
 from collections import defaultdict
@@ -15,14 +16,16 @@ from urllib.parse import quote
 
 import numpy as np
 
-from cylinder_friction.service.live.frames import EstimateBlock
+from cylinder_friction.service.live.frames import LATEST_S, EstimateBlock
 from cylinder_friction.service.live.journal import Chunk, Journal
 
 if TYPE_CHECKING:
     import pyarrow as pa
 
 DAY_S = 86400.0
+
 LATE_FOLDER = "late"
+_log = logging.getLogger(__name__)
 _NEWTONS = ("friction_n", "lower_n", "upper_n")
 
 
@@ -41,9 +44,15 @@ def move_into_history(journal: Journal, folder: Path, within_s: float = math.inf
     """
     last, deadline_s = journal.last_chunk(), time.monotonic() + within_s
     waiting, paths = journal.with_chunks(last), list[Path]()
+    failed = []
     while waiting and time.monotonic() < deadline_s:
-        paths += write_session(journal, waiting.pop(0), last, folder)
-    journal.forget(last, but=waiting)
+        name = waiting.pop(0)
+        try:
+            paths += write_session(journal, name, last, folder)
+        except Exception:
+            _log.exception("session %s stays in the journal, not in the history", name)
+            failed.append(name)
+    journal.forget(last, but=waiting + failed)
     return paths
 
 
@@ -54,12 +63,17 @@ def write_session(journal: Journal, name: str, last: int, folder: Path) -> list[
         days = folder / quote(name, safe="")
         if chunk.estimates is None:
             days /= LATE_FOLDER
-        day = days / str(np.datetime64(int(chunk.time_s // DAY_S), "D"))
+        day = days / _day_of(chunk.time_s)
         open_file = next((path for path, held in files.items() if path.parent == day and _alike(held[0], chunk)), None)
         files.setdefault(open_file or day / f"{chunk.index:016d}.parquet", []).append(chunk)
     for path, chunks in files.items():
         write_whole(table_of(chunks), path)
     return list(files)
+
+
+def _day_of(time_s: float) -> str:
+    """Return the UTC day of a time; ``no-day`` for one that is none, which earlier versions took in."""
+    return str(np.datetime64(int(time_s // DAY_S), "D")) if abs(time_s) < LATEST_S else "no-day"
 
 
 def write_whole(table: pa.Table, path: Path) -> None:

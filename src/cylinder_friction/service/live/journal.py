@@ -173,6 +173,7 @@ class Journal:
             f"PRAGMA wal_autocheckpoint={_LOG_PAGES}; {_TABLES}"
         )
         self._reading = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
+        self._files = {each: each.stat().st_ino for each in (path, path.with_name(f"{path.name}-wal"))}
 
     def close(self) -> None:
         """Close the file."""
@@ -191,7 +192,14 @@ class Journal:
         return SavedSession(name, content["next_index"], content["counts"], current, beside, switch)
 
     def keep(self, sessions: Sequence[SavedSession], chunks: Sequence[Unkept]) -> None:
-        """Keep states and the estimates that led to them, all or nothing."""
+        """Keep states and the estimates that led to them, all or nothing.
+
+        Raises:
+            OSError: The file was removed or replaced: what SQLite would write now, nobody could read again.
+        """
+        for path, number in self._files.items():
+            if not path.exists() or path.stat().st_ino != number:
+                raise OSError(f"{path} was removed or replaced while the service ran; start it again")
         with self._turn:
             self._writing.execute("BEGIN IMMEDIATE")
             with self._writing:  # commits, or rolls back

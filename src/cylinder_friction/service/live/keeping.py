@@ -6,9 +6,10 @@ import os
 import sqlite3
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import Any
 
 from cylinder_friction.service.live.connection import Peers
 from cylinder_friction.service.live.history import join_past_days, write_session
@@ -19,7 +20,31 @@ KEEP_STEPS = 25
 """In so many steps all sessions are kept: while one is, no estimate waits for more than a few of them."""
 LEFT_S = 10
 """For so many seconds estimates stay in the journal, for a client that comes back."""
+Job = Callable[[], Coroutine[Any, Any, None]]
+AGAIN_S = 1.0
+"""After so long a job that ended is started again, and counts as running again."""
 _log = logging.getLogger(__name__)
+
+
+async def kept_running(service: LiveService, name: str, job: Job) -> None:
+    """Run a job; where it fails it is started again, and the service is not ready until it has run for a while."""
+    while True:
+        running = asyncio.create_task(job())
+        try:
+            done, _ = await asyncio.wait({running}, timeout=AGAIN_S if name in service.ended_jobs else None)
+            if not done:
+                del service.ended_jobs[name]
+                await asyncio.wait({running})
+        except asyncio.CancelledError:
+            running.cancel()
+            await asyncio.gather(running, return_exceptions=True)
+            raise
+        error = running.exception()
+        if error is None:
+            return  # it had nothing to do
+        _log.error("the job %r of the live service ended and is started again", name, exc_info=error)
+        service.ended_jobs[name] = f"{type(error).__name__}: {error}"
+        await asyncio.sleep(AGAIN_S)
 
 
 async def keep_each_second(service: LiveService, peers: Peers) -> None:
@@ -71,8 +96,10 @@ async def move_each_minute(service: LiveService, history: Path) -> None:
         for done, name in enumerate(names, 1):
             try:
                 await loop.run_in_executor(behind, write_session, service.journal, name, last, history)
-            except (sqlite3.Error, OSError) as error:
-                _log.error("session %s stays in the journal, not in the history: %s", name, error)
+                service.not_in_history.pop(name, None)
+            except Exception as error:  # whatever it is, other sessions go on
+                _log.exception("session %s stays in the journal, not in the history", name)
+                service.not_in_history[name] = str(error)
                 failed.append(name)
             await asyncio.sleep(max(0.0, begun_s + HISTORY_S / 2 * done / len(names) - time.monotonic()))
         try:

@@ -1,22 +1,24 @@
 """Sessions, their models and the journal put together; knows no network."""
 
-import math
 import re
 import time
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol
+from urllib.parse import quote
 
 from cylinder_friction.service.live.engine import Engine, Job
-from cylinder_friction.service.live.frames import EstimateBlock, SampleBlock
+from cylinder_friction.service.live.frames import LATEST_S, EstimateBlock, SampleBlock
 from cylinder_friction.service.live.journal import Journal, SavedSession, Unkept, made_by
 from cylinder_friction.service.live.models import Part, Running, SavedState, SessionModels
 from cylinder_friction.service.live.session import Counts, Piece, SessionOrder
 from cylinder_friction.service.live.settings import LiveLimits, SessionRules
 from cylinder_friction.service.live.totals import FlagTotals
 
-_NAME = re.compile(r"[\w.:/ -]{1,80}")
+_NAME = re.compile(r"(?=.*\w)[\w.:/ -]{1,80}")
+LONGEST_NAME = 200
+"""Bytes of a session's name as the name of a folder, in which letters of other scripts take up to twelve."""
 CLOCK_TOLERANCE = 2e-3
 """How much the stated sample time may differ from the model's; beyond it the model would be wrong."""
 
@@ -118,6 +120,10 @@ class LiveService:
         """How late the event loop was of late, at worst, as its owner states."""
         self.keeps_not_because = ""
         """Why nothing could be kept the last time; empty where it could."""
+        self.ended_jobs: dict[str, str] = {}
+        """Why a job in the background ended the last time, by its name, until it runs again."""
+        self.not_in_history: dict[str, str] = {}
+        """Why the estimates of a session stay in the journal, by its name."""
 
     def open(self, name: str, inputs: Sequence[str], sample_time_s: float) -> LiveSession:
         """Return the session of that name, where it stood when it was last kept, or a new one.
@@ -184,8 +190,10 @@ class LiveService:
             raise LiveError(
                 f"session {session.name!r}: got {block.samples.shape[1]} columns; expected {list(self.engine.inputs)}"
             )
-        if not math.isfinite(block.time_s):
-            raise LiveError(f"session {session.name!r}: got time {block.time_s}; expected seconds since 1970")
+        if not 0.0 <= block.time_s < LATEST_S:
+            raise LiveError(
+                f"session {session.name!r}: got time {block.time_s}; expected seconds since 1970, before the year 2242"
+            )
         return session
 
     def receive(self, blocks: Sequence[SampleBlock], owner: Owner | None = None) -> None:
@@ -353,9 +361,10 @@ class LiveService:
         self.unkept_rows += len(piece.samples)
 
     def _refuse_other_samples(self, name: str, inputs: Sequence[str], sample_time_s: float) -> None:
-        if not _NAME.fullmatch(name):
+        if not _NAME.fullmatch(name) or len(quote(name, safe="")) > LONGEST_NAME:
             raise LiveError(
-                f"session {name[:80]!r}: expected 1 to 80 letters, digits, spaces and _ . : / - as a session's name"
+                f"session {name[:80]!r}: expected 1 to 80 letters, digits, spaces and _ . : / - as a session's name, a "
+                f"letter or digit among them, and at most {LONGEST_NAME} bytes as the name of a folder"
             )
         if tuple(inputs) != self.engine.inputs:
             raise LiveError(f"session {name!r}: got columns {list(inputs)}; the model takes {list(self.engine.inputs)}")

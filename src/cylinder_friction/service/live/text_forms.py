@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -42,21 +43,40 @@ def read_text(text: str) -> TextMessage:
         content = json.loads(text)
         ((kind, body),) = content.items()
         if kind == "open":
-            inputs = tuple(str(name) for name in body["inputs"])
+            inputs = tuple(_of(str, name) for name in body["inputs"])
             since = body.get("estimates_from")
-            sample_time_s = float(body["sample_time_s"])
-            return TextMessage(True, str(body["session"]), inputs, sample_time_s, None if since is None else int(since))
+            sample_time_s = float(_of((int, float), body["sample_time_s"]))
+            from_index = None if since is None else _index(since)
+            return TextMessage(True, _of(str, body["session"]), inputs, sample_time_s, from_index)
         if kind != "samples":
             raise LiveError(f"got {kind[:80]!r}; {EXPECTED}")
-        rows = np.array([[math.nan if value is None else value for value in row] for row in body["rows"]], np.float64)
-        index, time_s = int(body["index"]), float(body.get("time_s", 0.0))
+        rows = np.array([[_number(value) for value in row] for row in body["rows"]], np.float64)
+        session, index = _of(str, body["session"]), _index(body["index"])
+        time_s = float(_of((int, float), body.get("time_s", 0.0)))
     except LiveError:
         raise
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError) as error:
         raise LiveError(f"got {text[:80]!r} ({type(error).__name__}); {EXPECTED}") from error
-    if rows.ndim != 2 or not 0 < len(rows) < 1 << 16 or not 0 <= index < LARGEST_INDEX:
+    if rows.ndim != 2 or not 0 < len(rows) < 1 << 16:
         raise LiveError(f"got rows of shape {rows.shape} from index {index}; {EXPECTED}")
-    return TextMessage(False, str(body["session"]), index=index, time_s=time_s, samples=rows)
+    return TextMessage(False, session, index=index, time_s=time_s, samples=rows)
+
+
+def _of(kind: type | tuple[type, ...], value: Any) -> Any:
+    """Return a value of JSON that is of this kind: true is no number, and neither is text that looks like one."""
+    if isinstance(value, bool) or not isinstance(value, kind):
+        raise TypeError(value)
+    return value
+
+
+def _number(value: Any) -> float:
+    return math.nan if value is None else float(_of((int, float), value))
+
+
+def _index(value: Any) -> int:
+    if not 0 <= _of(int, value) < LARGEST_INDEX:
+        raise ValueError(value)
+    return int(value)
 
 
 def opened_text(session: LiveSession) -> str:

@@ -40,7 +40,7 @@ def create_app(settings: ServeSettings, current_model_file: Path) -> Starlette:
         ServingError: That model cannot be served, or the tokens cannot be read.
     """
     tokens = TokenFile(settings.tokens) if settings.tokens else None
-    service = Service(settings, ModelSource(current_model_file))
+    service = Service(settings, ModelSource(current_model_file), tokens)
 
     @asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
@@ -62,25 +62,14 @@ def create_app(settings: ServeSettings, current_model_file: Path) -> Starlette:
 class Service:
     """The model in service, and what the routes do with it."""
 
-    def __init__(self, settings: ServeSettings, source: ModelSource) -> None:
-        self.settings, self.source = settings, source
+    def __init__(self, settings: ServeSettings, source: ModelSource, tokens: TokenFile | None) -> None:
+        self.settings, self.source, self.tokens = settings, source, tokens
         self.metrics = Metrics(settings, source)
         self._pool = ThreadPoolExecutor(1, "scoring")  # one: what rows take while they are scored is bounded
-        self._active = 0
+        self._active = self._arriving_bytes = 0
 
     async def invocations(self, request: Request) -> Response:
-        """Score rows."""
-        if self._active >= self.settings.max_concurrent:
-            raise RequestError(429, f"{self._active} requests are being served; try again later", RETRY)
-        self._active += 1
-        self.metrics.active.inc()
-        try:
-            return await self._scored(request)
-        finally:
-            self._active -= 1
-            self.metrics.active.dec()
-
-    async def _scored(self, request: Request) -> Response:
+        """Score rows; a request takes one of the places once its body has arrived, however slowly it does."""
         headers = request.headers
         if (encoding := headers.get("content-encoding", "identity")) != "identity":
             raise RequestError(
@@ -88,6 +77,18 @@ class Service:
             )
         decode = decoder_of(headers.get("content-type"))
         body = await self._body(request)
+        if self._active >= self.settings.max_concurrent:
+            raise RequestError(429, f"{self._active} requests are being served; try again later", RETRY)
+        self._active += 1
+        self.metrics.active.inc()
+        try:
+            return await self._scored(request, decode, body)
+        finally:
+            self._active -= 1
+            self.metrics.active.dec()
+
+    async def _scored(self, request: Request, decode: Callable[[bytes, Expected], Columns], body: bytes) -> Response:
+        headers = request.headers
         accepted = headers.get("accept", "")
         media = ARROW if ARROW in accepted or (ARROW in headers["content-type"] and JSON not in accepted) else JSON
         notes = request.scope["notes"]
@@ -112,18 +113,23 @@ class Service:
         refused = RequestError(413, f"the body is larger than {most} bytes; send recordings one by one")
         if int(request.headers.get("content-length", 0)) > most:
             raise refused
-        body = bytearray()
+        body, room = bytearray(), most * self.settings.max_concurrent
         try:
             async with asyncio.timeout(self.settings.timeout_s):
                 async for chunk in request.stream():
                     body += chunk
+                    self._arriving_bytes += len(chunk)
                     if len(body) > most:
                         raise refused
+                    if self._arriving_bytes > room:
+                        raise RequestError(429, "too many large bodies are arriving; try again later", RETRY)
         except TimeoutError:
             message = f"the body did not arrive within {self.settings.timeout_s:g} s"
             raise RequestError(408, message, {"Connection": "close"}) from None
         except ClientDisconnect:
             raise RequestError(400, "the client left before its body had arrived") from None
+        finally:
+            self._arriving_bytes -= len(body)
         return bytes(body)
 
     def _work(
@@ -152,15 +158,15 @@ class Service:
 
     async def readyz(self, _: Request) -> Response:
         """State the model in service, and how it passed its golden trajectory."""
-        now, problem = self.source.now, self.source.problem
-        golden = now.golden_difference_n
+        now = self.source.now
         content = {
             "ready": True,
             "model": now.model.name,
             "version": now.model.version,
-            "golden_trajectory": "none is in the model's folder" if golden is None else "met",
-            "golden_difference_n": golden,
-            "refused": problem or None,
+            "golden_trajectory": "met",
+            "golden_difference_n": now.golden_difference_n,
+            "refused": self.source.problem or None,
+            "tokens": (self.tokens.problem if self.tokens else "") or None,
         }
         return Response(orjson.dumps(content), media_type=JSON)
 

@@ -49,6 +49,9 @@ class Gate:
             await send(message)
 
         try:
+            if b"content-length" in headers and b"transfer-encoding" in headers:
+                message = "a body has either Content-Length or Transfer-Encoding; expected one of them"
+                raise RequestError(400, message, {"Connection": "close"})
             self._refuse_strangers(scope["path"], headers.get(b"authorization", b""))
             await self._app(scope, receive, send_and_note)
         except RequestError as error:

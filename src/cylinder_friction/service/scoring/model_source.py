@@ -46,22 +46,24 @@ def read_current(path: Path) -> ServedModel:
 
 @dataclass(frozen=True)
 class ModelInService:
-    """A model whose graph is open; ``golden_difference_n`` [N] is None where no trajectory lies in its folder."""
+    """A model whose graph is open, and how far it is from its golden trajectory [N]."""
 
     model: ServedModel
     graph: ServedGraph
-    golden_difference_n: float | None
+    golden_difference_n: float
 
 
 def open_model(model: ServedModel) -> ModelInService:
     """Open a model's graph and run it on the golden trajectory in its folder.
 
     Raises:
-        ServingError: The graph is not there or cannot be run, or its outputs are not the recorded ones.
+        ServingError: Graph or trajectory is not there, or the graph's outputs are not the recorded ones.
     """
     try:
         graph, golden = ServedGraph(model.folder / GRAPH_FILE), model.folder / GOLDEN_FILE
-        return ModelInService(model, graph, difference_n(graph.run, read_json(golden)) if golden.is_file() else None)
+        if not golden.is_file():
+            raise GoldenError(f"its golden trajectory, {GOLDEN_FILE}, is not there")
+        return ModelInService(model, graph, difference_n(graph.run, read_json(golden)))
     except GoldenError as error:
         raise ServingError(f"{model.name} version {model.version}: {error}; register the model again") from error
     except Exception as error:  # ONNX Runtime raises many kinds
