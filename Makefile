@@ -71,6 +71,7 @@ lint: install-dev ## check style, types, imports and the words
 	python tools/import_cycles.py
 	python tools/architecture.py
 	python tools/words.py
+	python tools/class_names.py
 
 format: install-dev ## rewrite style
 	ruff format src tests performance docs tools examples

@@ -9,7 +9,7 @@ import pytest
 
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.testing.estimator_contract import ContractError
-from cylinder_friction.testing.friction_model_contract import CHECKS, Case, check_friction_model
+from cylinder_friction.testing.friction_model_contract import CHECKS, FrictionModelCase, check_friction_model
 from friction_samples import ODD
 
 if TYPE_CHECKING:
@@ -18,11 +18,11 @@ if TYPE_CHECKING:
     from cylinder_friction.arrays import Array
 
 
-CASE = Case(LuGre, ODD["lugre"])
+CASE = FrictionModelCase(LuGre, ODD["lugre"])
 
 
 @pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
-def test_lugre_keeps_the_contract(check: Callable[[Case], None]) -> None:
+def test_lugre_keeps_the_contract(check: Callable[[FrictionModelCase], None]) -> None:
     check(CASE)
 
 
@@ -84,7 +84,7 @@ class Relieved(Broken):
     ],
 )
 def test_a_broken_promise_is_noticed(kind: type[Broken], check: str, message: str) -> None:
-    case = Case(kind, ODD["lugre"])
+    case = FrictionModelCase(kind, ODD["lugre"])
     (chosen,) = (each for each in CHECKS if each.__name__ == check)
     with pytest.raises(ContractError, match=message):
         chosen(case)

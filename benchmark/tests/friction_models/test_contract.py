@@ -7,7 +7,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from cylinder_friction.testing.friction_model_contract import CHECKS, Case
+from cylinder_friction.testing.friction_model_contract import CHECKS, FrictionModelCase
 from friction_benchmark.friction_models import FRICTION_MODELS
 from friction_benchmark.friction_models.film_lugre import FilmLugreParameters
 from model_samples import ODD
@@ -31,4 +31,4 @@ def test_contract(name: str) -> None:
     numbers = ODD[name]
     steady_n = partial(on_full_film, numbers) if isinstance(numbers, FilmLugreParameters) else None
     for check in CHECKS:
-        check(Case(type(FRICTION_MODELS[name]), numbers, steady_n))
+        check(FrictionModelCase(type(FRICTION_MODELS[name]), numbers, steady_n))

@@ -42,7 +42,7 @@ class Inputs(NamedTuple):
     load: Array  # The load that position decides, ``PositionLoad.packed``; empty without one
 
 
-class Guard(NamedTuple):
+class PackedGuard(NamedTuple):
     """See ``model.Guard``."""
 
     freeze_travel_m: float
@@ -55,7 +55,7 @@ class Guard(NamedTuple):
     least_pressure_pa: float
 
 
-class Bounds(NamedTuple):
+class PackedBounds(NamedTuple):
     """See ``model.Bounds``; arrays have one number per regime."""
 
     lower_n: Array
@@ -107,8 +107,8 @@ class Model(NamedTuple):
 
     taps: Array  # Shape ``(channels, lags, features + 2)``: the linear features, then the base force, then the velocity
     inputs: Inputs
-    guard: Guard
-    bounds: Bounds
+    guard: PackedGuard
+    bounds: PackedBounds
     features: Features
     network: Network
     trees: Trees
@@ -162,7 +162,7 @@ def packed_model(model: StepModel) -> Model:
             position=model.position,
             load=np.zeros(0) if model.position_load is None else model.position_load.packed(),
         ),
-        guard=Guard(
+        guard=PackedGuard(
             freeze_travel_m=float(guard.freeze_travel_m),
             freeze_samples=guard.freeze_samples,
             freeze_force_n=float(guard.freeze_force_n),
@@ -172,7 +172,7 @@ def packed_model(model: StepModel) -> Model:
             clear_samples=guard.clear_samples,
             least_pressure_pa=float(guard.least_pressure_pa),
         ),
-        bounds=Bounds(
+        bounds=PackedBounds(
             lower_n=_doubles(bounds.lower_n),
             upper_n=_doubles(bounds.upper_n),
             spread_n=_doubles(bounds.spread_n),

@@ -31,9 +31,9 @@ from cylinder_friction.realtime.packed import (
     UNMODELLED,
     WARMING,
     Features,
-    Guard,
     Inputs,
     Model,
+    PackedGuard,
     State,
     Trees,
     Whole,
@@ -144,7 +144,7 @@ def _outside(inputs: Inputs, now: Array) -> bool:
 
 
 @_part
-def _frozen(inputs: Inputs, guard: Guard, state: State, base_n: float) -> bool:
+def _frozen(inputs: Inputs, guard: PackedGuard, state: State, base_n: float) -> bool:
     """Follow how long each input has been constant; a held value is not the sensor's and starts afresh."""
     now, held, counters, position = state.now, state.held, state.counters, inputs.position
     frozen = False
@@ -163,7 +163,7 @@ def _frozen(inputs: Inputs, guard: Guard, state: State, base_n: float) -> bool:
 
 
 @_part
-def _trust(guard: Guard, counters: Whole, bad: bool) -> int:
+def _trust(guard: PackedGuard, counters: Whole, bad: bool) -> int:
     """Count warm-up and recovery down; return the flags of those that this step is in."""
     flags = 0
     if counters[WARMING] > 0:
@@ -241,7 +241,7 @@ def _regime(model: Model, counters: Whole, velocity_m_s: float) -> int:
 
 
 @_part
-def _unmodelled(guard: Guard, state: State, regime: int) -> bool:
+def _unmodelled(guard: PackedGuard, state: State, regime: int) -> bool:
     motion = regime, state.counters[DIRECTION], state.counters[UNMODELLED]
     limits = guard.clear_samples, guard.least_pressure_pa
     found, state.counters[UNMODELLED] = unmodelled_force(guard.forces, state.now, *motion, *limits)

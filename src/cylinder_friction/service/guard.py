@@ -24,7 +24,7 @@ LAST_WORD_S = 1.0
 """For so long a client that is sent away may read why."""
 
 
-class Guard:
+class AccessControl:
     """Looks at every connection before it is served.
 
     Args:

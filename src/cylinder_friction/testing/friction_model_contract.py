@@ -5,7 +5,7 @@
 or as one test per promise, with pytest:
 
     @pytest.mark.parametrize("check", CHECKS, ids=lambda check: check.__name__)
-    def test_my_model_keeps(check): check(Case(MyModel, MyParameters(240.0, 360.0, ...)))
+    def test_my_model_keeps(check): check(FrictionModelCase(MyModel, MyParameters(240.0, 360.0, ...)))
 """
 
 from collections.abc import Callable, Sequence
@@ -28,7 +28,7 @@ SEED, PATHS = 0, 40
 
 
 @dataclass(frozen=True)
-class Case:
+class FrictionModelCase:
     """A friction model under test, with numbers that are physical.
 
     Args:
@@ -83,7 +83,7 @@ def random_paths() -> list[Array]:
     return paths
 
 
-def numbers_stand_in_the_order_of_their_specs(case: Case) -> None:
+def numbers_stand_in_the_order_of_their_specs(case: FrictionModelCase) -> None:
     names, specs = [field.name for field in fields(case.parameters)], [spec.name for spec in case.kind().specs]
     case.require(names == specs, f"fields are {names}, but specs name {specs}")
     scaling = ["retract_ratio", "pressure_slope_n_pa"]
@@ -92,7 +92,7 @@ def numbers_stand_in_the_order_of_their_specs(case: Case) -> None:
         case.require(bool(spec.unit and spec.meaning), f"the spec of {spec.name} has no unit or no meaning")
 
 
-def a_first_guess_lies_within_the_bounds_of_the_search(case: Case) -> None:
+def a_first_guess_lies_within_the_bounds_of_the_search(case: FrictionModelCase) -> None:
     curve = StribeckCurve(240.0, 360.0, 8e-3, 1.5, 1500.0, 1.2)
     for scaled in (False, True):
         model = case.kind(pressure_scaled=scaled)
@@ -106,7 +106,7 @@ def a_first_guess_lies_within_the_bounds_of_the_search(case: Case) -> None:
             case.require(inside, f"{spec.name} starts at {value}, outside {spec.lower} to {spec.upper}")
 
 
-def impossible_numbers_are_refused_by_name(case: Case) -> None:
+def impossible_numbers_are_refused_by_name(case: FrictionModelCase) -> None:
     for spec in case.kind().specs:
         for value in (-1.0, float("nan"), *([] if spec.may_be_zero else [0.0])):
             try:
@@ -117,13 +117,13 @@ def impossible_numbers_are_refused_by_name(case: Case) -> None:
                 case.require(False, f"{spec.name} of {value} is accepted, but expected a ValueError that names it")
 
 
-def without_direction_friction_is_odd(case: Case) -> None:
+def without_direction_friction_is_odd(case: FrictionModelCase) -> None:
     for path in random_paths():
         there, back = case.friction(case.parameters, path), case.friction(case.parameters, -path)
         case.require(np.array_equal(there, -back), "friction of the opposite motion is not the opposite")
 
 
-def cutting_the_samples_changes_no_bit(case: Case) -> None:
+def cutting_the_samples_changes_no_bit(case: FrictionModelCase) -> None:
     model, values = case.kind(pressure_scaled=True), case.sided.packed()
     generator = np.random.default_rng(SEED)
     for path in random_paths():
@@ -136,21 +136,21 @@ def cutting_the_samples_changes_no_bit(case: Case) -> None:
         case.require(np.array_equal(np.concatenate(pieces), whole), f"friction differs when samples are cut at {cut}")
 
 
-def dry_friction_never_exceeds_breakaway(case: Case) -> None:
+def dry_friction_never_exceeds_breakaway(case: FrictionModelCase) -> None:
     most_n = RATIO * (1.0 + 1e-9) * case.breakaway_n
     for path in [np.full(4000, -1e-4), *random_paths()]:
         found = float(np.abs(case.friction(without_rates(case.sided), path)).max())
         case.require(found <= most_n, f"dry friction reaches {found:.6g} N, above {most_n:.6g} N of breakaway")
 
 
-def at_standstill_friction_stays(case: Case) -> None:
+def at_standstill_friction_stays(case: FrictionModelCase) -> None:
     rest = case.friction(without_rates(case.parameters), [0.0, 0.02, 0.02, *[0.0] * 20])
     case.require(rest[0] == 0.0, f"friction is {rest[0]} N before any motion, but expected 0")
     drift = float(np.ptp(rest[3:]))
     case.require(drift == 0.0, f"friction changes by {drift:.3g} N at rest")
 
 
-def steady_sliding_ends_on_the_curve(case: Case) -> None:
+def steady_sliding_ends_on_the_curve(case: FrictionModelCase) -> None:
     numbers = case.sided
     viscous = numbers.value("viscous_n_s_m") if hasattr(numbers, "viscous_n_s_m") else 0.0
     for speed in (0.02, 0.05, 0.1, 0.5):
@@ -164,14 +164,14 @@ def steady_sliding_ends_on_the_curve(case: Case) -> None:
             case.require(close, f"steady friction is {found:.6g} N {where}, but expected {expected:.6g} N")
 
 
-def below_zero_gauge_pressure_relieves_the_seal_no_further(case: Case) -> None:
+def below_zero_gauge_pressure_relieves_the_seal_no_further(case: FrictionModelCase) -> None:
     """A noisy sensor on an open port reads below zero; dry friction is then that of zero pressure, never less."""
     for path in random_paths():
         below, zero = (case.friction(case.sided, path, pressure) for pressure in (-2e5, 0.0))
         case.require(np.array_equal(below, zero), "friction at a pressure below zero is not that at zero")
 
 
-def a_closed_loop_of_travel_takes_energy(case: Case) -> None:
+def a_closed_loop_of_travel_takes_energy(case: FrictionModelCase) -> None:
     generator = np.random.default_rng(SEED)
     numbers, rows = replace(case.sided, **dict.fromkeys(_own(case, "viscous_n_s_m"), 0.0)), 2000
     phase = 2.0 * np.pi * (np.arange(4 * rows) + 0.5) / rows
@@ -183,7 +183,7 @@ def a_closed_loop_of_travel_takes_energy(case: Case) -> None:
         case.require(enough, f"a loop of {amplitude_m:.3g} m gives {-work_j:.3g} J, but friction can only take energy")
 
 
-def _own(case: Case, name: str) -> list[str]:
+def _own(case: FrictionModelCase, name: str) -> list[str]:
     return [name] if hasattr(case.parameters, name) else []
 
 
@@ -196,7 +196,7 @@ def _curve(numbers: ModelParameters, speed_m_s: float) -> float:
     return float(coulomb + (numbers.value("static_n") - coulomb) * fall)
 
 
-CHECKS: tuple[Callable[[Case], None], ...] = (
+CHECKS: tuple[Callable[[FrictionModelCase], None], ...] = (
     numbers_stand_in_the_order_of_their_specs,
     a_first_guess_lies_within_the_bounds_of_the_search,
     impossible_numbers_are_refused_by_name,
@@ -208,17 +208,17 @@ CHECKS: tuple[Callable[[Case], None], ...] = (
     below_zero_gauge_pressure_relieves_the_seal_no_further,
     a_closed_loop_of_travel_takes_energy,
 )
-"""All promises; each check takes a ``Case`` and raises ``ContractError`` where one is broken."""
+"""All promises; each check takes a ``FrictionModelCase`` and raises ``ContractError`` where one is broken."""
 
 
 def check_friction_model(
     kind: type[FrictionModel], parameters: ModelParameters, steady_n: Callable[[float], float] | None = None
 ) -> None:
-    """Check all promises of a friction model; arguments are those of ``Case``.
+    """Check all promises of a friction model; arguments are those of ``FrictionModelCase``.
 
     Raises:
         ContractError: A promise is broken.
     """
-    case = Case(kind, parameters, steady_n)
+    case = FrictionModelCase(kind, parameters, steady_n)
     for check in CHECKS:
         check(case)

@@ -34,7 +34,7 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
-class Rows:
+class SessionRows:
     """Estimates of one session that wait, evenly spaced."""
 
     session: str
@@ -46,7 +46,7 @@ class Rows:
     flags: NDArray[np.uint32]
 
 
-def lines_of(rows: Rows, measurement: str) -> str:
+def lines_of(rows: SessionRows, measurement: str) -> str:
     """Return one line per row, each with its end."""
     series = f"{measurement.translate(_ESCAPED)},session={rows.session.translate(_ESCAPED)}"
     numbered = enumerate(zip(rows.newtons.tolist(), rows.flags.tolist(), strict=True))
@@ -67,7 +67,7 @@ class LineProtocolLink(Link):
         super().__init__((settings.url or settings.folder or "").partition("?")[0])
         self._settings = settings
         self._token = token_of(settings.token_file)
-        self._waiting: deque[Rows] = deque()
+        self._waiting: deque[SessionRows] = deque()
         self._waiting_rows = 0
         self._stop = asyncio.Event()
 
@@ -81,7 +81,9 @@ class LineProtocolLink(Link):
             return
         time_s = block.time_s + first * sample_time_s
         newtons = block.newtons[first::stride]
-        self._waiting.append(Rows(session.name, block.index + first, stride, time_s, sample_time_s, newtons, flags))
+        self._waiting.append(
+            SessionRows(session.name, block.index + first, stride, time_s, sample_time_s, newtons, flags)
+        )
         self._waiting_rows += len(flags)
         while self._waiting_rows > self._settings.queue_rows:
             self.counts["dropped"] += self._taken_first()[1]
@@ -118,7 +120,7 @@ class LineProtocolLink(Link):
                 return False
         return True
 
-    def _batch(self) -> list[Rows]:
+    def _batch(self) -> list[SessionRows]:
         batch, rows = [], 0
         while self._waiting and rows < self._settings.batch_rows:
             first, count = self._taken_first()
@@ -126,12 +128,12 @@ class LineProtocolLink(Link):
             rows += count
         return batch
 
-    def _taken_first(self) -> tuple[Rows, int]:
+    def _taken_first(self) -> tuple[SessionRows, int]:
         first = self._waiting.popleft()
         self._waiting_rows -= len(first.flags)
         return first, len(first.flags)
 
-    def _sent(self, batch: Sequence[Rows]) -> bool:
+    def _sent(self, batch: Sequence[SessionRows]) -> bool:
         """Return whether a batch needs no other try; runs in a thread."""
         rows = sum(len(each.flags) for each in batch)
         try:
@@ -151,7 +153,7 @@ class LineProtocolLink(Link):
         self.counts["rows"] += rows
         return True
 
-    def _append(self, folder: Path, batch: Sequence[Rows]) -> None:
+    def _append(self, folder: Path, batch: Sequence[SessionRows]) -> None:
         by_day: dict[str, list[str]] = {}
         for rows in batch:
             day = str(np.datetime64(int(rows.time_s), "s").astype("datetime64[D]"))

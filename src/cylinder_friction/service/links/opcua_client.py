@@ -53,20 +53,20 @@ class OpcUaClientLink(Link):
         connections = (Connection(sender, service, peers).run() for sender in senders)
         inputs, sample_time_s, hold_s = service.engine.inputs, service.engine.sample_time_s, service.rules.hold_s
         readers = [
-            _Reader(source, inputs, sample_time_s, hold_s, self.counts, _in(loop, sender.put))
+            _SourceReader(source, inputs, sample_time_s, hold_s, self.counts, _in(loop, sender.put))
             for source, sender in zip(self._settings.sources, senders, strict=True)
         ]
         async with in_background(*connections), in_own_loop(self.name, partial(self._run, readers)):
             yield
 
-    async def _run(self, readers: list["_Reader"], ready: Callable[[], None], stop: asyncio.Event) -> None:
+    async def _run(self, readers: list["_SourceReader"], ready: Callable[[], None], stop: asyncio.Event) -> None:
         ready()
         following = asyncio.create_task(self._follow(readers))
         await stop.wait()
         following.cancel()
         await asyncio.gather(following, return_exceptions=True)
 
-    async def _follow(self, readers: list["_Reader"]) -> None:
+    async def _follow(self, readers: list["_SourceReader"]) -> None:
         while True:
             connected_before = self.counts["connected"]
             try:
@@ -77,7 +77,7 @@ class OpcUaClientLink(Link):
                     _log.warning("%s: %s (%s); trying again", self.address, error, type(error).__name__)
             await asyncio.sleep(RETRY_S)
 
-    async def _subscribe(self, readers: list["_Reader"]) -> None:
+    async def _subscribe(self, readers: list["_SourceReader"]) -> None:
         """Follow all nodes until the connection breaks."""
         settings = self._settings
         client = Client(settings.url)
@@ -113,7 +113,7 @@ class OpcUaClientLink(Link):
                         reader.flush(now_s)
 
 
-class _Reader:
+class _SourceReader:
     """One source: what its nodes give, as blocks for the service."""
 
     def __init__(
@@ -127,7 +127,7 @@ class _Reader:
     ) -> None:
         self._source, self._inputs, self._sample_time_s = source, inputs, sample_time_s
         self._counts, self._put = counts, put
-        self._grid = SampleGrid(sample_time_s, len(inputs), hold_s, counts)
+        self._grid = ServerGrid(sample_time_s, len(inputs), hold_s, counts)
         if source.inputs and set(source.inputs) != set(inputs):
             raise ValueError(
                 f"opcua_client.sources: session {source.session!r} has nodes for {sorted(source.inputs)}; the model "
@@ -285,7 +285,7 @@ async def in_own_loop(name: str, run: Run) -> AsyncIterator[None]:
             await asyncio.to_thread(thread.join, PATIENCE_S)
 
 
-class SampleGrid:
+class ServerGrid:
     """Rows of one session, from values that come one by one, each with its own time.
 
     A row's index is its time since 1970 in sample times, so that a new start of anything goes on by itself. A row is

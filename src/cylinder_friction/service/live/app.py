@@ -16,7 +16,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from cylinder_friction.service.access import LiveAccess
-from cylinder_friction.service.guard import Guard, client_of
+from cylinder_friction.service.guard import AccessControl, client_of
 from cylinder_friction.service.links.link import Link, in_background
 from cylinder_friction.service.live.changing import Changing, giving_newtons
 from cylinder_friction.service.live.connection import ClientGoneError, Connection, Peers
@@ -56,7 +56,7 @@ def create_app(
     events, history = events or Events(), folder / HISTORY_FOLDER
     peers, watchers = Peers(events), Watchers(service, stribeck)
     changing = Changing(service, folder / ENGINES_FOLDER, peers)
-    guard = Guard(access or LiveAccess(), host, peers.refused, events)
+    guard = AccessControl(access or LiveAccess(), host, peers.refused, events)
     service.takers += [link.note for link in links if type(link).note is not Link.note]
 
     async def drain() -> None:
@@ -153,7 +153,7 @@ async def _overdue(service: LiveService) -> None:
         service.overdue()
 
 
-async def _refresh(guard: Guard) -> None:
+async def _refresh(guard: AccessControl) -> None:
     while True:
         await asyncio.sleep(REFRESH_S)
         guard.refresh()
