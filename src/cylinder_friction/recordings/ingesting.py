@@ -149,13 +149,14 @@ def convert_in_parts(
         if isinstance(file, Died):
             yield Quarantined(relative, file.reason)
             continue
-        if file.digest in digests:
-            reason = f"holds the same bytes as {digests[file.digest]}; a copy would be counted twice"
+        digest, outcomes = file
+        if digest in digests:
+            reason = f"holds the same bytes as {digests[digest]}; a copy would be counted twice"
             yield Quarantined(relative, reason)
             continue
-        if file.digest:
-            digests[file.digest] = relative
-        for outcome in file.outcomes:
+        if digest:
+            digests[digest] = relative
+        for outcome in outcomes:
             if isinstance(outcome, Quarantined):
                 yield outcome
                 continue
@@ -176,14 +177,6 @@ class ConvertedPiece:
     where: str  # Which piece of the file; empty where it is the only one
 
 
-@dataclass(frozen=True)
-class ConvertedFile:
-    """What became of one file, whatever the others hold."""
-
-    digest: str  # SHA-256 of its bytes; empty where they cannot be read
-    outcomes: list[ConvertedPiece | Quarantined] = field(default_factory=list)
-
-
 def convert_file(
     relative: str,
     path: Path,
@@ -192,11 +185,11 @@ def convert_file(
     folder: Path | None,
     rows: int | None,
     kept: Path | None,
-) -> ConvertedFile:
-    """Return the recordings of one file; see ``convert_in_parts``.
+) -> tuple[str, list[ConvertedPiece | Quarantined]]:
+    """Return the SHA-256 of a file, empty if it cannot be read, and what became of each piece, whatever others hold.
 
     Args:
-        relative, path, recipe, folder, rows: As there.
+        relative, path, recipe, folder, rows: As in ``convert_in_parts``.
         zero: What the pressure sensors of its session read while vented.
         kept: Recordings are written there rather than returned; None: they are returned.
     """
@@ -206,8 +199,8 @@ def convert_file(
         names = recipe.names.names(relative)
         pieces: Sequence[RecordingPiece | Draft] = pieces_or_drafts(path, recipe, rows, folder)
     except (RecordingError, OSError) as error:
-        return ConvertedFile(digest, [Quarantined(relative, str(error))])
-    result = ConvertedFile(digest)
+        return digest, [Quarantined(relative, str(error))]
+    outcomes: list[ConvertedPiece | Quarantined] = []
     for number, found in enumerate(pieces, start=1):
         piece = found.first() if isinstance(found, Draft) else found
         metadata = metadata_of(piece, names, number, len(pieces), relative, digest, recipe.cylinder)
@@ -216,12 +209,12 @@ def convert_file(
         try:
             recording = finish(metadata, recipe, zero)
         except RecordingError as error:
-            result.outcomes.append(Quarantined(relative, str(error), where))
+            outcomes.append(Quarantined(relative, str(error), where))
             continue
         if kept is not None and isinstance(recording, Recording):
             recording = on_disk(recording, kept)
-        result.outcomes.append(ConvertedPiece(recording, window_hashes(piece.table), where))
-    return result
+        outcomes.append(ConvertedPiece(recording, window_hashes(piece.table), where))
+    return digest, outcomes
 
 
 def other_rates(metadata: Sequence[RecordingMetadata]) -> dict[str, Quarantined]:

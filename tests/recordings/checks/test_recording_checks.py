@@ -9,9 +9,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.limits import CheckLimits
-from cylinder_friction.recordings.checks.recording_checks import check_recording, inspect_recording
+from cylinder_friction.recordings.checks.recording_checks import check_recording
+from cylinder_friction.recordings.checks.recording_checks import inspect_recording as inspected
 from cylinder_friction.recordings.recording import RecordingError, RecordingMetadata
+
+
+def inspect_recording(table: pd.DataFrame, limits: CheckLimits, sample_time_s: float) -> list[Finding]:
+    return list(inspected(table, limits, sample_time_s))
+
 
 METADATA = RecordingMetadata("made", "1", "s1", 0.0)
 LIMITS = CheckLimits(stroke_m=0.25)

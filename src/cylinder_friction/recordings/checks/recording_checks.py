@@ -1,7 +1,7 @@
 """Check a uniformly sampled table before it counts as a recording."""
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -36,7 +36,7 @@ def check_recording(
     Raises:
         RecordingError: The first finding that is a refusal, see ``inspect_recording``.
     """
-    return checked_recording(metadata, table, _findings(table, limits, sample_time_s), sample_time_s)
+    return checked_recording(metadata, table, inspect_recording(table, limits, sample_time_s), sample_time_s)
 
 
 def checked_recording(
@@ -50,18 +50,6 @@ def checked_recording(
         if finding.outcome == "noted":
             noted.append(finding.text)
     return Recording(replace(metadata, sample_time_s=sample_time_s, repairs=(*metadata.repairs, *noted)), table)
-
-
-def inspect_recording(table: pd.DataFrame, limits: CheckLimits, sample_time_s: float) -> list[Finding]:
-    """Return what every check finds, refusals included. After missing columns or values no further check is made.
-
-    The names of the checks, in their order: ``columns``, ``length``, ``finite``, ``rate``, ``position_range``,
-    ``motion``, ``position_stuck``; for each pressure ``pressure_range``, ``pressure_alive``, ``pressure_stuck``, for
-    both ``pressures_differ`` and ``unit_plausible``, or in their place ``force_alive`` and ``force_stuck``;
-    ``load_alive`` and ``load_stuck``; ``direction``, ``friction_size`` and ``load_delay``. The last three need signals
-    that passed and known areas.
-    """
-    return list(_findings(table, limits, sample_time_s))
 
 
 SOMEWHERE = (
@@ -90,22 +78,18 @@ def findings_of_parts(parts: Sequence[tuple[float, Sequence[Finding]]]) -> list[
     return merged
 
 
-@dataclass(frozen=True)
 class _Survey:
     """Extremes of a column and the constant stretch over which the piston travels furthest."""
 
-    lowest: float
-    highest: float
-    lowest_row: int
-    highest_row: int
-    stuck_from: int
-    stuck_to: int
-    stuck_at: float
-    stuck_travel_m: float
-
-    @property
-    def span(self) -> float:
-        return self.highest - self.lowest
+    def __init__(self, values: Array, position_m: Array) -> None:
+        starts = np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
+        travel_m = np.maximum.reduceat(position_m, starts) - np.minimum.reduceat(position_m, starts)
+        stuck = int(np.argmax(travel_m))
+        self.stuck_from, self.stuck_to = (int(row) for row in np.append(starts, len(values))[stuck : stuck + 2])
+        self.stuck_at, self.stuck_travel_m = float(values[self.stuck_from]), float(travel_m[stuck])
+        self.lowest_row, self.highest_row = int(np.argmin(values)), int(np.argmax(values))
+        self.lowest, self.highest = float(values[self.lowest_row]), float(values[self.highest_row])
+        self.span = self.highest - self.lowest
 
     def worst(self, low: float, high: float) -> tuple[float, int]:
         """Return the value furthest outside of two bounds, and its row, counted from 1."""
@@ -114,18 +98,15 @@ class _Survey:
         return self.highest, self.highest_row + 1
 
 
-def _survey(values: Array, position_m: Array) -> _Survey:
-    starts = np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
-    travel_m = np.maximum.reduceat(position_m, starts) - np.minimum.reduceat(position_m, starts)
-    stuck = int(np.argmax(travel_m))
-    first, end = (int(row) for row in np.append(starts, len(values))[stuck : stuck + 2])
-    low, high = int(np.argmin(values)), int(np.argmax(values))
-    return _Survey(
-        float(values[low]), float(values[high]), low, high, first, end, float(values[first]), float(travel_m[stuck])
-    )
+def inspect_recording(table: pd.DataFrame, limits: CheckLimits, sample_time_s: float) -> Iterator[Finding]:
+    """Yield what every check finds, refusals included. After missing columns or values no further check is made.
 
-
-def _findings(table: pd.DataFrame, limits: CheckLimits, sample_time_s: float) -> Iterator[Finding]:
+    The names of the checks, in their order: ``columns``, ``length``, ``finite``, ``rate``, ``position_range``,
+    ``motion``, ``position_stuck``; for each pressure ``pressure_range``, ``pressure_alive``, ``pressure_stuck``, for
+    both ``pressures_differ`` and ``unit_plausible``, or in their place ``force_alive`` and ``force_stuck``;
+    ``load_alive`` and ``load_stuck``; ``direction``, ``friction_size`` and ``load_delay``. The last three need signals
+    that passed and known areas.
+    """
     missing = missing_columns(table.columns)
     if missing:
         text = (
@@ -158,7 +139,7 @@ def _findings(table: pd.DataFrame, limits: CheckLimits, sample_time_s: float) ->
         "reversals over each other; log faster, or correct the unit of time_s (ms read as s?)",
     )
     valid = True
-    seen = {name: _survey(values, columns[POSITION]) for name, values in columns.items()}
+    seen = {name: _Survey(values, columns[POSITION]) for name, values in columns.items()}
     for finding in (
         *_of_position(columns[POSITION], seen[POSITION], sample_time_s, limits),
         *(

@@ -19,12 +19,22 @@ from cylinder_friction.recordings.recording import RecordingError, Signal, expec
 
 OUT_OF_RANGE, AT_ITS_END, SPIKE, INFINITE = 1, 2, 3, 4  # What a sample is marked as; 0 is valid
 
-REMEDIES = {
-    OUT_OF_RANGE: "check wire, range and unit of the sensor in the mapping",
-    AT_ITS_END: "use a sensor with a wider range, or correct the range in the mapping",
-    SPIKE: "check wire, shielding and supply of the sensor",
-    INFINITE: "check the channel and how it was exported",
+KINDS = {
+    OUT_OF_RANGE: (
+        ", which a sensor of {range} cannot read",
+        "check wire, range and unit of the sensor in the mapping",
+    ),
+    AT_ITS_END: (
+        ", the end of its sensor's range of {range}: the sensor is saturated",
+        "use a sensor with a wider range, or correct the range in the mapping",
+    ),
+    SPIKE: (
+        ", a spike: its neighbours agree with each other and not with it",
+        "check wire, shielding and supply of the sensor",
+    ),
+    INFINITE: (", expected finite numbers", "check the channel and how it was exported"),
 }
+"""What is wrong with a sample of each mark, and what to do about it."""
 
 BESIDE = 5
 """Samples on either side of a sample that it is compared with; a spike is the odd one out among all of them."""
@@ -83,11 +93,12 @@ class _Bad:
 
 
 class Screen:
-    """Screens the signals of a file, at once or part by part; arguments are as for ``screen_signals``.
+    """Screens the signals of a file, at once or part by part.
 
     Args:
         limits, rules, stroke_m: As for ``screen_signals``.
-        heights: By column, how far a sample must lie from its neighbours to be a spike; else found in what is screened.
+        heights: By column, how far a sample must lie from its neighbours to be a spike. By default the signal itself
+            shows it.
     """
 
     def __init__(
@@ -107,11 +118,11 @@ class Screen:
         return _spike_height(values, *self._bounds(column), sensor.step if sensor else None, self.rules)
 
     def screened(self, signals: dict[str, Signal], own: slice = slice(None), before: int = 0) -> dict[str, Signal]:
-        """Return the signals with their bad samples missing; those of rows in ``own`` count.
+        """Return the signals with their bad samples missing.
 
         Args:
             signals: Columns.
-            own: Rows that no other part of the file has.
+            own: Rows that no other part of the file has; only their bad samples count.
             before: Rows of the file before the first of these.
         """
         screened = {}
@@ -125,11 +136,14 @@ class Screen:
         notes = []
         for column, logged in self._rows.items():
             few = max(self.rules.few_rows, math.floor(self.rules.most_bad * logged))
-            for kind, remedy in REMEDIES.items():
+            for kind, (wrong, remedy) in KINDS.items():
                 bad = self._bad.get((column, kind))
                 if bad is None:
                     continue
-                what = _described(kind, column, bad.value, self.limits.get(column), bad.row, bad.count)
+                value = spoken(column, bad.value) if math.isfinite(bad.value) else bad.value
+                sensor = self.limits.get(column)
+                what = f"{column} is {value} in row {bad.row + 1} ({bad.count} such rows in all)"
+                what += wrong.format(range=sensor.described if sensor else "")
                 if bad.count > few or bad.longest > self.rules.longest_bad:
                     raise RecordingError(
                         f"{what}, at most {bad.longest} in a row; expected at most {few}, and "
@@ -276,16 +290,3 @@ def _level_below(values: Array, row: int, low: float, high: float, height: float
         if abs(near[index] - middle) > QUIET * distance:
             odd += 1
     return middle if odd <= MOST_ODD else np.nan
-
-
-def _described(kind: int, column: str, value: float, sensor: SensorLimits | None, row: int, count: int) -> str:
-    where = f"in row {row + 1} ({count} such rows in all)"
-    if kind == INFINITE:
-        return f"{column} is {value} {where}, expected finite numbers"
-    reads = f"{column} is {spoken(column, value)} {where}"
-    if kind == SPIKE:
-        return f"{reads}, a spike: its neighbours agree with each other and not with it"
-    assert sensor is not None
-    if kind == AT_ITS_END:
-        return f"{reads}, the end of its sensor's range of {sensor.described}: the sensor is saturated"
-    return f"{reads}, which a sensor of {sensor.described} cannot read"
