@@ -101,7 +101,7 @@ class _Mapped:
             for column, source in recipe.channels.items()
         }
         self.rows = 0
-        self.origin: np.datetime64 | None = None
+        self.origin: pd.Timestamp | None = None
         self._notes: list[str] = []
 
     def of(self, table: LoggedTable) -> pd.DataFrame:
@@ -131,14 +131,10 @@ class _Mapped:
         dates = table.channels.select_dtypes(["datetime", "datetimetz"])
         if not len(dates.columns):
             return table
-        first = dates.min().min()
-        self.origin = (
-            self.origin or (first.tz_convert("UTC").tz_localize(None) if first.tzinfo else first).to_datetime64()
-        )
+        self.origin = self.origin or dates.min().min()
         seconds = {str(name): stamps_to_seconds(dates[name], self.origin) for name in dates.columns}
-        return replace(
-            table, channels=table.channels.assign(**seconds), units={**table.units, **dict.fromkeys(seconds, "s")}
-        )
+        units = {**table.units, **dict.fromkeys(seconds, "s")}
+        return replace(table, channels=table.channels.assign(**seconds), units=units)
 
 
 def _heights(table: LongTable, recipe: Recipe) -> dict[str, float]:

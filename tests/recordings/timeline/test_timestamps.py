@@ -35,7 +35,7 @@ def test_dates_become_seconds_from_the_first_stamp_or_the_origin(
     stamps: list[str], origin: str | None, expected: list[float]
 ) -> None:
     dates = pd.Series(pd.to_datetime(stamps, format="ISO8601"))
-    seconds = stamps_to_seconds(dates, None if origin is None else np.datetime64(origin))
+    seconds = stamps_to_seconds(dates, None if origin is None else pd.Timestamp(origin))
     np.testing.assert_array_equal(seconds, expected)
 
 
@@ -43,7 +43,7 @@ def test_dates_become_seconds_from_the_first_stamp_or_the_origin(
 def test_dates_are_exact_to_a_microsecond(microseconds: int) -> None:
     origin = np.datetime64("1970-01-01", "ns")
     stamp = np.array([origin + np.timedelta64(microseconds, "us")])
-    assert abs(stamps_to_seconds(stamp, origin)[0] - microseconds / 1e6) < 1e-6
+    assert abs(stamps_to_seconds(stamp, pd.Timestamp(origin))[0] - microseconds / 1e6) < 1e-6
 
 
 def test_text_is_no_time() -> None:

@@ -162,15 +162,14 @@ def find_zero(
         spans = np.array([rules.still_m, *[rules.steady_pa] * len(columns)])
         bounds = np.array([np.inf, *[_largest_zero(column, rules, mapping) + rules.steady_pa for column in columns]])
         first, end = longest_steady(averaged(signals, half), spans, bounds)
-    length_s, least_s, window_s = (end - first) * step_s, rules.minimum_s, rules.window_s
-    least_s = least_s if window_s is None else min(least_s, window_s[1] - window_s[0])
+    from_s, to_s = rules.window_s or (0.0, math.inf)
+    length_s, least_s = (end - first) * step_s, min(rules.minimum_s, to_s - from_s)
     if length_s < least_s - 0.5 * step_s:
-        expected = f"expected {least_s:g} s"
-        if window_s is None:
-            why = f"the longest stretch that may be vented lasts {length_s:.3g} s, {expected} at standstill with both "
-            return _none(f"{why}pressures steady near zero")
-        why = f"the window from {window_s[0]:g} to {window_s[1]:g} s holds {length_s:.3g} s of this recording"
-        return _none(f"{why}, {expected}")
+        if rules.window_s is None:
+            found, ending = "the longest stretch that may be vented lasts", "with both pressures steady near zero"
+            return _none(f"{found} {length_s:.3g} s, expected {least_s:g} s at standstill {ending}")
+        window = f"the window from {from_s:g} to {to_s:g} s"
+        return _none(f"{window} holds {length_s:.3g} s of this recording, expected {least_s:g} s")
     problem = _not_vented(averaged(signals[first:end], half), columns, rules, mapping)
     if problem:
         where = f"from {time_s[first]:.4g} to {time_s[end - 1]:.4g} s"

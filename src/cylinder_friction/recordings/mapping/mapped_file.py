@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from difflib import get_close_matches
 from typing import Any, NamedTuple
 
@@ -95,8 +94,7 @@ def _nearest(name: str, there: Sequence[str]) -> str:
     return f" (nearest: {by_folded[close[0]]!r})" if close else ""
 
 
-@dataclass(frozen=True)
-class MappedFile:
+class MappedFile(NamedTuple):
     """What a file holds, in the project's terms."""
 
     # By column, in its own unit; those of one table share their time stamps, the same object
@@ -122,9 +120,7 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
     places = {name: find_channel(tables, mapping[name].channel, mapping[name].table, name) for name in columns}
     clocks = {column: _clock(tables, places[column], column, mapping) for column in columns}
     if (rate_hz := mapping["time_s"].rate_hz) is not None:
-        for index in sorted({clock.table for clock in clocks.values() if not clock.channel}):
-            _refuse_other_rate(tables[index], rate_hz)
-        _refuse_two_lengths(tables, clocks, rate_hz)
+        _refuse_rate(tables, sorted({clock.table for clock in clocks.values() if not clock.channel}), rate_hz)
     stamps = _stamps(tables, clocks, mapping["time_s"])
     notes = [note for index in sorted(set(places.values())) for note in tables[index].notes]
     signals = {}
@@ -185,25 +181,18 @@ def _clock(tables: Sequence[LoggedTable], place: int, column: str, mapping: Mapp
     )
 
 
-def _refuse_two_lengths(tables: Sequence[LoggedTable], clocks: Mapping[str, _Clock], rate_hz: float) -> None:
-    rows = {clock.table: len(tables[clock.table].channels) for clock in clocks.values() if not clock.channel}
-    if len(set(rows.values())) > 1:
-        lengths = ", ".join(f"{tables[index].name!r} has {count}" for index, count in rows.items())
-        raise RecordingError(
-            f"tables of different lengths cannot all be at time_s.rate_hz = {rate_hz:g} Hz: {lengths} rows; "
-            "name the time channel of each as ingest.channels.<column>.time"
-        )
+def _refuse_rate(tables: Sequence[LoggedTable], of: Sequence[int], rate_hz: float) -> None:
+    """Refuse a stated rate for tables of unlike lengths, or one that a time channel beside the rows contradicts.
 
-
-def _refuse_other_rate(table: LoggedTable, rate_hz: float) -> None:
-    """Refuse a stated rate that neither the mean nor the median step of a time channel beside the rows confirms."""
-    for clock in clocks_of(table):
+    It contradicts the rate if neither its mean nor its median step confirms it.
+    """
+    for clock, table in ((clock, tables[index]) for index in of for clock in clocks_of(tables[index])):
+        if not clock.unit and not clock.dates and clock.step == 1.0:
+            continue  # it counts samples
         stamps = stamps_to_seconds(table.channels[clock.name]) if clock.dates else clock.values
         stamps = stamps[np.isfinite(stamps)]
         unit_s = units.column_scale(TIME, clock.unit) if clock.unit else 1.0
         scales = (unit_s,) if clock.unit or clock.dates else TIME_UNITS_S
-        if not clock.unit and not clock.dates and clock.step == 1.0:
-            continue  # it counts samples
         steps = ((stamps[-1] - stamps[0]) / (len(stamps) - 1), float(np.median(np.diff(stamps))))
         rates_hz = [1.0 / (step * scale) for scale in scales for step in steps if step > 0.0]
         if rates_hz and all(abs(rate_hz / rate - 1.0) > RATE_AGREES for rate in rates_hz):
@@ -213,6 +202,12 @@ def _refuse_other_rate(table: LoggedTable, rate_hz: float) -> None:
                 f"{logged_hz:.4g} Hz, so that its channels would run {rate_hz / logged_hz:.3g} times too fast; map it "
                 f"instead, time_s: {{channel: {clock.name!r}, unit: {clock.unit or '...'}}}, or state its rate"
             )
+    if len({len(tables[index].channels) for index in of}) > 1:
+        lengths = ", ".join(f"{tables[index].name!r} has {len(tables[index].channels)}" for index in of)
+        raise RecordingError(
+            f"tables of different lengths cannot all be at time_s.rate_hz = {rate_hz:g} Hz: {lengths} rows; "
+            "name the time channel of each as ingest.channels.<column>.time"
+        )
 
 
 def _refuse_two_ends(signals: Mapping[str, Signal], mapping: Mapping[str, ChannelMapping]) -> None:
@@ -252,12 +247,11 @@ def _stamps(tables: Sequence[LoggedTable], clocks: Mapping[str, _Clock], time: C
             f"time channel {next(iter(dates)).channel!r} holds dates, but {others or 'the rate'} does not; "
             "expected one kind of time in a file, or nobody knows how they lie to each other"
         )
-    first = [stamps.min() for stamps in dates.values() if stamps.notna().any()]
-    origin = min(first).tz_convert("UTC").tz_localize(None) if first and first[0].tzinfo else min(first, default=None)
+    origin = min((stamps.min() for stamps in dates.values() if stamps.notna().any()), default=None)
     stamps_s = {}
     for clock, column in columns.items():
         if clock in dates:
-            stamps_s[clock] = stamps_to_seconds(dates[clock], None if origin is None else origin.to_datetime64())
+            stamps_s[clock] = stamps_to_seconds(dates[clock], origin)
         elif clock.channel:
             stamps_s[clock] = _seconds(tables[clock.table], clock.channel, column, time)
         else:
@@ -303,12 +297,8 @@ def _check_stated_unit(table: LoggedTable, column: str, source: ChannelMapping) 
             f"but it is read as {'absolute' if source.absolute else 'gauge'} pressure; "
             f"correct ingest.channels.{column}.reference"
         )
-    if (
-        units.names_a_unit(stated)
-        or units.bare(stated) == units.bare(source.unit)
-        or units.quantity_of(stated) is not None
-        or len(stated) < 2
-    ):
+    known = units.names_a_unit(stated) or units.quantity_of(stated) is not None
+    if known or len(stated) < 2 or units.bare(stated) == units.bare(source.unit):
         return []
     return [f"channel {source.channel!r}: the file's unit {stated!r} is not known; read in {source.unit} as configured"]
 

@@ -54,16 +54,16 @@ class TimeRules:
             expect(valid, name, wanted, getattr(self, name))
 
 
-def stamps_to_seconds(stamps: pd.Series[Any] | NDArray[Any], origin: np.datetime64 | None = None) -> Array:
+def stamps_to_seconds(stamps: pd.Series[Any] | NDArray[Any], origin: pd.Timestamp | None = None) -> Array:
     """Return time stamps in seconds, shape ``(n,)``; a missing stamp (NaT) is NaN.
 
     Args:
         stamps: Numbers in seconds, which pass unchanged, or dates (``datetime64``, with or without time zone).
-        origin: The date that is 0 s, in UTC where the stamps have a time zone; None for the first stamp.
+        origin: The date that is 0 s, by default the first stamp.
     """
     series = pd.Series(stamps, copy=False)
     if isinstance(series.dtype, pd.DatetimeTZDtype):
-        series = series.dt.tz_convert("UTC").dt.tz_localize(None)
+        series = series.dt.tz_convert(None)  # now in UTC
     if not pd.api.types.is_datetime64_any_dtype(series.dtype):
         if pd.api.types.is_numeric_dtype(series.dtype):
             return series.to_numpy(dtype=np.float64, na_value=np.nan)
@@ -75,7 +75,9 @@ def stamps_to_seconds(stamps: pd.Series[Any] | NDArray[Any], origin: np.datetime
     missing = np.isnat(dates)
     if missing.all():
         return np.full(len(dates), np.nan)
-    start = dates[~missing][0] if origin is None else origin.astype("datetime64[ns]")
+    if origin is not None and origin.tzinfo is not None:
+        origin = origin.tz_convert(None)
+    start = dates[~missing][0] if origin is None else origin.to_datetime64().astype("datetime64[ns]")
     # The difference is taken in whole nanoseconds: 1.7e9 s since 1970 as a float would be good to 0.2 µs only.
     seconds: Array = (dates - start).astype(np.int64) / 1e9
     seconds[missing] = np.nan
