@@ -82,10 +82,7 @@ def test_lines_without_file_are_told(tmp_path: Path) -> None:
     [
         ("", r"expected one column 'file' in its header, but got nothing"),
         ("file,condition\na,1\n", r"expected one column 'session' in its header, but got 'file', 'condition'"),
-        (
-            "file,condition,session\na.csv,1,s\nb.csv,1,s\na.csv,2,t\n",
-            r"line 4 is for 'a.csv', which line 2 is for already",
-        ),
+        ("file,condition,session\na.csv,1,s\nb.csv,1,s\na.csv,2,t\n", r"line 4 is for 'a.csv', which line 2 is for"),
         ("file,condition,session\na.csv,,s\n", r"line 2 has no condition; fill in the cell"),
         ("file,condition,session\na.csv,1\n", r"line 2 has 2 cells, its header 3"),
     ],

@@ -82,10 +82,7 @@ EXPECTED_TEST = ("test1_s1_r0", "test2_s2_r0")
     ("metadata", "message"),
     [
         ([], "nothing to split, got no recording"),
-        (
-            campaign({"1": 3, "2": 2}),
-            r"condition '2' has 2 sessions \(test2_s0, test2_s1\), but 3 are needed: 1 for test, 1",
-        ),
+        (campaign({"1": 3, "2": 2}), r"condition '2' has 2 sessions \(test2_s0, test2_s1\), but 3 are needed: 1 for"),
         (campaign({"1": 3}) + campaign({"1": 1}), "recording 'test1_s0_r0' occurs twice"),
         (
             [replace(entry, session=entry.session[6:]) for entry in campaign({"1": 3, "2": 3})],

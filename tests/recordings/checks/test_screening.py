@@ -81,14 +81,8 @@ def test_a_few_bad_samples_become_missing_and_are_told(values: Array, rows: list
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        (
-            with_values(slice(1000, 2000), -62.5e5),
-            r"-62.5 bar in row 1001 \(1000 such rows in all\), .* at most 1000 in a row; expected at most 6, .* wire",
-        ),
-        (
-            with_values(slice(1000, 1011), 262e5),
-            "in row 1001 .* the sensor is saturated, at most 11 in a row; .* wider",
-        ),
+        (with_values(slice(1000, 2000), -62.5e5), r"1001 \(1000 such rows in all\), .* expected at most 6, .* wire"),
+        (with_values(slice(1000, 1011), 262e5), "in row 1001 .* the sensor is saturated, at most 11 .* wider"),
         (with_values(slice(10, 5000, 100), 260e5), "the sensor is saturated, at most 1 in a row; expected at most 6"),
         (with_values(slice(10, 5990, 100), 90e5), r"a spike: .*; expected at most 6, and 10 in a row; check wire"),
         (with_values(slice(10, 5000, 100), np.inf), r"is inf in row 11 \(50 such rows in all\).* exported"),

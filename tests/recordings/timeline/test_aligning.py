@@ -214,22 +214,9 @@ def test_a_drifting_clock_is_followed() -> None:
         (one(1.7e18 + 5e6 * np.arange(ROWS)), {}, "time_s is not a number, or beyond 1e+15 s, in 2000 of 2000 rows"),
         (one(EVEN_S, np.full(ROWS, np.nan)), {}, "a has no finite value in 2000 rows, expected at least 3"),
         (missing(list(range(2, ROWS))), {}, "b has 2 finite values in 2000 rows, expected at least 3"),
-        (
-            missing([row for row in range(ROWS) if row % 9 < 4]),
-            {},
-            "has no stretch of 10 samples at 200 Hz without a gap in any column (time: split at 221 gaps of more than "
-            "2 lost samples (first: 0.025 s without b after 0.04 s))",
-        ),
-        (
-            {"a": Signal(EVEN_S, NOISE), "b": Signal(EVEN_S + 1000.0, NOISE)},
-            {},
-            "has no stretch of 10 samples at 200 Hz without a gap in any column (the columns do not overlap in time)",
-        ),
-        (
-            {"a": Signal(EVEN_S, NOISE), "b": Signal(np.mod(EVEN_S, 4.0), NOISE)},
-            {},
-            "the clock restarts 0 times in the table of a and 2 times in that of b, expected as often in each",
-        ),
+        (missing([row for row in range(ROWS) if row % 9 < 4]), {}, "(time: split at 221 gaps of more than 2 lost"),
+        ({"a": Signal(EVEN_S, NOISE), "b": Signal(EVEN_S + 1000.0, NOISE)}, {}, "(the columns do not overlap in"),
+        ({"a": Signal(EVEN_S, NOISE), "b": Signal(np.mod(EVEN_S, 4.0), NOISE)}, {}, "the clock restarts 0 times in"),
         (one(EVEN_S), {"rate_hz": 20000.0}, "its fastest channel is sampled at 200 Hz, expected at most 10 times that"),
     ],
 )

@@ -111,10 +111,7 @@ def test_rows_with_neither_stamp_nor_value_are_no_rows() -> None:
         ),
         (np.zeros_like, "time_s stands at 0 s in all 400 rows, expected increasing time"),
         (lambda time_s: -time_s, "time_s runs backwards from row to row in all 400 rows, expected increasing time"),
-        (
-            stamps(dict.fromkeys(range(30, 60), np.nan)),
-            "time_s is not a number, or beyond 1e+15 s, in 30 of 400 rows (first: row 31), expected at most 5 %; check",
-        ),
+        (stamps(dict.fromkeys(range(30, 60), np.nan)), "time_s is not a number, or beyond 1e+15 s, in 30 of 400"),
         (
             lambda time_s: np.random.default_rng(0).permutation(time_s),
             "of 400 rows (here from",
@@ -210,10 +207,7 @@ def test_a_gap_of_a_coarse_clock_stays_a_gap() -> None:
     ("time_s", "message"),
     [
         (np.floor(np.arange(COARSE_ROWS) / 500.0), "time_s has 4 different stamps for 2000 rows, too few to spread"),
-        (
-            np.sort(np.random.default_rng(1).integers(0, 1000, COARSE_ROWS)) * 0.01,
-            "different stamps for 2000 rows, and the rows were not sampled evenly: the stamp .* s is .* ms off an even",
-        ),
+        (np.sort(np.random.default_rng(1).integers(0, 1000, COARSE_ROWS)) * 0.01, "different stamps for 2000 rows,"),
     ],
 )
 def test_rows_that_were_not_sampled_evenly_are_refused(time_s: np.ndarray, message: str) -> None:
