@@ -3,8 +3,9 @@
 import csv
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
+from functools import cached_property
 from pathlib import Path
 
 from cylinder_friction.recordings.recording import RecordingError
@@ -35,17 +36,20 @@ class NameRules:
     table: Path | None = None
     # The condition of every file; each is then a session of its own, named as its recording
     condition: str | None = None
-    _compiled: re.Pattern[str] | None = field(init=False, repr=False, compare=False, default=None)
-    # By the number of the line, counted from 1 for the header; the name is a file's path or a glob
-    _lines: dict[int, PathNames] = field(init=False, repr=False, compare=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         if [self.pattern, self.table, self.condition].count(None) != 2:
             raise RecordingError("expected either a name pattern or a table of names, but got both or neither")
-        if self.pattern is not None:
-            object.__setattr__(self, "_compiled", compile_name_pattern(self.pattern))
-        if self.table is not None:
-            object.__setattr__(self, "_lines", read_names_table(self.table))
+        _ = self._compiled, self._lines  # refuses a wrong pattern or table at once
+
+    @cached_property
+    def _compiled(self) -> re.Pattern[str] | None:
+        return None if self.pattern is None else compile_name_pattern(self.pattern)
+
+    @cached_property
+    def _lines(self) -> dict[int, PathNames]:
+        """The table's lines by their number, counted from 1 for the header; a name is a file's path or a glob."""
+        return {} if self.table is None else read_names_table(self.table)
 
     def names(self, relative_path: str) -> PathNames:
         """Return what is known of a file, by its path relative to the source, with ``/``.

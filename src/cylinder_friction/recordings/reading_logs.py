@@ -95,12 +95,8 @@ def find_logs(
 ) -> Logs:
     """Find the files and how to read them. Only to guess a mapping is a file read, the first one.
 
-    Args:
-        files, channels, cylinder, names, load: As in ``read_logs``.
-        rate_hz: Rate of the recordings [Hz]; None: as ``channels`` has it, or each file's own.
-
-    Raises:
-        RecordingError, FileNotFoundError: As ``read_logs``.
+    Arguments and errors are those of ``read_logs``. ``rate_hz`` is the rate of the recordings [Hz], by default as
+    ``channels`` has it, or each file's own.
     """
     paths = _paths([files] if isinstance(files, str | Path) else list(files))
     settings = _settings(channels, paths[0])
@@ -186,11 +182,7 @@ def _guessed(path: Path) -> dict[str, Any]:
     tables = open_logged_file(path, ROWS_AT_ONCE)
     guess = guess_mapping([next(tables.chunks())] if isinstance(tables, LongTable) else tables, path)
     lines = "\n".join(channel_lines(guess))
-    unknown = [
-        column
-        for column, guessed in guess.columns.items()
-        if guessed.channel is None or electrical(guessed.unit) is not None
-    ]
+    unknown = [name for name, guessed in guess.columns.items() if guessed.channel is None or electrical(guessed.unit)]
     if unknown:
         raise RecordingError(
             f"{path}: no mapping was given, and that of {', '.join(unknown)} cannot be guessed; state channels, "

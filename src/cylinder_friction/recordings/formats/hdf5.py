@@ -101,13 +101,9 @@ def _fields(node: Any) -> list[Channel]:
 
 
 def _unit(attributes: Any) -> str:
-    for key in ("unit", "units", "Unit", "Units"):
-        value = attributes.get(key)
-        if isinstance(value, bytes):
-            return value.decode(errors="replace").strip()
-        if isinstance(value, str):
-            return value.strip()
-    return ""
+    stated = [attributes.get(key) for key in ("unit", "units", "Unit", "Units")]
+    texts = [each.decode(errors="replace") if isinstance(each, bytes) else each for each in stated]
+    return next((text.strip() for text in texts if isinstance(text, str)), "")
 
 
 def _sample_time_s(node: Any) -> float | None:

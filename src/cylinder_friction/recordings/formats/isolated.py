@@ -73,12 +73,20 @@ class _Reader:
         with self._lock:
             process = self._running()
             start = time.monotonic()
+            assert process.stdin is not None
+            assert process.stdout is not None
             try:
-                refusal, tables = _exchange(process, request)
+                write_message(process.stdin, request)
+                refusal = read_message(process.stdout)
+                tables = [] if refusal is not None else read_tables(process.stdout)
             except (EOFError, OSError):
                 took_s = time.monotonic() - start
                 process.wait()
-                raise _death(process.returncode, took_s >= limit_s, limit_s, of.crashes) from None
+                how = f"signal {-process.returncode}" if process.returncode < 0 else f"exit code {process.returncode}"
+                what = f"crashed {of.crashes} ({how}); the file"
+                if took_s >= limit_s:
+                    what = f"took longer than {limit_s:.0f} s; it"
+                raise RecordingError(f"reading it {what} is damaged; copy it again, or export it anew") from None
             except BaseException:
                 # A reply half read would be taken for the next one.
                 self.close()
@@ -122,25 +130,11 @@ def _started() -> subprocess.Popen[bytes]:
     return process
 
 
-def _exchange(process: subprocess.Popen[bytes], request: Any) -> tuple[str | None, list[LoggedTable]]:
-    assert process.stdin is not None
-    assert process.stdout is not None
-    write_message(process.stdin, request)
-    refusal = read_message(process.stdout)
-    return refusal, [] if refusal is not None else read_tables(process.stdout)
-
-
 def _end(process: subprocess.Popen[bytes]) -> None:
     """Kill a process (one with a return code is left alone) and close its pipes."""
     process.kill()
     with suppress(OSError), process:  # what was not sent to a dead process is flushed here, in vain
         pass
-
-
-def _death(code: int, too_long: bool, limit_s: float, library: str) -> RecordingError:
-    how = f"signal {-code}" if code < 0 else f"exit code {code}"
-    what = f"took longer than {limit_s:.0f} s; it" if too_long else f"crashed {library} ({how}); the file"
-    return RecordingError(f"reading it {what} is damaged; copy it again, or export it anew")
 
 
 def serve() -> None:

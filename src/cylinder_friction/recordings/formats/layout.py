@@ -111,9 +111,8 @@ def _grid(lines: list[str], content: list[int], delimiter: str, decimal: str | N
     # A short file is half header.
     lower = full[len(full) // 2 :]
     values = [sum(is_value(cell, decimal) for cell in column) for column in zip(*lower, strict=True)]
-    filled = [
-        count + sum(map(is_missing, column)) for count, column in zip(values, zip(*lower, strict=True), strict=True)
-    ]
+    missing = [sum(map(is_missing, column)) for column in zip(*lower, strict=True)]
+    filled = [sum(counts) for counts in zip(values, missing, strict=True)]
     numeric = [index for index in range(width) if values[index] and 2 * filled[index] >= len(lower)]
     score = sum(filled) / width / len(lower) * len(full) / len(rows)
     return _Grid(delimiter, decimal, rows, width, numeric, score) if numeric else None
@@ -137,16 +136,13 @@ def _likelihood(grid: _Grid, lines: list[str]) -> tuple[bool, bool, bool, float,
 
 def _first_row(grid: _Grid, lines: list[str], content: list[int], header: str) -> int:
     """Return the index of the first row's line; ``content`` holds those of the lines that are not empty."""
-    if header == "auto":
-        return _first_row_found(grid, lines, content)
-    below = [index for index in content if not lines[index].lstrip().startswith(("#", "%", "//"))]
-    skipped = ("none", "names", "names_units").index(header)
-    if len(below) <= skipped:
-        raise RecordingError(f"holds {len(below)} lines, but its header alone takes {skipped}; there are no rows")
-    return below[skipped]
+    if header != "auto":
+        below = [index for index in content if not lines[index].lstrip().startswith(("#", "%", "//"))]
+        skipped = ("none", "names", "names_units").index(header)
+        if len(below) <= skipped:
+            raise RecordingError(f"holds {len(below)} lines, but its header alone takes {skipped}; there are no rows")
+        return below[skipped]
 
-
-def _first_row_found(grid: _Grid, lines: list[str], content: list[int]) -> int:
     @cache
     def is_row(position: int) -> bool:
         return grid.is_row(split_cells(lines[content[position]], grid.delimiter))

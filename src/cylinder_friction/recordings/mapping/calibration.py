@@ -210,13 +210,8 @@ def session_zero(readings: Sequence[ZeroReading]) -> ZeroReading:
             own = np.array([reading.uncertainty[column] for reading in read])
             offsets[column] = float(values.mean())
             uncertainty[column] = math.sqrt(float(np.mean(own**2) + np.var(values, ddof=1)))
-    return ZeroReading(
-        offsets,
-        uncertainty,
-        from_s=read[0].from_s,
-        to_s=read[0].to_s,
-        recording=", ".join(reading.recording for reading in read),
-    )
+    names = ", ".join(reading.recording for reading in read)
+    return replace(read[0], offsets=offsets, uncertainty=uncertainty, recording=names)
 
 
 def apply_zero(
@@ -287,10 +282,7 @@ def _not_vented(signals: Array, columns: Sequence[str], rules: ZeroRules, mappin
 
 def _zero_uncertainty(column: str, reading: Array, mapping: Mapping[str, ChannelMapping]) -> float:
     """Return the standard uncertainty of a mean reading; one that stands on a step hides up to half of it."""
-    uncertainty = mean_uncertainty(reading)
-    source = mapping.get(column)
-    if source is None or source.sensor is None:
-        return uncertainty
-    step = sensor_step(column, source.sensor, source.unit)
-    hidden = 0.0 if step is None or float(np.std(reading)) > 0.5 * step else step / math.sqrt(12.0)
-    return math.hypot(uncertainty, hidden) if hidden else uncertainty
+    uncertainty, source = mean_uncertainty(reading), mapping.get(column)
+    step = sensor_step(column, source.sensor, source.unit) if source is not None and source.sensor else None
+    on_one_step = step is not None and float(np.std(reading)) <= 0.5 * step
+    return math.hypot(uncertainty, (step or 0.0) / math.sqrt(12.0)) if on_one_step else uncertainty

@@ -266,11 +266,9 @@ def _edge_note(timelines: Sequence[ChannelTimeline], rate_hz: float) -> list[str
         if not spans:
             continue
         firsts, lasts = zip(*spans, strict=True)
-        if len(spans) < len(timelines):
-            ends_s += max(lasts) - min(firsts)
-            continue
-        starts_s += max(firsts) - min(firsts)
-        ends_s += max(lasts) - min(lasts)
+        everywhere = len(spans) == len(timelines)
+        starts_s += max(firsts) - min(firsts) if everywhere else 0.0
+        ends_s += max(lasts) - min(lasts if everywhere else firsts)
     slowest_s = max(1.0 / rate_hz, *(each.step_s for each in timelines))
     if max(starts_s, ends_s) <= 1.5 * slowest_s:
         return []
