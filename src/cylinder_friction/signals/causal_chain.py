@@ -7,7 +7,6 @@ Each block takes raw samples, shape ``(n, 3)``, and returns, shape ``(n, 4)``: s
 from abc import abstractmethod
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from cylinder_friction.arrays import Array
@@ -19,7 +18,6 @@ from cylinder_friction.signals.causal import (
     moving_average_taps,
     one_sided_savitzky_golay_taps,
 )
-from cylinder_friction.signals.kalman import KalmanModel
 from cylinder_friction.signals.smooth_signals import P1, P2, SignalFilter, SmoothSignals, Support, X
 
 
@@ -98,53 +96,3 @@ class OneSidedSavitzkyGolay(CausalFir):
             taps(self.velocity_window, self.velocity_order, 1, sample_time_s),
             taps(self.acceleration_window, self.acceleration_order, 2, sample_time_s),
         )
-
-
-@dataclass
-class KalmanState:
-    """Pressure 1, pressure 2, position, velocity, acceleration; None before the first sample."""
-
-    estimate: Array | None = None
-
-
-class SteadyKalman:
-    """The Kalman filter with its steady gains, as a causal block: the causal form of ``RtsSmoother``.
-
-    Before the first sample everything stood still at that sample. The pressure's model is a random walk, the
-    position's has position, velocity and acceleration.
-    """
-
-    def __init__(self, pressure: KalmanModel, position: KalmanModel) -> None:
-        self._transition = position.transition
-        self._pressure_gain = float(pressure.gains().filter[-1, 0])
-        self._position_gain = position.gains().filter[-1]
-
-    def new_state(self) -> KalmanState:
-        return KalmanState()
-
-    def advance(self, state: KalmanState, inputs: Array) -> Array:
-        inputs = np.ascontiguousarray(inputs, dtype=np.float64)
-        if len(inputs) == 0:
-            return np.empty((0, 4))
-        if state.estimate is None:
-            state.estimate = np.concatenate([inputs[0], np.zeros(2)])
-        return _steady_kalman(self._transition, self._pressure_gain, self._position_gain, state.estimate, inputs)
-
-
-@numba.njit(cache=True)
-def _steady_kalman(transition: Array, pressure_gain: float, position_gain: Array, last: Array, inputs: Array) -> Array:
-    result = np.empty((inputs.shape[0], 4))
-    predicted = np.empty(3)
-    for row in range(inputs.shape[0]):
-        for side in range(2):
-            last[side] += pressure_gain * (inputs[row, side] - last[side])
-        for i in range(3):
-            total = 0.0
-            for j in range(3):
-                total += transition[i, j] * last[2 + j]
-            predicted[i] = total
-        surprise = inputs[row, 2] - predicted[0]
-        for i in range(3):
-            last[2 + i] = predicted[i] + position_gain[i] * surprise
-        result[row, 0], result[row, 1], result[row, 2], result[row, 3] = last[0], last[1], last[3], last[4]
-    return result

@@ -11,7 +11,6 @@ Schleimer, Wilkerson and Aiken 2003, SIGMOD, and its simpler forerunner, hashes 
 import math
 from typing import NamedTuple
 
-import numba
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -120,7 +119,7 @@ def window_hashes(table: pd.DataFrame) -> dict[int, Hashes]:
     exponent = math.floor(math.log2(max(2.0 * noise, finest)))
     least_m = max(5.0 * _noise(position_m), 2e-5)
     return {
-        power: np.unique(_kept(one, other, position_m, 2.0**power, least_m, np.uint64(power + 1024)))
+        power: np.unique(_kept(one, other, position_m, 2.0**power, least_m, power + 1024))
         for power in (exponent, exponent + 1)
     }
 
@@ -135,46 +134,28 @@ def _noise(values: Array) -> float:
     return float(np.median(bend)) / 1.65 if len(bend) else 0.0
 
 
-@numba.njit(cache=True)
-def _kept(one: Array, other: Array, position: Array, step: float, least: float, salt: np.uint64) -> Hashes:
+def _kept(one: Array, other: Array, position: Array, step: float, least: float, salt: int) -> Hashes:
     """Return the hashes of windows in motion that end in zeros.
 
-    The hash is a rolling polynomial, so that the cost of a row does not depend on the length of the window.
+    A window's hash is a polynomial in the words of its rows, made from those of shorter windows: of 2, 4, 8, 24 rows.
     """
-    rows = one.shape[0]
-    factor = np.uint64(0x9E3779B97F4A7C15)
-    leaving = np.uint64(1)
-    for _ in range(WINDOW):
-        leaving *= factor
-    words = np.zeros(WINDOW, dtype=np.uint64)
-    changed = np.zeros(WINDOW, dtype=np.uint8)
-    found = np.empty(rows // 16 + 16, dtype=np.uint64)
-    count, changes, place = 0, 0, 0
-    rolling = np.uint64(0)
-    last_one, last_other = np.int64(0), np.int64(0)
-    inverse = 1.0 / step
-    for row in range(rows):
-        value_one = np.int64(np.floor(one[row] * inverse + OFFSET))
-        value_other = np.int64(np.floor(other[row] * inverse + OFFSET))
-        change = np.uint8((value_one != last_one) + (value_other != last_other))
-        last_one, last_other = value_one, value_other
-        word = _mixed(np.uint64(value_one) * np.uint64(0xD6E8FEB86659FD93) + np.uint64(value_other))
-        rolling = rolling * factor + word - words[place] * leaving
-        changes += int(change) - int(changed[place])
-        words[place] = word
-        changed[place] = change
-        place = place + 1 if place + 1 < WINDOW else 0
-        if row < WINDOW or changes < LEAST_CHANGES or abs(position[row] - position[row - WINDOW + 1]) < least:
-            continue
-        hashed = _mixed(rolling + salt * np.uint64(0xA0761D6478BD642F))
-        if hashed & np.uint64(KEPT - 1) == np.uint64(0) and count < found.shape[0]:
-            found[count] = hashed
-            count += 1
-    return found[:count]
+    first, second = (np.floor(values * (1.0 / step) + OFFSET).astype(np.int64) for values in (one, other))
+    hashes = _mixed(first.astype(np.uint64) * np.uint64(0xD6E8FEB86659FD93) + second.astype(np.uint64))
+    length = 1
+    for times in (2, 2, 2, 3):
+        factor, rows = np.uint64(pow(0x9E3779B97F4A7C15, length, 1 << 64)), max(len(hashes) - (times - 1) * length, 0)
+        joined = hashes[:rows]
+        for start in range(length, times * length, length):
+            joined = joined * factor + hashes[start : start + rows]
+        hashes, length = joined, times * length
+    hashes = _mixed(hashes[1:] + np.uint64(salt * 0xA0761D6478BD642F % (1 << 64)))
+    changes = np.cumsum((np.diff(first) != 0).astype(np.int64) + (np.diff(second) != 0))
+    alive = changes[WINDOW - 1 :] - np.append(0, changes)[: len(hashes)] >= LEAST_CHANGES
+    moving = np.abs(position[WINDOW:] - position[1 : 1 + len(hashes)]) >= least
+    return hashes[alive & moving & (hashes & np.uint64(KEPT - 1) == 0)]
 
 
-@numba.njit(cache=True, inline="always")
-def _mixed(word: np.uint64) -> np.uint64:
+def _mixed(word: Hashes) -> Hashes:
     """Mix a word's bits, so that each bit depends on all of them (splitmix64: Steele, Lea and Flood 2014)."""
     word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
