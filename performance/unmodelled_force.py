@@ -45,10 +45,16 @@ OTHER_UNITS = (
     ("both pressures zero", PRESSURES, 0.0),
     ("all zero", (*PRESSURES, POSITION), 0.0),
     ("millimetres in place of metres", (POSITION,), 1e3),
+    ("both pressures at half their gain", PRESSURES, 0.5),
+    ("position at half its gain", (POSITION,), 0.5),
 )
 """What a column is multiplied by."""
 EXPECTED = Flag.WARMING | Flag.OFFSET_UNKNOWN
-HEAD = f"{'rows':46} {'number':>8} {'flagged, without':>17} {'with':>8} {'error, all':>11} {'not flagged':>12}"
+FAR_N = 100.0  # An error that matters
+HEAD = (
+    f"{'rows':46} {'number':>8} {'flagged, without':>17} {'with':>8} {'error, all':>11} {'not flagged':>12} "
+    f"{'off by over 100 N unflagged':>28}"
+)
 
 
 def main() -> None:
@@ -79,6 +85,10 @@ def main() -> None:
     one, other = PRESSURES
     swapped = [each.with_columns(**{one: each.column(other), other: each.column(one)}) for each in held_out]
     print(line("held out, pressures swapped", pair, swapped, known, usable))
+    late = [each.with_columns(**{name: np.roll(each.column(name), 40) for name in PRESSURES}) for each in held_out]
+    print(line("held out, pressures 200 ms late", pair, late, known, usable))
+    for times, hertz in ((2, 400), (5, 1000)):
+        print(line(f"held out, rows of {hertz} Hz taken for 200 Hz", pair, held_out, known, usable, times))
     print(f"a step of the C takes {cost(pair, held_out[0].samples(with_flag.inputs)):.3f} times as long as without")
 
 
@@ -98,13 +108,18 @@ def line(
     recordings: list[Recording],
     truth: Path,
     chosen: Callable[[Recording, Array], Mask],
+    times: int = 1,
 ) -> str:
-    """Return the share of chosen rows that are flagged without and with the flag, and errors with it, as text."""
+    """Return the share of chosen rows that are flagged without and with the flag, and errors with it, as text.
+
+    The estimators are given ``times`` as many rows as were recorded, in straight lines between them.
+    """
     truth_n, errors = known_truth(str(truth), recordings), []
     flagged: tuple[list[Mask], list[Mask]] = ([], [])
     for recording in recordings:
         for estimator, into in zip(pair, flagged, strict=True):
-            newtons, flags = estimator.real_time().run(recording.samples(estimator.inputs))
+            newtons, flags = estimator.real_time().run(between(recording.samples(estimator.inputs), times))
+            newtons, flags = newtons[::times], flags[::times]
             error_n = np.abs(newtons[:, 0] - truth_n[recording.name])
             rows = chosen(recording, error_n)
             into.append((flags & ~EXPECTED != 0)[rows])
@@ -112,7 +127,14 @@ def line(
     error_n, before, after = (np.concatenate(each) for each in (errors, *flagged))
     left = f"{error_n[~after].mean():10.1f} N" if not after.all() else f"{'none':>12}"
     shares = f"{100.0 * before.mean():15.2f} % {100.0 * after.mean():6.2f} %"
-    return f"{words:46} {len(error_n):8d} {shares} {error_n.mean():9.1f} N {left}"
+    far = 100.0 * (~after & (error_n > FAR_N)).mean()
+    return f"{words:46} {len(error_n):8d} {shares} {error_n.mean():9.1f} N {left} {far:26.1f} %"
+
+
+def between(samples: Array, times: int) -> Array:
+    """Return samples with more of them in straight lines between each two."""
+    places = np.arange((len(samples) - 1) * times + 1) / times
+    return np.column_stack([np.interp(places, np.arange(len(samples)), column) for column in samples.T])
 
 
 def cost(pair: tuple[FrictionEstimator, FrictionEstimator], samples: Array) -> float:
