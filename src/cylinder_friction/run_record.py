@@ -45,6 +45,18 @@ def comes_after(later: str, earlier: str) -> bool:
     return None in branches or branches[0] == branches[1]
 
 
+def records_in(root: Path) -> dict[str, RunRecord]:
+    """Return the records of the stages that lie in a repository, by stage; one that cannot be read is left out."""
+    records = {}
+    for stage in STAGES:
+        try:
+            content = json.loads((root / RUNS_FOLDER / f"{stage}.json").read_text(encoding="utf-8"))
+            records[stage] = RunRecord.from_dict(content)
+        except (OSError, ValueError, TypeError):
+            continue
+    return records
+
+
 def now_ms() -> int:
     """Return the time of day [ms since 1970]."""
     return time.time_ns() // 1_000_000

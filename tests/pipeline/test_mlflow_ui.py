@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,18 +38,6 @@ def page(new_page: Callable[..., Page], tmp_path: Path) -> Iterator[Page]:
     opened.screenshot(path=str(tmp_path / "last_seen.png"))
 
 
-@contextmanager
-def run_page(page: Page, ui: str, root: Path, name: str, tab: str = "") -> Iterator[Page]:
-    """Yield the page of the newest run of a name, opened in one of its tabs."""
-    client = MlflowClient(tracking_uri(root))
-    experiment = client.get_experiment_by_name(EXPERIMENT)
-    assert experiment is not None
-    run = client.search_runs([experiment.experiment_id], f"attributes.run_name = '{name}'")[0]
-    page.goto(f"{ui}/#/experiments/{experiment.experiment_id}/runs/{run.info.run_id}{tab}")
-    page.get_by_role("heading", name=name).first.wait_for()
-    yield page
-
-
 def sees(page: Page, *texts: str) -> None:
     """Wait until every text is on the page; the test fails where one does not come."""
     for text in texts:
@@ -61,15 +48,12 @@ def expand(page: Page, name: str) -> None:
     page.get_by_role("row").filter(has_text=name).first.get_by_role("button").first.click()
 
 
-def test_the_first_screen_compares_executions_by_condition(page: Page, ui: str, finished_pipeline: Path) -> None:
+def test_executions_are_compared_by_condition_and_hold_every_stage_and_trial(
+    page: Page, ui: str, finished_pipeline: Path
+) -> None:
     page.goto(runs_page(ui, finished_pipeline))
     page.get_by_role("link", name="pipeline 1", exact=True).first.wait_for()
     sees(page, "Which is better, and in which condition?", *(f"error_percent/condition_{name}" for name in "1234"))
-
-
-def test_the_experiment_shows_every_stage_and_the_trials_below_the_search(
-    page: Page, ui: str, finished_pipeline: Path
-) -> None:
     page.goto(runs_page(ui, finished_pipeline).replace("CHART", "TABLE"))
     page.get_by_role("link", name="pipeline 1", exact=True).first.wait_for()
     expand(page, "pipeline 1")
@@ -81,26 +65,25 @@ def test_the_experiment_shows_every_stage_and_the_trials_below_the_search(
     assert trials.count() >= 2
 
 
-def test_the_comparison_shows_its_metrics(page: Page, ui: str, finished_pipeline: Path) -> None:
-    with run_page(page, ui, finished_pipeline, "compare"):
-        page.get_by_placeholder("Search metrics").first.fill("error_percent/condition_1")
-        sees(page, "error_percent/condition_1")
-
-
-def test_the_comparison_shows_a_table_of_all_estimators(page: Page, ui: str, finished_pipeline: Path) -> None:
-    with run_page(page, ui, finished_pipeline, "compare", "/artifacts"):
-        page.get_by_text("errors_by_condition.json").first.click()
-        sees(page, "truth_percent", "force_balance_unfiltered")
-
-
-def test_the_comparison_shows_its_figures_and_its_report(page: Page, ui: str, finished_pipeline: Path) -> None:
-    with run_page(page, ui, finished_pipeline, "compare", "/artifacts"):
-        page.get_by_text("reports", exact=True).first.click()
-        page.get_by_text("report.html").first.click()
-        page.frame_locator("iframe").locator("h1, h2").first.wait_for()
-        page.get_by_text("figures", exact=True).first.click()
-        page.get_by_text(".png").first.click()
-        page.locator("img[src^='blob:'], img[src*='get-artifact']").first.wait_for()
+def test_the_comparison_shows_metrics_tables_figures_and_report(page: Page, ui: str, finished_pipeline: Path) -> None:
+    client = MlflowClient(tracking_uri(finished_pipeline))
+    experiment = client.get_experiment_by_name(EXPERIMENT)
+    assert experiment is not None
+    run = client.search_runs([experiment.experiment_id], "attributes.run_name = 'compare'")[0]
+    address = f"{ui}/#/experiments/{experiment.experiment_id}/runs/{run.info.run_id}"
+    page.goto(address)
+    page.get_by_role("heading", name="compare").first.wait_for()
+    page.get_by_placeholder("Search metrics").first.fill("error_percent/condition_1")
+    sees(page, "error_percent/condition_1")
+    page.goto(f"{address}/artifacts")
+    page.get_by_text("errors_by_condition.json").first.click()
+    sees(page, "truth_percent", "force_balance_unfiltered")
+    page.get_by_text("reports", exact=True).first.click()
+    page.get_by_text("report.html").first.click()
+    page.frame_locator("iframe").locator("h1, h2").first.wait_for()
+    page.get_by_text("figures", exact=True).first.click()
+    page.get_by_text(".png").first.click()
+    page.locator("img[src^='blob:'], img[src*='get-artifact']").first.wait_for()
 
 
 def test_the_registered_version_shows_its_alias_and_the_way_back(page: Page, ui: str, finished_pipeline: Path) -> None:

@@ -112,18 +112,6 @@ def test_the_champion_is_registered_with_its_way_back(finished_pipeline: Path) -
     assert "links hold" in shown.stdout
 
 
-def test_lineage_says_which_link_is_broken(finished_pipeline: Path, tmp_path: Path) -> None:
-    folder = copy_of(finished_pipeline, tmp_path)
-    shutil.rmtree(folder / ".dvc/cache")
-    recording = next((folder / "data/raw/rig").glob("*.csv"))
-    recording.write_text(recording.read_text().replace("1", "2"))
-    done = run_here(folder, "cylinder-friction", "lineage", check=False)
-    assert done.returncode == 1
-    broken = [line for line in done.stdout.splitlines() if line.strip().startswith("BROKEN")]
-    assert any("data raw/rig" in line for line in broken), done.stdout
-    assert not any("processed" in line for line in broken), done.stdout
-
-
 @pytest.mark.extended
 def test_track_fills_an_empty_store_from_a_pulled_clone_without_duplicates(
     finished_pipeline: Path, tmp_path: Path
@@ -147,27 +135,12 @@ def test_track_fills_an_empty_store_from_a_pulled_clone_without_duplicates(
     assert "links hold" in run_here(clone, "cylinder-friction", "lineage").stdout
 
 
-def test_metrics_are_declared(finished_pipeline: Path) -> None:
-    shown = json.loads(run(finished_pipeline, "dvc", "metrics", "show", "--json").stdout)
-    assert "reports/metrics.json" in json.dumps(shown)
-
-
-@pytest.mark.parametrize(
-    ("line", "message"),
-    [
-        ("serach:\n  trials: 3\n", "serach: unknown key"),
-        ("record: 5\n", "record: "),
-    ],
-)
-def test_a_bad_configuration_is_refused_before_any_stage_does_anything(
-    finished_pipeline: Path, tmp_path: Path, line: str, message: str
-) -> None:
+def test_a_bad_configuration_is_refused_before_any_stage_does_anything(finished_pipeline: Path, tmp_path: Path) -> None:
     folder = copy_of(finished_pipeline, tmp_path)
-    content = yaml.safe_load((folder / "params.yaml").read_text())
-    content.update(yaml.safe_load(line))
-    (folder / "params.yaml").write_text(yaml.safe_dump(content, sort_keys=False))
-    before = sorted(path for path in (folder / "data").rglob("*"))
+    with (folder / "params.yaml").open("a", encoding="utf-8") as file:
+        file.write("serach:\n  trials: 3\n")
+    before = sorted((folder / "data").rglob("*"))
     done = run_here(folder, "cylinder-friction", "stage", "record", check=False)
     assert done.returncode == 1
-    assert message in done.stderr
-    assert sorted(path for path in (folder / "data").rglob("*")) == before
+    assert "serach: unknown key" in done.stderr
+    assert sorted((folder / "data").rglob("*")) == before

@@ -5,11 +5,16 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import mlflow.data
 import pytest
 import yaml
 from mlflow import MlflowClient
 
+from cylinder_friction.recordings.files import hash_of
+from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.run_record import STAGES, RunRecord, comes_after
+from cylinder_friction.stages._stage import datasets
+from cylinder_friction.tracking.executions import dataset_input, digest_of
 from cylinder_friction.tracking.log_run import log_run
 from cylinder_friction.tracking.measurement import measured
 from cylinder_friction.tracking.replay import replay
@@ -106,16 +111,6 @@ def test_going_back_to_an_earlier_state_logs_nothing(root: Path) -> None:
     assert executions(root) == before
 
 
-def test_a_replay_makes_the_executions_that_the_store_lacks_and_no_more(root: Path) -> None:
-    ran(root, *BRANCHED)
-    ran(root, "train", "compare", version=2.0, log=False)
-    assert replay(root).logged == ("train", "compare")
-    assert executions(root)["pipeline 2"] == ["train", "compare"]
-    before = executions(root)
-    assert replay(root).logged == ()
-    assert executions(root) == before
-
-
 def test_a_run_that_could_not_be_logged_at_once_comes_to_its_own_execution(root: Path) -> None:
     ran(root, *BRANCHED)
     ran(root, "train", version=2.0, log=False)  # the server did not respond
@@ -147,6 +142,25 @@ def test_two_machines_that_change_different_stages_have_an_execution_each(
 def test_what_is_no_stage_of_the_pipeline_lies_beside_the_executions(root: Path) -> None:
     run = MlflowClient(tracking_uri(root)).get_run(log_run(RunRecord("latency"), root))
     assert "mlflow.parentRunId" not in run.data.tags
+
+
+@pytest.mark.parametrize(("written", "context"), [(False, "test"), (True, "written")])
+def test_a_folder_of_recordings_is_a_dataset_that_mlflow_resolves(
+    written: bool, context: str, written_pipeline: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(written_pipeline)
+    folder = Path("data/processed/test")
+    (used,) = datasets({"test": folder}, written=written).values()
+    found = dataset_input("test", used)
+    assert [(tag.key, tag.value) for tag in found.tags] == [("mlflow.data.context", context)]
+    assert found.dataset.digest == hash_of(folder)[:36] == digest_of(used)
+    schema = json.loads(found.dataset.schema or "")["mlflow_colspec"]
+    recordings = read_recordings(folder)
+    types = {column["name"]: column["type"] for column in schema}
+    assert list(types) == list(recordings[0].table.columns)
+    assert (types["friction_n"], types["usable"]) == ("double", "boolean")
+    assert json.loads(found.dataset.profile or "")["num_rows"] == sum(map(len, recordings))
+    assert mlflow.data.get_source(found).load() == str(folder.resolve())
 
 
 def test_the_order_of_the_stages_is_that_of_dvc_yaml() -> None:

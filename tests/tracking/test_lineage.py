@@ -53,10 +53,14 @@ def commit_all(root: Path) -> None:
     subprocess.run(["git", "-C", str(root), *author, "commit", "-qam", "Later"], check=True)
 
 
-def test_the_whole_way_back_holds_and_is_printed(registered: Path) -> None:
+def test_the_whole_way_back_holds_and_is_printed(registered: Path, tmp_path: Path) -> None:
+    change(registered / "params.yaml", "tolerance_percent: 0.1", "tolerance_percent: 5.0")  # which shapes no model
     found = lineage(URI, registered)
     assert broken(found) == {}
-    assert found.holds
+    assert lineage("models:/friction-estimator/1", registered) == found
+    folder, uri = estimator_folder(URI, registered, tmp_path)
+    assert uri == "models:/friction-estimator/1"
+    assert load_estimator(folder).inputs
     lines = found.text().splitlines()
     assert lines[0].startswith("friction-estimator version 1 (promoted: there is no incumbent")
     assert [line.split()[1] for line in lines[1:6]] == ["run", "git", "code", "model", "model's"]
@@ -70,16 +74,6 @@ def test_a_model_that_was_served_is_unchanged(pipeline: Path, monkeypatch: pytes
     mlflow.pyfunc.load_model(URI)
     assert logged(pipeline, "registered_model_meta").is_file()
     assert lineage(URI, pipeline).holds
-
-
-def test_an_alias_leads_to_a_version_and_its_estimator(registered: Path, tmp_path: Path) -> None:
-    folder, uri = estimator_folder(URI, registered, tmp_path)
-    assert uri == "models:/friction-estimator/1"
-    assert load_estimator(folder).inputs
-
-
-def test_a_version_is_found_by_its_number_too(registered: Path) -> None:
-    assert lineage("models:/friction-estimator/1", registered).holds
 
 
 @pytest.mark.parametrize(
@@ -116,23 +110,38 @@ def test_parameters_that_no_commit_has_are_a_broken_link_that_names_them(registe
     assert "in no commit of dvc.lock" in links["dvc.lock raw/rig"]
 
 
-def test_a_parameter_that_shapes_no_model_breaks_nothing(registered: Path) -> None:
-    change(registered / "params.yaml", "tolerance_percent: 0.1", "tolerance_percent: 5.0")
-    assert lineage(URI, registered).holds
+def stored(root: Path, place: Path) -> Path:
+    """Move the raw data into a store of DVC's; returns the log that is its content."""
+    folder = root / "data/raw/rig"
+    files = [{"md5": dvc_hash(file), "relpath": file.name} for file in sorted(folder.iterdir())]
+    content = {dvc_hash(folder): json.dumps(files).encode(), files[0]["md5"]: (folder / "log.csv").read_bytes()}
+    for md5, data in content.items():
+        (place / "files/md5" / md5[:2]).mkdir(parents=True, exist_ok=True)
+        (place / "files/md5" / md5[:2] / md5[2:]).write_bytes(data)
+    shutil.rmtree(folder)
+    return place / "files/md5" / files[0]["md5"][:2] / files[0]["md5"][2:]
 
 
 def test_data_in_dvcs_cache_holds_and_is_read_to_the_last_byte(registered: Path) -> None:
-    folder = registered / "data/raw/rig"
-    files = [{"md5": dvc_hash(file), "relpath": file.name} for file in sorted(folder.iterdir())]
-    place = registered / ".dvc/cache/files/md5"
-    whole = dvc_hash(folder)
-    for md5, content in [(whole, json.dumps(files).encode()), (files[0]["md5"], (folder / "log.csv").read_bytes())]:
-        (place / md5[:2]).mkdir(parents=True, exist_ok=True)
-        (place / md5[:2] / md5[2:]).write_bytes(content)
-    shutil.rmtree(folder)
+    log = stored(registered, registered / ".dvc/cache")
     assert lineage(URI, registered).holds
-    (place / files[0]["md5"][:2] / files[0]["md5"][2:]).write_bytes(b"rotten")
+    log.write_bytes(b"rotten")
     assert set(broken(lineage(URI, registered))) == {"data raw/rig"}
+
+
+def test_data_on_a_remote_holds_without_being_pulled(registered: Path, tmp_path: Path) -> None:
+    log = stored(registered, tmp_path / "shelf")
+    (registered / ".dvc").mkdir(exist_ok=True)
+    config = registered / ".dvc/config"
+    config.write_text(f"['remote \"shelf\"']\n    url = {tmp_path / 'shelf'}\n", encoding="utf-8")
+    found = {link.name: link for link in lineage(URI, registered).links}["data raw/rig"]
+    assert (found.holds, found.found) == (True, "on DVC's remote 'shelf'")
+    log.unlink()
+    assert set(broken(lineage(URI, registered))) == {"data raw/rig"}
+    config.write_text("['remote \"cloud\"']\n    url = gs://bucket\n", encoding="utf-8")
+    links = broken(lineage(URI, registered))
+    assert set(links) == {"data raw/rig"}
+    assert "; DVC's remote 'cloud' cannot be read (" in links["data raw/rig"]
 
 
 def logged(root: Path, name: str) -> Path:
@@ -173,12 +182,15 @@ def in_json_tag(tag: str, key: str, value: object) -> Callable[[Path], None]:
     return tamper
 
 
-def register_run_deleted(root: Path) -> None:
-    client = MlflowClient(tracking_uri(root))
-    experiment = client.get_experiment_by_name("cylinder-friction")
-    assert experiment is not None
-    for run in client.search_runs([experiment.experiment_id], "attributes.run_name = 'register'"):
-        client.delete_run(run.info.run_id)
+def run_deleted(name: str) -> Callable[[Path], None]:
+    def delete(root: Path) -> None:
+        client = MlflowClient(tracking_uri(root))
+        experiment = client.get_experiment_by_name("cylinder-friction")
+        assert experiment is not None
+        for run in client.search_runs([experiment.experiment_id], f"attributes.run_name = '{name}'"):
+            client.delete_run(run.info.run_id)
+
+    return delete
 
 
 def model_swapped(root: Path) -> None:
@@ -214,7 +226,9 @@ TAMPERING: dict[str, tuple[Callable[[Path], None], set[str]]] = {
     "tag of the incumbent": (in_tag("gate_incumbent", '{"errors_percent": {"1": 9.0, "2": 9.0}}'), {"gate"}),
     "tag of the reason": (in_tag("gate_reason", "promoted: much better"), {"gate"}),
     "tag of the decision": (in_tag("gate_decision", "refused"), {"gate"}),
-    "run of register": (register_run_deleted, {"gate"}),
+    "run of train": (run_deleted("train"), {"run"}),
+    "run of register": (run_deleted("register"), {"gate"}),
+    "all files": (lambda root: shutil.rmtree(root / "mlartifacts"), {"model", "tags", "code", "parameters"}),
     "code in the commit": (commits_that_do_not_have_the_code, {"code", "model's files"}),
     "raw data": (lambda root: change(root / "data/raw/rig/log.csv", "10.5", "99.0"), {"data raw/rig"}),
 }  # fmt: skip
@@ -248,39 +262,6 @@ def test_code_that_no_commit_has_breaks_the_way_back(pipeline: Path) -> None:
     links = broken(lineage(URI, pipeline))
     assert links["git commit"] == "the code that ran is in no commit of this repository"
     assert links["code"] == "what record, search, train ran is not the code in commit unknown"
-
-
-def test_data_on_a_remote_holds_without_being_pulled(registered: Path, tmp_path: Path) -> None:
-    folder, shelf = registered / "data/raw/rig", tmp_path / "shelf"
-    whole = dvc_hash(folder)
-    files = [{"md5": dvc_hash(file), "relpath": file.name} for file in sorted(folder.iterdir())]
-    stored = {whole: json.dumps(files).encode(), files[0]["md5"]: (folder / "log.csv").read_bytes()}
-    for md5, content in stored.items():
-        (shelf / "files/md5" / md5[:2]).mkdir(parents=True, exist_ok=True)
-        (shelf / "files/md5" / md5[:2] / md5[2:]).write_bytes(content)
-    (registered / ".dvc").mkdir(exist_ok=True)
-    (registered / ".dvc/config").write_text(f"['remote \"shelf\"']\n    url = {shelf}\n", encoding="utf-8")
-    shutil.rmtree(folder)
-    found = {link.name: link for link in lineage(URI, registered).links}["data raw/rig"]
-    assert (found.holds, found.found) == (True, "on DVC's remote 'shelf'")
-    (shelf / "files/md5" / files[0]["md5"][:2] / files[0]["md5"][2:]).unlink()
-    assert set(broken(lineage(URI, registered))) == {"data raw/rig"}
-    (registered / ".dvc/config").write_text("['remote \"cloud\"']\n    url = gs://bucket\n", encoding="utf-8")
-    links = broken(lineage(URI, registered))
-    assert set(links) == {"data raw/rig"}
-    assert "; DVC's remote 'cloud' cannot be read (" in links["data raw/rig"]
-
-
-def test_a_model_whose_files_are_gone_is_a_broken_link(registered: Path) -> None:
-    shutil.rmtree(registered / "mlartifacts")
-    links = broken(lineage(URI, registered))
-    assert {"model", "tags", "parameters"} <= set(links)
-
-
-def test_a_deleted_run_is_a_broken_link(registered: Path) -> None:
-    client = MlflowClient(tracking_uri(registered))
-    client.delete_run(client.get_model_version("friction-estimator", "1").run_id or "")
-    assert set(broken(lineage(URI, registered))) == {"run"}
 
 
 def test_outputs_have_the_last_word_in_dvc_lock() -> None:

@@ -83,11 +83,3 @@ def test_what_was_measured_of_one_run_is_never_given_to_another(root: Path) -> N
     record = ran(root, RunRecord("label"))
     other = run_of(root, log_run(replace(record, metrics={"rows": 5.0}), root))
     assert set(other.data.metrics) == {"rows"}
-
-
-def test_times_are_no_part_of_a_record() -> None:
-    timed = RunRecord("search", children=(RunRecord("trial 0", times=Times(1, 2)),), times=Times(1, 2))
-    untimed = RunRecord("search", children=(RunRecord("trial 0"),))
-    assert timed == untimed
-    assert timed.to_dict() == untimed.to_dict()
-    assert timed.key() == untimed.key()

@@ -49,7 +49,8 @@ def test_the_logged_model_carries_all_it_needs_and_no_pickle(pipeline: Path) -> 
 
 
 def test_the_logged_model_appears_as_registered_with_its_errors_and_what_they_were_measured_on(pipeline: Path) -> None:
-    registered_in(pipeline)
+    for _ in range(2):  # once more changes nothing
+        registered_in(pipeline)
     client = MlflowClient(tracking_uri(pipeline))
     (version,) = versions(pipeline)
     model = client.get_logged_model(str(version.source).removeprefix("models:/"))
@@ -65,15 +66,6 @@ def test_the_logged_model_appears_as_registered_with_its_errors_and_what_they_we
         assert (metric.dataset_name, metric.dataset_digest) == (test.name, test.digest)
     execution = client.get_run(run.data.tags["mlflow.parentRunId"])
     assert [each.model_id for each in execution.outputs.model_outputs] == [model.model_id]
-
-
-def test_a_version_that_is_made_again_is_shown_once(pipeline: Path) -> None:
-    registered_in(pipeline)
-    registered_in(pipeline)
-    client = MlflowClient(tracking_uri(pipeline))
-    (version,) = versions(pipeline)
-    model = client.get_logged_model(str(version.source).removeprefix("models:/"))
-    assert len(json.loads(model.tags["mlflow.modelVersions"])) == 1
 
 
 def test_a_logged_model_that_learns_the_sensors_offset_gives_what_its_step_does(

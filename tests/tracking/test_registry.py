@@ -46,16 +46,13 @@ def test_the_first_candidate_is_promoted_and_tagged_with_the_way_back(pipeline: 
     run = MlflowClient(tracking_uri(pipeline)).get_run(version.run_id or "")
     assert run.info.run_name == "train"
     assert f"models:/{run.outputs.model_outputs[0].model_id}" == version.source
+    assert register(candidate_in(pipeline), pipeline, measured) == registered
+    assert len(versions(pipeline)) == 1, "it is registered once and decided once"
 
 
-def test_the_same_model_is_registered_once_and_decided_once(pipeline: Path) -> None:
-    first = register(candidate_in(pipeline), pipeline, measured)
-    assert register(candidate_in(pipeline), pipeline, measured) == first
-    assert len(versions(pipeline)) == 1
-
-
-def test_a_refused_candidate_is_a_version_that_says_why(pipeline: Path) -> None:
-    register(candidate_in(pipeline), pipeline, measured)
+def test_a_refused_candidate_is_a_version_that_says_why_and_a_better_one_takes_the_place(pipeline: Path) -> None:
+    old = candidate_in(pipeline)
+    register(old, pipeline, measured)
     other_model(pipeline)
     refused = register(candidate_in(pipeline, {"1": 1.0, "2": 2.5}), pipeline, measured)
     assert not refused.promote
@@ -65,18 +62,12 @@ def test_a_refused_candidate_is_a_version_that_says_why(pipeline: Path) -> None:
     assert "worse in condition 2: 2.500 % against 2.000 %" in second.tags["gate_reason"]
     assert (second.description or "").startswith("**Refused: worse in condition 2: 2.500 % against 2.000 %")
     assert "promoted" not in second.tags
-
-
-def test_a_better_one_takes_the_place_and_says_from_whom(pipeline: Path) -> None:
-    old = candidate_in(pipeline)
-    register(old, pipeline, measured)
     other_model(pipeline)
     better = register(candidate_in(pipeline, {"1": 1.0, "2": 1.0}), pipeline, measured)
     assert better.incumbent is not None
     assert better.incumbent.model_key == old.model_key
-    _, second = versions(pipeline)
-    assert champion(pipeline) == str(second.version)
-    assert second.tags["promoted"].split(" by ")[0] == "from version 1"
+    assert champion(pipeline) == "3"
+    assert versions(pipeline)[2].tags["promoted"].split(" by ")[0] == "from version 1"
 
 
 def test_the_incumbents_figures_are_measured_whatever_its_tags_say(pipeline: Path) -> None:

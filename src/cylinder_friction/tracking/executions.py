@@ -11,12 +11,12 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from mlflow.entities import Metric, Param, Run, RunTag
-from mlflow.utils.mlflow_tags import MLFLOW_RUN_NOTE, MLFLOW_SOURCE_NAME
+from mlflow.entities import Dataset as MlflowDataset
+from mlflow.entities import DatasetInput, InputTag, Metric, Param, Run, RunTag
+from mlflow.types import ColSpec, DataType, Schema, TensorSpec
+from mlflow.utils.mlflow_tags import MLFLOW_DATASET_CONTEXT, MLFLOW_RUN_NOTE, MLFLOW_SOURCE_NAME
 
-from cylinder_friction.recordings.files import read_json
-from cylinder_friction.run_record import RUNS_FOLDER, STAGES, RunRecord, comes_after
-from cylinder_friction.tracking.datasets import dataset_input
+from cylinder_friction.run_record import STAGES, Dataset, RunRecord, comes_after, records_in
 from cylinder_friction.tracking.store import Store
 
 STAGE_TAG = "stage"
@@ -25,6 +25,14 @@ EXECUTION = "pipeline"
 _KEYS = "stage_keys"
 _RAN = "stages_run"
 _SHOWN_DATA = ("train", "compare")
+_LONGEST_DIGEST = 36
+_TYPES = {
+    "double": DataType.double,
+    "float": DataType.float,
+    "int64": DataType.long,
+    "int32": DataType.integer,
+    "bool": DataType.boolean,
+}
 
 
 def execution_of(store: Store, record: RunRecord, root: Path, tags: dict[str, str], started_ms: int) -> str:
@@ -37,7 +45,7 @@ def execution_of(store: Store, record: RunRecord, root: Path, tags: dict[str, st
         tags: Commit, user and so on of an execution that is made.
         started_ms: When it began then [ms since 1970].
     """
-    keys = {stage: each.key() for stage, each in _records(root).items()} | {record.name: record.key()}
+    keys = {stage: each.key() for stage, each in records_in(root).items()} | {record.name: record.key()}
     before = {stage: key for stage, key in keys.items() if comes_after(record.name, stage)}
     executions = _executions(store)
     found = _find(executions, record.name, keys)
@@ -55,7 +63,7 @@ def stage_ended(store: Store, run_id: str, record: RunRecord, root: Path, ended_
     """Show in the run of an execution what one of its stages came to: what was trained, and the errors of that."""
     run = store.client.get_run(run_id)
     ran = sorted({*filter(None, run.data.tags[_RAN].split(", ")), record.name}, key=STAGES.index)
-    known = {**_records(root), record.name: record}
+    known = {**records_in(root), record.name: record}
     known = {stage: known[stage] for stage, key in _keys(run).items() if stage in known and known[stage].key() == key}
     params = [Param(name, str(value)) for name, value in (known["train"].params if "train" in known else {}).items()]
     metrics = [
@@ -83,6 +91,32 @@ def allowed(name: str) -> str:
     return re.sub(r"[^\w\-./: ]", "_", name)
 
 
+def dataset_input(role: str, dataset: Dataset) -> DatasetInput:
+    """Return a dataset as the input of a run; in MLflow what a run wrote is an input too, so its context states it.
+
+    Its source is a path within the repository, which MLflow resolves wherever it is.
+    """
+    columns: list[ColSpec | TensorSpec] = [
+        ColSpec(_TYPES.get(kind, DataType.string), name) for name, kind in dataset.columns.items()
+    ]
+    return DatasetInput(
+        MlflowDataset(
+            name=role,
+            digest=digest_of(dataset),
+            source_type="local",
+            source=json.dumps({"uri": dataset.path}),
+            schema=json.dumps({"mlflow_colspec": Schema(columns).to_dict()}) if columns else None,
+            profile=json.dumps({"num_rows": dataset.rows, "num_elements": dataset.rows * len(dataset.columns)}),
+        ),
+        [InputTag(MLFLOW_DATASET_CONTEXT, "written" if dataset.written else role)],
+    )
+
+
+def digest_of(dataset: Dataset) -> str:
+    """Return the digest by which MLflow knows a dataset: as much of its SHA-256 as MLflow takes."""
+    return dataset.sha256[:_LONGEST_DIGEST]
+
+
 def _executions(store: Store) -> list[Run]:
     """Return the runs of all executions, the newest first."""
     return list(store.client.search_runs([store.experiment_id], f"tags.{STAGE_TAG} = '{EXECUTION}'"))
@@ -103,14 +137,3 @@ def _keys(run: Run) -> dict[str, str]:
 def _next_number(executions: Sequence[Run]) -> int:
     numbers = [(run.info.run_name or "").removeprefix(f"{EXECUTION} ") for run in executions]
     return 1 + max((int(number) for number in numbers if number.isdigit()), default=0)
-
-
-def _records(root: Path) -> dict[str, RunRecord]:
-    """Return the records that lie in the repository, by stage; one that cannot be read is left out."""
-    records = {}
-    for stage in STAGES:
-        try:
-            records[stage] = RunRecord.from_dict(read_json(root / RUNS_FOLDER / f"{stage}.json"))
-        except (OSError, ValueError, TypeError):
-            continue
-    return records

@@ -4,13 +4,21 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any, Literal, Self
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import BeforeValidator, PlainSerializer, TypeAdapter
 
 from cylinder_friction.tracking.versions import Origin
 
-Errors = dict[str, float]  # Error by condition [percent of mean |friction|], against the candidate's ``reference``
-
+_Error = Annotated[
+    float,
+    BeforeValidator(lambda value: math.nan if value is None else value),
+    PlainSerializer(lambda value: value if math.isfinite(value) else None),
+]
+Errors = dict[str, _Error]
+"""Error by condition [percent of mean |friction|], against the candidate's ``reference``; null in a file if it is no
+number."""
 
 CANDIDATE_KEY = "candidate_key"
 """Tag of a version, of its logged model and of the run of ``register`` by which a candidate is recognised."""
@@ -64,22 +72,13 @@ class Registered:
     incumbent: Incumbent | None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content of its file; an error that is no number is null there."""
-        content = asdict(self)
-        for part in filter(None, (content["candidate"], content["incumbent"])):
-            figures = part["errors_percent"]
-            part["errors_percent"] = {key: value if math.isfinite(value) else None for key, value in figures.items()}
+        """Return the content of its file."""
+        content: dict[str, Any] = TypeAdapter(Registered).dump_python(self)
         return content
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Self:
-        stored = content["candidate"]
-        origin = Origin(**stored["origin"])
-        candidate = Candidate(**{**stored, "errors_percent": _numbers(stored["errors_percent"]), "origin": origin})
-        incumbent = content["incumbent"]
-        if incumbent is not None:
-            incumbent = Incumbent(incumbent["model_key"], _numbers(incumbent["errors_percent"]))
-        return cls(**{**content, "candidate": candidate, "incumbent": incumbent})
+        return TypeAdapter(cls).validate_python(content)
 
 
 @dataclass(frozen=True)
@@ -107,14 +106,13 @@ def decide(candidate: Mapping[str, float], incumbent: Mapping[str, float] | None
     """
     if not (math.isfinite(tolerance_percent) and tolerance_percent >= 0.0):
         raise ValueError(f"tolerance_percent must be a number not below 0, but got {tolerance_percent!r}")
-    unusable = _unusable("candidate", candidate)
-    if unusable is not None:
-        return Decision(False, unusable)
+    problem = _problem(
+        {"candidate": candidate} if incumbent is None else {"candidate": candidate, "incumbent": incumbent}
+    )
+    if problem is not None:
+        return Decision(False, f"refused: {problem}")
     if incumbent is None:
         return Decision(True, f"promoted: there is no incumbent; mean error {_mean(candidate):.3f} %")
-    unusable = _unusable("incumbent", incumbent) or _uncompared(candidate, incumbent)
-    if unusable is not None:
-        return Decision(False, unusable)
     new, old = _mean(candidate), _mean(incumbent)
     means = f"mean error {new:.3f} % against the incumbent's {old:.3f} %"
     worse = [
@@ -139,29 +137,18 @@ def decide(candidate: Mapping[str, float], incumbent: Mapping[str, float] | None
     return Decision(True, f"promoted: better overall, {means}{tolerated or '; worse in no condition'}")
 
 
-def _numbers(figures: Mapping[str, float | None]) -> Errors:
-    return {name: math.nan if value is None else value for name, value in figures.items()}
-
-
-def _unusable(who: str, errors: Mapping[str, float]) -> str | None:
-    if not errors:
-        return f"refused: the {who} has no error in any condition; run the compare stage"
-    for condition in sorted(errors):
-        if not (math.isfinite(errors[condition]) and errors[condition] >= 0.0):
-            return (
-                f"refused: the {who}'s error in condition {condition} is {errors[condition]}, but expected a number "
-                "not below 0"
-            )
-    return None
-
-
-def _uncompared(candidate: Mapping[str, float], incumbent: Mapping[str, float]) -> str | None:
-    for who, missing in (
-        ("candidate", sorted(set(incumbent) - set(candidate))),
-        ("incumbent", sorted(set(candidate) - set(incumbent))),
-    ):
+def _problem(compared: Mapping[str, Mapping[str, float]]) -> str | None:
+    """Return why these errors, by model and condition, cannot be compared."""
+    for who, errors in compared.items():
+        if not errors:
+            return f"the {who} has no error in any condition; run the compare stage"
+        for condition, error in sorted(errors.items()):
+            if not (math.isfinite(error) and error >= 0.0):
+                return f"the {who}'s error in condition {condition} is {error}, but expected a number not below 0"
+    for who, errors in compared.items():
+        missing = sorted(set().union(*compared.values()) - set(errors))
         if missing:
-            return f"refused: the {who} has no error in condition {', '.join(missing)}; both need the same conditions"
+            return f"the {who} has no error in condition {', '.join(missing)}; both need the same conditions"
     return None
 
 

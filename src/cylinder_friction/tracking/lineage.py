@@ -2,8 +2,9 @@
 
 import json
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -73,6 +74,10 @@ class Lineage:
         return "\n".join(lines)
 
 
+class _BrokenLinkError(Exception):
+    """A link does not hold; the message states what was found."""
+
+
 def lineage(uri: str, root: Path) -> Lineage:
     """Follow the way back from ``models:/<name>@<alias>`` or ``models:/<name>/<version>`` and check every link.
 
@@ -84,20 +89,34 @@ def lineage(uri: str, root: Path) -> Lineage:
     with open_store(root, create=False) as store, tempfile.TemporaryDirectory() as scratch:
         version = version_of(store, uri)
         folder = _download(store, version, Path(scratch))
-        origin = _origin(folder)
-        links = [
-            _run_link(store, version),
-            _commit_link(root, version),
-            _code_link(root, origin),
-            *_model_links(store, folder, version),
-            _tags_link(origin, version),
-            _gate_link(store, version),
-            *_data_links(root, origin),
-            _params_link(root, origin),
+        path = None if folder is None else artifact_path(folder, LINEAGE_ARTIFACT)
+        origin: dict[str, Any] = {} if path is None else json.loads(path.read_text(encoding="utf-8"))
+        checks: list[tuple[str, Callable[[], str]]] = [
+            ("run", partial(_run, store, version)),
+            ("git commit", partial(_commit, root, version)),
+            ("code", partial(_code, root, origin)),
+            ("model", partial(_model, store, folder, version, MODEL_KEY)),
+            *([("model's files", partial(_model, store, folder, version, CONTENT_KEY))] if folder else []),
+            ("tags", partial(_tags, origin, version)),
+            ("gate", partial(_gate, store, version)),
         ]
+        data: dict[str, str] = origin.get("data", {})
+        for each in sorted(data, key=lambda each: (each != origin["raw"], each)):  # from the beginning on
+            name = each.removeprefix("data/")
+            checks.append((f"{LOCK_FILE} {name}", partial(_locked, root, each, data[each])))
+            checks.append((f"data {name}", partial(_data, root, each, data[each])))
+        checks.append(("parameters", partial(_params, root, origin)))
+        links = tuple(_followed(name, check) for name, check in checks)
     return Lineage(
-        f"{version.name} version {version.version} ({version.tags.get('gate_reason', 'no decision')})", tuple(links)
+        f"{version.name} version {version.version} ({version.tags.get('gate_reason', 'no decision')})", links
     )
+
+
+def _followed(name: str, check: Callable[[], str]) -> FoundLink:
+    try:
+        return FoundLink(name, True, check())
+    except _BrokenLinkError as broken:
+        return FoundLink(name, False, str(broken))
 
 
 def _download(store: Store, version: ModelVersion, scratch: Path) -> Path | None:
@@ -107,77 +126,65 @@ def _download(store: Store, version: ModelVersion, scratch: Path) -> Path | None
         return None
 
 
-def _origin(folder: Path | None) -> dict[str, Any]:
-    if folder is None:
-        return {}
-    content: dict[str, Any] = json.loads(artifact_path(folder, LINEAGE_ARTIFACT).read_text(encoding="utf-8"))
-    return content
-
-
-def _run_link(store: Store, version: ModelVersion) -> FoundLink:
+def _run(store: Store, version: ModelVersion) -> str:
     try:
         run = store.client.get_run(version.run_id or "")
     except MlflowException:
-        return FoundLink("run", False, f"{version.run_id}: not in the store")
-    whole = run.info.lifecycle_stage == "active" and run.info.status == "FINISHED"
-    return FoundLink(
-        "run", whole, f"{run.info.run_name} {run.info.run_id} ({run.info.status.lower()}, {run.info.lifecycle_stage})"
-    )
+        raise _BrokenLinkError(f"{version.run_id}: not in the store") from None
+    found = f"{run.info.run_name} {run.info.run_id} ({run.info.status.lower()}, {run.info.lifecycle_stage})"
+    if (run.info.lifecycle_stage, run.info.status) != ("active", "FINISHED"):
+        raise _BrokenLinkError(found)
+    return found
 
 
-def _commit_link(root: Path, version: ModelVersion) -> FoundLink:
+def _commit(root: Path, version: ModelVersion) -> str:
     origin = json.loads(version.tags.get(LINEAGE, "{}"))
     sha = origin.get("git_commit", "unknown")
     if sha == "unknown":
-        return FoundLink("git commit", False, "the code that ran is in no commit of this repository")
+        raise _BrokenLinkError("the code that ran is in no commit of this repository")
     if git(root, "cat-file", "-e", f"{sha}^{{commit}}") is None:
-        return FoundLink("git commit", False, f"{sha}: not in this repository; fetch the branch that holds it")
-    subject = git(root, "show", "-s", "--format=%s", sha)
-    if origin.get("git_dirty") is not False:
-        return FoundLink("git commit", True, f"{sha[:12]} {subject} (with changes that were not committed)")
-    return FoundLink("git commit", True, f"{sha[:12]} {subject}")
+        raise _BrokenLinkError(f"{sha}: not in this repository; fetch the branch that holds it")
+    dirty = "" if origin.get("git_dirty") is False else " (with changes that were not committed)"
+    return f"{sha[:12]} {git(root, 'show', '-s', '--format=%s', sha)}{dirty}"
 
 
-def _code_link(root: Path, origin: dict[str, Any]) -> FoundLink:
+def _code(root: Path, origin: dict[str, Any]) -> str:
     """The commit must hold the code that each stage ran with, by its hash."""
     codes, sha = origin.get("code", {}), origin.get("sha", "unknown")
     unknown = [stage for stage, code in codes.items() if not code]
     if not codes or unknown:
-        return FoundLink(
-            "code", False, f"{', '.join(unknown) or 'no stage'}: no hash of the code that ran; run `dvc repro -f`"
-        )
+        raise _BrokenLinkError(f"{', '.join(unknown) or 'no stage'}: no hash of the code that ran; run `dvc repro -f`")
     other = [stage for stage, code in codes.items() if code_at(root, sha, stage) != code]
     if other:
-        return FoundLink("code", False, f"what {', '.join(other)} ran is not the code in commit {sha[:12]}")
-    return FoundLink("code", True, f"of {', '.join(codes)} is that of the commit")
+        raise _BrokenLinkError(f"what {', '.join(other)} ran is not the code in commit {sha[:12]}")
+    return f"of {', '.join(codes)} is that of the commit"
 
 
-def _model_links(store: Store, folder: Path | None, version: ModelVersion) -> Iterator[FoundLink]:
+def _model(store: Store, folder: Path | None, version: ModelVersion, key: str) -> str:
+    """The tag ``key`` of the version and of its logged model must be the hash of what lies in the store."""
     if folder is None:
-        yield FoundLink("model", False, f"its artifacts at {version.source} cannot be read")
-        return
+        raise _BrokenLinkError(f"its artifacts at {version.source} cannot be read")
     logged = store.client.get_logged_model(str(version.source).removeprefix("models:/"))
-    whole, estimator = hash_of(folder, WRITTEN_ON_LOADING), hash_of(artifact_path(folder, ESTIMATOR_ARTIFACT))
-    for name, key, found in (("model", MODEL_KEY, estimator), ("model's files", CONTENT_KEY, whole)):
-        expected = {version.tags.get(key, "unknown"), logged.tags.get(key, "unknown")}
-        if expected == {found}:
-            yield FoundLink(name, True, f"content {found[:12]}…")
-        else:
-            stated = ", ".join(f"{each[:12]}…" for each in sorted(expected))
-            yield FoundLink(name, False, f"their hash is {found[:12]}…, but the version was made of {stated}")
+    whole = key == CONTENT_KEY
+    found = hash_of(folder, WRITTEN_ON_LOADING) if whole else hash_of(artifact_path(folder, ESTIMATOR_ARTIFACT))
+    expected = {version.tags.get(key, "unknown"), logged.tags.get(key, "unknown")}
+    if expected != {found}:
+        stated = ", ".join(f"{each[:12]}…" for each in sorted(expected))
+        raise _BrokenLinkError(f"their hash is {found[:12]}…, but the version was made of {stated}")
+    return f"content {found[:12]}…"
 
 
-def _tags_link(origin: dict[str, Any], version: ModelVersion) -> FoundLink:
+def _tags(origin: dict[str, Any], version: ModelVersion) -> str:
     """The tags that a browser shows and the file inside the model must agree."""
     if "gate" not in origin:
-        return FoundLink("tags", False, "there is no lineage.json to compare them with")
+        raise _BrokenLinkError("there is no lineage.json to compare them with")
     differing = [key for key, value in tags_of(origin).items() if version.tags.get(key) != value]
     if differing:
-        return FoundLink("tags", False, f"{', '.join(differing)} differ from the lineage.json inside the model")
-    return FoundLink("tags", True, "agree with the lineage.json inside the model")
+        raise _BrokenLinkError(f"{', '.join(differing)} differ from the lineage.json inside the model")
+    return "agree with the lineage.json inside the model"
 
 
-def _gate_link(store: Store, version: ModelVersion) -> FoundLink:
+def _gate(store: Store, version: ModelVersion) -> str:
     """The figures must lead to the decision that is stated, and be those of the run of ``register``."""
     tags = version.tags
     try:
@@ -186,48 +193,45 @@ def _gate_link(store: Store, version: ModelVersion) -> FoundLink:
         decision = decide(gate["errors_percent"], figures, gate["tolerance_percent"])
         stated = Decision(tags[DECISION] == "promoted", tags["gate_reason"])
     except (KeyError, ValueError, TypeError) as error:
-        return FoundLink("gate", False, f"it left no decision that can be checked ({type(error).__name__}: {error})")
+        raise _BrokenLinkError(f"it left no decision that can be checked ({type(error).__name__}: {error})") from error
     if decision != stated and stated.reason != REFUSED_ROLLED_BACK:
-        return FoundLink("gate", False, f"its figures lead to {decision.reason!r}, but it states {stated.reason!r}")
+        raise _BrokenLinkError(f"its figures lead to {decision.reason!r}, but it states {stated.reason!r}")
     query = f"attributes.run_name = 'register' and tags.{CANDIDATE_KEY} = '{tags.get(CANDIDATE_KEY)}'"
-    runs = store.client.search_runs([store.experiment_id], query)
-    if any(
-        {**run.data.metrics, **error_metrics(gate["errors_percent"])} == run.data.metrics
-        and run.data.tags.get("gate_reason") == stated.reason
-        for run in runs
-    ):
-        return FoundLink("gate", True, stated.reason)
-    return FoundLink("gate", False, f"no run of register in {store.uri} has its figures; run `cylinder-friction track`")
+    figures = error_metrics(gate["errors_percent"])
+    for run in store.client.search_runs([store.experiment_id], query):
+        if figures.items() <= run.data.metrics.items() and run.data.tags.get("gate_reason") == stated.reason:
+            return stated.reason
+    raise _BrokenLinkError(f"no run of register in {store.uri} has its figures; run `cylinder-friction track`")
 
 
-def _data_links(root: Path, origin: dict[str, Any]) -> Iterator[FoundLink]:
-    data = origin.get("data", {})
-    for path in sorted(data, key=lambda path: (path != origin["raw"], path)):  # from the beginning on
-        md5 = data[path]
-        locked = _where_in_history(
-            root, LOCK_FILE, lambda text, path=path, md5=md5: locked_hashes(text).get(path) == md5  # type: ignore[misc]
-        )  # fmt: skip
-        name = f"{LOCK_FILE} {path.removeprefix('data/')}"
-        yield FoundLink(
-            name, locked is not None, f"{md5} {f'in {locked}' if locked else f'in no commit of {LOCK_FILE}'}"
-        )
-        yield FoundLink(f"data {path.removeprefix('data/')}", *where_data_lies(root, path, md5))
+def _locked(root: Path, path: str, md5: str) -> str:
+    where = _where_in_history(root, LOCK_FILE, lambda text: locked_hashes(text).get(path) == md5)
+    if where is None:
+        raise _BrokenLinkError(f"{md5} in no commit of {LOCK_FILE}")
+    return f"{md5} in {where}"
 
 
-def _params_link(root: Path, origin: dict[str, Any]) -> FoundLink:
+def _data(root: Path, path: str, md5: str) -> str:
+    lies, where = where_data_lies(root, path, md5)
+    if not lies:
+        raise _BrokenLinkError(where)
+    return where
+
+
+def _params(root: Path, origin: dict[str, Any]) -> str:
     if not origin:
-        return FoundLink("parameters", False, "there is no lineage.json to read them from")
+        raise _BrokenLinkError("there is no lineage.json to read them from")
     expected = origin["params_sha256"]
     if params_hash(origin["params"]) != expected:
-        return FoundLink("parameters", False, "those inside the model are not those it was registered with")
+        raise _BrokenLinkError("those inside the model are not those it was registered with")
     where = _where_in_history(
         root, PARAMS_FILE, lambda text: params_hash(shaping_params(yaml.safe_load(text) or {})) == expected
     )
-    if where is not None:
-        return FoundLink("parameters", True, f"{expected[:12]}… in {where}")
-    path = root / PARAMS_FILE
-    now = shaping_params(yaml.safe_load(path.read_text(encoding="utf-8")) or {}) if path.is_file() else {}
-    return FoundLink("parameters", False, f"{_differences(origin['params'], now)}, and no commit has them as they were")
+    if where is None:
+        path = root / PARAMS_FILE
+        now = shaping_params(yaml.safe_load(path.read_text(encoding="utf-8")) or {}) if path.is_file() else {}
+        raise _BrokenLinkError(f"{_differences(origin['params'], now)}, and no commit has them as they were")
+    return f"{expected[:12]}… in {where}"
 
 
 def _where_in_history(root: Path, file: str, fits: Callable[[str], bool]) -> str | None:

@@ -3,13 +3,12 @@
 import getpass
 import logging
 import os
-from collections.abc import Iterator
 from pathlib import Path
-from typing import TypeVar
 
 import pandas as pd
 from mlflow.entities import LoggedModelInput, Metric, Param, Run
 from mlflow.exceptions import MlflowException
+from mlflow.utils import chunk_list
 from mlflow.utils.mlflow_tags import (
     MLFLOW_GIT_COMMIT,
     MLFLOW_PARENT_RUN_ID,
@@ -22,8 +21,14 @@ from mlflow.utils.mlflow_tags import (
 from cylinder_friction.evaluation.reported import ERROR_PERCENT
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.run_record import STAGES, RunRecord, Times
-from cylinder_friction.tracking.datasets import dataset_input, digest_of
-from cylinder_friction.tracking.executions import STAGE_TAG, allowed, execution_of, stage_ended
+from cylinder_friction.tracking.executions import (
+    STAGE_TAG,
+    allowed,
+    dataset_input,
+    digest_of,
+    execution_of,
+    stage_ended,
+)
 from cylinder_friction.tracking.gate import CANDIDATE_KEY
 from cylinder_friction.tracking.measurement import times_of, with_times
 from cylinder_friction.tracking.repository import Commit, TrackingError, commit_of
@@ -34,8 +39,6 @@ TIMES_UNKNOWN = "of logging: the stage ran on another machine"
 _METRICS_A_REQUEST = 1000
 _PARAMS_A_REQUEST = 100
 _LONGEST_PARAM = 6000
-
-_Item = TypeVar("_Item")
 
 _log = logging.getLogger(__name__)
 
@@ -153,8 +156,8 @@ def _measured_model(store: Store, record: RunRecord) -> str | None:
 
 def _write_values(store: Store, run_id: str, record: RunRecord, times: Times, model_id: str | None) -> None:
     params = [Param(allowed(key), str(value)[:_LONGEST_PARAM]) for key, value in record.params.items()]
-    for params_chunk in _chunks(params, _PARAMS_A_REQUEST):
-        store.client.log_batch(run_id, params=params_chunk)
+    for some in chunk_list(params, _PARAMS_A_REQUEST):
+        store.client.log_batch(run_id, params=some)
     metrics = [Metric(allowed(name), value, times.ended_ms, 0) for name, value in record.metrics.items()]
     if model_id is not None and len(record.datasets) == 1:
         ((role, dataset),) = record.datasets.items()
@@ -176,8 +179,8 @@ def _write_values(store: Store, run_id: str, record: RunRecord, times: Times, mo
 
 
 def _write_metrics(store: Store, run_id: str, metrics: list[Metric]) -> None:
-    for chunk in _chunks(metrics, _METRICS_A_REQUEST):
-        store.client.log_batch(run_id, metrics=chunk)
+    for some in chunk_list(metrics, _METRICS_A_REQUEST):
+        store.client.log_batch(run_id, metrics=some)
 
 
 def _write_artifact(store: Store, run_id: str, root: Path, path: str) -> None:
@@ -200,8 +203,3 @@ def _refuse_changed_artifacts(record: RunRecord, root: Path) -> None:
             )
     for child in record.children:
         _refuse_changed_artifacts(child, root)
-
-
-def _chunks(items: list[_Item], size: int) -> Iterator[list[_Item]]:
-    for start in range(0, len(items), size):
-        yield items[start : start + size]

@@ -16,8 +16,8 @@ from mlflow.exceptions import MlflowException
 from mlflow.models import Model
 from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS, MLFLOW_PARENT_RUN_ID
 
-from cylinder_friction.recordings.files import hash_of, read_json
-from cylinder_friction.run_record import RUNS_FOLDER, STAGES, RunRecord
+from cylinder_friction.recordings.files import hash_of
+from cylinder_friction.run_record import STAGES, RunRecord, records_in
 from cylinder_friction.tracking.executions import allowed
 from cylinder_friction.tracking.gate import CANDIDATE_KEY, Candidate
 from cylinder_friction.tracking.log_run import log_in
@@ -163,20 +163,15 @@ def _ensure_logged_model(store: Store, candidate: Candidate, root: Path) -> Logg
 
 def _code(root: Path, trained: RunRecord) -> dict[str, str]:
     """Return the hash of the code of each stage that made the model, from the records of their runs."""
-    paths = {stage: root / RUNS_FOLDER / f"{stage}.json" for stage in _BEFORE_TRAINING}
-    before = {stage: RunRecord.from_dict(read_json(path)) for stage, path in paths.items() if path.is_file()}
-    return {stage: record.code for stage, record in {**before, trained.name: trained}.items()}
+    known = {stage: record for stage, record in records_in(root).items() if stage in _BEFORE_TRAINING}
+    return {stage: record.code for stage, record in {**known, trained.name: trained}.items()}
 
 
 def _training_record(candidate: Candidate, root: Path) -> RunRecord:
     """Return the record of the stage that made the model; a short one of its own where that file is not there."""
-    for stage in TRAINING_STAGES:
-        path = root / RUNS_FOLDER / f"{stage}.json"
-        if path.is_file():
-            record = RunRecord.from_dict(read_json(path))
-            if candidate.folder in record.artifacts:
-                return record
-    return RunRecord(name="train", artifacts={candidate.folder: candidate.model_key})
+    known = records_in(root)
+    made = [known[stage] for stage in TRAINING_STAGES if stage in known and candidate.folder in known[stage].artifacts]
+    return made[0] if made else RunRecord(name="train", artifacts={candidate.folder: candidate.model_key})
 
 
 def _refuse_changed_model(candidate: Candidate, root: Path) -> None:

@@ -9,7 +9,7 @@ from cylinder_friction.tracking.gate import Registered
 from cylinder_friction.tracking.log_run import find_run, log_in
 from cylinder_friction.tracking.registry import REGISTERED_FILE, recorded_version
 from cylinder_friction.tracking.repository import TrackingError
-from cylinder_friction.tracking.store import Store, open_store
+from cylinder_friction.tracking.store import open_store
 
 
 @dataclass(frozen=True)
@@ -48,19 +48,14 @@ def replay(root: Path) -> Replayed:
             try:
                 record = RunRecord.from_dict(read_json(path))
                 known = find_run(store, record) is not None
-                if record.name == "register":
-                    version = _version(store, root, make=not known)
-                (present if known else logged).append(record.name)
+                if record.name == "register" and (root / REGISTERED_FILE).is_file():
+                    registered = Registered.from_dict(read_json(root / REGISTERED_FILE))
+                    version = recorded_version(store, registered, root, make=not known)
                 log_in(store, record, root)
+                (present if known else logged).append(record.name)
             except (TrackingError, ValueError, TypeError) as error:
-                logged = [name for name in logged if name != path.stem]
                 problems.append(f"{path.name}: {error}")
     return Replayed(tuple(logged), tuple(present), tuple(problems), version)
-
-
-def _version(store: Store, root: Path, *, make: bool) -> str | None:
-    path = root / REGISTERED_FILE
-    return recorded_version(store, Registered.from_dict(read_json(path)), root, make=make) if path.is_file() else None
 
 
 def _place(path: Path) -> tuple[int, str]:
