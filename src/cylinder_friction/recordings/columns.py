@@ -43,3 +43,11 @@ def missing_columns(columns: Collection[str]) -> list[str]:
     """Return which required columns are missing; a drive force stands in for both pressures."""
     required = (TIME, POSITION) if DRIVE_FORCE in columns else REQUIRED_COLUMNS
     return [column for column in required if column not in columns]
+
+
+def missing_column(columns: Collection[str]) -> str:
+    """Return a sentence on the first required column that a table lacks; empty if it has all."""
+    missing = missing_columns(columns)
+    expected = f"{list(REQUIRED_COLUMNS)} (or {TIME}, {POSITION} and {DRIVE_FORCE})"
+    got = f"got columns {list(columns)}, expected at least {expected}"
+    return f"column {missing[0]!r} is missing; {got}" if missing else ""

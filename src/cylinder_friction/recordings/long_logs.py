@@ -310,7 +310,10 @@ class Draft:
     def first(self) -> RecordingPiece:
         """Return the own rows of the first part."""
         recording = read_recording(self.paths[0]).rows(self.own[0])
-        return RecordingPiece(recording.table, recording.sample_time_s, tuple(_few(self.repairs)))
+        repairs, more = self.repairs[:MOST_REPAIRS], len(self.repairs) - MOST_REPAIRS
+        if more > 0:
+            repairs.append(f"{more} more repairs in other parts of the file")
+        return RecordingPiece(recording.table, recording.sample_time_s, tuple(repairs))
 
     def checked(self, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | None) -> LongRecording:
         """Return the recording, with what ``conversion.checked`` does; of its zeros that of the longest stretch counts.
@@ -326,11 +329,6 @@ class Draft:
         findings = [length, *findings_of_parts(self.findings)]
         metadata = checked_recording(metadata, table, findings, metadata.sample_time_s).metadata
         return LongRecording(metadata, tuple(self.paths), tuple(self.own), metadata.zero_offset)
-
-
-def _few(repairs: Sequence[str]) -> list[str]:
-    more = len(repairs) - MOST_REPAIRS
-    return [*repairs[:MOST_REPAIRS], *([f"{more} more repairs in other parts of the file"] if more > 0 else [])]
 
 
 def pieces_or_drafts(

@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
-    REQUIRED_COLUMNS,
     SAMPLE_COLUMNS,
     UNCERTAINTY_COLUMN,
-    missing_columns,
+    missing_column,
 )
 
 
@@ -105,13 +104,8 @@ class Recording:
     noise: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        missing = missing_columns(self.table.columns)
-        if missing:
-            raise RecordingError(
-                f"recording {self.name!r}: column {missing[0]!r} is missing; got columns "
-                f"{list(self.table.columns)}, expected at least {list(REQUIRED_COLUMNS)} "
-                f"(or time_s, position_m and {DRIVE_FORCE})"
-            )
+        if missing := missing_column(self.table.columns):
+            raise RecordingError(f"recording {self.name!r}: {missing}")
         for name in (*SAMPLE_COLUMNS, DRIVE_FORCE):
             if name in self.table.columns:
                 values = self.column(name)

@@ -32,23 +32,19 @@ def split_sessions(
             f"expected at least 1 test, 0 validation and 0 calibration sessions, but got {test_sessions}, "
             f"{validation_sessions} and {calibration_sessions}"
         )
-    sessions = _sessions_by_condition(metadata)
+    kept = ["test"] * test_sessions + ["validation"] * validation_sessions + ["calibration"] * calibration_sessions
     roles: dict[str, str] = {}
-    for condition, names in sessions.items():
-        needed = test_sessions + validation_sessions + calibration_sessions + 1
-        if len(names) < needed:
+    for condition, names in _sessions_by_condition(metadata).items():
+        if len(names) <= len(kept):
             raise RecordingError(
                 f"condition {condition!r} has {len(names)} session{'s' if len(names) != 1 else ''} "
-                f"({', '.join(sorted(names))}), but {needed} are needed: {test_sessions} for test, "
+                f"({', '.join(sorted(names))}), but {len(kept) + 1} are needed: {test_sessions} for test, "
                 f"{validation_sessions} for validation, {calibration_sessions} for calibration and at least 1 for "
-                "training; record more sessions, lower "
-                "split.test_sessions, or make ingest.name_pattern distinguish sessions"
+                "training; record more sessions, lower split.test_sessions, or make ingest.name_pattern distinguish "
+                "sessions"
             )
-        hashes = {name: hashlib.sha256(f"{seed}/{condition}/{name}".encode()).digest() for name in names}
-        drawn = sorted(names, key=lambda name: (hashes[name], name))
-        held_out = ["test"] * test_sessions + ["validation"] * validation_sessions
-        kinds = [*held_out, *["calibration"] * calibration_sessions, *["train"] * len(drawn)]
-        roles |= zip(drawn, kinds, strict=False)
+        hashes = {hashlib.sha256(f"{seed}/{condition}/{name}".encode()).digest(): name for name in names}
+        roles |= zip([hashes[each] for each in sorted(hashes)], [*kept, *["train"] * len(names)], strict=False)
     return {role: tuple(sorted(entry.name for entry in metadata if roles[entry.session] == role)) for role in ROLES}
 
 

@@ -15,8 +15,7 @@ from cylinder_friction.recordings.columns import (
     LOAD_FORCE,
     POSITION,
     PRESSURES,
-    REQUIRED_COLUMNS,
-    missing_columns,
+    missing_column,
 )
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 
@@ -107,13 +106,8 @@ def inspect_recording(table: pd.DataFrame, limits: CheckLimits, sample_time_s: f
     ``load_alive`` and ``load_stuck``; ``direction``, ``friction_size`` and ``load_delay``. The last three need signals
     that passed and known areas.
     """
-    missing = missing_columns(table.columns)
-    if missing:
-        text = (
-            f"column {missing[0]!r} is missing; got columns {list(table.columns)}, expected at least "
-            f"{list(REQUIRED_COLUMNS)} (or time_s, position_m and {DRIVE_FORCE}); map it to a channel"
-        )
-        yield Finding("columns", "refused", text)
+    if missing := missing_column(table.columns):
+        yield Finding("columns", "refused", f"{missing}; map it to a channel")
         return
     if len(table) < 3:
         yield Finding("length", "refused", f"has {len(table)} rows, expected at least 3")

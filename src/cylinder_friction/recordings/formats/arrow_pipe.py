@@ -1,7 +1,5 @@
 """Messages and tables over a pipe between two processes: lines of JSON, and Arrow IPC for numbers. No pickle."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Sequence
 from typing import IO, Any

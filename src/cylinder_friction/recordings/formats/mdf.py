@@ -91,10 +91,9 @@ def _refuse_absurd_records(group: Any, size: int) -> None:
             f"claims {samples} samples of {record} bytes in a file of {size}; it is damaged; copy it again"
         )
     for channel in group.channels:
-        if hasattr(channel, "byte_offset"):
-            end = channel.byte_offset + (channel.bit_offset + channel.bit_count + 7) // 8
-        else:
-            end = (channel.start_offset + channel.bit_count + 7) // 8
+        in_bytes = hasattr(channel, "byte_offset")
+        start = 8 * channel.byte_offset + channel.bit_offset if in_bytes else channel.start_offset
+        end = (start + channel.bit_count + 7) // 8
         if end > max(record, 8) and channel.bit_count:
             raise RecordingError(
                 f"channel {channel.name!r} lies at byte {end} of a record of {record} bytes; it is damaged; "

@@ -1,5 +1,6 @@
 """Where each column of a recording comes from: a logger's channel, its unit, its sensor, and which way it counts."""
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -170,15 +171,14 @@ def check_mapping(mapping: Mapping[str, ChannelMapping]) -> None:
     missing = missing_columns(mapping)
     if missing:
         raise RecordingError(f"column {missing[0]!r} has no channel; name the logger's channel that holds it")
-    for number, (column, source) in enumerate(mapping.items()):
+    for column, source in mapping.items():
         _check_column(column, source)
-        for user, other in list(mapping.items())[:number]:
-            one_table = other.table == source.table or not (other.table and source.table)
-            if other.channel == source.channel and one_table:
-                raise RecordingError(
-                    f"channel {source.channel!r} is to fill both {user!r} and {column!r}; expected one column "
-                    "per channel"
-                )
+    for (user, other), (column, source) in itertools.combinations(mapping.items(), 2):
+        one_table = other.table == source.table or not (other.table and source.table)
+        if other.channel == source.channel and one_table:
+            raise RecordingError(
+                f"channel {source.channel!r} is to fill both {user!r} and {column!r}; expected one column per channel"
+            )
 
 
 def _check_column(column: str, source: ChannelMapping) -> None:
