@@ -44,6 +44,10 @@ class Quarantined:
     reason: str
     piece: str = ""
 
+    @property
+    def where(self) -> str:
+        return f"{self.file} ({self.piece})" if self.piece else self.file
+
 
 @dataclass
 class Ingested:
@@ -66,10 +70,7 @@ class Ingested:
         ]
         lines += [f"  note         {note}" for note in self.notes]
         lines += [f"  used         {entry.name}: {'; '.join(entry.repairs)}" for entry in self.repaired()]
-        lines += [
-            f"  quarantined  {entry.file}{f' ({entry.piece})' if entry.piece else ''}: {entry.reason}"
-            for entry in self.quarantined
-        ]
+        lines += [f"  quarantined  {entry.where}: {entry.reason}" for entry in self.quarantined]
         return "\n".join(lines)
 
 

@@ -70,8 +70,7 @@ def read_logs(
     if not recordings:
         raise none_usable(logs.root.as_posix(), len(logs.files), refused[0])
     for entry in (*refused, *others.values()):
-        piece = f" ({entry.piece})" if entry.piece else ""
-        warnings.warn(f"left out {entry.file}{piece}: {entry.reason}", stacklevel=2)
+        warnings.warn(f"left out {entry.where}: {entry.reason}", stacklevel=2)
     return [recording for recording in recordings if recording.name not in others]
 
 
