@@ -1,13 +1,17 @@
-"""Everything over HTTP: a tracking server of one's own in place of the repository's SQLite."""
+"""Everything over HTTP: a tracking server of one's own in place of the repository's SQLite, also for two machines."""
 
 from __future__ import annotations
 
+import multiprocessing
 import os
+import shutil
 from typing import TYPE_CHECKING
 
 import pytest
+from mlflow import MlflowClient
 
-from candidates import registered_in
+from candidates import NAME, other_model, register_together, registered_in, versions
+from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.tracking.lineage import lineage
 from cylinder_friction.tracking.replay import replay
 from team_servers import server_on
@@ -40,3 +44,27 @@ def test_runs_registry_and_lineage_work_over_http(server: str, pipeline: Path) -
     assert found.holds, found.text()
     assert not (pipeline / "mlartifacts").exists(), "nothing goes to the local store"
     assert os.environ["MLFLOW_TRACKING_URI"] == server, "the environment is as it was"
+
+
+@pytest.mark.parametrize("roles", [("better", "worse"), ("worse", "better")])
+def test_the_better_of_two_is_champion_whoever_is_first(
+    roles: tuple[str, str], server: str, pipeline: Path, tmp_path: Path
+) -> None:
+    errors = {"incumbent": {"1": 3.0, "2": 3.0}, "worse": {"1": 2.5, "2": 2.5}, "better": {"1": 2.0, "2": 2.0}}
+    spawn, clones = multiprocessing.get_context("spawn"), []
+    registered_in(pipeline, errors["incumbent"])
+    errors_of = {hash_of(pipeline / "models/hybrid"): errors["incumbent"]}
+    for role in roles:
+        other_model(pipeline)
+        clones.append(shutil.copytree(pipeline, tmp_path / role))
+        errors_of[hash_of(pipeline / "models/hybrid")] = errors[role]
+    barrier = spawn.Barrier(len(clones))
+    machines = [spawn.Process(target=register_together, args=(clone, errors_of, barrier)) for clone in clones]
+    for machine in machines:
+        machine.start()
+    for machine in machines:
+        machine.join()
+    champion = MlflowClient(server).get_model_version_by_alias(NAME, "champion")
+    assert [machine.exitcode for machine in machines] == [0, 0]
+    assert errors_of[champion.tags["model_key"]] == errors["better"]
+    assert len(versions(pipeline)) == 3

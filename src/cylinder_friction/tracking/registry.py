@@ -100,7 +100,9 @@ def _wait_for_earlier(store: Store, version: ModelVersion, patience_s: float) ->
         if not earlier:
             return
         if not warned:
-            _log.warning("%s version %s waits for version %d: it is being decided", *_named(version), min(earlier))
+            _log.warning(
+                "%s version %s waits for version %d: it is being decided", version.name, version.version, min(earlier)
+            )
             warned = True
         if time.monotonic() > deadline:
             for number in earlier:
@@ -124,7 +126,7 @@ def _decide(store: Store, version: ModelVersion, candidate: Candidate, measure: 
         _write_decision(store, version, Registered(candidate, ALIAS, decision.promote, decision.reason, incumbent))
         if _number(champion_of(store, version.name)) != _number(champion):
             continue  # a person moved the alias meanwhile
-        if DECISION in store.client.get_model_version(*_named(version)).tags:
+        if DECISION in _read_again(store, version).tags:
             raise TrackingError(
                 f"{version.name} version {version.version}: its decision took so long that another machine went on "
                 "without it, and nothing was promoted; run `dvc repro` again"
@@ -134,7 +136,7 @@ def _decide(store: Store, version: ModelVersion, candidate: Candidate, measure: 
             store.client.set_registered_model_alias(version.name, ALIAS, version.version)
         break
     _tag(store, version, {DECISION: "promoted" if _same(champion_of(store, version.name), version) else "refused"})
-    return _decided_before(candidate, store.client.get_model_version(*_named(version)))
+    return _decided_before(candidate, _read_again(store, version))
 
 
 def rollback(root: Path, name: str, to: int | None = None) -> str:
@@ -266,8 +268,8 @@ def _words(version: ModelVersion | None) -> str:
     return "none" if version is None else f"version {version.version}"
 
 
-def _named(version: ModelVersion) -> tuple[str, str]:
-    return version.name, str(version.version)
+def _read_again(store: Store, version: ModelVersion) -> ModelVersion:
+    return store.client.get_model_version(version.name, str(version.version))
 
 
 def _tag(store: Store, version: ModelVersion, tags: Mapping[str, str]) -> None:

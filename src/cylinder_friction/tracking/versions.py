@@ -115,29 +115,28 @@ def where_data_lies(root: Path, path: str, md5: str) -> tuple[bool, str]:
     return False, "; ".join([*nowhere, "run `dvc pull`"])
 
 
-def _all_on_remote(remote: HashFileDB, md5: str) -> bool:
-    """Return whether a remote has every file of the data; of a folder it reads the list, which is hashed."""
+def _files(store: HashFileDB, md5: str) -> set[str] | None:
+    """Return the hash of every file of the data; of a folder the list is read and hashed, None if it is not whole."""
+    if not md5.endswith(".dir"):
+        return {md5}
     try:
-        remote.fs.info(remote.oid_to_path(md5))  # which unlike exists() raises where it is not let in
-        if not md5.endswith(".dir"):
-            return True
-        tree = Tree.load(remote, HashInfo("md5", md5))
+        tree = Tree.load(store, HashInfo("md5", md5))
     except (FileNotFoundError, ObjectFormatError):
-        return False
+        return None
     tree.digest()
-    wanted = {file.value for _, _, file in tree}
-    return tree.hash_info.value == md5 and wanted <= set(remote.oids_exist(wanted))
+    return {file.value for _, _, file in tree} if tree.hash_info.value == md5 else None
+
+
+def _all_on_remote(remote: HashFileDB, md5: str) -> bool:
+    try:
+        remote.fs.info(remote.oid_to_path(md5))  # unlike exists() it raises if the remote does not let us in
+    except FileNotFoundError:
+        return False
+    files = _files(remote, md5)
+    return files is not None and files <= set(remote.oids_exist(files))
 
 
 def _whole_in_cache(cache: HashFileDB, md5: str) -> bool:
-    entry = Path(cache.oid_to_path(md5))
-    if not entry.is_file():
-        return False
-    if not md5.endswith(".dir"):
-        return dvc_hash(entry) == md5
-    try:
-        tree = Tree.load(cache, HashInfo("md5", md5))
-    except ObjectFormatError:
-        return False
-    tree.digest()
-    return tree.hash_info.value == md5 and all(_whole_in_cache(cache, file.value) for _, _, file in tree)
+    files = _files(cache, md5)
+    paths = {file: Path(cache.oid_to_path(file)) for file in files or ()}
+    return files is not None and all(path.is_file() and dvc_hash(path) == file for file, path in paths.items())
