@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.service.live.session import Piece, SessionOrder
+from cylinder_friction.service.live.session import SamplePiece, SessionOrder
 from cylinder_friction.service.live.settings import SessionRules
 
 RULES = SessionRules(hold_s=1.0, hold_rows=100, short_gap_s=0.05)
@@ -23,11 +23,11 @@ def order(next_index: int | None = 0) -> SessionOrder:
     return SessionOrder(0.01, 1, RULES, next_index)
 
 
-def stepped(pieces: list[Piece]) -> list[float]:
+def stepped(pieces: list[SamplePiece]) -> list[float]:
     return [value for piece in pieces for value in piece.samples[:, 0].tolist()]
 
 
-def take(session: SessionOrder, begin: int, end: int, now_s: float = 0.0) -> list[Piece]:
+def take(session: SessionOrder, begin: int, end: int, now_s: float = 0.0) -> list[SamplePiece]:
     return session.receive(begin, 0.01 * begin, rows(begin, end), now_s)
 
 

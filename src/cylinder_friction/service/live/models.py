@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, Self
 
 from cylinder_friction.service.live.engine import Engine
-from cylinder_friction.service.live.session import Piece
+from cylinder_friction.service.live.session import SamplePiece
 
 LEAD_S = 1.0
 """How far ahead of the samples a change is set, so that it is kept before it comes into effect [s]."""
@@ -57,7 +57,7 @@ class Switch:
         return cls(**content)
 
 
-Part = tuple[Piece, tuple[Running, ...], bool]
+PiecePart = tuple[SamplePiece, tuple[Running, ...], bool]
 """Samples of one session, the models that step them, the one that gives the newtons first, and whether the newtons of
 the second one are recorded."""
 
@@ -106,7 +106,7 @@ class SessionModels:
         """Let a model begin at once beside the present one, and take over when it is warm."""
         self.switch = Switch(model, index, index + warm_rows)
 
-    def parts(self, piece: Piece, engines: Mapping[str, Engine]) -> list[Part]:
+    def parts(self, piece: SamplePiece, engines: Mapping[str, Engine]) -> list[PiecePart]:
         """Return successive samples with the models that step them."""
         if self.switch is None:
             return [(piece, (self.current,), False)]
@@ -123,12 +123,12 @@ class SessionModels:
         for running in filter(None, (self.current, self.shadow)):
             running.engine.remove(running.slot)
 
-    def _part(self, piece: Piece) -> Part:
+    def _part(self, piece: SamplePiece) -> PiecePart:
         if self.shadow is None or self.switch is None:
             return piece, (self.current,), False
         return piece, (self.current, self.shadow), self.switch.recorded
 
-    def _due(self, piece: Piece) -> list[int]:
+    def _due(self, piece: SamplePiece) -> list[int]:
         """Return the samples of a piece before which something changes."""
         assert self.switch is not None
         end = piece.index + len(piece.samples)
@@ -158,8 +158,8 @@ class SessionModels:
             self.current, self.shadow = self.shadow, self.current
 
 
-def _cut(piece: Piece, index: int, sample_time_s: float) -> tuple[Piece, Piece]:
+def _cut(piece: SamplePiece, index: int, sample_time_s: float) -> tuple[SamplePiece, SamplePiece]:
     """Return what of a piece lies before an index within it, and the rest."""
     rows = index - piece.index
-    rest = Piece(index, piece.time_s + rows * sample_time_s, piece.samples[rows:])
+    rest = SamplePiece(index, piece.time_s + rows * sample_time_s, piece.samples[rows:])
     return replace(piece, samples=piece.samples[:rows]), rest

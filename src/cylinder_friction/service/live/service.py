@@ -11,8 +11,8 @@ from urllib.parse import quote
 from cylinder_friction.service.live.engine import Engine, Job
 from cylinder_friction.service.live.frames import LATEST_S, EstimateBlock, SampleBlock
 from cylinder_friction.service.live.journal import Journal, SavedSession, Unkept, made_by
-from cylinder_friction.service.live.models import Part, Running, SavedState, SessionModels
-from cylinder_friction.service.live.session import Counts, Piece, SessionOrder
+from cylinder_friction.service.live.models import PiecePart, Running, SavedState, SessionModels
+from cylinder_friction.service.live.session import Counts, SamplePiece, SessionOrder
 from cylinder_friction.service.live.settings import LiveLimits, SessionRules
 from cylinder_friction.service.live.totals import FlagTotals
 
@@ -208,7 +208,7 @@ class LiveService:
                 if session.owner is not owner:
                     session.refuse_others(owner)
         now_s = self._clock()
-        pieces: list[tuple[LiveSession, Piece]] = []
+        pieces: list[tuple[LiveSession, SamplePiece]] = []
         for session, block in zip(sessions, blocks, strict=True):
             session.last_seen_s = now_s
             for piece in session.order.receive(block.index, block.time_s, block.samples, now_s):
@@ -315,10 +315,10 @@ class LiveService:
         engine.restore(running.slot, saved.state)
         return running
 
-    def _step(self, pieces: Sequence[tuple[LiveSession, Piece]]) -> None:
+    def _step(self, pieces: Sequence[tuple[LiveSession, SamplePiece]]) -> None:
         if not pieces:
             return
-        parts: list[tuple[LiveSession, Part]] = []
+        parts: list[tuple[LiveSession, PiecePart]] = []
         jobs: defaultdict[Engine, list[Job]] = defaultdict(list)
         for session, piece in pieces:
             for part in session.models.parts(piece, self.engines):
@@ -349,7 +349,11 @@ class LiveService:
         session.order.late.clear()
 
     def _add(
-        self, session: LiveSession, piece: Piece, estimates: EstimateBlock | None, shadow: EstimateBlock | None = None
+        self,
+        session: LiveSession,
+        piece: SamplePiece,
+        estimates: EstimateBlock | None,
+        shadow: EstimateBlock | None = None,
     ) -> None:
         models = made_by(estimates, shadow)
         unkept = session.unkept[-1] if session.unkept else None

@@ -29,7 +29,7 @@ class Counts:
 
 
 @dataclass(slots=True)
-class Piece:
+class SamplePiece:
     """Successive samples to be stepped now, shape ``(rows, inputs)``, after a reset if asked."""
 
     index: int  # Of the first
@@ -65,32 +65,32 @@ class SessionOrder:
     def __post_init__(self) -> None:
         self._held: list[_Held] = []  # By index; never overlapping
         self._gaps: list[tuple[int, int]] = []  # Given up, newest last
-        self.late: list[Piece] = []
+        self.late: list[SamplePiece] = []
         """Samples that came after their gap had been given up, until somebody takes them away."""
 
-    def receive(self, index: int, time_s: float, samples: Array, now_s: float) -> list[Piece]:
+    def receive(self, index: int, time_s: float, samples: Array, now_s: float) -> list[SamplePiece]:
         """Take samples in, beginning at ``index``; return what can be stepped, in order."""
         if index == self.next_index and not self._held and len(samples):  # nearly always
             rows = len(samples)
             self.counts.stepped += rows
             self.next_index = index + rows
-            return [Piece(index, time_s, samples)]
+            return [SamplePiece(index, time_s, samples)]
         if self.next_index is None:
             self.next_index = index
         begun = max(0, min(len(samples), self.next_index - index))
         if begun:
-            self._sort_old(Piece(index, time_s, samples[:begun]))
+            self._sort_old(SamplePiece(index, time_s, samples[:begun]))
             index, time_s, samples = index + begun, time_s + begun * self.sample_time_s, samples[begun:]
         if not len(samples):
             return []
         if index > self.next_index:
             self._hold(_Held(index, time_s, samples.copy(), now_s))  # a copy lets go of the rest of its message
             return self.overdue(now_s)
-        return [self._stepped(Piece(index, time_s, samples)), *self._released()]
+        return [self._stepped(SamplePiece(index, time_s, samples)), *self._released()]
 
-    def overdue(self, now_s: float) -> list[Piece]:
+    def overdue(self, now_s: float) -> list[SamplePiece]:
         """Return what is to be stepped although samples before it are missing: they were waited for long enough."""
-        pieces: list[Piece] = []
+        pieces: list[SamplePiece] = []
         while self._held and self._must_go_on(now_s):
             pieces += self._over_the_gap()
         return pieces
@@ -104,7 +104,7 @@ class SessionOrder:
         waited_s = now_s - min(each.since_s for each in self._held)
         return waited_s >= self.rules.hold_s or self.held_rows > self.rules.hold_rows
 
-    def _over_the_gap(self) -> Iterator[Piece]:
+    def _over_the_gap(self) -> Iterator[SamplePiece]:
         first, begin = self._held[0], self._next()
         missing = first.index - begin
         self._gaps = [*self._gaps[-63:], (begin, first.index)]
@@ -112,14 +112,14 @@ class SessionOrder:
         if short:
             self.counts.missing += missing
             time_s = first.time_s - missing * self.sample_time_s
-            yield Piece(begin, time_s, np.full((missing, self.columns), np.nan))
+            yield SamplePiece(begin, time_s, np.full((missing, self.columns), np.nan))
         else:
             self.counts.skipped += missing
             self.counts.resets += 1
         self.next_index = first.index
         yield from self._released(reset=not short)
 
-    def _released(self, reset: bool = False) -> Iterator[Piece]:
+    def _released(self, reset: bool = False) -> Iterator[SamplePiece]:
         while self._held and self._held[0].index <= self._next():
             first = self._held.pop(0)
             known = min(len(first.samples), self._next() - first.index)  # Stepped since, as part of another block
@@ -127,19 +127,19 @@ class SessionOrder:
             if known < len(first.samples):
                 self.counts.waited += len(first.samples) - known
                 time_s = first.time_s + known * self.sample_time_s
-                yield self._stepped(Piece(first.index + known, time_s, first.samples[known:], reset))
+                yield self._stepped(SamplePiece(first.index + known, time_s, first.samples[known:], reset))
                 reset = False
 
     def _next(self) -> int:
         assert self.next_index is not None
         return self.next_index
 
-    def _stepped(self, piece: Piece) -> Piece:
+    def _stepped(self, piece: SamplePiece) -> SamplePiece:
         self.counts.stepped += len(piece.samples)
         self.next_index = piece.index + len(piece.samples)
         return piece
 
-    def _sort_old(self, old: Piece) -> None:
+    def _sort_old(self, old: SamplePiece) -> None:
         """Sort samples that lie in a gap, each once, from duplicates."""
         end, late = old.index + len(old.samples), 0
         gaps: list[tuple[int, int]] = []
@@ -151,7 +151,7 @@ class SessionOrder:
             late += stop - begin
             part = slice(begin - old.index, stop - old.index)
             time_s = old.time_s + part.start * self.sample_time_s
-            self.late.append(Piece(begin, time_s, old.samples[part]))
+            self.late.append(SamplePiece(begin, time_s, old.samples[part]))
             gaps += [gap for gap in ((first, begin), (stop, last)) if gap[0] < gap[1]]
         self._gaps = gaps
         self.counts.late += late
