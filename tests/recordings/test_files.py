@@ -1,9 +1,10 @@
 import hashlib
+import os
 from pathlib import Path
 
 import pytest
 
-from cylinder_friction.recordings.files import hash_of
+from cylinder_friction.recordings.files import hash_of, read_yaml
 
 
 @pytest.mark.parametrize("size", [0, 1, 2**18, 2**20 + 7])
@@ -29,3 +30,28 @@ def test_hash_of_a_folder_tells_names_and_contents(tmp_path: Path) -> None:
 def test_nothing_there_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         hash_of(tmp_path / "absent")
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("5", "expected keys and values, but got '5'"),
+        ("[1, 2]", "expected keys and values"),
+        ("a: !!python/object/apply:os.system [ls]", "is no YAML of plain keys and values .could not determine a cons"),
+        ("a: &a {b: *a}", "is no YAML of plain keys and values .Circular reference"),
+        ("a: [", "is no YAML of plain keys and values"),
+        ("#" * (1 << 20) + "\n", "expected a regular file of at most 1048576 bytes"),
+    ],
+)
+def test_yaml_that_is_no_configuration_is_refused_in_a_sentence(tmp_path: Path, text: str, message: str) -> None:
+    path = tmp_path / "mapping.yaml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=f"mapping.yaml: {message}") as refused:
+        read_yaml(path)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_pipe_in_place_of_yaml_is_refused_at_once(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.yaml")
+    with pytest.raises(ValueError, match="expected a regular file"):
+        read_yaml(tmp_path / "pipe.yaml")

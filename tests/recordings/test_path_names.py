@@ -99,3 +99,9 @@ def test_missing_table_and_two_rules_are_refused(tmp_path: Path) -> None:
         NameRules()
     with pytest.raises(RecordingError, match="either a name pattern or a table"):
         NameRules(pattern=RIG, table=tmp_path / "none.csv")
+
+
+def test_a_pattern_that_would_try_for_ever_is_refused() -> None:
+    rules = NameRules(pattern=r"(?P<condition>(a|aa)+)(?P<session>c)")
+    with pytest.raises(RecordingError, match=r"took over 5 s on path 'aaa.*'; write it without a repetition inside"):
+        rules.names("a" * 60 + "b")

@@ -1,9 +1,12 @@
+import os
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
@@ -152,3 +155,52 @@ def test_channels_at_three_rates_are_found_and_brought_to_one(
     position = np.interp(recording.column("time_s"), true["time_s"], true["position_m"])
     assert np.abs(recording.column("position_m") - position)[10:-10].max() < 5e-4
     assert len(recording) == pytest.approx(len(true) / 4, abs=2)
+
+
+def test_a_pipe_is_no_log(logs: Path, cylinder: Cylinder, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "log.csv")
+    with pytest.raises(RecordingError, match=r"log.csv: is no regular file; copy what comes from it into one"):
+        read_logs(tmp_path / "log.csv", CHANNELS, cylinder)
+
+
+def test_a_mapping_finds_the_rules_wherever_it_lies(logs: Path, cylinder: Cylinder, tmp_path: Path) -> None:
+    mapping = tmp_path / "press.yaml"
+    mapping.write_text(yaml.safe_dump({"defaults": [{"rules@_here_": "default"}, "_self_"], "channels": CHANNELS}))
+    assert len(read_logs(logs, mapping, cylinder)) == 3
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"channels": {"time_s": {"chanel": "t"}}},
+        {"channels": {"time_s": 5}},
+        {"channels": CHANNELS, "csv": 5},
+        {"channels": CHANNELS, "time": {"x": 1}},
+        {"channels": CHANNELS, "checks": {"stroke": 1}},
+        {"channels": CHANNELS, "defaults": 5},
+    ],
+)
+def test_a_mapping_of_another_shape_is_refused_with_its_name(
+    logs: Path, cylinder: Cylinder, tmp_path: Path, wrong: dict[str, Any]
+) -> None:
+    mapping = tmp_path / "press.yaml"
+    mapping.write_text(yaml.safe_dump(wrong))
+    with pytest.raises(RecordingError, match=r"press.yaml: is no mapping of channels to columns with rules"):
+        read_logs(logs, mapping, cylinder)
+
+
+def test_logs_in_a_folder_beside_are_named_as_they_are(
+    logs: Path, cylinder: Cylinder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "here").mkdir()
+    shutil.copy(sorted(logs.glob("*.csv"))[0], tmp_path / "log.csv")
+    monkeypatch.chdir(tmp_path / "here")
+    (recording,) = read_logs("../log.csv", {"source": ".", "channels": CHANNELS}, cylinder)
+    assert recording.name == "log"
+
+
+def test_a_table_of_very_many_columns_is_refused_at_once(cylinder: Cylinder, tmp_path: Path) -> None:
+    names = ",".join(f"c{column}" for column in range(100_000))
+    (tmp_path / "wide.csv").write_text(f"{names}\n" + f"{','.join(['1.0'] * 100_000)}\n" * 3)
+    with pytest.raises(RecordingError, match=r"wide.csv: has 100,000 columns, expected at most 10,000"):
+        read_logs(tmp_path / "wide.csv", None, cylinder)

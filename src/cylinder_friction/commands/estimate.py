@@ -19,6 +19,7 @@ from cylinder_friction.estimation.from_logs import PAGE_FILE, FileFormat, Fricti
 from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.params.checking import IN_A_PROJECT, PARAMS_FILE, ParamsError, load_params
 from cylinder_friction.recordings.checks.limits import LoadMode
+from cylinder_friction.recordings.files import read_yaml
 
 if TYPE_CHECKING:
     from cylinder_friction.estimation.identification import FrictionModels
@@ -99,10 +100,7 @@ def cylinder_of(given: str | None) -> Cylinder:
         raise ParamsError(f"no {PARAMS_FILE} here to take the cylinder from; give --cylinder, or {IN_A_PROJECT}")
     if given is None:
         return load_params().cylinder
-    if "=" in given:
-        content = yaml.safe_load("{" + given.replace("=", ": ") + "}")
-    else:
-        content = yaml.safe_load(Path(given).read_text(encoding="utf-8"))
+    content = yaml.safe_load("{" + given.replace("=", ": ") + "}") if "=" in given else read_yaml(Path(given))
     known = [each.name for each in fields(Cylinder)]
     wrong = sorted(set(content if isinstance(content, dict) else {given: None}) - set(known))
     missing = sorted(set(known[1:]) - set(content)) if not wrong else []

@@ -6,7 +6,6 @@ import re
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import Field, field_validator, model_validator
 
 from cylinder_friction.cylinder import Cylinder
@@ -27,6 +26,7 @@ from cylinder_friction.params.learning import (
     TrainParams,
 )
 from cylinder_friction.params.section import PARAMS_FILE, ParamsError, Section, checked
+from cylinder_friction.recordings.files import read_yaml
 
 __all__ = [
     "IN_A_PROJECT",
@@ -93,4 +93,4 @@ def load_params(path: Path = PARAMS_FILE) -> Params:
     """Read and check ``params.yaml``."""
     if not path.is_file():
         raise ParamsError(f"{path}: not there; {IN_A_PROJECT}")
-    return check_params(yaml.safe_load(path.read_text(encoding="utf-8")), str(path))
+    return check_params(read_yaml(path), str(path))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import yaml
 from pydantic import Field, model_validator
 
 from cylinder_friction.params.section import ParamsError, Section, checked
+from cylinder_friction.recordings.files import read_yaml
 from cylinder_friction.service.access import LiveAccess
 from cylinder_friction.service.live.settings import (
     LineProtocolSettings,
@@ -75,7 +75,7 @@ def load_live_params(path: Path | None = None) -> LiveParams:
         return LiveParams()
     path = path or LIVE_FILE
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
+        content = read_yaml(path)
+    except (OSError, ValueError) as error:
         raise ParamsError(f"{path}: cannot be read as YAML ({error})") from error
-    return checked(LiveParams, content or {}, str(path))
+    return checked(LiveParams, content, str(path))

@@ -9,6 +9,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import yaml
+
+LARGEST_YAML = 1 << 20
+
 
 @contextmanager
 def whole_folder(folder: Path) -> Iterator[Path]:
@@ -62,6 +66,27 @@ def write_json(path: Path, content: Any) -> None:
 
 def read_json(path: Path) -> Any:
     return json.loads(path.read_text(encoding="utf-8"))
+
+
+def read_yaml(path: Path) -> dict[str, Any]:
+    """Return the keys and values of a YAML file that a person wrote; none of an empty one.
+
+    Raises:
+        FileNotFoundError: It is not there.
+        ValueError: It is no regular file, too large, no YAML, holds no keys, or contains itself.
+    """
+    if path.exists() and not (path.is_file() and path.stat().st_size <= LARGEST_YAML):
+        raise ValueError(f"{path}: expected a regular file of at most {LARGEST_YAML} bytes")
+    text = path.read_text(encoding="utf-8")
+    try:
+        content = yaml.safe_load(text)
+        json.dumps(content, default=str)  # refuses what contains itself
+    except (yaml.YAMLError, ValueError, RecursionError, TypeError) as error:
+        problem = " ".join(str(error).split()) or type(error).__name__
+        raise ValueError(f"{path}: is no YAML of plain keys and values ({problem})") from None
+    if not isinstance(content, dict | None):
+        raise ValueError(f"{path}: expected keys and values, but got {str(content)[:80]!r}")
+    return content or {}
 
 
 def hash_of(path: Path, ignored: str = "") -> str:

@@ -2,6 +2,8 @@
 
 import csv
 import re
+import signal
+import threading
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
@@ -10,6 +12,7 @@ from pathlib import Path
 
 from cylinder_friction.recordings.recording import RecordingError
 
+LONGEST_SEARCH_S = 5.0
 _REQUIRED = ("file", "condition", "session")
 _WILD = frozenset("*?[")
 
@@ -59,7 +62,7 @@ class NameRules:
         """
         name = name_of(relative_path)
         if self._compiled is not None:
-            match = self._compiled.search(relative_path)
+            match = _search(self._compiled, relative_path)
             groups = match.groupdict() if match else {}
             if not groups.get("condition") or not groups.get("session"):
                 raise RecordingError(
@@ -111,6 +114,30 @@ def compile_name_pattern(pattern: str) -> re.Pattern[str]:
                 f"path that names the {group}"
             )
     return compiled
+
+
+def _search(pattern: re.Pattern[str], path: str) -> re.Match[str] | None:
+    """Search in a path; a pattern that tries for seconds, as ``(a+)+$`` does, is refused where the system can stop it.
+
+    Raises:
+        RecordingError: It took longer than ``LONGEST_SEARCH_S``.
+    """
+    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
+        return pattern.search(path)
+
+    def refuse(_number: int, _frame: object) -> None:
+        raise RecordingError(
+            f"name pattern {pattern.pattern!r} took over {LONGEST_SEARCH_S:g} s on path {path!r}; write it without a "
+            "repetition inside a repetition"
+        )
+
+    before = signal.signal(signal.SIGALRM, refuse)
+    signal.setitimer(signal.ITIMER_REAL, LONGEST_SEARCH_S)
+    try:
+        return pattern.search(path)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
 
 
 def name_of(path: str) -> str:

@@ -14,6 +14,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.conversion import Recipe
+from cylinder_friction.recordings.files import read_yaml
 from cylinder_friction.recordings.formats.logged_table import LongTable
 from cylinder_friction.recordings.formats.reading import open_logged_file
 from cylinder_friction.recordings.ingesting import Quarantined, convert_in_parts, none_usable, other_rates
@@ -25,6 +26,7 @@ from cylinder_friction.recordings.mapping.units import electrical
 from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
 
+_PACKAGE = Path(__file__).parents[1]
 ONE_CONDITION = "1"  # the condition of files whose names state none
 
 
@@ -98,6 +100,24 @@ def find_logs(
     ``channels`` has it, or each file's own.
     """
     paths = _paths([files] if isinstance(files, str | Path) else list(files))
+    try:
+        return _logs(paths, channels, cylinder, names, load, rate_hz)
+    except (TypeError, AttributeError) as error:
+        where = channels if isinstance(channels, str | Path) else "channels"
+        raise RecordingError(
+            f"{where}: is no mapping of channels to columns with rules ({error}); `cylinder-friction ingest init FILE` "
+            "writes one"
+        ) from error
+
+
+def _logs(
+    paths: Sequence[Path],
+    channels: str | Path | Mapping[str, Any] | None,
+    cylinder: Cylinder,
+    names: str | None,
+    load: LoadMode | None,
+    rate_hz: float | None,
+) -> Logs:
     settings = _settings(channels, paths[0])
     if rate_hz is not None:
         settings = {**settings, "time": {**settings.get("time", {}), "rate_hz": rate_hz}}
@@ -119,7 +139,9 @@ def _paths(files: Sequence[str | Path]) -> list[Path]:
         elif path.is_file():
             matching = [path]
         else:
-            matching = [Path(name) for name in glob.glob(str(file), recursive=True) if not Path(name).is_dir()]  # noqa: PTH207
+            matching = [Path(name) for name in glob.glob(str(file), recursive=True) if Path(name).is_file()]  # noqa: PTH207
+        if path.exists() and not matching and not path.is_dir():
+            raise RecordingError(f"{file}: is no regular file; copy what comes from it into one")
         if not matching:
             raise RecordingError(f"{file}: no such file, and no file matches it as a pattern; correct the path")
         found.update(matching)
@@ -137,9 +159,10 @@ def _name_rules(names: str | None, settings: Mapping[str, Any], root: Path) -> N
 
 def _root(paths: Sequence[Path], source: str | None) -> Path:
     """Return the folder that names are relative to: the configured one if it holds all files, else their own."""
-    if source is not None and all(path.absolute().is_relative_to(Path(source).absolute()) for path in paths):
+    absolute = [Path(os.path.abspath(path)) for path in paths]  # noqa: PTH100 - without "..", links as they are
+    if source is not None and all(path.is_relative_to(os.path.abspath(source)) for path in absolute):  # noqa: PTH100
         return Path(source)
-    return Path(os.path.commonpath([path.absolute().parent for path in paths]))
+    return Path(os.path.commonpath([path.parent for path in absolute]))
 
 
 def _settings(channels: str | Path | Mapping[str, Any] | None, first: Path) -> Mapping[str, Any]:
@@ -158,14 +181,20 @@ def _settings(channels: str | Path | Mapping[str, Any] | None, first: Path) -> M
 
 def load_settings(path: Path) -> dict[str, Any]:
     """Return an ingest configuration as nested dictionaries, merged with the files under its ``defaults``."""
-    own = yaml.safe_load(path.read_text(encoding="utf-8")) or {}
+    own = read_yaml(path)
     settings: dict[str, Any] = {}
     for entry in own.pop("defaults", []):
         for group, name in (entry if isinstance(entry, dict) else {"": entry}).items():
             if name != "_self_":
-                _merge(settings, load_settings(path.parent / group.partition("@")[0] / f"{name}.yaml"))
+                below = Path(group.partition("@")[0], f"{name}.yaml")
+                _merge(settings, load_settings(next(filter(Path.is_file, _places(path, below)), path.parent / below)))
     _merge(settings, own)
     return settings
+
+
+def _places(path: Path, below: Path) -> list[Path]:
+    """Return where a file under ``defaults`` may lie: beside the mapping, or as this package brings it."""
+    return [path.parent / below, _PACKAGE / "project/conf/ingest" / below, _PACKAGE.parents[1] / "conf/ingest" / below]
 
 
 def _merge(settings: dict[str, Any], more: Mapping[str, Any]) -> None:
@@ -178,7 +207,10 @@ def _merge(settings: dict[str, Any], more: Mapping[str, Any]) -> None:
 
 def _guessed(path: Path) -> dict[str, Any]:
     """Guess a mapping and warn of every guess. Refuse if a column or a sensor's range cannot be guessed."""
-    tables = open_logged_file(path, ROWS_AT_ONCE)
+    try:
+        tables = open_logged_file(path, ROWS_AT_ONCE)
+    except RecordingError as error:
+        raise RecordingError(f"{path}: {error}") from error
     guess = guess_mapping([next(tables.chunks())] if isinstance(tables, LongTable) else tables, path)
     lines = "\n".join(channel_lines(guess))
     unknown = [name for name, guessed in guess.columns.items() if guessed.channel is None or electrical(guessed.unit)]

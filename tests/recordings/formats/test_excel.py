@@ -1,6 +1,7 @@
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
+from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
 import openpyxl
@@ -66,4 +67,14 @@ def test_a_damaged_workbook_is_refused(tmp_path: Path) -> None:
     path = saved(tmp_path / "log.xlsx", Daten=[["t", "p"], *([i, i] for i in range(300))])
     path.write_bytes(path.read_bytes()[:-400])
     with pytest.raises(RecordingError, match=r"cannot be read as an Excel workbook .*; it is damaged, cut off"):
+        read_logged_file(path)
+
+
+def test_a_workbook_that_unpacks_to_gigabytes_is_refused_before_it_does(tmp_path: Path) -> None:
+    path = saved(tmp_path / "log.xlsx", Data=[["t", "p"], *ROWS])
+    with ZipFile(path, "a", ZIP_DEFLATED) as book, book.open("xl/media/picture.bin", "w", force_zip64=True) as part:
+        for _ in range(70):
+            part.write(bytes(1 << 24))
+    assert path.stat().st_size < 4 << 20
+    with pytest.raises(RecordingError, match=r"unpacks to 1.2 GB, but Excel workbooks are read up to 1 GB; save its t"):
         read_logged_file(path)

@@ -1,4 +1,5 @@
 import gzip
+import os
 from pathlib import Path
 
 import pytest
@@ -47,8 +48,10 @@ def test_what_a_program_writes_for_itself_is_refused_with_what_to_export(
 def test_what_cannot_be_opened_is_said(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="cannot be opened: No such file"):
         read_logged_file(tmp_path / "gone.csv")
-    with pytest.raises(RecordingError, match="cannot be opened: Is a directory"):
-        read_logged_file(tmp_path)
+    os.mkfifo(tmp_path / "pipe.csv")
+    for path in (tmp_path, tmp_path / "pipe.csv", Path("/dev/zero")):
+        with pytest.raises(RecordingError, match="is no regular file; copy what comes from it into one"):
+            read_logged_file(path)
 
 
 def test_unfinished_and_cut_gzip_is_refused(tmp_path: Path) -> None:

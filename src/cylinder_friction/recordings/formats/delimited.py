@@ -147,7 +147,8 @@ def _tables(rows: "_Rows", wanted: Collection[str] | None) -> list[LoggedTable]:
     if asked.isdisjoint(names):
         return [LoggedTable(pd.DataFrame(), layout.units, unread=unread, notes=text.notes)]
     repeated = repeated_names(names)
-    loaded = [index for index, name in enumerate(names) if name in asked | repeated]
+    asked |= repeated
+    loaded = [index for index, name in enumerate(names) if name in asked]
     table, decimal = rows.parsed(loaded)
     columns: list[tuple[str, NDArray[Any]]] = []
     units = dict(layout.units)

@@ -41,6 +41,7 @@ class CsvOptions:
 AUTOMATIC = CsvOptions()
 
 DELIMITERS = ("\t", ";", ",", "|", "whitespace")
+MOST_COLUMNS = 10_000  # Of a text table
 _LOOKED_AT = 100
 _LEAST_SCORE = 0.3
 
@@ -107,6 +108,10 @@ def _grid(lines: list[str], content: list[int], delimiter: str, decimal: str | N
     # The later of two equally common widths: a header is above the rows.
     counts = Counter(len(row) for row in reversed(rows))
     width, _ = counts.most_common(1)[0]
+    if width > MOST_COLUMNS:
+        raise RecordingError(
+            f"has {width:,} columns, expected at most {MOST_COLUMNS:,}; export the channels of the cylinder alone"
+        )
     full = [row for row in rows if len(row) == width]
     # A short file is half header.
     lower = full[len(full) // 2 :]

@@ -41,6 +41,8 @@ class FileSource:
 
 def read_head(path: Path) -> bytes:
     """Return the first ``HEAD_SIZE`` bytes, unpacked; refuse what cannot be opened, is empty, or a damaged gzip."""
+    if path.exists() and not path.is_file():
+        raise RecordingError("is no regular file; copy what comes from it into one")
     try:
         with path.open("rb") as file:
             head = file.read(HEAD_SIZE)
