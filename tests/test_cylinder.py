@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
@@ -18,9 +20,9 @@ def test_a_rod_as_thick_as_the_bore_is_refused() -> None:
         Cylinder(name="solid", bore_diameter_m=0.063, rod_diameter_m=0.063, stroke_m=0.25, moving_mass_kg=6.0)
 
 
-@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])
-def test_a_length_that_is_none_is_refused(value: float) -> None:
-    with pytest.raises(ValueError, match="'odd': stroke_m must be a positive number, but got"):
+@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf"), "63 mm", None])
+def test_a_length_that_is_no_positive_number_is_refused(value: Any) -> None:
+    with pytest.raises(ValueError, match=f"'odd': stroke_m must be a positive number, but got {value!r}"):
         Cylinder(name="odd", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=value, moving_mass_kg=6.0)
 
 
@@ -31,12 +33,6 @@ def test_a_name_is_optional_and_the_repr_can_be_evaluated() -> None:
         "Cylinder(name='cylinder', bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)"
     )
     assert eval(repr(cylinder)) == cylinder
-
-
-@pytest.mark.parametrize("value", ["63 mm", None])
-def test_a_length_that_is_not_a_number_is_refused(value: object) -> None:
-    with pytest.raises(ValueError, match=f"bore_diameter_m must be a positive number, but got {value!r}"):
-        Cylinder(bore_diameter_m=value, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)  # type: ignore[arg-type]
 
 
 def test_millimetres_are_refused() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from tqdm import tqdm
@@ -91,9 +91,8 @@ def run(params: Params) -> RunRecord:
         notes=notes_of(estimators, recordings, read_json(FILTERS_FILE)["method"]),
     )
     curves = {
-        folder.name: LearningCurve.from_dict(read_json(path), path.as_posix())
-        for folder in (HYBRID_FOLDER, PAPER_HYBRID_FOLDER)
-        for path in (folder / LEARNING_CURVE_FILE,)
+        path.parent.name: LearningCurve.from_dict(read_json(path), path.as_posix())
+        for path in (HYBRID_FOLDER / LEARNING_CURVE_FILE, PAPER_HYBRID_FOLDER / LEARNING_CURVE_FILE)
     }
     analysis = analyse(comparison, main, RIVAL, curves, settings.figure_duration_s, settings.autocorrelation_lags)
     times = {
@@ -183,11 +182,16 @@ def _write(
     begun: Sequence[Starts],
     held: Sequence[Coverage],
 ) -> None:
-    audit: dict[str, Any] | None = read_json(AUDIT_FILE) if AUDIT_FILE.is_file() else None
-    offsets = read_json(OFFSET_FILE)["sessions"]
-    searched = read_json(SPACE_FILE), read_json(BEST_FILE)
-    chosen = read_json(HYBRID_FOLDER.with_name(analysis.main) / CHOSEN_FILE)
-    inputs = ReportInputs(times, *searched, chosen, audit, offsets, begun, held)
+    inputs = ReportInputs(
+        times,
+        searched=read_json(SPACE_FILE),
+        best=read_json(BEST_FILE),
+        chosen=read_json(HYBRID_FOLDER.with_name(analysis.main) / CHOSEN_FILE),
+        audit=read_json(AUDIT_FILE) if AUDIT_FILE.is_file() else None,
+        offsets=read_json(OFFSET_FILE)["sessions"],
+        starts=begun,
+        held=held,
+    )
     report = report_html(analysis, inputs)
     with whole_folder(FIGURES_FOLDER) as folder:
         for name, figure in tqdm(all_figures(analysis).items(), desc="figures", unit="figure", disable=None):
