@@ -24,7 +24,7 @@ from cylinder_friction.service.live.frames import LARGEST_INDEX, SampleBlock, pa
 from cylinder_friction.service.live.service import LiveService
 from cylinder_friction.service.live.settings import OpcUaClientSettings, OpcUaSource
 
-RETRY_S, FLUSH_S = 1.0, 0.02
+RETRY_S, FLUSH_S, PATIENCE_S = 1.0, 0.02, 1.0
 UNTAKEN_BLOCKS = 5000
 """Blocks of one source that wait for the service; beyond it the newest are dropped and counted."""
 ROWS_A_BLOCK = 1000
@@ -48,23 +48,15 @@ class OpcUaClientLink(Link):
     @asynccontextmanager
     async def running(self, service: LiveService, peers: Peers) -> AsyncIterator[None]:
         """Subscribe, again and again where the server is not there."""
-        loop = asyncio.get_running_loop()
         senders = [_Sender(each.session, service, self.counts) for each in self._settings.sources]
         connections = (Connection(sender, service, peers).run() for sender in senders)
         inputs, sample_time_s, hold_s = service.engine.inputs, service.engine.sample_time_s, service.rules.hold_s
         readers = [
-            _SourceReader(source, inputs, sample_time_s, hold_s, self.counts, _in(loop, sender.put))
+            _SourceReader(source, inputs, sample_time_s, hold_s, self.counts, sender.put)
             for source, sender in zip(self._settings.sources, senders, strict=True)
         ]
-        async with in_background(*connections), in_own_loop(self.name, partial(self._run, readers)):
+        async with in_background(*connections), _in_own_loop(self.name, self._follow(readers)):
             yield
-
-    async def _run(self, readers: list["_SourceReader"], ready: Callable[[], None], stop: asyncio.Event) -> None:
-        ready()
-        following = asyncio.create_task(self._follow(readers))
-        await stop.wait()
-        following.cancel()
-        await asyncio.gather(following, return_exceptions=True)
 
     async def _follow(self, readers: list["_SourceReader"]) -> None:
         while True:
@@ -185,15 +177,19 @@ class _Sender:
         opens = {"session": session, "inputs": service.engine.inputs, "sample_time_s": service.engine.sample_time_s}
         self._opens = json.dumps({"open": opens})
         self._blocks: asyncio.Queue[_Block] = asyncio.Queue(UNTAKEN_BLOCKS)
+        self._loop = asyncio.get_running_loop()
         self._next: _Block | None = None
         self._handle, self._asked, self._lost, self._replied = 0, False, False, asyncio.Event()
 
     def put(self, index: int, time_s: float, rows: Array) -> None:
-        """Queue a block for the service."""
+        """Queue a block for the service, from any thread."""
+        self._loop.call_soon_threadsafe(self._queue, (index, time_s, rows))
+
+    def _queue(self, block: _Block) -> None:
         try:
-            self._blocks.put_nowait((index, time_s, rows))
+            self._blocks.put_nowait(block)
         except asyncio.QueueFull:
-            self._counts["dropped"] += len(rows)
+            self._counts["dropped"] += len(block[2])
 
     async def receive(self) -> bytes | str:
         """Return the next message for the service; a session that is not open is opened first."""
@@ -231,15 +227,6 @@ class _Sender:
         return session is not None and session.handle == self._handle
 
 
-def _in(loop: asyncio.AbstractEventLoop, put: _Put) -> _Put:
-    """Return what calls ``put`` in another thread's loop."""
-
-    def later(index: int, time_s: float, rows: Array) -> None:
-        loop.call_soon_threadsafe(put, index, time_s, rows)
-
-    return later
-
-
 def _request(number: int, node: str, sampling_ms: float, queue: int) -> Any:
     """Return what asks for every value of a node, also one that repeats the last with a new time."""
     request = ua.MonitoredItemCreateRequest()
@@ -252,36 +239,24 @@ def _request(number: int, node: str, sampling_ms: float, queue: int) -> Any:
     return request
 
 
-PATIENCE_S = 1.0
-Run = Callable[[Callable[[], None], asyncio.Event], Coroutine[Any, Any, None]]
-"""Given a function to be called when it is ready, and an event that is set when it is to end."""
-
-
 @asynccontextmanager
-async def in_own_loop(name: str, run: Run) -> AsyncIterator[None]:
-    """Run a coroutine in a thread of that name beside what stands within; raises what it raised before it was ready."""
-    ready: Future[tuple[asyncio.AbstractEventLoop, asyncio.Event]] = Future()
+async def _in_own_loop(name: str, job: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
+    """Run a job in an event loop and a thread of its own; cancel it when the context ends."""
+    started: Future[tuple[asyncio.AbstractEventLoop, asyncio.Task[None]]] = Future()
 
-    async def until_stopped() -> None:
-        stop = asyncio.Event()
-        await run(lambda: ready.set_result((asyncio.get_running_loop(), stop)), stop)
+    async def main() -> None:
+        task = asyncio.create_task(job)
+        started.set_result((asyncio.get_running_loop(), task))
+        await asyncio.gather(task, return_exceptions=True)
 
-    def main() -> None:
-        try:
-            asyncio.run(until_stopped())
-        except Exception as error:
-            if ready.done():
-                raise
-            ready.set_exception(error)
-
-    thread = threading.Thread(target=main, name=name, daemon=True)
+    thread = threading.Thread(target=lambda: asyncio.run(main()), name=name, daemon=True)
     thread.start()
-    loop, stop = await asyncio.wrap_future(ready)
+    loop, task = await asyncio.wrap_future(started)
     try:
         yield
     finally:
         if thread.is_alive():
-            loop.call_soon_threadsafe(stop.set)
+            loop.call_soon_threadsafe(task.cancel)
             await asyncio.to_thread(thread.join, PATIENCE_S)
 
 
@@ -302,9 +277,7 @@ class ServerGrid:
 
     def __init__(self, sample_time_s: float, columns: int, hold_s: float, counts: Counter[str]) -> None:
         self._sample_time_s, self._columns, self._hold_s, self._counts = sample_time_s, columns, hold_s, counts
-        self._rows: dict[int, Array] = {}
-        self._missing: dict[int, set[int]] = {}
-        self._since_s: dict[int, float] = {}
+        self._rows: dict[int, tuple[Array, set[int], float]] = {}  # Values, missing columns, since when [s]
         self._given = -1
 
     def put(self, column: int, time_s: float, value: float, now_s: float) -> None:
@@ -315,25 +288,25 @@ class ServerGrid:
             self._counts["late"] += 1
             return
         if index not in self._rows:
-            self._rows[index] = np.full(self._columns, np.nan)
-            self._missing[index], self._since_s[index] = set(range(self._columns)), now_s
-        if column not in self._missing[index]:
+            self._rows[index] = np.full(self._columns, np.nan), set(range(self._columns)), now_s
+        row, missing, _ = self._rows[index]
+        if column not in missing:
             self._counts["doubled"] += 1
-        self._missing[index].discard(column)
-        self._rows[index][column] = value
+        missing.discard(column)
+        row[column] = value
 
     def take(self, now_s: float) -> list[tuple[int, Array]]:
         """Return what can be given, as runs of successive rows: index of the first, samples ``(rows, columns)``."""
         runs: list[tuple[int, list[Array]]] = []
         for index in sorted(self._rows):
-            missing = self._missing[index]
-            if missing and now_s - self._since_s[index] < self._hold_s:
+            row, missing, since_s = self._rows[index]
+            if missing and now_s - since_s < self._hold_s:
                 break
             self._counts["incomplete"] += bool(missing)
             if runs and runs[-1][0] + len(runs[-1][1]) == index:
-                runs[-1][1].append(self._rows[index])
+                runs[-1][1].append(row)
             else:
-                runs.append((index, [self._rows[index]]))
+                runs.append((index, [row]))
             self._given = index
-            del self._rows[index], self._missing[index], self._since_s[index]
+            del self._rows[index]
         return [(index, np.stack(rows)) for index, rows in runs]

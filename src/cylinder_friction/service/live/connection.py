@@ -165,20 +165,14 @@ class Connection:
         if session.name in self._in_text:
             self._put_text(estimates_text(session, block))
         else:
-            frame = pack_estimates(block)
-            self._frames.append(frame)
-            self.unsent += len(frame)
-            self._waiting.set()
+            self._put_frame(pack_estimates(block))
 
     def put_acknowledgement(self, session: LiveSession) -> None:
         """Queue an acknowledgement."""
         if session.name in self._in_text:
             self._put_text(json.dumps({"acknowledged": {"session": session.name, "index": session.kept_index}}))
         else:
-            frame = pack_acknowledgement(Acknowledgement(session.handle, session.kept_index))
-            self._frames.append(frame)
-            self.unsent += len(frame)
-            self._waiting.set()
+            self._put_frame(pack_acknowledgement(Acknowledgement(session.handle, session.kept_index)))
 
     def _take(self, message: bytes | str) -> None:
         try:
@@ -228,6 +222,11 @@ class Connection:
     def _put_text(self, text: str) -> None:
         self._texts.append(text)
         self.unsent += len(text)
+        self._waiting.set()
+
+    def _put_frame(self, frame: bytes) -> None:
+        self._frames.append(frame)
+        self.unsent += len(frame)
         self._waiting.set()
 
     async def _write(self) -> None:

@@ -4,7 +4,7 @@ import json
 import sqlite3
 import threading
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -156,10 +156,8 @@ class Journal:
 
     def __init__(self, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
-        self._writing, self._turn = (
-            sqlite3.connect(path, check_same_thread=False, isolation_level=None),
-            threading.Lock(),
-        )
+        self._writing = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
+        self._turn = threading.Lock()
         tables = self._writing.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]
         version = self._writing.execute("PRAGMA user_version").fetchone()[0]
         if tables and version != _VERSION:
@@ -186,7 +184,7 @@ class Journal:
         if row is None:
             return None
         content, state, shadow = json.loads(row[0]), row[1], row[2]
-        switch = content["switch"] and Switch.from_dict(content["switch"])
+        switch = content["switch"] and Switch(**content["switch"])
         beside = None if shadow is None else SavedState(content["shadow"], shadow)
         current = SavedState(content["model"], state)
         return SavedSession(name, content["next_index"], content["counts"], current, beside, switch)
@@ -256,7 +254,7 @@ def _session_row(session: SavedSession) -> tuple[str, str, bytes, bytes | None]:
         "counts": session.counts,
         "model": session.current.model,
         "shadow": session.shadow and session.shadow.model,
-        "switch": session.switch and session.switch.as_dict(),
+        "switch": session.switch and asdict(session.switch),
     }
     shadow = None if session.shadow is None else session.shadow.state
     return session.name, json.dumps(content), session.current.state, shadow

@@ -1,8 +1,7 @@
 """Which model gives a session's newtons, which one runs beside it, and from which sample on they change places."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
-from typing import Any, Self
+from dataclasses import dataclass, replace
 
 from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.session import SamplePiece
@@ -46,15 +45,6 @@ class Switch:
     begins_at: int
     takes_over_at: int | None = None
     recorded: bool = False
-
-    def as_dict(self) -> dict[str, Any]:
-        """Return what ``from_dict`` reads."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, content: dict[str, Any]) -> Self:
-        """Return what ``as_dict`` wrote."""
-        return cls(**content)
 
 
 PiecePart = tuple[SamplePiece, tuple[Running, ...], bool]

@@ -28,7 +28,8 @@ class Watchers:
     """
 
     def __init__(self, service: LiveService, stribeck: Lines | None = None) -> None:
-        self._service, self._first = service, _first_message(stribeck or {})
+        self._service = service
+        self._first = json.dumps({"stribeck": stribeck or {}, "flags": [flag.name for flag in Flag]})
         self._pages: set[_Page] = set()
         self._by_session: dict[str, set[_Page]] = {}
 
@@ -90,10 +91,6 @@ class Watchers:
             "kept": session.kept_index,
             "counts": vars(session.order.counts),
         }
-
-
-def _first_message(stribeck: Lines) -> str:
-    return json.dumps({"stribeck": stribeck, "flags": [flag.name for flag in Flag]})
 
 
 class _Page:
