@@ -14,6 +14,12 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.saved_folder import (
+    DESCRIPTION_FILE,
+    SavedModelError,
+    read_description,
+    write_description,
+)
 from cylinder_friction.realtime.bounds import (
     LearnedOffset,
     calibrated_bounds,
@@ -21,6 +27,7 @@ from cylinder_friction.realtime.bounds import (
     unknown_bounds,
     velocity_taps,
 )
+from cylinder_friction.realtime.checking import check_step_model, check_timing
 from cylinder_friction.realtime.guard import TrainingRange, guard_from, largest_friction_n
 from cylinder_friction.realtime.model import Bounds, Guard, StepModel, from_json
 from cylinder_friction.realtime.position_load import PositionLoad, channel_names
@@ -28,10 +35,7 @@ from cylinder_friction.realtime.sensor_offset import BALANCE, OffsetTracker
 from cylinder_friction.realtime.stream import NO_OFFSET, EstimatorStream, RealTimeStream, StrictStream
 from cylinder_friction.realtime.unmodelled_force import with_force_limits
 from cylinder_friction.recordings.columns import LOAD_FORCE, POSITION, SAMPLE_COLUMNS
-from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.recordings.recording import Recording, RecordingError, refuse_not_finite
-
-DESCRIPTION_FILE = "estimator.json"
 
 
 class NotFittedError(RuntimeError):
@@ -53,6 +57,7 @@ class FrictionEstimator(ABC):
     Attributes:
         kind: Name of the class in a saved model folder.
         shown: Names of the attributes that its representation shows.
+        files: Names of the files that ``save`` writes beside its description.
         inputs: The columns of a recording that make up a sample, in this order.
         sample_time_s: Time between two samples that the estimator is made for [s]; None before ``fit``.
         training_range: Range of the raw samples that it was trained on; None before ``fit``.
@@ -79,6 +84,7 @@ class FrictionEstimator(ABC):
 
     kind: ClassVar[str]
     shown: ClassVar[tuple[str, ...]] = ()
+    files: tuple[str, ...] = ()
     _kinds: ClassVar[dict[str, type[FrictionEstimator]]] = {}
 
     def __init__(self, inputs: Sequence[str] = SAMPLE_COLUMNS, lag_s: float = 0.0) -> None:
@@ -268,8 +274,8 @@ class FrictionEstimator(ABC):
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         parameters = self._write(folder)
-        write_json(
-            folder / DESCRIPTION_FILE,
+        write_description(
+            folder,
             {
                 "kind": self.kind,
                 "sample_time_s": self.sample_time_s,
@@ -289,6 +295,7 @@ class FrictionEstimator(ABC):
                 "multiply_adds_a_step": self.multiply_adds(),
                 "parameters": parameters,
             },
+            self.files,
         )
 
     @classmethod
@@ -297,20 +304,31 @@ class FrictionEstimator(ABC):
 
         Raises:
             FileNotFoundError: The folder holds no saved estimator.
-            ValueError: The kind is not known.
+            SavedModelError: The folder is damaged, or holds what no runtime would take.
         """
         folder = Path(folder)
-        path = folder / DESCRIPTION_FILE
-        if not path.is_file():
-            raise FileNotFoundError(f"{folder}: holds no {DESCRIPTION_FILE}; expected a folder that `save` wrote")
-        description = read_json(path)
-        known = FrictionEstimator._kinds
-        if description["kind"] not in known:
-            raise ValueError(f"{path}: kind is {description['kind']!r}, but expected one of {sorted(known)}")
-        estimator = known[description["kind"]]._read(folder, description["parameters"])
+        description = read_description(folder)
+        try:
+            estimator = cls._from_description(folder, description)
+            check_step_model(estimator._checked_step())
+        except SavedModelError:
+            raise
+        except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError) as error:
+            why = f"has no {error}" if isinstance(error, KeyError) else str(error)
+            raise SavedModelError(f"{folder / DESCRIPTION_FILE}: {why}; save the model again") from error
+        return estimator
+
+    @classmethod
+    def _from_description(cls, folder: Path, description: dict[str, Any]) -> FrictionEstimator:
+        known, kind = FrictionEstimator._kinds, description["kind"]
+        if kind not in known:
+            raise ValueError(f"kind is {kind!r}, but expected one of {sorted(known)}")
+        sample_time_s, lag_s = description["sample_time_s"], description.get("lag_s", 0.0)
+        check_timing(sample_time_s, lag_s)
+        estimator = known[kind]._read(folder, description["parameters"])
         estimator.inputs = tuple(description["input"])
         limits = [description["training_range"][column] for column in estimator.inputs]
-        estimator.sample_time_s, estimator.lag_s = description["sample_time_s"], description.get("lag_s", 0.0)
+        estimator.sample_time_s, estimator.lag_s = sample_time_s, lag_s
         estimator.training_range = TrainingRange(
             estimator.inputs, tuple(low for low, _ in limits), tuple(high for _, high in limits)
         )
@@ -321,6 +339,12 @@ class FrictionEstimator(ABC):
         load = description.get("position_load")
         estimator.position_load = None if load is None else PositionLoad.from_dict(load)
         return estimator
+
+    def _checked_step(self) -> StepModel:
+        """Return the step model that ``load`` checks; of a kind that has none, one with its guard and bounds alone."""
+        if type(self).step_model is not FrictionEstimator.step_model:
+            return self.step_model()
+        return self._step_model(base_taps=np.zeros((len(self.channels), 1)))
 
     def _begin_fit(self, recordings: Sequence[Recording]) -> list[Recording]:
         """Check the recordings, note their sample time and range, and return them with identified zeros taken off.

@@ -48,6 +48,7 @@ class ForestEstimator(FrictionEstimator):
     """
 
     kind: ClassVar[str] = "random_forest"
+    files = (FOREST_FILE,)
     shown: ClassVar[tuple[str, ...]] = ("plan",)
 
     def __init__(
@@ -104,7 +105,7 @@ class ForestEstimator(FrictionEstimator):
     @classmethod
     def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:
         estimator = cls()
-        estimator._set(FrontEnd.from_dict(parameters["front_end"]), read_forest(folder / parameters["forest"]))
+        estimator._set(FrontEnd.from_dict(parameters["front_end"]), read_forest(folder / FOREST_FILE))
         return estimator
 
 

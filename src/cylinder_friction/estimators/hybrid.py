@@ -206,6 +206,7 @@ class HybridEstimator(FrictionEstimator):
 
     def _set(self, parts: HybridParts) -> None:
         self.parts = parts
+        self.files = (NETWORK_FILE,) if parts.forest is None else (NETWORK_FILE, FOREST_FILE)
         self.design = parts.design
         self._front_end = FrontEndBlock(parts.front_end)
         self._network = Lstm(parts.network)
@@ -243,8 +244,8 @@ class HybridEstimator(FrictionEstimator):
 
     @classmethod
     def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:
-        network = read_network(folder / parameters["network"])
-        forest = None if parameters["forest"] is None else read_forest(folder / parameters["forest"])
+        network = read_network(folder / NETWORK_FILE)
+        forest = None if parameters["forest"] is None else read_forest(folder / FOREST_FILE)
         architecture = replace(Architecture(), layers=network.layers, nodes=network.nodes)
         plan = None if forest is None else replace(DEFAULT_FOREST, trees=len(forest.roots), depth=forest.depth)
         estimator = cls(None, parameters["design"], architecture, None, plan)

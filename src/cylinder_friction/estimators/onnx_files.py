@@ -6,21 +6,31 @@ linear head's output; ``hidden_out`` and ``cell_out``, the state to carry on. Ti
 sequence. The forest's takes ``features`` (rows, features) and gives ``output`` (rows, 1).
 """
 
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import onnx
 from numpy.typing import NDArray
 from onnx import TensorProto, helper, numpy_helper
 
+from cylinder_friction.estimators.saved_folder import SavedModelError, read_plain_file
+from cylinder_friction.realtime.checking import check_children, check_forest, check_network
 from cylinder_friction.realtime.forest import Forest
 from cylinder_friction.realtime.lstm import LstmWeights
 
 Single = NDArray[np.float32]
+Part = TypeVar("Part", LstmWeights, Forest)
 
 OPSET = 17
 OPSETS = {"": OPSET, "ai.onnx.ml": 3}
+NEUTRAL: dict[str, set[Any]] = {
+    "post_transform": {b"NONE"},
+    "nodes_hitrates": {1.0},
+    "nodes_missing_value_tracks_true": {0},
+}
+"""Attributes of a forest that change nothing with these values."""
 IR_VERSION = 8  # With these operator sets, what ONNX Runtime 1.14 (2023) already reads
 
 
@@ -34,7 +44,8 @@ def write_network(weights: LstmWeights, path: Path) -> None:
 
 
 def read_network(path: Path) -> LstmWeights:
-    return network_from_onnx(onnx.load(path))
+    """Return the weights that ``write_network`` wrote; raises ``SavedModelError`` if the file holds anything else."""
+    return _read(path, network_from_onnx, network_to_onnx)
 
 
 def write_forest(forest: Forest, path: Path) -> None:
@@ -42,7 +53,35 @@ def write_forest(forest: Forest, path: Path) -> None:
 
 
 def read_forest(path: Path) -> Forest:
-    return forest_from_onnx(onnx.load(path))
+    """Return the forest that ``write_forest`` wrote; raises ``SavedModelError`` if the file holds anything else."""
+    return _read(path, forest_from_onnx, forest_to_onnx)
+
+
+def _read(path: Path, parse: Callable[[onnx.ModelProto], Part], build: Callable[[Part], onnx.ModelProto]) -> Part:
+    """Return what a graph holds, if writing that gives the same graph: no operator, node or attribute is another."""
+    content = read_plain_file(path)
+    try:
+        model = onnx.load_model_from_string(content)
+        part = parse(model)
+        same = _without_neutral(build(part)) == _without_neutral(model)
+    except Exception as error:  # protobuf and ONNX have classes of their own for each kind of damage
+        raise SavedModelError(f"{path}: is no graph that `save` wrote ({error}); save the model again") from None
+    if not same:
+        raise SavedModelError(
+            f"{path}: is another graph than `save` writes of its numbers; expected its operators and attributes alone"
+        )
+    return part
+
+
+def _without_neutral(model: onnx.ModelProto) -> list[Any]:
+    """Return what a graph computes: earlier versions had scikit-learn's converter write forests, which adds nothing."""
+    nodes = []
+    for node in model.graph.node:
+        attributes = {each.name: helper.get_attribute_value(each) for each in node.attribute}
+        kept = {name: value for name, value in attributes.items() if set(np.ravel(value)) - NEUTRAL.get(name, set())}
+        if (node.op_type, kept) != ("Cast", {"to": TensorProto.FLOAT}):
+            nodes.append((node.op_type, node.domain, kept, list(node.input)))
+    return [nodes, sorted(model.graph.initializer, key=lambda each: each.name)]
 
 
 def network_to_onnx(weights: LstmWeights) -> onnx.ModelProto:
@@ -94,17 +133,19 @@ def network_to_onnx(weights: LstmWeights) -> onnx.ModelProto:
 
 
 def network_from_onnx(model: onnx.ModelProto) -> LstmWeights:
-    """Return the weights inside a graph that ``network_to_onnx`` made."""
+    """Return the weights inside a graph that ``network_to_onnx`` made; raises ``ValueError`` if they do not fit."""
     stored = {tensor.name: numpy_helper.to_array(tensor) for tensor in model.graph.initializer}
     layers = sum(1 for name in stored if name.endswith("_R"))
     gates = 4 * stored["layer0_R"].shape[2]
-    return LstmWeights.of(
+    weights = LstmWeights.of(
         [stored[f"layer{layer}_W"][0].T for layer in range(layers)],
         [stored[f"layer{layer}_R"][0].T for layer in range(layers)],
         [stored[f"layer{layer}_B"][0, :gates] for layer in range(layers)],
         stored["head_weight"][:, 0],
         float(stored["head_bias"][0]),
     )
+    check_network(weights)
+    return weights
 
 
 def forest_to_onnx(forest: Forest) -> onnx.ModelProto:
@@ -144,27 +185,28 @@ def forest_to_onnx(forest: Forest) -> onnx.ModelProto:
 
 
 def forest_from_onnx(model: onnx.ModelProto) -> Forest:
-    """Return the arrays inside a ``TreeEnsembleRegressor``, whichever library wrote it."""
-    node = next(node for node in model.graph.node if node.op_type == "TreeEnsembleRegressor")
+    """Return the forest inside a graph that ``forest_to_onnx`` made; raises ``ValueError`` if its trees do not end."""
+    node = model.graph.node[0]
     attributes = {attribute.name: helper.get_attribute_value(attribute) for attribute in node.attribute}
     trees, roots = np.unique(attributes["nodes_treeids"], return_index=True)
-    first = dict(zip(trees.tolist(), roots.tolist(), strict=True))
-    base = np.array([first[tree] for tree in attributes["nodes_treeids"]])
+    base = roots[np.searchsorted(trees, attributes["nodes_treeids"])]
     leaf = np.array([mode == b"LEAF" for mode in attributes["nodes_modes"]])
     value = np.zeros(len(leaf), dtype=np.float32)
-    targets = zip(attributes["target_treeids"], attributes["target_nodeids"], strict=True)
-    value[[first[tree] + place for tree, place in targets]] = attributes["target_weights"]
-    if attributes.get("aggregate_function", b"SUM") == b"AVERAGE":
-        value /= np.float32(len(first))
-    return Forest.of(
+    value[np.flatnonzero(leaf)] = attributes["target_weights"]
+    left = base + np.array(attributes["nodes_truenodeids"])
+    right = base + np.array(attributes["nodes_falsenodeids"])
+    check_children(~leaf, left, right, roots)
+    forest = Forest.of(
         feature=np.where(leaf, -1, attributes["nodes_featureids"]),
         threshold=np.array(attributes["nodes_values"], dtype=np.float32),
-        left=base + attributes["nodes_truenodeids"],
-        right=base + attributes["nodes_falsenodeids"],
+        left=left,
+        right=right,
         value=value,
         roots=roots,
         inputs=int(model.graph.input[0].type.tensor_type.shape.dim[1].dim_value),
     )
+    check_forest(forest)
+    return forest
 
 
 def _layer_nodes(layer: int, source: str, width: int) -> list[onnx.NodeProto]:

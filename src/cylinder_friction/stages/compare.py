@@ -11,9 +11,10 @@ from tqdm import tqdm
 
 import cylinder_friction.estimators  # noqa: F401 - makes every kind of estimator known to `load`
 from cylinder_friction.estimators.analytical import AnalyticalEstimator
-from cylinder_friction.estimators.base import DESCRIPTION_FILE, FrictionEstimator
+from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.estimators.saved_folder import DESCRIPTION_FILE
 from cylinder_friction.evaluation.analysis import Analysis, analyse
 from cylinder_friction.evaluation.comparison import LABEL_ITSELF, ComparisonSettings, compare
 from cylinder_friction.evaluation.coverage import Coverage, coverage, coverage_metrics

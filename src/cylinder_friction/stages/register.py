@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.estimators.base import DESCRIPTION_FILE
 from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.estimators.saved_folder import DESCRIPTION_FILE
 from cylinder_friction.evaluation.metrics import errors
 from cylinder_friction.evaluation.reported import Reference, error_metrics, reported_errors
 from cylinder_friction.recordings.files import hash_of, read_json, write_json

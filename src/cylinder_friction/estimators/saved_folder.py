@@ -1,0 +1,87 @@
+"""The files of a saved estimator: plain ones in its folder, of limited size, with the hashes that ``save`` wrote."""
+
+import hashlib
+import json
+import os
+import stat
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from cylinder_friction.recordings.files import write_json
+
+DESCRIPTION_FILE = "estimator.json"
+LARGEST_FILE = 64 * 2**20  # Bytes of any file of a model
+FILES, CONTENT_HASH = "files", "sha256"
+"""In the description: the hash of each other file of the model, and of the description itself without this entry."""
+
+
+class SavedModelError(ValueError):
+    """A folder does not hold what ``save`` wrote."""
+
+
+def write_description(folder: Path, content: dict[str, Any], files: Sequence[str]) -> None:
+    """Write the description of an estimator whose other ``files`` lie in ``folder`` already, with all hashes."""
+    content = {**content, FILES: {name: hashlib.sha256(read_plain_file(folder / name)).hexdigest() for name in files}}
+    write_json(folder / DESCRIPTION_FILE, {**content, CONTENT_HASH: _hash_of(content)})
+
+
+def read_description(folder: Path) -> dict[str, Any]:
+    """Return the description of a saved estimator, once all hashes that it states are right.
+
+    One that an earlier version saved states none.
+
+    Raises:
+        FileNotFoundError: The folder holds no description.
+        SavedModelError: It is damaged, or a file is not the one that was saved.
+    """
+    path = folder / DESCRIPTION_FILE
+    if not path.exists():
+        raise FileNotFoundError(f"{folder}: holds no {DESCRIPTION_FILE}; expected a folder that `save` wrote")
+    stored = read_plain_file(path)
+    try:
+        content = json.loads(stored, parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as error:
+        raise SavedModelError(f"{path}: is no JSON that `save` wrote ({error}); save the model again") from None
+    if not isinstance(content, dict):
+        raise SavedModelError(f"{path}: holds a {type(content).__name__}, but expected what `save` wrote")
+    stated = content.pop(CONTENT_HASH, None)
+    if stated is not None and stated != _hash_of(content):
+        raise SavedModelError(f"{path}: was changed after `save` wrote it; save the model again, or take a whole copy")
+    files = content.pop(FILES, {})
+    for name, digest in files.items() if isinstance(files, dict) else ():
+        if Path(name).name != name or hashlib.sha256(read_plain_file(folder / name)).hexdigest() != digest:
+            raise SavedModelError(
+                f"{folder / name}: is not the file that `save` wrote; save the model again, or take a whole copy"
+            )
+    return content
+
+
+def read_plain_file(path: Path) -> bytes:
+    """Return a regular file's bytes, whatever else stands there without waiting for it.
+
+    Raises:
+        SavedModelError: It is not there, no regular file, or larger than a model's files are.
+    """
+    try:
+        file = open(path, "rb", buffering=0, opener=_open_without_waiting)  # noqa: SIM115 - closed below
+    except OSError as error:
+        raise SavedModelError(f"{path}: cannot be read ({error.strerror}); take a whole copy of the model") from None
+    with file:
+        status = os.fstat(file.fileno())
+        if not stat.S_ISREG(status.st_mode) or status.st_size > LARGEST_FILE:
+            what = f"has {status.st_size} bytes" if stat.S_ISREG(status.st_mode) else "is no regular file"
+            raise SavedModelError(f"{path}: {what}, but expected a file of at most {LARGEST_FILE} bytes")
+        return file.read()
+
+
+def _open_without_waiting(path: str, flags: int) -> int:
+    return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
+
+
+def _hash_of(content: dict[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
+def _refuse_constant(name: str) -> Any:
+    raise ValueError(f"{name} is no finite number")
