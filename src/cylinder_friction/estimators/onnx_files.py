@@ -28,9 +28,9 @@ OPSETS = {"": OPSET, "ai.onnx.ml": 3}
 NEUTRAL: dict[str, set[Any]] = {
     "post_transform": {b"NONE"},
     "nodes_hitrates": {1.0},
-    "nodes_missing_value_tracks_true": {0},
+    "nodes_missing_value_": {0},
 }
-"""Attributes of a forest that change nothing with these values."""
+"""Beginnings of names of a forest's attributes that change nothing with these values."""
 IR_VERSION = 8  # With these operator sets, what ONNX Runtime 1.14 (2023) already reads
 
 
@@ -78,10 +78,14 @@ def _without_neutral(model: onnx.ModelProto) -> list[Any]:
     nodes = []
     for node in model.graph.node:
         attributes = {each.name: helper.get_attribute_value(each) for each in node.attribute}
-        kept = {name: value for name, value in attributes.items() if set(np.ravel(value)) - NEUTRAL.get(name, set())}
+        kept = {name: value for name, value in attributes.items() if not _is_neutral(name, value)}
         if (node.op_type, kept) != ("Cast", {"to": TensorProto.FLOAT}):
             nodes.append((node.op_type, node.domain, kept, list(node.input)))
     return [nodes, sorted(model.graph.initializer, key=lambda each: each.name)]
+
+
+def _is_neutral(name: str, value: Any) -> bool:
+    return any(name.startswith(start) and set(np.ravel(value)) <= values for start, values in NEUTRAL.items())
 
 
 def network_to_onnx(weights: LstmWeights) -> onnx.ModelProto:
