@@ -66,12 +66,6 @@ def connected(url: str, token: str = "", ca: Path | None = None) -> AbstractCont
     )
 
 
-def _plain(host: str | None, port: int | None) -> socket.socket:
-    connection = socket.create_connection((host, port), OPEN_S)
-    _send_at_once(connection)
-    return connection
-
-
 def _send_at_once(connection: Any) -> None:
     """Let small messages not wait for each other."""
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -81,7 +75,8 @@ def _send_at_once(connection: Any) -> None:
 def _web_socket(url: str, token: str, ca: Path | None) -> Iterator[ClientSocket]:
     uri = parse_uri(url)
     with ExitStack() as opened:
-        connection = opened.enter_context(_plain(uri.host, uri.port))
+        connection = opened.enter_context(socket.create_connection((uri.host, uri.port), OPEN_S))
+        _send_at_once(connection)
         if uri.secure:
             tls = ssl.create_default_context(cafile=ca)
             try:

@@ -25,9 +25,7 @@ class TextMessage:
     session: str
     inputs: tuple[str, ...] = ()
     sample_time_s: float = 0.0
-    estimates_from: int | None = (
-        None  # The first index whose estimate the client has not read; None: of what is to come
-    )
+    estimates_from: int | None = None  # The first index whose estimate the client has not read; None: what is to come
     index: int = 0
     time_s: float = 0.0
     samples: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -81,31 +79,19 @@ def _index(value: Any) -> int:
 
 def opened_text(session: LiveSession) -> str:
     """Return the reply to an opened session: its handle, and the index from which samples are to be sent (again)."""
-    return json.dumps(
-        {
-            "opened": {
-                "session": session.name,
-                "handle": session.handle,
-                "next_index": session.next_index,
-                "kept_index": session.kept_index,
-                "model": session.model,
-                "counts": vars(session.order.counts),
-            }
-        }
-    )
+    opened = {
+        "session": session.name,
+        "handle": session.handle,
+        "next_index": session.next_index,
+        "kept_index": session.kept_index,
+        "model": session.model,
+        "counts": vars(session.order.counts),
+    }
+    return json.dumps({"opened": opened})
 
 
 def estimates_text(session: LiveSession, block: EstimateBlock) -> str:
     """Return estimates as JSON, flags by name."""
-    return json.dumps(
-        {
-            "estimates": {
-                "session": session.name,
-                "index": block.index,
-                "friction_n": block.newtons[:, 0].tolist(),
-                "lower_n": block.newtons[:, 1].tolist(),
-                "upper_n": block.newtons[:, 2].tolist(),
-                "flags": [list(Flag.names(flags)) for flags in block.flags.tolist()],
-            }
-        }
-    )
+    columns = dict(zip(("friction_n", "lower_n", "upper_n"), block.newtons.T.tolist(), strict=True))
+    flags = [list(Flag.names(flags)) for flags in block.flags.tolist()]
+    return json.dumps({"estimates": {"session": session.name, "index": block.index, **columns, "flags": flags}})
