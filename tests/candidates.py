@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from mlflow import MlflowClient
 
+from cylinder_friction.estimators.saved_folder import read_description, write_description
 from cylinder_friction.evaluation.reported import error_metrics
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.run_record import Dataset, RunRecord
@@ -76,10 +77,10 @@ def register_together(root: Path, errors_of: dict[str, dict[str, float]], barrie
 
 def other_model(root: Path) -> None:
     """Make the candidate's folder another model, which works as well."""
-    path = root / "models/hybrid/estimator.json"
-    content = json.loads(path.read_text(encoding="utf-8"))
+    folder = root / "models/hybrid"
+    content = read_description(folder)
     content["parameters"]["target_mean_n"] += 1.0
-    path.write_text(json.dumps(content), encoding="utf-8")
+    write_description(folder, content, ["network.onnx", "forest.onnx"])
     record_model(root)
 
 

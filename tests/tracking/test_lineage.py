@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import json
+import marshal
+import re
 import shutil
+import sqlite3
 import subprocess
 import sys
+from contextlib import closing
+from importlib.util import MAGIC_NUMBER, cache_from_source
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -63,16 +68,20 @@ def test_the_whole_way_back_holds_and_is_printed(registered: Path, tmp_path: Pat
     assert load_estimator(folder).inputs
     lines = found.text().splitlines()
     assert lines[0].startswith("friction-estimator version 1 (promoted: there is no incumbent")
-    assert [line.split()[1] for line in lines[1:6]] == ["run", "git", "code", "model", "model's"]
+    assert [line.split()[1] for line in lines[1:7]] == ["run", "run's", "git", "code", "model", "model's"]
     assert any("dvc.lock raw/rig" in line and ".dir in the working tree" in line for line in lines)
-    assert lines[-1] == f"all {len(found.links)} links hold"
+    assert lines[-1] == f"all {len(found.links) - 1} links hold; not checked: promotion"
+    (unchecked,) = (line for line in lines if line.startswith("  ?"))
+    assert re.search(r"promotion +promoted from none by \w+ at 20", unchecked), "nobody can check who, and when"
 
 
 def test_a_model_that_was_served_is_unchanged(pipeline: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     registered_in(pipeline)
     monkeypatch.setenv("MLFLOW_TRACKING_URI", tracking_uri(pipeline))
+    monkeypatch.setattr(sys, "dont_write_bytecode", False)
     mlflow.pyfunc.load_model(URI)
     assert logged(pipeline, "registered_model_meta").is_file()
+    assert list(pipeline.glob("mlartifacts/**/__pycache__/*.pyc")), "that of its own code, which is left out of account"
     assert lineage(URI, pipeline).holds
 
 
@@ -201,6 +210,36 @@ def model_swapped(root: Path) -> None:
     in_tag("model_key", hash_of(estimator.parent))(root)
 
 
+def foreign_bytecode(root: Path) -> None:
+    """Let MLflow run something else than the model's code: bytecode whose source nobody looks at."""
+    source = logged(root, "scoring_model.py")
+    cached = Path(cache_from_source(str(source)))
+    cached.parent.mkdir()
+    code = marshal.dumps(compile("print('other code')", str(source), "exec"))
+    cached.write_bytes(MAGIC_NUMBER + (1).to_bytes(4, "little") + bytes(8) + code)
+
+
+def in_store(statement: str, *values: str) -> Callable[[Path], None]:
+    def execute(root: Path) -> None:
+        with closing(sqlite3.connect(root / "mlflow.db")) as database, database:
+            assert database.execute(statement, values).rowcount
+
+    return execute
+
+
+def stored_elsewhere(root: Path) -> None:
+    """Let the version's files be a copy with other code."""
+    copy = shutil.copytree(logged(root, "MLmodel").parent, root / "elsewhere")
+    change(next(copy.rglob("scoring.py")), "import", "import os\nimport")
+    in_store("UPDATE model_versions SET storage_location = ?", copy.as_uri())(root)
+
+
+def metric_changed(root: Path) -> None:
+    client = MlflowClient(tracking_uri(root))
+    client.log_metric(client.get_model_version("friction-estimator", "1").run_id or "", "mae_n", 0.1)
+
+
+OTHER_RUN = "UPDATE model_versions SET run_id = (SELECT run_uuid FROM runs WHERE name = ?)"
 HISTORY = "git commit"
 TAMPERING: dict[str, tuple[Callable[[Path], None], set[str]]] = {
     "scoring code": (in_file("scoring.py", "import", "import os\nimport"), {"model's files"}),
@@ -226,6 +265,12 @@ TAMPERING: dict[str, tuple[Callable[[Path], None], set[str]]] = {
     "tag of the incumbent": (in_tag("gate_incumbent", '{"errors_percent": {"1": 9.0, "2": 9.0}}'), {"gate"}),
     "tag of the reason": (in_tag("gate_reason", "promoted: much better"), {"gate"}),
     "tag of the decision": (in_tag("gate_decision", "refused"), {"gate"}),
+    "tag of the lineage": (in_tag("lineage", "{no JSON"), {HISTORY, "tags"}),
+    "bytecode": (foreign_bytecode, {"model's files"}),
+    "where the version lies": (stored_elsewhere, {"model's files"}),
+    "the version's run": (in_store(OTHER_RUN, "search"), {"run", "run's figures"}),
+    "a metric of the run": (metric_changed, {"run's figures"}),
+    "a digest of the run's data": (in_store("UPDATE datasets SET digest = ?", "f" * 36), {"run's figures"}),
     "run of train": (run_deleted("train"), {"run"}),
     "run of register": (run_deleted("register"), {"gate"}),
     "all files": (lambda root: shutil.rmtree(root / "mlartifacts"), {"model", "tags", "code", "parameters"}),

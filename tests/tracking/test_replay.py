@@ -6,6 +6,7 @@ import shutil
 from typing import TYPE_CHECKING
 
 import pytest
+import yaml
 from mlflow import MlflowClient
 
 from candidates import NAME, champion, other_model, registered_in, versions
@@ -13,6 +14,7 @@ from cylinder_friction.tracking.registry import rollback
 from cylinder_friction.tracking.replay import replay
 from cylinder_friction.tracking.repository import TrackingError
 from cylinder_friction.tracking.store import tracking_uri
+from cylinder_friction.tracking.versions import dvc_hash
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -49,6 +51,17 @@ def test_a_replay_fills_an_empty_store_once_and_promotes_nothing(
     experiment = client.get_experiment_by_name("cylinder-friction")
     assert experiment is not None
     assert len(client.search_runs([experiment.experiment_id])) == 1 + 5 + 3, "trials below the search"
+
+
+def test_a_record_that_is_not_what_dvc_lock_states_is_not_logged(registered_pipeline: Path) -> None:
+    root, path = registered_pipeline, registered_pipeline / "reports/runs/compare.json"
+    lock = yaml.safe_load((root / "dvc.lock").read_text())
+    lock["stages"]["compare"] = {"outs": [{"path": "reports/runs/compare.json", "md5": dvc_hash(path)}]}
+    (root / "dvc.lock").write_text(yaml.safe_dump(lock))
+    assert replay(root).problems == ()
+    path.write_text(path.read_text().replace("2.1", "0.1"))
+    (problem,) = replay(root).problems
+    assert problem.startswith("compare.json: is not what dvc.lock states; `dvc checkout` brings that back")
 
 
 def test_a_replay_leaves_what_a_person_did_to_the_registry(registered_pipeline: Path) -> None:

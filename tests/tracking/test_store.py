@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+from contextlib import suppress
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
@@ -151,6 +152,24 @@ def test_many_processes_share_a_store_that_none_has_made_yet(tmp_path: Path, mon
         for what in ("label", "pipeline"):
             runs = store.client.search_runs([store.experiment_id], f"tags.stage = '{what}'")
             assert len(runs) == 3, "both wrote the same three records"
+
+
+@pytest.mark.extended
+@pytest.mark.parametrize("lives_s", [2.0, 3.0, 4.0, 6.0])
+def test_a_store_is_made_whole_or_not_at_all_when_its_maker_is_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lives_s: float
+) -> None:
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    command = "from pathlib import Path; from cylinder_friction.tracking.store import open_store\n"
+    command += f"with open_store(Path({str(tmp_path)!r})): pass"
+    maker = subprocess.Popen([sys.executable, "-c", command], cwd=tmp_path)
+    with suppress(subprocess.TimeoutExpired):
+        maker.wait(lives_s)
+    maker.kill()
+    maker.wait()
+    with open_store(tmp_path) as store:
+        assert store.client.get_experiment_by_name("cylinder-friction") is not None
+    assert [path.name for path in tmp_path.glob(".mlflow*")] == []
 
 
 def test_only_changes_that_shape_a_result_make_a_commit_dirty(pipeline: Path) -> None:

@@ -4,10 +4,12 @@ import argparse
 from pathlib import Path
 
 
-def run(_options: argparse.Namespace) -> None:
+def run(_options: argparse.Namespace) -> int:
     from cylinder_friction.tracking.replay import replay
 
-    print(replay(Path.cwd()).summary())
+    replayed = replay(Path.cwd())
+    print(replayed.summary())
+    return 1 if replayed.problems else 0
 
 
 def kept(_options: argparse.Namespace) -> str:

@@ -1,16 +1,19 @@
 """The way back: from a registered model to its run, its commit, its data and its parameters, each link checked."""
 
 import json
+import marshal
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
+from importlib.util import MAGIC_NUMBER, source_from_cache
 from pathlib import Path
 from typing import Any
 
 import yaml
 from mlflow.entities.model_registry import ModelVersion
 from mlflow.exceptions import MlflowException
+from mlflow.models import Model
 
 from cylinder_friction.evaluation.reported import error_metrics
 from cylinder_friction.recordings.files import hash_of
@@ -28,10 +31,12 @@ from cylinder_friction.tracking.model_version import (
     GATE,
     LINEAGE,
     MODEL_KEY,
+    RUN_KEY,
     WRITTEN_ON_LOADING,
+    run_content,
     tags_of,
 )
-from cylinder_friction.tracking.registry import REFUSED_ROLLED_BACK
+from cylinder_friction.tracking.registry import PROMOTED, REFUSED_ROLLED_BACK, ROLLED_BACK
 from cylinder_friction.tracking.repository import TrackingError, code_at, git, repository_root
 from cylinder_friction.tracking.store import Store, open_store
 from cylinder_friction.tracking.versions import (
@@ -51,6 +56,7 @@ class FoundLink:
     name: str
     holds: bool
     found: str
+    checked: bool = True
 
 
 @dataclass(frozen=True)
@@ -68,14 +74,21 @@ class Lineage:
         """Return the way back, one line per link, and what is broken."""
         width = max(len(link.name) for link in self.links)
         lines = [self.model]
-        lines += [f"  {'ok    ' if link.holds else 'BROKEN'} {link.name:<{width}}  {link.found}" for link in self.links]
+        words = {link: "BROKEN" if not link.holds else "ok" if link.checked else "?" for link in self.links}
+        lines += [f"  {words[link]:<6} {link.name:<{width}}  {link.found}" for link in self.links]
         broken = [link.name for link in self.links if not link.holds]
-        lines.append(f"broken: {', '.join(broken)}" if broken else f"all {len(self.links)} links hold")
+        unknown = [link.name for link in self.links if not link.checked]
+        whole = f"all {len(self.links) - len(unknown)} links hold" + ("; not checked: " if unknown else "")
+        lines.append(f"broken: {', '.join(broken)}" if broken else whole + ", ".join(unknown))
         return "\n".join(lines)
 
 
 class _BrokenLinkError(Exception):
     """A link does not hold; the message states what was found."""
+
+
+class _NotCheckedError(Exception):
+    """Nothing is there to compare a link with; the message states what was found."""
 
 
 def lineage(uri: str, root: Path) -> Lineage:
@@ -89,16 +102,17 @@ def lineage(uri: str, root: Path) -> Lineage:
     with open_store(root, create=False) as store, tempfile.TemporaryDirectory() as scratch:
         version = version_of(store, uri)
         folder = _download(store, version, Path(scratch))
-        path = None if folder is None else artifact_path(folder, LINEAGE_ARTIFACT)
-        origin: dict[str, Any] = {} if path is None else json.loads(path.read_text(encoding="utf-8"))
+        origin = {} if folder is None else _origin(artifact_path(folder, LINEAGE_ARTIFACT))
         checks: list[tuple[str, Callable[[], str]]] = [
-            ("run", partial(_run, store, version)),
+            ("run", partial(_run, store, folder, version)),
+            ("run's figures", partial(_figures, store, origin, version)),
             ("git commit", partial(_commit, root, version)),
             ("code", partial(_code, root, origin)),
             ("model", partial(_model, store, folder, version, MODEL_KEY)),
             *([("model's files", partial(_model, store, folder, version, CONTENT_KEY))] if folder else []),
             ("tags", partial(_tags, origin, version)),
             ("gate", partial(_gate, store, version)),
+            *([("promotion", partial(_promotion, version))] if {PROMOTED, ROLLED_BACK} & {*version.tags} else []),
         ]
         data: dict[str, str] = origin.get("data", {})
         for each in sorted(data, key=lambda each: (each != origin["raw"], each)):  # from the beginning on
@@ -117,6 +131,8 @@ def _followed(name: str, check: Callable[[], str]) -> FoundLink:
         return FoundLink(name, True, check())
     except _BrokenLinkError as broken:
         return FoundLink(name, False, str(broken))
+    except _NotCheckedError as found:
+        return FoundLink(name, True, str(found), checked=False)
 
 
 def _download(store: Store, version: ModelVersion, scratch: Path) -> Path | None:
@@ -126,7 +142,19 @@ def _download(store: Store, version: ModelVersion, scratch: Path) -> Path | None
         return None
 
 
-def _run(store: Store, version: ModelVersion) -> str:
+def _origin(path: Path) -> dict[str, Any]:
+    try:
+        return dict(json.loads(path.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError):
+        return {}  # each link that needs it is broken then
+
+
+def _run(store: Store, folder: Path | None, version: ModelVersion) -> str:
+    """The run must be there, whole, and the one that the files of the model and the logged model name."""
+    made = None if folder is None else Model.load(str(folder)).run_id
+    logged = store.client.get_logged_model(str(version.source).removeprefix("models:/")).source_run_id
+    if {version.run_id} != {logged, version.run_id if folder is None else made}:
+        raise _BrokenLinkError(f"the version names run {version.run_id}, but its model was made by {made or logged}")
     try:
         run = store.client.get_run(version.run_id or "")
     except MlflowException:
@@ -137,8 +165,33 @@ def _run(store: Store, version: ModelVersion) -> str:
     return found
 
 
+def _figures(store: Store, origin: dict[str, Any], version: ModelVersion) -> str:
+    """The run's metrics and the digests of its datasets must be those that the model was registered with."""
+    if RUN_KEY not in origin:
+        raise _NotCheckedError("the model was registered before its files held them")
+    try:
+        run = store.client.get_run(version.run_id or "")
+    except MlflowException:
+        raise _BrokenLinkError(f"{version.run_id}: not in the store") from None
+    used = {each.dataset.name: each.dataset.digest for each in (run.inputs.dataset_inputs if run.inputs else ())}
+    found, wanted = run_content(run.data.metrics, used), origin[RUN_KEY]
+    for kind in ("metrics", "datasets"):
+        for name, value in wanted[kind].items():
+            if found[kind].get(name) != value:
+                raise _BrokenLinkError(f"{kind}: {name} is {found[kind].get(name)} in the store, but was {value}")
+    return f"{len(wanted['metrics'])} metrics and {len(wanted['datasets'])} datasets as the model's files state them"
+
+
+def _promotion(version: ModelVersion) -> str:
+    stated = [f"{name} {version.tags[name]}" for name in (PROMOTED, ROLLED_BACK) if name in version.tags]
+    raise _NotCheckedError("; ".join(stated))
+
+
 def _commit(root: Path, version: ModelVersion) -> str:
-    origin = json.loads(version.tags.get(LINEAGE, "{}"))
+    try:
+        origin = dict(json.loads(version.tags.get(LINEAGE, "{}")))
+    except (ValueError, TypeError):
+        raise _BrokenLinkError(f"the tag {LINEAGE!r} is no JSON object") from None
     sha = origin.get("git_commit", "unknown")
     if sha == "unknown":
         raise _BrokenLinkError("the code that ran is in no commit of this repository")
@@ -166,12 +219,27 @@ def _model(store: Store, folder: Path | None, version: ModelVersion, key: str) -
         raise _BrokenLinkError(f"its artifacts at {version.source} cannot be read")
     logged = store.client.get_logged_model(str(version.source).removeprefix("models:/"))
     whole = key == CONTENT_KEY
+    if whole and (foreign := [each for each in folder.rglob("*.pyc") if not _is_compiled_source(each)]):
+        raise _BrokenLinkError(
+            f"{foreign[0].relative_to(folder)} is not what Python makes of its source, but MLflow would run it; "
+            "remove it"
+        )
     found = hash_of(folder, WRITTEN_ON_LOADING) if whole else hash_of(artifact_path(folder, ESTIMATOR_ARTIFACT))
     expected = {version.tags.get(key, "unknown"), logged.tags.get(key, "unknown")}
     if expected != {found}:
         stated = ", ".join(f"{each[:12]}…" for each in sorted(expected))
         raise _BrokenLinkError(f"their hash is {found[:12]}…, but the version was made of {stated}")
     return f"content {found[:12]}…"
+
+
+def _is_compiled_source(path: Path) -> bool:
+    """Return whether bytecode is what this Python makes of its source, as loading a model leaves it behind."""
+    try:
+        source, content = Path(source_from_cache(str(path))), path.read_bytes()
+        compiled = compile(source.read_bytes(), str(source), "exec", dont_inherit=True)
+        return content[:4] == MAGIC_NUMBER and bool(marshal.loads(content[16:]) == compiled)  # noqa: S302 - not run
+    except (OSError, ValueError, EOFError, TypeError, SyntaxError):
+        return False
 
 
 def _tags(origin: dict[str, Any], version: ModelVersion) -> str:

@@ -123,13 +123,13 @@ def version_of(store: Store, uri: str) -> ModelVersion:
 
 
 def download_model(store: Store, version: ModelVersion, folder: Path) -> Path:
-    """Return the model folder of a registered version, copied below ``folder``.
+    """Return the model folder of a registered version, copied below ``folder``, from where MLflow loads it.
 
     Raises:
         TrackingError: Its files cannot be read.
     """
     try:
-        location = store.client.get_logged_model(str(version.source).removeprefix("models:/")).artifact_location
+        location = store.client.get_model_version_download_uri(version.name, version.version)
         return Path(artifacts.download_artifacts(location, dst_path=str(folder), tracking_uri=store.uri))
     except (MlflowException, OSError) as error:
         raise TrackingError(

@@ -18,7 +18,7 @@ from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS, MLFLOW_PARENT_RUN_ID
 
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.run_record import STAGES, RunRecord, records_in
-from cylinder_friction.tracking.executions import allowed
+from cylinder_friction.tracking.executions import allowed, digest_of
 from cylinder_friction.tracking.gate import CANDIDATE_KEY, Candidate
 from cylinder_friction.tracking.log_run import log_in
 from cylinder_friction.tracking.model_folder import save_model_folder
@@ -34,6 +34,8 @@ WRITTEN_ON_LOADING = "registered_model_meta"
 """File that MLflow adds to a model in a local store when it is loaded by its registered name; it counts for nothing."""
 GATE = "gate"
 """Tag of both, JSON: what the gate is asked."""
+RUN_KEY = "run"
+"""In ``lineage.json``: figures of the run that made the model, and the digests of what it used."""
 LINEAGE = "lineage"
 """Tag of both, JSON: the commit, the data's hashes and the parameters' hash."""
 DECISION = "gate_decision"
@@ -118,6 +120,11 @@ def tags_of(lineage: Mapping[str, Any]) -> dict[str, str]:
     }
 
 
+def run_content(metrics: Mapping[str, float], datasets: Mapping[str, str]) -> dict[str, dict[str, Any]]:
+    """Return what of a run is compared with the store, by the names that MLflow takes."""
+    return {"metrics": {allowed(name): value for name, value in metrics.items()}, "datasets": dict(datasets)}
+
+
 def _ensure_logged_model(store: Store, candidate: Candidate, root: Path) -> LoggedModel:
     """Return the logged model; logs it and the run that made it where they are not there whole."""
     record = _training_record(candidate, root)
@@ -142,6 +149,7 @@ def _ensure_logged_model(store: Store, candidate: Candidate, root: Path) -> Logg
             CANDIDATE_KEY: candidate.key(),
             "gate": candidate.gate(),
             "code": _code(root, record),
+            RUN_KEY: run_content(record.metrics, {role: digest_of(each) for role, each in record.datasets.items()}),
             **asdict(commit_of(root, record.name, record.code)),
             **asdict(candidate.origin),
             "params_sha256": candidate.origin.params_sha256,

@@ -31,8 +31,8 @@ ALIAS = "champion"
 REGISTERED_FILE = Path("models/registered.json")
 _INCUMBENT = "gate_incumbent"
 _REASON = "gate_reason"
-_ROLLED_BACK = "rolled_back"
-_PROMOTED = "promoted"
+ROLLED_BACK = "rolled_back"
+PROMOTED = "promoted"
 _PATIENCE_S = 120.0
 _POLL_S = 0.5
 REFUSED_ROLLED_BACK = (
@@ -86,7 +86,7 @@ def register(
         version = ensure_version(store, candidate, root)
         if DECISION in version.tags:
             decided = _decided_before(candidate, version)
-            rolled_back = _ROLLED_BACK in version.tags
+            rolled_back = ROLLED_BACK in version.tags
             return replace(decided, promote=False, reason=REFUSED_ROLLED_BACK) if rolled_back else decided
         _wait_for_earlier(store, version, patience_s)
         return _decide(store, version, candidate, measure)
@@ -119,7 +119,7 @@ def _decide(store: Store, version: ModelVersion, candidate: Candidate, measure: 
         figures = None if incumbent is None else incumbent.errors_percent
         decision = decide(candidate.errors_percent, figures, candidate.tolerance_percent)
         if any(
-            _ROLLED_BACK in each.tags and each.tags.get(MODEL_KEY) == candidate.model_key
+            ROLLED_BACK in each.tags and each.tags.get(MODEL_KEY) == candidate.model_key
             for each in _versions(store, version.name).values()
         ):
             decision = Decision(False, REFUSED_ROLLED_BACK)
@@ -162,11 +162,11 @@ def rollback(root: Path, name: str, to: int | None = None) -> str:
             return f"{name} version {number} is the champion already"
         before = _words(champion)
         by = _by_whom()
-        store.client.set_registered_model_tag(name, _ROLLED_BACK, f"{before} to version {number} {by}")
+        store.client.set_registered_model_tag(name, ROLLED_BACK, f"{before} to version {number} {by}")
         if champion is not None and number < int(champion.version):
-            _tag(store, champion, {_ROLLED_BACK: f"to version {number} {by}"})
-        if _ROLLED_BACK in target.tags:
-            store.client.delete_model_version_tag(name, target.version, _ROLLED_BACK)
+            _tag(store, champion, {ROLLED_BACK: f"to version {number} {by}"})
+        if ROLLED_BACK in target.tags:
+            store.client.delete_model_version_tag(name, target.version, ROLLED_BACK)
         if number > _number(champion):
             _write_promotion(store, target, champion)
         store.client.set_registered_model_alias(name, ALIAS, target.version)
@@ -179,9 +179,9 @@ def _previous(versions: Mapping[int, ModelVersion], champion: ModelVersion | Non
     while number not in seen:
         seen.add(number)
         tags = versions[number].tags if number in versions else {}
-        before = re.match(r"from version (\d+) ", tags.get(_PROMOTED, ""))
+        before = re.match(r"from version (\d+) ", tags.get(PROMOTED, ""))
         number = int(before[1]) if before else 0
-        if number in versions and _ROLLED_BACK not in versions[number].tags:
+        if number in versions and ROLLED_BACK not in versions[number].tags:
             return number
     return 0
 
@@ -261,7 +261,7 @@ def _write_decision(store: Store, version: ModelVersion, registered: Registered)
 
 def _write_promotion(store: Store, version: ModelVersion, before: ModelVersion | None) -> None:
     """Write down what MLflow keeps no history of."""
-    _tag(store, version, {_PROMOTED: f"from {_words(before)} {_by_whom()}"})
+    _tag(store, version, {PROMOTED: f"from {_words(before)} {_by_whom()}"})
 
 
 def _words(version: ModelVersion | None) -> str:

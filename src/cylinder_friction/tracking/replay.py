@@ -10,6 +10,7 @@ from cylinder_friction.tracking.log_run import find_run, log_in
 from cylinder_friction.tracking.registry import REGISTERED_FILE, recorded_version
 from cylinder_friction.tracking.repository import TrackingError
 from cylinder_friction.tracking.store import open_store
+from cylinder_friction.tracking.versions import LOCK_FILE, dvc_hash, locked_hashes
 
 
 @dataclass(frozen=True)
@@ -43,9 +44,16 @@ def replay(root: Path) -> Replayed:
     present: list[str] = []
     problems: list[str] = []
     version: str | None = None
+    lock = root / LOCK_FILE
+    locked = locked_hashes(lock.read_text(encoding="utf-8")) if lock.is_file() else {}
     with open_store(root) as store:
         for path in paths:
             try:
+                expected = locked.get(path.relative_to(root).as_posix())
+                if expected not in (None, dvc_hash(path)):
+                    raise TrackingError(
+                        f"is not what {LOCK_FILE} states; `dvc checkout` brings that back, `dvc repro` makes it anew"
+                    )
                 record = RunRecord.from_dict(read_json(path))
                 known = find_run(store, record) is not None
                 if record.name == "register" and (root / REGISTERED_FILE).is_file():

@@ -4,6 +4,7 @@ import logging
 import os
 import socket
 import sqlite3
+import uuid
 from collections.abc import Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
@@ -14,6 +15,7 @@ import mlflow
 from mlflow import MlflowClient
 from mlflow.exceptions import MlflowException
 from mlflow.store.db.db_types import DATABASE_ENGINES
+from mlflow.store.tracking.sqlalchemy_store import SqlAlchemyStore
 
 from cylinder_friction.recordings.locks import locked
 from cylinder_friction.tracking.repository import TrackingError, repository_root
@@ -93,6 +95,7 @@ def open_store(root: Path, *, create: bool = True) -> Iterator[Store]:
     with locked(root / LOCAL_FOLDER / "tracking.lock"), _default_for_mlflow(uri):
         _quiet()
         if uri == _own_uri(root):
+            _make_whole(root)
             _follow_a_move(root)
         try:
             client = MlflowClient(tracking_uri=uri, registry_uri=uri)
@@ -131,6 +134,23 @@ def _experiment(client: MlflowClient, uri: str, root: Path, name: str) -> str:
         if found is None:
             raise
         return str(found.experiment_id)
+
+
+def _make_whole(root: Path) -> None:
+    """Make the repository's own store where it is not there: aside, so that a kill leaves a whole one or none."""
+    path = root / "mlflow.db"
+    for left in root.glob(".mlflow.*.draft*"):
+        left.unlink()
+    if path.exists():
+        return
+    draft = root / f".mlflow.{uuid.uuid4().hex}.draft"
+    try:
+        made = SqlAlchemyStore(f"sqlite:///{draft}", artifact_folder(root).as_uri())
+        made.engine.dispose()
+        draft.replace(path)
+    except Exception as error:
+        draft.unlink(missing_ok=True)
+        raise TrackingError(f"{path}: cannot be made ({_reason(error)})") from error
 
 
 def _follow_a_move(root: Path) -> None:
