@@ -186,7 +186,7 @@ def test_the_command_line_refuses_with_a_message_and_no_traceback(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(["stage", "record"]) == 1
-    assert "cylinder-friction stage record: params.yaml: not there" in capsys.readouterr().err
+    assert f"cylinder-friction stage record: {tmp_path}/params.yaml: not there" in capsys.readouterr().err
 
 
 def test_an_unknown_stage_is_refused(

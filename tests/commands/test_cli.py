@@ -123,7 +123,8 @@ def test_results_are_named_where_they_are_missing(
     monkeypatch.chdir(tmp_path)
     assert main(["summary"]) == 1
     assert (
-        "summary: reports/table.md: not there; run `dvc repro` first in a project's folder" in capsys.readouterr().err
+        f"summary: {tmp_path}/reports/table.md: not there; run `dvc repro` first in a project's folder"
+        in capsys.readouterr().err
     )
 
 

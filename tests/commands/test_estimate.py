@@ -73,3 +73,38 @@ def test_without_a_cylinder_the_projects_is_taken(tmp_path: Path, monkeypatch: p
     monkeypatch.chdir(tmp_path)
     with pytest.raises((ParamsError, FileNotFoundError), match=r"params\.yaml"):
         cylinder_of(None)
+
+
+@pytest.mark.parametrize(("command", "summary"), [("estimate", "summary.json"), ("identify", "friction_models.json")])
+def test_what_was_guessed_stands_in_the_summary_and_on_the_page(
+    command: str, summary: str, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = log.read_text(encoding="utf-8").splitlines(keepends=True)
+    log.write_text("".join(["t,p1,p2<script>alert(1)</script>,x\n", *lines[1:]]), encoding="utf-8")
+    out = tmp_path / "out"
+    generations = ["--generations", "1"] if command == "identify" else []
+    status = main(
+        [command, str(log), "--cylinder", GEOMETRY, "--output", str(out), "--unit", "pressure=Pa", *generations]
+    )
+    assert status == (1 if command == "identify" else 0), "one speed determines no model"
+    guessed = json.loads((out / summary).read_text(encoding="utf-8"))["guessed"]
+    assert (guessed["from"], set(guessed["columns"])) == (
+        "stroke.csv",
+        {"time_s", "pressure_1_pa", "pressure_2_pa", "position_m"},
+    )
+    assert guessed["columns"]["pressure_1_pa"]["unit"] == "Pa"
+    assert "unit Pa as given" in guessed["columns"]["pressure_1_pa"]["reasons"]
+    assert guessed["columns"]["position_m"]["check"] == ["the unit is stated nowhere"]
+    (page,) = out.glob("*.html")
+    text = page.read_text(encoding="utf-8")
+    assert "Guessed channels and units" in text
+    assert "unit Pa as given" in text
+    assert "alert(1)</script>" not in text
+    capsys.readouterr()
+
+
+@pytest.mark.parametrize("given", [["pressure"], ["=bar"], ["pressure="], ["pressure=bar", "pressure=psi"]])
+def test_a_unit_of_another_form_is_refused(given: list[str], log: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    options = [word for each in given for word in ("--unit", each)]
+    assert main(["estimate", str(log), "--cylinder", GEOMETRY, *options]) == 1
+    assert f"--unit {given[-1]}: expected QUANTITY=UNIT such as pressure=bar" in capsys.readouterr().err

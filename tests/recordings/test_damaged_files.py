@@ -139,7 +139,7 @@ refused("stuck pressure", column(P1, lambda p: np.where(np.arange(len(p)) > 500,
 refused(
     "position has the other sign",
     column(POSITION, lambda x: -x),
-    "the stroke; check unit .*, sign and zero of the sensor",
+    "the stroke; check sign and zero of the sensor .sign and offset in the mapping., for its travel",
 )
 refused("position counts from the other end", column(POSITION, lambda x: 250.0 - x), "inverted")
 refused("pressures swapped", rows(lambda t: t.rename(columns={P1: P2, P2: P1})[list(t.columns)]), "swapped")

@@ -1,4 +1,5 @@
 import os
+import re
 import shutil
 from pathlib import Path
 from typing import Any
@@ -140,7 +141,7 @@ def test_channels_at_three_rates_are_found_and_brought_to_one(
     several_rates: Path, cylinder: Cylinder, rig_tables: dict[str, pd.DataFrame]
 ) -> None:
     with pytest.warns(UserWarning, match="no mapping was given") as warned:
-        (recording,) = read_logs(several_rates, None, cylinder, load="none")
+        (recording,) = read_logs(several_rates, None, cylinder, load="none", units={"pressure": "bar"})
     guessed = str(warned[0].message)
     for line in (
         'time_s: {channel: "Name", unit: ms}',
@@ -204,3 +205,98 @@ def test_a_table_of_very_many_columns_is_refused_at_once(cylinder: Cylinder, tmp
     (tmp_path / "wide.csv").write_text(f"{names}\n" + f"{','.join(['1.0'] * 100_000)}\n" * 3)
     with pytest.raises(RecordingError, match=r"wide.csv: has 100,000 columns, expected at most 10,000"):
         read_logs(tmp_path / "wide.csv", None, cylinder)
+
+
+def plain(logs: Path, folder: Path, pressure: float = 1.0, position: float = 1.0, time: float = 1.0) -> Path:
+    """Write a log whose names state no units, its values scaled from s, bar and mm."""
+    table = pd.read_csv(sorted(logs.glob("*.csv"))[0]).mul([time, pressure, pressure, position])
+    table.set_axis(["t", "p1", "p2", "x"], axis="columns").to_csv(folder / "plain.csv", index=False)
+    return folder / "plain.csv"
+
+
+@pytest.mark.parametrize(
+    ("scales", "words"),
+    [
+        (
+            {"pressure": 1.0},
+            r"pressure of 'p1' \(val.*\) and 'p2' \(val.*\) fits bar or psi or MPa; state .*--unit pressure=bar ",
+        ),
+        (
+            {"pressure": 100.0},
+            r"fits kPa or psi or mbar; .*--unit pressure=kPa \(in Python units=\{'pressure': 'kPa'\}\), or give",
+        ),
+        ({"pressure": 14.5038}, r"fits kPa or psi; "),
+        ({"pressure": 1e5, "position": 0.1}, r"length of 'x' \(values .*\) fits mm or cm; .*--unit length=mm"),
+        ({"pressure": 1e5, "time": 20.0}, r"time of 't' \(steps of 0.1\) fits s or ms; .*--unit time=s"),
+        ({"pressure": 1e-5}, r"pressure of 'p1' .* fits no usual unit; .*--unit pressure=bar"),
+    ],
+)
+def test_units_that_the_values_leave_open_are_refused(
+    logs: Path, cylinder: Cylinder, tmp_path: Path, scales: dict[str, float], words: str
+) -> None:
+    with pytest.raises(RecordingError, match=words):
+        read_logs(plain(logs, tmp_path, **scales), None, cylinder)
+
+
+@pytest.mark.filterwarnings("ignore:no mapping was given")
+@pytest.mark.parametrize(
+    ("scale", "units"),
+    [(1.0, {"pressure": "bar"}), (100.0, {"pressure": "kPa"}), (14.5038, {"pressure": "psi"}), (1e5, None)],
+)
+def test_units_that_are_given_or_that_alone_fit_are_taken(
+    logs: Path, cylinder: Cylinder, tmp_path: Path, scale: float, units: dict[str, str] | None
+) -> None:
+    (recording,) = read_logs(plain(logs, tmp_path, scale), None, cylinder, units=units)
+    first = read_logs(sorted(logs.glob("*.csv"))[0], CHANNELS, cylinder)[0]
+    np.testing.assert_allclose(recording.samples(), first.samples(), rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("units", "channels", "words"),
+    [
+        (
+            {"presure": "bar"},
+            None,
+            "units: got 'presure', expected one of time, pressure, length, .*such as pressure=bar",
+        ),
+        ({"pressure": "furlong"}, None, "unit 'furlong' measures length, but the column holds a pressure"),
+        (
+            {"pressure": "psi"},
+            None,
+            r"channel 'p_A \[bar\]' states bar, but pressure=psi was given as its unit; leave it",
+        ),
+        (
+            {"pressure": "bar"},
+            CHANNELS,
+            r"units: got \{'pressure': 'bar'\} beside a mapping; state them in the mapping",
+        ),
+    ],
+)
+def test_units_that_cannot_hold_are_refused(
+    logs: Path, cylinder: Cylinder, units: dict[str, str], channels: dict[str, Any] | None, words: str
+) -> None:
+    with pytest.raises(RecordingError, match=words):
+        read_logs(logs, channels, cylinder, units=units)
+
+
+@pytest.mark.filterwarnings("ignore:no mapping was given")
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda t: t.iloc[:, [0, 2, 1, 3]], "the pressures are swapped: .*exchange the channels"),
+        (lambda t: t.mul([1, 1, 1, -1]).add([0, 0, 0, 250]), "position_m is inverted, or both pressures are: .*offset"),
+        (
+            lambda t: t.mul([1, -1, -1, 1]),
+            "pressure_1_pa is .* no value is positive, so the sign is reversed; write sign: -1",
+        ),
+        (lambda t: t.mul([1, -1, -1, 1]).add([0, 200, 200, 0]), "position_m is inverted, or both pressures are: "),
+    ],
+)
+def test_swapped_and_reversed_signals_are_called_so_without_a_mapping(
+    logs: Path, cylinder: Cylinder, tmp_path: Path, change: Any, words: str
+) -> None:
+    table = pd.read_csv(sorted(logs.glob("*.csv"))[0])
+    change(table).set_axis(table.columns, axis="columns").to_csv(tmp_path / "log.csv", index=False)
+    with pytest.raises(RecordingError, match=words) as refused:
+        read_logs(tmp_path / "log.csv", None, cylinder)
+    assert not re.search("mm read as m", str(refused.value))

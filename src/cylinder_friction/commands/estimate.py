@@ -41,10 +41,26 @@ def add_log_arguments(parser: argparse.ArgumentParser, folder: str) -> None:
     parser.add_argument("logs", nargs="+", metavar="LOGS", help="files, folders or patterns, of any supported format")
     parser.add_argument("--cylinder", help=f"its YAML file, or bore_diameter_m=0.063,... ; without: {PARAMS_FILE}")
     parser.add_argument("--channels", type=Path, help="which channel is what (`ingest init`); without: guessed")
+    words = "unit of a quantity that the files do not state: pressure=bar, length=mm, time=ms, ...; repeat as needed"
+    parser.add_argument("--unit", action="append", default=[], metavar="QUANTITY=UNIT", help=words)
     parser.add_argument("--load", choices=get_args(LoadMode), help="what the cylinder carries; without: as mapped")
     parser.add_argument("--names", help="expression on a file's path with the groups condition and session")
     parser.add_argument("--output", type=Path, default=Path(folder), help=f"folder to write; default: {folder}")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON instead of lines")
+
+
+def units_of(given: Sequence[str]) -> dict[str, str]:
+    """Return the units by quantity that ``--unit`` states.
+
+    Raises:
+        ParamsError: An entry is no ``QUANTITY=UNIT``, or a quantity has two.
+    """
+    units: dict[str, str] = {}
+    for entry in given:
+        quantity, equals, unit = (part.strip() for part in entry.partition("="))
+        if not (quantity and equals and unit) or units.setdefault(quantity, unit) != unit:
+            raise ParamsError(f"--unit {entry}: expected QUANTITY=UNIT such as pressure=bar, once per quantity")
+    return units
 
 
 def run(options: argparse.Namespace) -> int:
@@ -69,6 +85,7 @@ def run_on_logs(function: Callable[..., Result], options: argparse.Namespace) ->
             channels=options.channels,
             load=options.load,
             names=options.names,
+            units=units_of(options.unit),
         )
     return result, [str(each.message) for each in caught]
 
@@ -97,7 +114,9 @@ def cylinder_of(given: str | None) -> Cylinder:
         ParamsError: A key is missing or unknown, or there is no ``params.yaml``.
     """
     if given is None and not PARAMS_FILE.is_file():
-        raise ParamsError(f"no {PARAMS_FILE} here to take the cylinder from; give --cylinder, or {IN_A_PROJECT}")
+        raise ParamsError(
+            f"no {PARAMS_FILE} in {Path.cwd()} to take the cylinder from; give --cylinder, or {IN_A_PROJECT}"
+        )
     if given is None:
         return load_params().cylinder
     content = yaml.safe_load("{" + given.replace("=", ": ") + "}") if "=" in given else read_yaml(Path(given))

@@ -52,6 +52,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--speed", type=float, default=1.0, help="of the replay; 0: as fast as possible; default: 1")
     parser.add_argument("--cylinder", help="of the replayed logs; default: that of params.yaml")
     parser.add_argument("--channels", type=Path, help="of the replayed logs; without: guessed")
+    parser.add_argument("--unit", action="append", default=[], help="of the replayed logs, as in `estimate`")
     parser.add_argument("--names", help="of the replayed logs: expression with the groups condition and session")
 
 
@@ -178,11 +179,13 @@ def _follow(
 
 def _replayed(options: argparse.Namespace, engine: Engine) -> dict[str, list[Recording]]:
     """Return the logs as recordings at the model's rate, by session."""
-    from cylinder_friction.commands.estimate import cylinder_of
+    from cylinder_friction.commands.estimate import cylinder_of, units_of
     from cylinder_friction.recordings.reading_logs import read_logs
 
     rate_hz = 1.0 / engine.sample_time_s
-    read = read_logs(options.replay, options.channels, cylinder_of(options.cylinder), names=options.names)
+    units = units_of(options.unit)
+    cylinder = cylinder_of(options.cylinder)
+    read = read_logs(options.replay, options.channels, cylinder, names=options.names, units=units)
     by_session: dict[str, list[Recording]] = {}
     for recording in read:
         if abs(recording.sample_time_s * rate_hz - 1.0) > 1e-6:

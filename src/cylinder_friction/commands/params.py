@@ -38,7 +38,7 @@ def composed(conf: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
     from omegaconf.errors import OmegaConfBaseException
 
     if not conf.is_dir():
-        raise ParamsError(f"{conf}: no such folder here; {IN_A_PROJECT}")
+        raise ParamsError(f"{conf.absolute()}: no such folder; {IN_A_PROJECT}")
     GlobalHydra.instance().clear()
     try:
         with initialize_config_dir(config_dir=str(conf.resolve()), version_base="1.3"):

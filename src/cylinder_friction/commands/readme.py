@@ -20,7 +20,7 @@ def update_readme(readme: Path, reports: Path) -> None:
     """
     table = reports / "table.md"
     if not table.is_file():
-        raise FileNotFoundError(f"{table}: not there; run `dvc repro` first")
+        raise FileNotFoundError(f"{table.absolute()}: not there; run `dvc repro` first")
     text = readme.read_text(encoding="utf-8")
     if BEGIN not in text or END not in text:
         raise ValueError(f"{readme}: the markers {BEGIN!r} and {END!r} are not both there; put them back")

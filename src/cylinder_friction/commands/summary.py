@@ -8,7 +8,8 @@ REPORTS = Path("reports")
 
 def run(_options: argparse.Namespace) -> None:
     if not (REPORTS / "table.md").is_file():
-        raise FileNotFoundError(f"{REPORTS / 'table.md'}: not there; run `dvc repro` first in a project's folder")
+        table = (REPORTS / "table.md").absolute()
+        raise FileNotFoundError(f"{table}: not there; run `dvc repro` first in a project's folder")
     print((REPORTS / "table.md").read_text(encoding="utf-8").rstrip())
     print(
         f"""

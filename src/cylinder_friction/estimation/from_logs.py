@@ -77,6 +77,8 @@ class FrictionOfLogs:
     recordings: list[FrictionOfRecording] = field(default_factory=list)
     refused: list[Quarantined] = field(default_factory=list)
     offsets: list[KnownOffset] = field(default_factory=list)
+    # From which file channels and units were guessed, and each column's with its reasons; None with a mapping
+    guessed: dict[str, Any] | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible values; what is not known is None."""
@@ -86,6 +88,7 @@ class FrictionOfLogs:
             "recordings": [asdict(each) for each in self.recordings],
             "refused": [asdict(each) for each in self.refused],
             "offsets": [{name: _known(value) for name, value in asdict(each).items()} for each in self.offsets],
+            "guessed": self.guessed,
         }
 
 
@@ -98,6 +101,7 @@ def estimate_logs(
     model: FrictionEstimator | str | Path | None = None,
     load: LoadMode | None = None,
     names: str | None = None,
+    units: Mapping[str, str] | None = None,
     file_format: FileFormat = "parquet",
     rows_at_once: int = ROWS_AT_ONCE,
     workers: Workers | None = None,
@@ -111,7 +115,7 @@ def estimate_logs(
     ``label_n``, stand beside it.
 
     Args:
-        files, channels, load, names: As in ``read_recordings``.
+        files, channels, load, names, units: As in ``read_recordings``.
         cylinder: Whose recordings they are.
         into: A new folder, or one that an earlier call wrote. Files that no earlier call wrote stay in it.
         model: An estimator or the folder of a saved one; logs are resampled to its rate. None: the off-line label.
@@ -137,14 +141,15 @@ def estimate_logs(
     files = files if isinstance(files, str | Path) else list(files)
     estimator = load_estimator(model) if isinstance(model, str | Path) else model
     rate_hz = None if estimator is None or estimator.sample_time_s is None else 1.0 / estimator.sample_time_s
-    logs = find_logs(files, channels, cylinder, names=names, load=load, rate_hz=rate_hz)
+    logs = find_logs(files, channels, cylinder, names=names, load=load, rate_hz=rate_hz, units=units)
     read = inputs(files, channels, model, logs)
     with ResultFolder(into, SUMMARY_FILE, "cylinder-friction estimate", read).written() as folder:
         run = LabelledLogs(logs, cylinder, folder / ".scratch", estimator, rows_at_once, workers)
         result, panes = _written(run, folder, file_format)
-        result = replace(result, folder=into)
+        result = replace(result, folder=into, guessed=logs.guessed)
         shutil.rmtree(run.scratch, ignore_errors=True)
-        write_friction_page(folder / PAGE_FILE, panes, result.offsets, _table_rows(result), result.bounds)
+        rows = _table_rows(result)
+        write_friction_page(folder / PAGE_FILE, panes, result.offsets, rows, result.bounds, logs.guessed)
         write_json(folder / SUMMARY_FILE, result.to_dict())
     return result
 

@@ -59,6 +59,7 @@ class FrictionModels:
     models: tuple[IdentifiedModel, ...]  # LuGre, plain and pressure-scaled
     refused: list[Quarantined] = field(default_factory=list)
     offsets: list[KnownOffset] = field(default_factory=list)
+    guessed: dict[str, Any] | None = None  # As in ``FrictionOfLogs``
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible values; what is not known is None."""
@@ -71,6 +72,7 @@ class FrictionModels:
             "models": {each.name: each.to_dict() for each in self.models},
             "offsets": {each.session: each.value for each in self.offsets},
             "refused": [asdict(each) for each in self.refused],
+            "guessed": self.guessed,
         }
 
 
@@ -82,6 +84,7 @@ def identify_logs(
     channels: str | Path | Mapping[str, Any] | None = None,
     load: LoadMode | None = None,
     names: str | None = None,
+    units: Mapping[str, str] | None = None,
     generations: int = GENERATIONS,
     seed: int = 0,
 ) -> FrictionModels:
@@ -93,7 +96,7 @@ def identify_logs(
     MATLAB script (``.m``). A parameter that the motion does not determine has no number, but the reason why.
 
     Args:
-        files, channels, load, names: As in ``read_recordings``.
+        files, channels, load, names, units: As in ``read_recordings``.
         cylinder: Whose recordings they are.
         into: A new folder, or one that an earlier call wrote. Files that no earlier call wrote stay in it.
         generations: Greatest number of generations of the global search.
@@ -118,7 +121,7 @@ def identify_logs(
     if generations < 1:
         raise ValueError(f"generations: got {generations}, but expected at least 1")
     files = files if isinstance(files, str | Path) else list(files)
-    logs = find_logs(files, channels, cylinder, names=names, load=load)
+    logs = find_logs(files, channels, cylinder, names=names, load=load, units=units)
     read = inputs(files, channels, None, logs)
     with ResultFolder(into, MODELS_FILE, "cylinder-friction identify", read).written() as folder:
         run = LabelledLogs(logs, cylinder, folder / ".scratch", None)
@@ -137,6 +140,7 @@ def identify_logs(
             (search.plain(), search.pressure_scaled()),
             refused,
             list(run.offsets.values()),
+            logs.guessed,
         )
         _write(folder, result, search, cylinder)
     return result
@@ -244,6 +248,13 @@ def _write(folder: Path, result: FrictionModels, search: _ModelSearch, cylinder:
         for recording in search.recordings
     ]
     write_identification_page(
-        folder / PAGE_FILE, result.curves, result.models, simulated, result.offsets, result.refused, CONFIDENCE
+        folder / PAGE_FILE,
+        result.curves,
+        result.models,
+        simulated,
+        result.offsets,
+        result.refused,
+        CONFIDENCE,
+        result.guessed,
     )
     write_json(folder / MODELS_FILE, result.to_dict())

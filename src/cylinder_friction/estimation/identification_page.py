@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -16,6 +17,7 @@ from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.recordings.ingesting import Quarantined
 from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.reporting.friction_page import guess_table
 from cylinder_friction.reporting.offset_table import offset_table
 from cylinder_friction.reporting.page import PLOTTED, Cell, Table, page_html
 from cylinder_friction.reporting.style import BLUE, GREEN, ORANGE, SERIES, interactive
@@ -38,6 +40,7 @@ def write_identification_page(
     offsets: Sequence[KnownOffset],
     refused: Sequence[Quarantined],
     confidence: float,
+    guessed: Mapping[str, Any] | None = None,
 ) -> None:
     """Write the page whole; equal input makes equal bytes.
 
@@ -49,6 +52,7 @@ def write_identification_page(
         offsets: What is known of the pressure sensors' offset in each session.
         refused: What could not be used.
         confidence: Of the intervals.
+        guessed: As in ``write_friction_page``.
     """
     drawn = simulated[:PLOTTED]
     titles = [model.title for model in models if model.found is not None]
@@ -64,6 +68,7 @@ def write_identification_page(
         left_out=len(simulated) - len(drawn),
         offsets=offset_table(offsets) if offsets else None,
         refused=refused,
+        guessed=None if guessed is None else (guessed["from"], guess_table(guessed)),
     )
     write_text(path, html)
 

@@ -92,5 +92,5 @@ def check_params(content: Any, where: str) -> Params:
 def load_params(path: Path = PARAMS_FILE) -> Params:
     """Read and check ``params.yaml``."""
     if not path.is_file():
-        raise ParamsError(f"{path}: not there; {IN_A_PROJECT}")
+        raise ParamsError(f"{path.absolute()}: not there; {IN_A_PROJECT}")
     return check_params(read_yaml(path), str(path))

@@ -4,7 +4,7 @@ import glob
 import os
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,7 @@ import yaml
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import LoadMode
-from cylinder_friction.recordings.columns import LOAD_FORCE
+from cylinder_friction.recordings.columns import LOAD_FORCE, QUANTITIES
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.files import read_yaml
 from cylinder_friction.recordings.formats.logged_table import LongTable
@@ -20,9 +20,9 @@ from cylinder_friction.recordings.formats.reading import open_logged_file
 from cylinder_friction.recordings.ingesting import Quarantined, convert_in_parts, none_usable, other_rates
 from cylinder_friction.recordings.long_logs import ROWS_AT_ONCE
 from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
-from cylinder_friction.recordings.mapping.guessing import guess_mapping
+from cylinder_friction.recordings.mapping.guessing import GuessedColumn, GuessedMapping, guess_mapping
 from cylinder_friction.recordings.mapping.mapping_text import channel_lines
-from cylinder_friction.recordings.mapping.units import electrical
+from cylinder_friction.recordings.mapping.units import check_unit, electrical, units_agree
 from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
 
@@ -37,6 +37,7 @@ def read_logs(
     *,
     names: str | None = None,
     load: LoadMode | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> list[Recording]:
     """Return the recordings of logger files of any format, in SI units at one constant rate, sorted by path.
 
@@ -47,13 +48,16 @@ def read_logs(
         files: One path, a glob such as ``"logs/**/*.csv"``, a folder (all files in it), or several of these.
         channels: Which channel fills which column: the path of a YAML file such as ``conf/ingest/rig.yaml`` (its
             rules for time, spikes, zeros and checks hold too), the same as a dictionary, or only what stands under
-            ``channels`` in it. None guesses the mapping from the first file, and a warning states every guess.
+            ``channels`` in it. None guesses the mapping from the first file, and a warning states every guess; a unit
+            that no file states is guessed only where the values fit no other.
         cylinder: Whose recordings they are; they are checked against its stroke and areas.
         names: Regular expression on a file's path with the groups ``condition`` and ``session`` (and ``load``). By
             default the ``name_pattern`` or the ``name_table`` of ``channels``; the table lies in the folder of the
             files. Without any, each file is a session of its own, named as the file, and all belong to condition "1".
         load: What the cylinder carries: ``none``, ``measured`` (``load_force_n``) or ``position``, decided by
             position alone. By default ``measured`` if ``load_force_n`` is mapped, else ``none``.
+        units: Without ``channels``, the unit of each quantity (``pressure``, ``length``, ``time``, ``force``,
+            ``temperature``) that the file does not state, such as ``{"pressure": "bar"}``.
 
     Raises:
         RecordingError: No file is found or usable, or the mapping is wrong or cannot be guessed.
@@ -64,7 +68,7 @@ def read_logs(
         >>> sorted({recording.metadata.condition for recording in recordings})
         ['1', '2', '3', '4']
     """
-    logs = find_logs(files, channels, cylinder, names=names, load=load)
+    logs = find_logs(files, channels, cylinder, names=names, load=load, units=units)
     outcomes = list(convert_in_parts(logs.files, logs.recipe))
     refused = [outcome for outcome in outcomes if isinstance(outcome, Quarantined)]
     recordings = [outcome for outcome in outcomes if isinstance(outcome, Recording)]
@@ -83,6 +87,7 @@ class Logs:
     root: Path  # The folder that names are taken below
     files: dict[str, Path]  # By their paths below it, sorted
     recipe: Recipe
+    guessed: dict[str, Any] | None = None  # From which file, and each column with its reasons; None if mapped
 
 
 def find_logs(
@@ -93,6 +98,7 @@ def find_logs(
     names: str | None = None,
     load: LoadMode | None = None,
     rate_hz: float | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> Logs:
     """Find the files and how to read them. Only to guess a mapping is a file read, the first one.
 
@@ -101,7 +107,16 @@ def find_logs(
     """
     paths = _paths([files] if isinstance(files, str | Path) else list(files))
     try:
-        return _logs(paths, channels, cylinder, names, load, rate_hz)
+        if channels is None:
+            guess = _guessed(paths[0], cylinder, units or {})
+            settings = {"channels": yaml.safe_load("\n".join(channel_lines(guess)))}
+            logs = _logs(paths, settings, cylinder, names, load, rate_hz)
+            return replace(logs, guessed={"from": paths[0].name, "columns": guess.to_dict()})
+        if units:
+            raise RecordingError(
+                f"units: got {dict(units)} beside a mapping; state them in the mapping, or leave it out"
+            )
+        return _logs(paths, _settings(channels), cylinder, names, load, rate_hz)
     except (TypeError, AttributeError) as error:
         where = channels if isinstance(channels, str | Path) else "channels"
         raise RecordingError(
@@ -112,13 +127,12 @@ def find_logs(
 
 def _logs(
     paths: Sequence[Path],
-    channels: str | Path | Mapping[str, Any] | None,
+    settings: Mapping[str, Any],
     cylinder: Cylinder,
     names: str | None,
     load: LoadMode | None,
     rate_hz: float | None,
 ) -> Logs:
-    settings = _settings(channels, paths[0])
     if rate_hz is not None:
         settings = {**settings, "time": {**settings.get("time", {}), "rate_hz": rate_hz}}
     root = _root(paths, settings.get("source"))
@@ -165,9 +179,7 @@ def _root(paths: Sequence[Path], source: str | None) -> Path:
     return Path(os.path.commonpath([path.parent for path in absolute]))
 
 
-def _settings(channels: str | Path | Mapping[str, Any] | None, first: Path) -> Mapping[str, Any]:
-    if channels is None:
-        return {"channels": _guessed(first)}
+def _settings(channels: str | Path | Mapping[str, Any]) -> Mapping[str, Any]:
     if isinstance(channels, str | Path):
         settings = load_settings(Path(channels))
         if not isinstance(settings.get("channels"), dict):
@@ -205,13 +217,18 @@ def _merge(settings: dict[str, Any], more: Mapping[str, Any]) -> None:
             settings[key] = value
 
 
-def _guessed(path: Path) -> dict[str, Any]:
-    """Guess a mapping and warn of every guess. Refuse if a column or a sensor's range cannot be guessed."""
+def _guessed(path: Path, cylinder: Cylinder, units: Mapping[str, str]) -> GuessedMapping:
+    """Guess a mapping and warn of every guess. Refuse a column, a sensor's range or a unit that cannot be guessed."""
+    for quantity, unit in units.items():
+        if quantity not in QUANTITIES.values():
+            known = ", ".join(dict.fromkeys(QUANTITIES.values()))
+            raise RecordingError(f"units: got {quantity!r}, expected one of {known}, such as pressure=bar")
+        check_unit(next(column for column in QUANTITIES if QUANTITIES[column] == quantity), unit)
     try:
         tables = open_logged_file(path, ROWS_AT_ONCE)
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
-    guess = guess_mapping([next(tables.chunks())] if isinstance(tables, LongTable) else tables, path)
+    guess = guess_mapping([next(tables.chunks())] if isinstance(tables, LongTable) else tables, path, cylinder, units)
     lines = "\n".join(channel_lines(guess))
     unknown = [name for name, guessed in guess.columns.items() if guessed.channel is None or electrical(guessed.unit)]
     if unknown:
@@ -219,6 +236,35 @@ def _guessed(path: Path) -> dict[str, Any]:
             f"{path}: no mapping was given, and that of {', '.join(unknown)} cannot be guessed; state channels, "
             f"starting from\n{lines}"
         )
+    _refuse_units(path, guess, units)
     warnings.warn(f"no mapping was given; guessed from {path.name}:\n{lines}", stacklevel=4)
-    mapping: dict[str, Any] = yaml.safe_load(lines)
-    return mapping
+    return guess
+
+
+def _refuse_units(path: Path, guess: GuessedMapping, units: Mapping[str, str]) -> None:
+    """Refuse units that the values leave open, and given units that the file contradicts."""
+    doubtful: dict[str, list[GuessedColumn]] = {}
+    for name, each in guess.columns.items():
+        quantity, channel = QUANTITIES[name], each.channel
+        if channel is not None and channel.unit and not units_agree(channel.unit, units.get(quantity, channel.unit)):
+            raise RecordingError(
+                f"{path}: channel {channel.name!r} states {channel.unit}, but {quantity}={units[quantity]} was given "
+                "as its unit; leave it out, or correct the file"
+            )
+        # Friction does not depend on temperature.
+        if each.fitting is not None and len(each.fitting) != 1 and quantity != "temperature":
+            doubtful.setdefault(quantity, []).append(each)
+    if doubtful:
+        words = "; ".join(f"{quantity} of {_and_their_fit(each)}" for quantity, each in doubtful.items())
+        given = {quantity: (each[0].fitting or [each[0].unit])[0] for quantity, each in doubtful.items()}
+        options = " ".join(f"--unit {quantity}={unit}" for quantity, unit in given.items())
+        raise RecordingError(
+            f"{path}: no mapping was given, and units that the file does not state cannot be guessed: {words}; state "
+            f"them, for example {options} (in Python units={given}), or give a mapping"
+        )
+
+
+def _and_their_fit(columns: Sequence[GuessedColumn]) -> str:
+    named = [f"{each.channel.name!r} ({each.reasons[1].partition(' fit ')[0]})" for each in columns if each.channel]
+    fitting = columns[0].fitting
+    return f"{' and '.join(named)} fits {' or '.join(fitting) if fitting else 'no usual unit'}"

@@ -91,7 +91,7 @@ def _metadata(path: Path, schema: pa.Schema) -> RecordingMetadata:
 def recording_paths(folder: Path) -> list[Path]:
     """Return the recordings of a folder, sorted by name; raises ``FileNotFoundError`` if the folder is not there."""
     if not folder.is_dir():
-        raise FileNotFoundError(f"{folder}: no such folder of recordings; run `dvc repro` to make it")
+        raise FileNotFoundError(f"{folder.absolute()}: no such folder of recordings; run `dvc repro` to make it")
     return sorted(folder.glob("*.parquet"))
 
 

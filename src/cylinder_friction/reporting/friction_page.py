@@ -1,8 +1,9 @@
 """The page of a run over logs: every recording's friction over time and over velocity, and what was refused."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -72,6 +73,7 @@ def write_friction_page(
     offsets: Sequence[KnownOffset],
     rows: Sequence[tuple[str, str, str, str]],
     bounds: str,
+    guessed: Mapping[str, Any] | None = None,
 ) -> None:
     """Write the page whole; equal input makes equal bytes.
 
@@ -81,6 +83,7 @@ def write_friction_page(
         offsets: What is known of the pressure sensors' offset in each session; none with an estimator.
         rows: Name, friction, usable share and remarks of every recording and refused file.
         bounds: What the bounds hold, in words.
+        guessed: From which file channels and units were guessed, and each column's; None if a mapping states them.
     """
     titles = {pane.title: f"recording-{number}" for number, pane in enumerate(panes, start=1)}
     cells: list[list[str | Cell]] = [
@@ -102,8 +105,21 @@ def write_friction_page(
         panes=[(titles[pane.title], pane) for pane in panes],
         left_out=len(rows) - len(panes),
         bounds=bounds,
+        guessed=None if guessed is None else (guessed["from"], guess_table(guessed)),
     )
     write_text(path, html)
+
+
+def guess_table(guessed: Mapping[str, Any]) -> Table:
+    """Return one row per column whose channel and unit were guessed."""
+    rows: list[list[str | Cell]] = [
+        [column, each["channel"], each["unit"] or "–", str(each["sign"])]
+        + [Cell("; ".join(each[key]), style="words") for key in ("reasons", "check")]
+        for column, each in guessed["columns"].items()
+    ]
+    return Table(
+        ("column", "channel", "unit", "sign", "because", "to check"), rows, words=(1, 2, 4, 5), style="stacked"
+    )
 
 
 def _usable(recording: Recording, column: str) -> np.ndarray:

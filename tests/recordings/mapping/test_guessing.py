@@ -87,10 +87,10 @@ def test_units_of_the_file_are_taken_and_missing_ones_guessed_with_alternatives(
     values = {"t": 5.0 * np.arange(ROWS), "p1": 40.0 * STROKE, "p2": 30.0 * STROKE, "x": 0.2 * STROKE}
     text = text_of(values, {"p1": "MPa"})
     units = {column: entry["unit"] for column, entry in channels_of(text).items()}
-    assert units == {"time_s": "ms", "pressure_1_pa": "MPa", "pressure_2_pa": "bar", "position_m": "m"}
+    assert units == {"time_s": "ms", "pressure_1_pa": "MPa", "pressure_2_pa": "MPa", "position_m": "m"}
     assert "unit MPa from the file" in comment_of(text, "pressure_1_pa")
-    assert "values 0 to 30 fit bar" in comment_of(text, "pressure_2_pa")
-    assert "CHECK: the unit is stated nowhere; psi or MPa would fit too" in comment_of(text, "pressure_2_pa")
+    assert "values 0 to 30 fit MPa" in comment_of(text, "pressure_2_pa")
+    assert "CHECK: the unit is stated nowhere; bar or psi would fit too" in comment_of(text, "pressure_2_pa")
 
 
 @pytest.mark.parametrize(

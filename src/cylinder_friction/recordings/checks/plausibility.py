@@ -213,11 +213,12 @@ def _direction(as_is: Balance, swapped: Balance, load: LoadMode) -> Finding:
         )
     if as_is.drives and 1.0 / ratio > BETTER:
         text = (
-            f"position_m is inverted: {_against(as_is)}, so friction would drive the piston; expected it to oppose the "
-            "motion; change the sign of position_m in the mapping (it must grow while the rod extends)"
+            f"position_m is inverted, or both pressures are: {_against(as_is)}, so friction would drive the piston; "
+            "expected it to oppose the motion; correct in the mapping what is inverted: write sign: -1 and, as offset, "
+            "what its sensor reads with the rod in or without pressure (position_m must grow while the rod extends)"
         )
         return Finding("direction", "refused", text)
-    remedy = "either position_m is inverted or the pressures are swapped; check both in the mapping"
+    remedy = "position_m is inverted, both pressures are inverted, or they are swapped; check all three"
     return _opposing(as_is, load, remedy)
 
 

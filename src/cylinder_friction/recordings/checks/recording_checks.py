@@ -166,12 +166,17 @@ def _of_position(position_m: Array, seen: _Survey, sample_time_s: float, limits:
     stroke_m, slack_m = limits.stroke_m, limits.position_slack * limits.stroke_m
     runs = f"it runs from {seen.lowest:.4g} to {seen.highest:.4g} m"
     value, row = seen.worst(0.0, stroke_m)
+    advice = "its unit (mm read as m?)"
+    if seen.span <= stroke_m + slack_m:
+        advice = (
+            f"sign and zero of the sensor (sign and offset in the mapping), for its travel of {seen.span:.4g} m fits"
+        )
     yield Finding.of(
         "position_range",
         seen.lowest >= -slack_m and seen.highest <= stroke_m + slack_m,
         f"position_m lies within the stroke of {stroke_m:.4g} m; {runs}",
         f"position_m is {value:.4g} m in row {row} ({runs}), expected 0 to {stroke_m:.4g} m, the stroke; "
-        "check unit (mm read as m?), sign and zero of the sensor",
+        f"check {advice}",
     )
     least_m = limits.least_travel * stroke_m
     moves = f"position_m moves by {seen.span:.3g} m"
@@ -211,12 +216,15 @@ def _of_pressures(columns: dict[str, Array], seen: dict[str, _Survey], limits: C
     low, high = limits.lowest_pressure_pa, limits.highest_pressure_pa
     for name in PRESSURES:
         value, row = seen[name].worst(low, high)
+        advice = "check unit (Pa or kPa read as bar?) and sign"
+        if seen[name].highest <= 0.0:
+            advice = "no value is positive, so the sign is reversed; write sign: -1 for it in the mapping"
         yield Finding.of(
             "pressure_range",
             seen[name].lowest >= low and seen[name].highest <= high,
             f"{name} runs from {spoken(name, seen[name].lowest)} to {spoken(name, seen[name].highest)}",
             f"{name} is {spoken(name, value)} in row {row}, expected {low / 1e5:.4g} to {high / 1e5:.4g} bar gauge; "
-            "check unit (Pa or kPa read as bar?) and sign",
+            f"{advice}",
         )
         yield from _alive(name, "pressure", seen[name], limits.least_pressure_span_pa, limits)
     yield Finding.of(

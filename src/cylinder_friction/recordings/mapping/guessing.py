@@ -1,14 +1,16 @@
 """A first mapping of a file that nobody has described yet: guesses from names, units and values, with their reasons."""
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
     LOAD_FORCE,
@@ -21,7 +23,7 @@ from cylinder_friction.recordings.columns import (
 )
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts, facts_of
-from cylinder_friction.recordings.mapping.units import electrical, quantity_of, to_column_unit
+from cylinder_friction.recordings.mapping.units import column_scale, electrical, quantity_of, to_column_unit
 
 Ranked = Sequence[tuple[ChannelFacts, float]]
 
@@ -35,15 +37,24 @@ BELOW_ZERO = 0.05
 
 LIKELY_UNITS = {
     "time": (("s", 1e-5, 0.5), ("ms", 0.05, 500.0), ("us", 20.0, 1e6)),
-    "pressure": (("bar", 1.0, 700.0), ("Pa", 7e4, 7e7), ("kPa", 7e3, 7e4), ("psi", 15.0, 1e4), ("MPa", 0.1, 70.0)),
+    "pressure": (
+        ("bar", 1.0, 700.0),
+        ("Pa", 1e5, 7e7),
+        ("kPa", 100.0, 7e4),
+        ("psi", 15.0, 1e4),
+        ("MPa", 0.1, 70.0),
+        ("mbar", 1e3, 7e5),
+    ),
     "length": (("m", 0.01, 2.0), ("mm", 2.0, 5000.0), ("in", 1.0, 100.0), ("cm", 1.0, 300.0)),
     "force": (("N", 100.0, 5e6), ("kN", 0.1, 5000.0)),
     "temperature": (("°C", -40.0, 120.0), ("°F", -40.0, 250.0)),
 }
 """Units of each quantity, likeliest first, and the bounds of the greatest value on a common cylinder.
 
-For time of the step, for length of the travel.
+For time of the step, for length of the travel. The pressures of one file share a unit, so all must fit it together.
 """
+
+GREATEST_PRESSURE_PA = 7e7  # no force of a cylinder exceeds that of this pressure on its piston
 
 PLAUSIBLE = {
     "pressure": (2e4, 7e7, "bar", 1e5, "greatest pressure"),
@@ -70,6 +81,7 @@ class GuessedColumn:
     reasons: tuple[str, ...] = ()
     checks: tuple[str, ...] = ()
     others: tuple[ChannelFacts, ...] = ()  # Other channels that could be meant, best first
+    fitting: tuple[str, ...] | None = None  # Units that the values fit; None where the unit is stated or given
 
 
 @dataclass(frozen=True)
@@ -82,10 +94,36 @@ class GuessedMapping:
     ambiguous: frozenset[str] = frozenset()  # Names of channels that occur in several tables
     stamps: dict[str, ChannelFacts] = field(default_factory=dict)  # Time channel of each column that has one
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the guess of every column with its reasons, and what to check, as JSON-compatible values."""
+        return {
+            name: {
+                "channel": each.channel.name,
+                "unit": each.unit,
+                "sign": each.sign,
+                "reasons": list(each.reasons),
+                "check": [*each.checks, *(f"{other.name!r} could be meant, too" for other in each.others)],
+            }
+            for name, each in self.columns.items()
+            if each.channel is not None
+        }
+
 
 @np.errstate(over="ignore", invalid="ignore")  # a damaged file may hold numbers at the limit of the representable
-def guess_mapping(tables: Sequence[LoggedTable], path: Path) -> GuessedMapping:
-    """Return a first mapping of a file with all channels loaded, as far as names, units and values determine one."""
+def guess_mapping(
+    tables: Sequence[LoggedTable],
+    path: Path,
+    cylinder: Cylinder | None = None,
+    units: Mapping[str, str] | None = None,
+) -> GuessedMapping:
+    """Return a first mapping of a file, as far as names, units and values determine one.
+
+    Args:
+        tables: The file's, with all channels loaded.
+        path: Of the file.
+        cylinder: Whose recording it is: units that exceed its stroke or force are left out. None: any.
+        units: Units by quantity, for channels whose unit the file does not state.
+    """
     facts = facts_of(tables)
     ranked = {column: _ranked(column, facts) for column in QUANTITIES}
     chosen = _of_one_cylinder(ranked)
@@ -106,7 +144,10 @@ def guess_mapping(tables: Sequence[LoggedTable], path: Path) -> GuessedMapping:
     used = {id(channel) for channel in (*chosen.values(), *stamps.values())}
     return GuessedMapping(
         path=path,
-        columns={column: _guessed(column, chosen, ranked[column], sign) for column in wanted},
+        columns={
+            column: _guessed(column, chosen, ranked[column], sign, _unit(column, chosen, cylinder, units or {}))
+            for column in wanted
+        },
         unused=tuple(channel for channel in facts if id(channel) not in used),
         ambiguous=frozenset(name for name, count in Counter(channel.name for channel in facts).items() if count > 1),
         stamps=stamps,
@@ -143,7 +184,9 @@ def _score(column: str, channel: ChannelFacts) -> float:
     if column == LOAD_FORCE:
         score += words.carried
     if not signal:
-        score -= 1.5 * bool(suspicion(column, channel.unit or fitting_units(column, channel)[0], channel))
+        score -= 1.5 * bool(
+            suspicion(column, channel.unit or (fitting_units(column, [channel]) or [_usual(column)])[0], channel)
+        )
     return score
 
 
@@ -204,26 +247,28 @@ def _stamps(ranked: Ranked, chosen: dict[str, ChannelFacts], facts: Sequence[Cha
     return stamps
 
 
-def _guessed(column: str, chosen: dict[str, ChannelFacts], ranked: Ranked, position: tuple[int, str]) -> GuessedColumn:
+def _guessed(
+    column: str, chosen: dict[str, ChannelFacts], ranked: Ranked, position: tuple[int, str], unit: "_GuessedUnit"
+) -> GuessedColumn:
     channel = chosen.get(column)
     if channel is None:
         return GuessedColumn(column, None, others=tuple(other for other, _ in ranked))
     taken = {id(other) for other in chosen.values()}
     least = next(score for other, score in ranked if other is channel) - NEARLY
-    unit, reasons, checks = _unit(column, channel)
     sign, why = position if column == POSITION else (1, "")
     return GuessedColumn(
         column=column,
         channel=channel,
-        unit=unit,
+        unit=unit.unit,
         sign=sign,
-        reasons=(_meaning(column, channel), *reasons),
-        checks=(*_meaning_checks(column, channel), *checks, *((why,) if why else ())),
+        reasons=(_meaning(column, channel), *unit.reasons),
+        checks=(*_meaning_checks(column, channel), *unit.checks, *((why,) if why else ())),
         others=tuple(
             other
             for other, score in ranked
             if id(other) not in taken and score >= least and not (column == TIME and other.table != channel.table)
         ),
+        fitting=unit.fitting,
     )
 
 
@@ -252,29 +297,58 @@ def _meaning_checks(column: str, channel: ChannelFacts) -> list[str]:
     return []
 
 
-def _unit(column: str, channel: ChannelFacts) -> tuple[str, list[str], list[str]]:
-    """Return the unit, the reasons for it, and what to check about it."""
-    if channel.dates:
-        return "", ["holds dates"], []
-    if channel.unit:
-        doubt = "" if electrical(channel.unit) else suspicion(column, channel.unit, channel)
-        reasons = [f"unit {channel.unit} from the {channel.stated_by}", channel.described()]
-        return channel.unit, reasons, [doubt] if doubt else []
-    first, *alternatives = fitting_units(column, channel)
-    also = f"; {' or '.join(alternatives)} would fit too" if alternatives else ""
+@dataclass(frozen=True)
+class _GuessedUnit:
+    unit: str = ""
+    reasons: tuple[str, ...] = ()
+    checks: tuple[str, ...] = ()
+    fitting: tuple[str, ...] | None = None
+
+
+def _unit(
+    column: str, chosen: Mapping[str, ChannelFacts], cylinder: Cylinder | None, units: Mapping[str, str]
+) -> _GuessedUnit:
+    """Return the unit, the reasons for it, what to check about it, and all that fit where it is stated nowhere."""
+    channel, given = chosen.get(column), units.get(QUANTITIES[column])
+    if channel is None or channel.dates:
+        return _GuessedUnit(reasons=("holds dates",))
+    if channel.unit or given is not None:
+        unit = channel.unit or str(given)
+        doubt = "" if electrical(unit) else suspicion(column, unit, channel)
+        stated = f"from the {channel.stated_by}" if channel.unit else "as given"
+        return _GuessedUnit(unit, (f"unit {unit} {stated}", channel.described()), (doubt,) if doubt else ())
+    alike = [chosen[name] for name in PRESSURES if name in chosen] if column in SIDES else [channel]
+    fitting = fitting_units(column, [each for each in alike if not each.unit], cylinder)
+    stated_units = [each.unit for each in alike if each.unit in fitting]
+    first, *others = sorted(fitting, key=lambda unit: unit not in stated_units) or [_usual(column)]
+    also = (
+        f"; {' or '.join(others)} would fit too" if others else "" if fitting else "; the values fit none of the usual"
+    )
     what = f"steps of {channel.step:.4g}" if column == TIME else channel.described()
-    return first, [f"{what} fit {first}"], [f"the unit is stated nowhere{also}"]
+    reason = f"{what} fit {first}" if fitting else f"{what}; {first} is usual"
+    return _GuessedUnit(first, (reason,), (f"the unit is stated nowhere{also}",), tuple(fitting))
 
 
-def fitting_units(column: str, channel: ChannelFacts) -> list[str]:
-    """Return the units that the values fit, likeliest first; the column's usual one if they fit none."""
-    quantity = QUANTITIES[column]
-    size = {
-        "time": channel.step,
-        "length": channel.high - channel.low,
-        "temperature": channel.high,
-    }.get(quantity, max(abs(channel.low), abs(channel.high)))  # fmt: skip
-    return [unit for unit, low, high in LIKELY_UNITS[quantity] if low <= size <= high] or [LIKELY_UNITS[quantity][0][0]]
+def _usual(column: str) -> str:
+    return LIKELY_UNITS[QUANTITIES[column]][0][0] if QUANTITIES[column] != "length" else "mm"
+
+
+def fitting_units(column: str, channels: Sequence[ChannelFacts], cylinder: Cylinder | None = None) -> list[str]:
+    """Return the units that the values of all these channels fit, likeliest first; empty if they fit none."""
+    quantity, greatest = QUANTITIES[column], np.inf
+    sizes = {
+        "time": [each.step for each in channels],
+        "length": [each.high - each.low for each in channels],
+        "temperature": [each.high for each in channels],
+    }.get(quantity, [max(abs(each.low), abs(each.high)) for each in channels])
+    if cylinder is not None and quantity in ("length", "force"):
+        greatest = 1.05 * cylinder.stroke_m if quantity == "length" else GREATEST_PRESSURE_PA * cylinder.piston_area_m2
+    size = max(sizes)
+    return [
+        unit
+        for unit, low, high in LIKELY_UNITS[quantity]
+        if low <= size <= high and (greatest == np.inf or size * column_scale(column, unit) <= greatest)
+    ]
 
 
 def suspicion(column: str, unit: str, channel: ChannelFacts) -> str:
@@ -303,12 +377,15 @@ def position_sign(chosen: dict[str, ChannelFacts]) -> tuple[int, str]:
         return 1, ""
     finite = np.isfinite([channel.values for channel in known]).all(axis=0)
     first, second, position = (channel.values[finite] for channel in known)
-    if all(_force_with_direction(first - ratio * second, position) < 0.0 for ratio in AREA_RATIOS):
-        return -1, (
-            "sign -1 because the pressures push against the motion, so that friction would drive the piston; it is 1 "
-            "if the two pressures are swapped instead"
+    if not all(_force_with_direction(first - ratio * second, position) < 0.0 for ratio in AREA_RATIOS):
+        return 1, ""
+    pushes = "the pressures push against the motion, so that friction would drive the piston"
+    if known[2].high > -known[2].low:  # counted the other way, all of it would lie before the retracted end
+        return 1, (
+            f"{pushes}: the two pressures are swapped, or the sign of both is reversed, or the position counts from "
+            "the extended end; then write sign -1, and as offset what its sensor reads with the rod in"
         )
-    return 1, ""
+    return -1, f"sign -1 because {pushes}; it is 1 if the two pressures are swapped instead"
 
 
 def _force_with_direction(force: Array, position: Array) -> float:
