@@ -52,7 +52,7 @@ def records_in(root: Path) -> dict[str, RunRecord]:
         try:
             content = json.loads((root / RUNS_FOLDER / f"{stage}.json").read_text(encoding="utf-8"))
             records[stage] = RunRecord.from_dict(content)
-        except (OSError, ValueError, TypeError):
+        except (OSError, ValueError, TypeError, AttributeError, RecursionError):
             continue
     return records
 

@@ -10,6 +10,7 @@ import sqlite3
 import subprocess
 import sys
 from contextlib import closing
+from functools import partial
 from importlib.util import MAGIC_NUMBER, cache_from_source
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -234,14 +235,46 @@ def stored_elsewhere(root: Path) -> None:
     in_store("UPDATE model_versions SET storage_location = ?", copy.as_uri())(root)
 
 
-def metric_changed(root: Path) -> None:
+def metric_changed(root: Path, name: str = "mae_n") -> None:
     client = MlflowClient(tracking_uri(root))
-    client.log_metric(client.get_model_version("friction-estimator", "1").run_id or "", "mae_n", 0.1)
+    client.log_metric(client.get_model_version("friction-estimator", "1").run_id or "", name, 0.1)
+
+
+def written(name: str, text: str) -> Callable[[Path], object]:
+    return lambda root: logged(root, name).write_text(text, encoding="utf-8")
+
+
+def in_origin(key: str, value: object) -> Callable[[Path], None]:
+    def tamper(root: Path) -> None:
+        content = json.loads(logged(root, "lineage.json").read_text(encoding="utf-8"))
+        assert key in content
+        logged(root, "lineage.json").write_text(json.dumps(content | {key: value}), encoding="utf-8")
+
+    return tamper
+
+
+def code_among_bytecode(root: Path) -> None:
+    folder = logged(root, "MLmodel").parent / "__pycache__"
+    folder.mkdir()
+    (folder / "other.py").touch()
+
+
+def folder_left_out(root: Path) -> None:
+    folder = logged(root, "MLmodel").parent / "registered_model_meta"
+    folder.mkdir()
+    (folder / "other.py").touch()
+
+
+def logged_model_deleted(root: Path) -> None:
+    MlflowClient(tracking_uri(root)).delete_logged_model(logged(root, "MLmodel").parents[1].name)
+
+
+NO_ORIGIN = ("code", "tags", "parameters")
 
 
 OTHER_RUN = "UPDATE model_versions SET run_id = (SELECT run_uuid FROM runs WHERE name = ?)"
 HISTORY = "git commit"
-TAMPERING: dict[str, tuple[Callable[[Path], None], set[str]]] = {
+TAMPERING: dict[str, tuple[Callable[[Path], object], set[str]]] = {
     "scoring code": (in_file("scoring.py", "import", "import os\nimport"), {"model's files"}),
     "MLflow's side of it": (in_file("scoring_model.py", "import", "import os\nimport"), {"model's files"}),
     "MLmodel": (in_file("MLmodel", "python_function", "python_function "), {"model's files"}),
@@ -266,6 +299,31 @@ TAMPERING: dict[str, tuple[Callable[[Path], None], set[str]]] = {
     "tag of the reason": (in_tag("gate_reason", "promoted: much better"), {"gate"}),
     "tag of the decision": (in_tag("gate_decision", "refused"), {"gate"}),
     "tag of the lineage": (in_tag("lineage", "{no JSON"), {HISTORY, "tags"}),
+    "tag of the lineage, a list": (in_tag("lineage", "[1]"), {HISTORY, "tags"}),
+    "tag of the lineage, nested": (in_tag("lineage", "[" * 3000), {HISTORY, "tags"}),
+    "tag of the figures, nested": (in_tag("gate", "[" * 3000), {"tags", "gate"}),
+    "tag of the figures, text": (in_json_tag("gate", "errors_percent", "x"), {"tags", "gate"}),
+    "tag of the candidate, a query": (in_tag("candidate_key", "x' or '1'='1"), {"tags", "gate"}),
+    "MLmodel, empty": (written("MLmodel", ""), {"run", "model", "model's files", *NO_ORIGIN}),
+    "MLmodel, no YAML": (written("MLmodel", "{[: x"), {"run", "model", "model's files", *NO_ORIGIN}),
+    "MLmodel, removed": (lambda root: logged(root, "MLmodel").unlink(), {"run", "model", "model's files", *NO_ORIGIN}),
+    "lineage.json, a list": (written("lineage.json", "[1]"), {"model's files", *NO_ORIGIN}),
+    "lineage.json, its data a list": (in_origin("data", ["x"]), {"model's files", *NO_ORIGIN}),
+    "lineage.json, its code a text": (in_origin("code", "x"), {"model's files", "code"}),
+    "lineage.json, its run a text": (in_origin("run", "x"), {"model's files", "run's figures"}),
+    "code among the bytecode": (code_among_bytecode, {"model's files"}),
+    "a folder named as MLflow's own file": (folder_left_out, {"model's files"}),
+    "the version's source": (in_store("UPDATE model_versions SET source = 'x'"), {"run", "model", "model's files"}),
+    "the place is nowhere": (
+        in_store("UPDATE model_versions SET storage_location = 'http://127.0.0.1:9/x'"),
+        {"model", *NO_ORIGIN},
+    ),
+    "the logged model": (logged_model_deleted, {"run", "model", "model's files"}),
+    "a metric added to the run": (partial(metric_changed, name="better_n"), {"run's figures"}),
+    "a link to nothing in the data": (
+        lambda root: (root / "data/raw/rig/link").symlink_to(root / "nowhere"),
+        {"data raw/rig"},
+    ),
     "bytecode": (foreign_bytecode, {"model's files"}),
     "where the version lies": (stored_elsewhere, {"model's files"}),
     "the version's run": (in_store(OTHER_RUN, "search"), {"run", "run's figures"}),
@@ -284,6 +342,22 @@ def test_tampering_is_a_broken_link(registered: Path, what: str) -> None:
     tamper, expected = TAMPERING[what]
     tamper(registered)
     assert set(broken(lineage(URI, registered))) == expected
+
+
+def test_what_others_wrote_is_printed_on_one_line_without_commands_to_the_terminal(registered: Path) -> None:
+    in_tag("promoted", "\x1b[2J\nall 99 links hold")(registered)
+    found = lineage(URI, registered)
+    assert len(found.text().splitlines()) == 1 + len(found.links) + 1
+    assert r"promoted \x1b[2J\x0aall 99 links hold" in found.text()
+
+
+@pytest.mark.parametrize("text", ["<<<<<<< ours\n=======\n{[", "- 1\n"])
+def test_files_that_cannot_be_read_now_are_found_in_the_history(registered: Path, text: str) -> None:
+    for name in ("dvc.lock", "params.yaml"):
+        (registered / name).write_text(text, encoding="utf-8")
+    found = lineage(URI, registered)
+    assert found.holds
+    assert sum("in commit" in link.found for link in found.links) == 1 + 4, "the parameters and four folders"
 
 
 def test_a_run_logged_later_has_the_commit_whose_code_ran(pipeline: Path) -> None:

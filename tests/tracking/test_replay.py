@@ -10,7 +10,7 @@ import yaml
 from mlflow import MlflowClient
 
 from candidates import NAME, champion, other_model, registered_in, versions
-from cylinder_friction.tracking.registry import rollback
+from cylinder_friction.tracking.registry import REGISTERED_FILE, rollback
 from cylinder_friction.tracking.replay import replay
 from cylinder_friction.tracking.repository import TrackingError
 from cylinder_friction.tracking.store import tracking_uri
@@ -61,7 +61,33 @@ def test_a_record_that_is_not_what_dvc_lock_states_is_not_logged(registered_pipe
     assert replay(root).problems == ()
     path.write_text(path.read_text().replace("2.1", "0.1"))
     (problem,) = replay(root).problems
-    assert problem.startswith("compare.json: is not what dvc.lock states; `dvc checkout` brings that back")
+    assert "compare.json is not what dvc.lock states; `dvc checkout` brings that back" in problem
+    (root / "dvc.lock").write_text("{[")
+    with pytest.raises(TrackingError, match=r"dvc.lock: is not as DVC writes it .*`git checkout dvc.lock`"):
+        replay(root)
+
+
+def test_a_forged_registration_is_not_registered(registered_pipeline: Path, empty_store: Path) -> None:
+    root, path = registered_pipeline, registered_pipeline / REGISTERED_FILE
+    lock = yaml.safe_load((root / "dvc.lock").read_text())
+    lock["stages"]["register"] = {"outs": [{"path": REGISTERED_FILE.as_posix(), "md5": dvc_hash(path)}]}
+    (root / "dvc.lock").write_text(yaml.safe_dump(lock))
+    path.write_text(path.read_text().replace("2.0", "0.1"))
+    shutil.copy(empty_store, root / "mlflow.db")
+    (problem,) = replay(root).problems
+    assert "models/registered.json is not what dvc.lock states" in problem
+    assert versions(root) == []
+
+
+def test_a_record_under_another_name_and_one_that_is_none_are_refused_and_the_others_logged(pipeline: Path) -> None:
+    runs = pipeline / "reports/runs"
+    shutil.copy(runs / "compare.json", runs / "compare2.json")
+    (runs / "compare.json").write_text("[]", encoding="utf-8")
+    (runs / "x.json").mkdir()
+    done = replay(pipeline)
+    assert done.logged == ("record", "search", "train")
+    assert [problem.partition(":")[0] for problem in done.problems] == ["compare.json", "compare2.json", "x.json"]
+    assert "compare2.json: holds a record of 'compare'; remove it" in done.problems
 
 
 def test_a_replay_leaves_what_a_person_did_to_the_registry(registered_pipeline: Path) -> None:

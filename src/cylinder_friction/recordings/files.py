@@ -92,7 +92,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
 def hash_of(path: Path, ignored: str = "") -> str:
     """Return the SHA-256 of a file's bytes, or of a folder's relative names and their files' hashes.
 
-    Inside a folder, Python's bytecode caches do not count, nor does a file with the name ``ignored``.
+    Inside a folder, Python's bytecode caches do not count, nor does its own file with the name ``ignored``.
 
     Raises:
         FileNotFoundError: There is neither a file nor a folder of that name.
@@ -101,7 +101,8 @@ def hash_of(path: Path, ignored: str = "") -> str:
         with path.open("rb", buffering=0) as file:  # in pieces: a recording need not fit into memory
             return hashlib.file_digest(file, "sha256").hexdigest()
     digest = hashlib.sha256()
-    files = (inner for inner in path.rglob("*") if inner.is_file() and not {"__pycache__", ignored} & {*inner.parts})
-    for inner in sorted(files):
-        digest.update(f"{inner.relative_to(path).as_posix()}\0{hash_of(inner)}\n".encode())
+    for inner in sorted(inner for inner in path.rglob("*") if inner.is_file()):
+        name = inner.relative_to(path)
+        if "__pycache__" not in name.parts and name.as_posix() != ignored:
+            digest.update(f"{name.as_posix()}\0{hash_of(inner)}\n".encode())
     return digest.hexdigest()

@@ -48,6 +48,10 @@ from cylinder_friction.tracking.versions import (
     where_data_lies,
 )
 
+_LONGEST_REASON = 200
+_REFUSED_CODES = ("RESOURCE_DOES_NOT_EXIST", "INVALID_PARAMETER_VALUE")
+"""MLflow's, of what a version names and is not there; others, as of a server that is gone, are no broken link."""
+
 
 @dataclass(frozen=True)
 class FoundLink:
@@ -80,7 +84,12 @@ class Lineage:
         unknown = [link.name for link in self.links if not link.checked]
         whole = f"all {len(self.links) - len(unknown)} links hold" + ("; not checked: " if unknown else "")
         lines.append(f"broken: {', '.join(broken)}" if broken else whole + ", ".join(unknown))
-        return "\n".join(lines)
+        return "\n".join(map(_printable, lines))
+
+
+def _printable(text: str) -> str:
+    """Return what others wrote on one line, without a terminal's commands."""
+    return "".join(each if each.isprintable() else f"\\x{ord(each):02x}" for each in text)
 
 
 class _BrokenLinkError(Exception):
@@ -102,7 +111,7 @@ def lineage(uri: str, root: Path) -> Lineage:
     with open_store(root, create=False) as store, tempfile.TemporaryDirectory() as scratch:
         version = version_of(store, uri)
         folder = _download(store, version, Path(scratch))
-        origin = {} if folder is None else _origin(artifact_path(folder, LINEAGE_ARTIFACT))
+        origin = {} if folder is None else _origin(folder)
         checks: list[tuple[str, Callable[[], str]]] = [
             ("run", partial(_run, store, folder, version)),
             ("run's figures", partial(_figures, store, origin, version)),
@@ -133,6 +142,11 @@ def _followed(name: str, check: Callable[[], str]) -> FoundLink:
         return FoundLink(name, False, str(broken))
     except _NotCheckedError as found:
         return FoundLink(name, True, str(found), checked=False)
+    except Exception as error:  # a store, a file or a tag may hold anything
+        if isinstance(error, MlflowException) and error.error_code not in _REFUSED_CODES:
+            raise
+        reason = " ".join(str(error).split())[:_LONGEST_REASON]
+        return FoundLink(name, False, f"what it is checked by cannot be read ({type(error).__name__}: {reason})")
 
 
 def _download(store: Store, version: ModelVersion, scratch: Path) -> Path | None:
@@ -142,11 +156,12 @@ def _download(store: Store, version: ModelVersion, scratch: Path) -> Path | None
         return None
 
 
-def _origin(path: Path) -> dict[str, Any]:
+def _origin(folder: Path) -> dict[str, Any]:
     try:
-        return dict(json.loads(path.read_text(encoding="utf-8")))
-    except (OSError, ValueError, TypeError):
-        return {}  # each link that needs it is broken then
+        origin: dict[str, Any] = json.loads(artifact_path(folder, LINEAGE_ARTIFACT).read_text(encoding="utf-8"))
+        return origin if origin["raw"] in dict(origin["data"]) else {}
+    except Exception:  # whatever lies there; each link that needs it is broken then
+        return {}
 
 
 def _run(store: Store, folder: Path | None, version: ModelVersion) -> str:
@@ -176,9 +191,10 @@ def _figures(store: Store, origin: dict[str, Any], version: ModelVersion) -> str
     used = {each.dataset.name: each.dataset.digest for each in (run.inputs.dataset_inputs if run.inputs else ())}
     found, wanted = run_content(run.data.metrics, used), origin[RUN_KEY]
     for kind in ("metrics", "datasets"):
-        for name, value in wanted[kind].items():
-            if found[kind].get(name) != value:
-                raise _BrokenLinkError(f"{kind}: {name} is {found[kind].get(name)} in the store, but was {value}")
+        for name in sorted({*wanted[kind], *found[kind]}):
+            value, now = wanted[kind].get(name, "missing"), found[kind].get(name, "missing")
+            if now != value:
+                raise _BrokenLinkError(f"{kind}: {name} is {now} in the store, but {value} in the model's files")
     return f"{len(wanted['metrics'])} metrics and {len(wanted['datasets'])} datasets as the model's files state them"
 
 
@@ -219,7 +235,9 @@ def _model(store: Store, folder: Path | None, version: ModelVersion, key: str) -
         raise _BrokenLinkError(f"its artifacts at {version.source} cannot be read")
     logged = store.client.get_logged_model(str(version.source).removeprefix("models:/"))
     whole = key == CONTENT_KEY
-    if whole and (foreign := [each for each in folder.rglob("*.pyc") if not _is_compiled_source(each)]):
+    files = (each for each in folder.rglob("*") if each.is_file())
+    cached = [each for each in files if {".pyc", "__pycache__"} & {each.suffix, *each.relative_to(folder).parts}]
+    if whole and (foreign := [each for each in cached if not _is_compiled_source(each)]):
         raise _BrokenLinkError(
             f"{foreign[0].relative_to(folder)} is not what Python makes of its source, but MLflow would run it; "
             "remove it"
@@ -238,7 +256,7 @@ def _is_compiled_source(path: Path) -> bool:
         source, content = Path(source_from_cache(str(path))), path.read_bytes()
         compiled = compile(source.read_bytes(), str(source), "exec", dont_inherit=True)
         return content[:4] == MAGIC_NUMBER and bool(marshal.loads(content[16:]) == compiled)  # noqa: S302 - not run
-    except (OSError, ValueError, EOFError, TypeError, SyntaxError):
+    except Exception:  # whatever marshal makes of it
         return False
 
 
@@ -305,13 +323,20 @@ def _params(root: Path, origin: dict[str, Any]) -> str:
 def _where_in_history(root: Path, file: str, fits: Callable[[str], bool]) -> str | None:
     """Return where a version of ``file`` fits: the working tree, or the newest commit that changed it so."""
     path = root / file
-    if path.is_file() and fits(path.read_text(encoding="utf-8")):
+    if path.is_file() and _fits(fits, path.read_bytes().decode(errors="replace")):
         return "the working tree"
     for sha in (git(root, "log", "--all", "--format=%H", "--", file) or "").split():
         text = git(root, "show", f"{sha}:{file}")
-        if text is not None and fits(text):
+        if text is not None and _fits(fits, text):
             return f"commit {sha[:12]}"
     return None
+
+
+def _fits(fits: Callable[[str], bool], text: str) -> bool:
+    try:
+        return fits(text)
+    except (TrackingError, yaml.YAMLError, ValueError, TypeError, AttributeError):
+        return False  # a version with the marks of a merge, for example
 
 
 def _differences(then: dict[str, Any], now: dict[str, Any], prefix: str = "") -> str:

@@ -16,7 +16,7 @@ from cylinder_friction.run_record import RunRecord, Times, now_ms
 FOLDER = Path(".cylinder-friction/runs")
 """One ``<key of the record>.json`` each; it differs with every run and machine, so DVC does not track it."""
 
-_PREFIX = "system/"
+SYSTEM_PREFIX = "system/"
 
 
 @dataclass
@@ -56,7 +56,7 @@ def with_times(record: RunRecord, root: Path) -> tuple[RunRecord, list[Metric]]:
     try:
         content = json.loads((root / FOLDER / f"{record.key()}.json").read_text(encoding="utf-8"))
         samples = [
-            Metric(_PREFIX + name, value, int(sample["time_ms"]), step)
+            Metric(SYSTEM_PREFIX + name, value, int(sample["time_ms"]), step)
             for step, sample in enumerate(content["samples"])
             for name, value in sample.items()
             if name != "time_ms"

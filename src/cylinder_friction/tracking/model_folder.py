@@ -131,7 +131,7 @@ def download_model(store: Store, version: ModelVersion, folder: Path) -> Path:
     try:
         location = store.client.get_model_version_download_uri(version.name, version.version)
         return Path(artifacts.download_artifacts(location, dst_path=str(folder), tracking_uri=store.uri))
-    except (MlflowException, OSError) as error:
+    except Exception as error:  # each kind of place has its own, and a version may name any place
         raise TrackingError(
             f"{version.name} version {version.version}: its files at {version.source} cannot be read ({error})"
         ) from error

@@ -21,6 +21,7 @@ from cylinder_friction.run_record import STAGES, RunRecord, records_in
 from cylinder_friction.tracking.executions import allowed, digest_of
 from cylinder_friction.tracking.gate import CANDIDATE_KEY, Candidate
 from cylinder_friction.tracking.log_run import log_in
+from cylinder_friction.tracking.measurement import SYSTEM_PREFIX
 from cylinder_friction.tracking.model_folder import save_model_folder
 from cylinder_friction.tracking.repository import TrackingError, commit_of
 from cylinder_friction.tracking.store import Store
@@ -122,7 +123,8 @@ def tags_of(lineage: Mapping[str, Any]) -> dict[str, str]:
 
 def run_content(metrics: Mapping[str, float], datasets: Mapping[str, str]) -> dict[str, dict[str, Any]]:
     """Return what of a run is compared with the store, by the names that MLflow takes."""
-    return {"metrics": {allowed(name): value for name, value in metrics.items()}, "datasets": dict(datasets)}
+    own = {allowed(name): value for name, value in metrics.items() if not name.startswith(SYSTEM_PREFIX)}
+    return {"metrics": own, "datasets": dict(datasets)}
 
 
 def _ensure_logged_model(store: Store, candidate: Candidate, root: Path) -> LoggedModel:
@@ -142,6 +144,7 @@ def _ensure_logged_model(store: Store, candidate: Candidate, root: Path) -> Logg
         params={allowed(key): str(value) for key, value in record.params.items()},
         model_type="friction estimator",
     )
+    metrics = record.metrics | {name: values[-1] for name, values in record.curves.items() if values}
     with tempfile.TemporaryDirectory() as scratch:
         folder = Path(scratch) / "model"
         lineage = {
@@ -149,7 +152,7 @@ def _ensure_logged_model(store: Store, candidate: Candidate, root: Path) -> Logg
             CANDIDATE_KEY: candidate.key(),
             "gate": candidate.gate(),
             "code": _code(root, record),
-            RUN_KEY: run_content(record.metrics, {role: digest_of(each) for role, each in record.datasets.items()}),
+            RUN_KEY: run_content(metrics, {role: digest_of(each) for role, each in record.datasets.items()}),
             **asdict(commit_of(root, record.name, record.code)),
             **asdict(candidate.origin),
             "params_sha256": candidate.origin.params_sha256,

@@ -45,25 +45,39 @@ def replay(root: Path) -> Replayed:
     problems: list[str] = []
     version: str | None = None
     lock = root / LOCK_FILE
-    locked = locked_hashes(lock.read_text(encoding="utf-8")) if lock.is_file() else {}
+    locked = locked_hashes(lock.read_bytes().decode(errors="replace")) if lock.is_file() else {}
     with open_store(root) as store:
         for path in paths:
             try:
-                expected = locked.get(path.relative_to(root).as_posix())
-                if expected not in (None, dvc_hash(path)):
-                    raise TrackingError(
-                        f"is not what {LOCK_FILE} states; `dvc checkout` brings that back, `dvc repro` makes it anew"
-                    )
+                _refuse_changed(path, path.relative_to(root).as_posix(), locked)
                 record = RunRecord.from_dict(read_json(path))
+                if record.name != path.stem:
+                    raise TrackingError(f"holds a record of {record.name!r}; remove it")
                 known = find_run(store, record) is not None
                 if record.name == "register" and (root / REGISTERED_FILE).is_file():
+                    _refuse_changed(root / REGISTERED_FILE, REGISTERED_FILE.as_posix(), locked)
                     registered = Registered.from_dict(read_json(root / REGISTERED_FILE))
                     version = recorded_version(store, registered, root, make=not known)
                 log_in(store, record, root)
                 (present if known else logged).append(record.name)
-            except (TrackingError, ValueError, TypeError) as error:
+            except (
+                RuntimeError,
+                ValueError,
+                TypeError,
+                AttributeError,
+                KeyError,
+                OSError,
+            ) as error:  # of what lies there
                 problems.append(f"{path.name}: {error}")
     return Replayed(tuple(logged), tuple(present), tuple(problems), version)
+
+
+def _refuse_changed(path: Path, name: str, locked: dict[str, str]) -> None:
+    """A project without ``dvc.lock``, or a stage that it does not know yet, has nothing to compare with."""
+    if locked.get(name) not in (None, dvc_hash(path)):
+        raise TrackingError(
+            f"{name} is not what {LOCK_FILE} states; `dvc checkout` brings that back, `dvc repro` makes it anew"
+        )
 
 
 def _place(path: Path) -> tuple[int, str]:

@@ -50,7 +50,7 @@ def origin_of(root: Path, raw: str, processed: Sequence[str]) -> Origin:
     path = root / LOCK_FILE
     if not path.is_file():
         raise LineageError(f"{path}: not there; run the pipeline with `dvc repro`, which writes it")
-    known = locked_hashes(path.read_text(encoding="utf-8"))
+    known = locked_hashes(path.read_bytes().decode(errors="replace"))
     folders = [folder.rstrip("/") for folder in (raw, *processed)]
     for folder in folders:
         if folder not in known:
@@ -63,12 +63,21 @@ def origin_of(root: Path, raw: str, processed: Sequence[str]) -> Origin:
 
 
 def locked_hashes(text: str) -> dict[str, str]:
-    """Return ``{path: md5}`` of every output and dependency in a ``dvc.lock``; outputs have the last word."""
-    stages = (yaml.safe_load(text) or {}).get("stages", {})
+    """Return ``{path: md5}`` of every output and dependency in a ``dvc.lock``; outputs have the last word.
+
+    Raises:
+        LineageError: It is not as DVC writes it.
+    """
     result: dict[str, str] = {}
-    for kind in ("deps", "outs"):
-        for stage in stages.values():
-            result |= {entry["path"].rstrip("/"): entry["md5"] for entry in stage.get(kind, ()) if "md5" in entry}
+    try:
+        stages = (yaml.safe_load(text) or {}).get("stages", {})
+        for kind in ("deps", "outs"):
+            for stage in stages.values():
+                result |= {entry["path"].rstrip("/"): entry["md5"] for entry in stage.get(kind, ()) if "md5" in entry}
+    except (yaml.YAMLError, AttributeError, KeyError, TypeError) as error:
+        raise LineageError(
+            f"{LOCK_FILE}: is not as DVC writes it ({type(error).__name__}); `git checkout {LOCK_FILE}` brings it back"
+        ) from error
     return result
 
 
