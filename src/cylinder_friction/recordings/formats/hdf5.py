@@ -21,6 +21,7 @@ from cylinder_friction.recordings.formats.logged_table import (
 from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
 
+MOST_MEMORY, MOST_PACKED = 200e6, 50  # Bytes unpacked, and how many times the file; a file may exceed one of both
 _RATES = ("sampling_rate", "sample_rate", "samplerate", "sampling_frequency", "sample_rate_hz", "fs", "rate")
 _STEPS = ("dt", "sample_time", "sample_time_s", "sampling_time", "sampling_interval", "sample_interval", "wf_increment")
 
@@ -42,11 +43,13 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
                 return
             if node.dtype.names and node.shape is not None and len(node.shape) == 1 and node.shape[0] > 0:
                 refuse_absurd_size(node, source)
+                refuse_unpacked(node.size * node.dtype.itemsize // 8, source)
                 tables.append(table_of(_fields(node), wanted, path))
             else:
                 _add(path, node, found, source)
 
         file.visititems(visit)
+        refuse_unpacked(sum(channel.length for channel in found.channels), source)
         if found.channels or not tables:
             tables += tables_by_length(found, wanted, "/")
         return tables
@@ -58,6 +61,17 @@ def refuse_absurd_size(node: Any, source: FileSource) -> None:
     if claimed > MOST_UNPACKED * source.size:
         raise RecordingError(
             f"dataset {node.name!r} claims {claimed} bytes in a file of {source.size}; it is damaged; copy it again"
+        )
+
+
+def refuse_unpacked(count: int, source: FileSource) -> None:
+    """Refuse so many numbers if they fill the memory and no log is packed as tightly as they are."""
+    unpacked = 8 * count
+    if unpacked > MOST_MEMORY and unpacked > MOST_PACKED * source.size:
+        raise RecordingError(
+            f"unpacks to {unpacked / 1e6:.0f} MB, {unpacked / source.size:.0f} times its size; expected at most "
+            f"{MOST_MEMORY / 1e6:.0f} MB, or {MOST_PACKED} times; measured signals are not packed so tightly, so it "
+            "is damaged or no log; cut it"
         )
 
 

@@ -1,5 +1,6 @@
 """MATLAB files: version 5 (``save -v6`` and ``-v7``) through SciPy, version 7.3 as the HDF5 that it is."""
 
+import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -9,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.format import Format, Library
-from cylinder_friction.recordings.formats.hdf5 import SIGNATURE, refuse_absurd_size
+from cylinder_friction.recordings.formats.hdf5 import SIGNATURE, refuse_absurd_size, refuse_unpacked
 from cylinder_friction.recordings.formats.logged_table import (
     Channel,
     Found,
@@ -114,6 +115,9 @@ def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[Logg
     found = Found()
     names = _to_load(source, wanted, found)
     handle: Any = source.handle()
+    shapes = [shape for name, shape, _ in scipy.io.whosmat(handle) if names is None or name in names]
+    refuse_unpacked(sum(math.prod(shape) for shape in shapes), source)
+    handle = source.handle()
     content = scipy.io.loadmat(handle, simplify_cells=True, variable_names=names, verify_compressed_data_integrity=True)
     variables = {name: _tree(value) for name, value in content.items() if not name.startswith("__")}
     walk_struct("", variables, found)
@@ -158,6 +162,7 @@ def read_matlab73(source: FileSource, wanted: Collection[str] | None) -> list[Lo
         found = Found()
         variables = {name: _tree73(file[name], source, 0) for name in file if not name.startswith("#")}
         walk_struct("", variables, found)
+        refuse_unpacked(sum(channel.length for channel in found.channels), source)
         return tables_by_length(found, wanted, ".")
 
 
