@@ -360,6 +360,13 @@ def test_files_that_cannot_be_read_now_are_found_in_the_history(registered: Path
     assert sum("in commit" in link.found for link in found.links) == 1 + 4, "the parameters and four folders"
 
 
+def test_an_option_of_git_in_place_of_a_commit_writes_nothing(registered: Path) -> None:
+    in_origin("sha", "--output=written")(registered)
+    in_json_tag("lineage", "git_commit", "--output=written")(registered)
+    assert {"git commit", "code"} <= set(broken(lineage(URI, registered)))
+    assert not (registered / "written").exists()
+
+
 def test_a_run_logged_later_has_the_commit_whose_code_ran(pipeline: Path) -> None:
     ran = git(pipeline, "rev-parse", "HEAD")
     change(pipeline / "src/cylinder_friction/stages/train.py", "train", "another")

@@ -1,6 +1,7 @@
 """Where the repository lies and which commit it is at, and the errors of tracking."""
 
 import io
+import re
 import subprocess
 import tarfile
 import tempfile
@@ -91,6 +92,8 @@ def commit_of(root: Path, stage: str = "", code: str = "") -> Commit:
 @cache
 def code_at(root: Path, sha: str, stage: str) -> str | None:
     """Return the hash of a stage's code in a commit, by its sources or its ``code.yaml``; None where it has neither."""
+    if not re.fullmatch("[0-9a-f]{4,64}", sha):
+        return None  # a model from elsewhere may state an option of git's in its place
     command = ["git", "-C", str(root), "archive", "--format=tar", sha, "src"]
     done = subprocess.run(command, capture_output=True, timeout=60, check=False)  # noqa: S603
     if done.returncode != 0:
