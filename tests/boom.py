@@ -1,17 +1,10 @@
 """Strokes of a cylinder that carries a boom, with load and friction known in closed form."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.labelling.strokes import StrokePoints, stroke_points
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
-
 
 STEP_S = 0.01
 

@@ -1,11 +1,11 @@
 """A candidate for the champion's place in a written pipeline, and what the registry holds then."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING
+from multiprocessing.synchronize import Barrier
+from pathlib import Path
 
 from mlflow import MlflowClient
+from mlflow.entities.model_registry import ModelVersion
 
 from cylinder_friction.estimators.saved_folder import read_description, write_description
 from cylinder_friction.evaluation.reported import error_metrics
@@ -16,12 +16,6 @@ from cylinder_friction.tracking.log_run import log_run
 from cylinder_friction.tracking.registry import REGISTERED_FILE, register
 from cylinder_friction.tracking.store import tracking_uri
 from cylinder_friction.tracking.versions import origin_of
-
-if TYPE_CHECKING:
-    from multiprocessing.synchronize import Barrier
-    from pathlib import Path
-
-    from mlflow.entities.model_registry import ModelVersion
 
 NAME = "friction-estimator"
 

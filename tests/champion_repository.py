@@ -1,21 +1,15 @@
 """A repository with a champion, served once for all tests that ask it."""
 
-from __future__ import annotations
-
 import shutil
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from cylinder_friction.recordings.files import hash_of
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.tracking.gate import Candidate
 from cylinder_friction.tracking.registry import register
 from cylinder_friction.tracking.versions import origin_of
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.recordings.recording import Recording
 
 
 @pytest.fixture(scope="session")

@@ -1,17 +1,18 @@
 """Fixtures that many tests share: the cylinder, and labelled recordings whose friction is known in closed form."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess
+from collections.abc import Callable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 import yaml
+from playwright.sync_api import Page
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.forest import ForestPlan
@@ -19,19 +20,12 @@ from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.import_graph import code_key
 from cylinder_friction.labelling.offset_identification import fit_offset_model
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata, SensorUncertainty
 from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.run_record import Dataset, RunRecord
 from cylinder_friction.tracking.versions import dvc_hash
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
-
-    from playwright.sync_api import Page
-
-    from cylinder_friction.realtime.model import StepModel
 
 SAMPLE_TIME_S = 0.005
 PIPELINE = "tests/pipeline/"

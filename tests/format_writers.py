@@ -1,10 +1,10 @@
 """One table written the way each logger's format holds it."""
 
-from __future__ import annotations
-
 import gzip
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -15,10 +15,6 @@ import pyarrow.parquet as pq
 import scipy.io
 from asammdf import MDF, Signal
 from nptdms import ChannelObject, TdmsWriter
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-    from pathlib import Path
 
 
 def synthetic(rows: int = 400, seed: int = 3) -> tuple[pd.DataFrame, dict[str, str]]:

@@ -1,18 +1,11 @@
 """One physical set of numbers for LuGre, and a path with everything in it."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
 from cylinder_friction.friction_models.identification.presliding import bristle_damping, damping_velocity
 from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cylinder_friction.friction_models.parameters import ModelParameters
+from cylinder_friction.friction_models.parameters import ModelParameters
 
 CURVE = {"coulomb_n": 240.0, "static_n": 360.0, "stribeck_velocity_m_s": 8e-3, "stribeck_exponent": 1.5}
 PLAIN_LUGRE = LugreParameters(

@@ -1,23 +1,17 @@
 """The golden hybrid, a LuGre, and golden samples to step them through."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.lugre import LugreEstimator
+from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.realtime.model import StepModel
-    from cylinder_friction.recordings.recording import Recording
 
 GOLDEN = Path(__file__).parent / "golden"
 

@@ -1,29 +1,24 @@
 """Recordings that the tests of the inspection look at, and the fixtures that they share."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.evaluation.inspection.subject import Inspected
+from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata, SensorUncertainty
 from cylinder_friction.reporting.inspection.page import write_page
 from cylinder_friction.reporting.inspection.recording_pane import Pane, Panes
 from cylinder_friction.signals.methods import filters_by_method
+from cylinder_friction.signals.smooth_signals import SignalFilter
 from packed_pages import unpacked
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-    from pathlib import Path
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.evaluation.inspection.subject import Inspected
-    from cylinder_friction.labelling.known_offset import KnownOffset
-    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 SAMPLE_TIME_S = 0.005
 

@@ -1,20 +1,15 @@
 """An offset tracker with a number in every place, a hybrid that has one, and samples of sensors whose zeros are off."""
 
-from __future__ import annotations
-
 import copy
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.sensor_offset import OffsetSettings, OffsetTracker
-
-if TYPE_CHECKING:
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.realtime.model import StepModel
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording
 
 PRIOR_N = 80.0
 SPREAD_N = (25.0, 15.0, 20.0, 0.0)

@@ -1,7 +1,5 @@
 """A live service as a process of its own, its broker and its clients, for tests of what is outside it."""
 
-from __future__ import annotations
-
 import getpass
 import json
 import os
@@ -11,9 +9,11 @@ import socket
 import subprocess
 import threading
 import time
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from itertools import count
-from typing import TYPE_CHECKING, Any, Self
+from pathlib import Path
+from typing import Any, Self
 from urllib.parse import urlsplit
 
 import numpy as np
@@ -21,25 +21,19 @@ import pytest
 from paho.mqtt.client import Client as PahoClient
 from paho.mqtt.client import MQTTv5
 from paho.mqtt.enums import CallbackAPIVersion
+from starlette.applications import Starlette
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.service.access import LiveAccess
+from cylinder_friction.service.links.link import Link
 from cylinder_friction.service.live.app import create_app
 from cylinder_friction.service.live.frames import SampleBlock, pack_samples
+from cylinder_friction.service.live.service import LiveService
 from cylinder_friction.service.live.settings import LiveLimits
 from cylinder_friction.service.server import live_server
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-    from pathlib import Path
-
-    from starlette.applications import Starlette
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.service.links.link import Link
-    from cylinder_friction.service.live.service import LiveService
 
 
 @contextmanager

@@ -1,21 +1,16 @@
 """Logger files of known recordings, and of strokes whose friction is a known LuGre model."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.friction_models.lugre import LugreParameters
+from cylinder_friction.recordings.recording import Recording
 from friction_samples import new_bristle, simulate
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-    from pathlib import Path
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.friction_models.lugre import LugreParameters
-    from cylinder_friction.recordings.recording import Recording
 
 CHANNELS: dict[str, Any] = {
     "time_s": {"channel": "t", "unit": "s"},

@@ -1,7 +1,5 @@
 """A Dask cluster of real processes on this machine's loopback."""
 
-from __future__ import annotations
-
 import ctypes
 import json
 import os
@@ -9,14 +7,11 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import psutil
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
 
 _LIBC = ctypes.CDLL(None)
 PR_SET_PDEATHSIG = 1

@@ -1,8 +1,8 @@
 """An estimator and recordings whose errors can be worked out by hand, and a comparison of them."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any, ClassVar, Self
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import pandas as pd
@@ -12,10 +12,6 @@ from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.evaluation.comparison import Comparison, ComparisonSettings, compare
 from cylinder_friction.evaluation.views import LearningCurve
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-    from pathlib import Path
 
 LABEL_PER_PASCAL = 1e-3
 SETTINGS = ComparisonSettings(maximum_lag_s=0.05)

@@ -5,8 +5,6 @@ JSON: counts, and the mebibytes that the process took more. Half of the mutation
 and must be refused or give the same estimates; the others have new hashes, and must be refused or run in every runtime.
 """
 
-from __future__ import annotations
-
 import collections
 import copy
 import json
@@ -17,8 +15,9 @@ import signal
 import sys
 import tempfile
 import traceback
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import onnx
@@ -35,9 +34,6 @@ from cylinder_friction.estimators.saved_folder import (
     SavedModelError,
     write_description,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 HOSTILE: tuple[Any, ...] = (
     None, True, "", "x", "../x", "/dev/zero", -1, 0, 1, 0.5, 7, 10**8, 2**63, 1e308, -1e308, 1e-308, float("nan"),

@@ -1,22 +1,17 @@
 """Repositories of their own, in which tests run the shipped pipeline as a user does."""
 
-from __future__ import annotations
-
 import io
 import os
 import shutil
 import subprocess
 import sys
+from collections.abc import Mapping
 from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
 from unittest.mock import patch
 
 from cylinder_friction.commands.cli import main
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
 
 PROJECT = Path(__file__).parents[1]
 BIN = Path(sys.executable).parent

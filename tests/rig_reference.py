@@ -5,14 +5,13 @@ Orders of magnitude slower than ``simulate``; it uses the same laws of oil and f
 integration. Compiled anew in each process: numba's cache on disk would miss changes of those laws in other files.
 """
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numba
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 from cylinder_friction.rig.external_load import ExternalLoad, load_at
@@ -27,13 +26,8 @@ from cylinder_friction.rig.friction import (
 )
 from cylinder_friction.rig.hydraulics import bulk_modulus, makeup_flow, port_a, port_b, pump_flow, stop_force
 from cylinder_friction.rig.lever import TICK_S
-from cylinder_friction.rig.parameters import ELEMENTS, friction_constants, hydraulic_constants
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cylinder_friction.rig.parameters import RigParameters
-    from cylinder_friction.rig.simulate import RigState
+from cylinder_friction.rig.parameters import ELEMENTS, RigParameters, friction_constants, hydraulic_constants
+from cylinder_friction.rig.simulate import RigState
 
 PRESSURE_1, PRESSURE_2, SUPPLY, POSITION, VELOCITY, FILM, SPOOL, OIL = range(8)
 FORCES = slice(8, 8 + ELEMENTS)

@@ -1,16 +1,10 @@
 """The served model's core on data frames, for tests that have their samples in one."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import pandas as pd
 
 from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
 from cylinder_friction.deployment.scoring import ServedGraph, score_columns
-
-if TYPE_CHECKING:
-    from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.model import StepModel
 
 
 def served(model: StepModel) -> ServedGraph:

@@ -1,16 +1,11 @@
 """The parameters as shipped, with those of some sections changed."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import yaml
 
-from cylinder_friction.params.checking import check_params
-
-if TYPE_CHECKING:
-    from cylinder_friction.params.checking import Params
+from cylinder_friction.params.checking import Params, check_params
 
 PARAMS_YAML = Path(__file__).parents[1] / "params.yaml"
 

@@ -1,21 +1,16 @@
 """The core works without the extras; where one is missing, the message has the command that installs it."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys
 import tomllib
 from importlib.metadata import packages_distributions
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.extras import BROUGHT_BY, MissingExtraError, explained, not_installed
-
-if TYPE_CHECKING:
-    from cylinder_friction.estimators.hybrid import HybridEstimator
 
 PROJECT = Path(__file__).parents[1]
 BLOCK = f"""

@@ -1,21 +1,15 @@
 """Which files decide what a module does: imports of every kind, names in strings, data files; nothing else."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from cylinder_friction.import_graph import SOURCE, code_key, imported_modules, used_files
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
 MODULES = {
     "__init__.py": '"""The front page."""\n_LAZY = {"a": "cylinder_friction.unused"}\ndef __getattr__(name): ...\n',
     "stage.py": """
 from __future__ import annotations
-from typing import TYPE_CHECKING
 import numpy
 from cylinder_friction.work import do, inner
 if TYPE_CHECKING:

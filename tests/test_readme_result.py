@@ -1,15 +1,10 @@
 """``make readme`` puts the pipeline's table and picture in place, and nothing else."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from cylinder_friction.commands.readme import BEGIN, END, PICTURES, update_readme
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @pytest.fixture

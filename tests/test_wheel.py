@@ -1,14 +1,12 @@
 """The wheel by itself: built, installed outside the repository, and a project's pipeline run on it to the end."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import sysconfig
 import tarfile
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 import yaml
@@ -16,9 +14,6 @@ import yaml
 from cylinder_friction.import_graph import code_key
 from cylinder_friction.run_record import STAGES
 from pipeline_workspace import PROJECT, commit, environment, run
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 pytestmark = pytest.mark.extended
 BUILD = "from hatchling.build import build_{kind}; import sys; print(build_{kind}(sys.argv[1]))"

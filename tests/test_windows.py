@@ -1,19 +1,14 @@
 """Windows, faked as far as Linux can: its modules instead of POSIX's, and none of the functions that it lacks."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from argparse import Namespace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from cylinder_friction.commands import serve
 from cylinder_friction.service.scoring.settings import ServingError
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 FAKED = """
 import errno, os, signal, subprocess, sys, types

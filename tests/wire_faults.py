@@ -1,29 +1,24 @@
 """Faults on the wire: generated frames with every kind of fault, and what the documented rules make of them."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 import struct
 from collections import Counter
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from hypothesis import strategies as st
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.service.live.connection import ClientGoneError, Connection, Peers
+from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.frames import LATEST_S, EstimateBlock, SampleBlock, pack_samples, unpack
+from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveService
 from cylinder_friction.service.live.settings import SessionRules
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.realtime.stream import RealTimeStream
-    from cylinder_friction.service.live.engine import Engine
-    from cylinder_friction.service.live.journal import Journal
 
 SESSIONS = 3
 RULES = SessionRules(hold_s=0.5, hold_rows=150, short_gap_s=0.25)

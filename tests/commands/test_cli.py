@@ -1,21 +1,16 @@
 """The command line itself: what it lists, what it loads, and how it ends."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
+from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING
 
 import pytest
 
 from cylinder_friction.commands import check, export, stage
 from cylinder_friction.commands.cli import COMMANDS, INTERRUPTED, UNREAD, main, parser
 from cylinder_friction.run_record import STAGES
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def output_of(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> str:

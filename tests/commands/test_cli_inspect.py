@@ -1,10 +1,7 @@
 """The two commands that look at a logger's file: a first mapping of it, and what the checks and the page say."""
 
-from __future__ import annotations
-
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -14,13 +11,11 @@ import yaml
 from cylinder_friction.commands.cli import main
 from cylinder_friction.commands.params import compose_params
 from cylinder_friction.params.checking import check_params
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.stages import ingest
 from cylinder_friction.stages._stage import RECORDINGS_FOLDER
 from format_writers import SAMPLES
-
-if TYPE_CHECKING:
-    from cylinder_friction.recordings.recording import Recording
 
 CONF = Path(__file__).parents[2] / "conf"
 UNITS = {"time": "s", "P1": "bar", "P2": "bar", "pos": "mm"}

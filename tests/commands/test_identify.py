@@ -1,23 +1,17 @@
 """The command ``identify``: what it prints, its exit status, and that bad input is named."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 import yaml
 
 from cylinder_friction.commands.cli import main
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.friction_models.lugre import LugreParameters
 from friction_samples import ODD
 from logger_files import CHANNELS, write_lugre_log
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.cylinder import Cylinder
 
 GEOMETRY = "bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0"
 

@@ -1,10 +1,8 @@
 """Inspecting files: whatever is wrong with them, the checks say it and the page shows it where it can be read."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -13,14 +11,10 @@ import pytest
 from cylinder_friction.commands.inspect import inspect_path
 from cylinder_friction.commands.params import compose_params
 from cylinder_friction.params.checking import Params, check_params
+from cylinder_friction.recordings.recording import Recording
 from packed_pages import unpacked
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cylinder_friction.recordings.recording import Recording
-
-    Damage = Callable[[pd.DataFrame], pd.DataFrame]
+Damage = Callable[[pd.DataFrame], pd.DataFrame]
 
 CONF = Path(__file__).parents[2] / "conf"
 CRANE = Path(__file__).parents[2] / "../shared/data/crane"

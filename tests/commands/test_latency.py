@@ -1,26 +1,21 @@
 """The command's work: files written, a run that can be logged again, errors in words."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 
 from cylinder_friction.commands import latency as command
 from cylinder_friction.commands.cli import main
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.deployment.latency.measuring import Effort
 from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.friction_models.catalogue import model_named
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.tracking import log_run
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.recording import Recording
 
 MODEL = Path(__file__).parents[1] / "golden/model"
 pytestmark = pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler")

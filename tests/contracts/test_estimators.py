@@ -1,13 +1,12 @@
 """Every estimator keeps the contract, on several sets of sensors."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.analytical import AnalyticalEstimator, scaled_effort
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.baselines import baselines
@@ -22,11 +21,6 @@ from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.testing.estimator_contract import CHECKS, Case, ContractError, check_estimator
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cylinder_friction.cylinder import Cylinder
 
 PLAN = TrainingPlan(epochs=1, patience=1, sequence_length=200, burn_in=20, batch_size=4)
 FOREST = ForestPlan(trees=4, depth=4, rows=2000, leaf=5)

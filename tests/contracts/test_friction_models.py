@@ -1,22 +1,15 @@
 """LuGre keeps the contract of friction models, and each way of breaking it is noticed."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.testing.estimator_contract import ContractError
 from cylinder_friction.testing.friction_model_contract import CHECKS, FrictionModelCase, check_friction_model
 from friction_samples import ODD
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cylinder_friction.arrays import Array
-
 
 CASE = FrictionModelCase(LuGre, ODD["lugre"])
 

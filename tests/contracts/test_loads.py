@@ -1,9 +1,7 @@
 """A load in the force balance, measured or decided by position: every runtime knows it and learns the offset beside."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,23 +9,18 @@ import pytest
 
 from contracts.runtimes import Runtime, all_runtimes, run
 from contracts.tolerances import TOLERANCES_N
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.deployment.scoring import ScoringError
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURE_1, SAMPLE_COLUMNS
-from cylinder_friction.recordings.recording import SensorUncertainty
+from cylinder_friction.recordings.recording import Recording, SensorUncertainty
 from cylinder_friction.testing.golden import Trajectory, trace
 from learned_offset import SPREAD_N, made_tracker
 from served_rows import score, served
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.realtime.model import StepModel
-    from cylinder_friction.recordings.recording import Recording
 
 PLACES = np.linspace(0.02, 0.23, 40)
 LOAD = PositionLoad(0.02, 0.23, 800.0 * np.sin(30.0 * PLACES), np.full(40, 5.0))

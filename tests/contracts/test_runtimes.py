@@ -1,9 +1,7 @@
 """One suite that every runtime passes: golden trajectories, exact reset, warm-up, separate streams, no bad state."""
 
-from __future__ import annotations
-
-from collections.abc import Callable
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,14 +10,9 @@ from contracts.runtimes import Stream, all_runtimes, run
 from contracts.tolerances import RARELY_N, TOLERANCES_N
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.realtime.flags import Flag, invalid_flag
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories, trace
 from golden_fixtures import GOLDEN
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from cylinder_friction.realtime.model import StepModel
 
 MODELS = {
     "pressures": GOLDEN,

@@ -1,8 +1,6 @@
 """Distillation: the student imitates, is smaller, and its cost is measured."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,11 +8,7 @@ import pytest
 from cylinder_friction.deployment.distil import DistilReport, compare, distil
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import TrainingPlan
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording
 
 PLAN = TrainingPlan(epochs=12, patience=12, sequence_length=200, burn_in=20, batch_size=2)
 

@@ -1,17 +1,11 @@
 """The golden trajectory of a served model: recorded by the compiled step, met by the graph, missed by another."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 
 from cylinder_friction.deployment.golden_trajectory import GoldenError, difference_n, recorded
+from cylinder_friction.realtime.model import StepModel
 from served_rows import served
-
-if TYPE_CHECKING:
-    from cylinder_friction.realtime.model import StepModel
 
 
 def test_the_graph_of_an_estimator_meets_its_trajectory(small_model: StepModel) -> None:

@@ -1,23 +1,19 @@
 """The MLflow UI as a process: it is ended with whoever started it, at the worst moments too."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
 from cylinder_friction.deployment.mlflow_ui import run_ui
 from cylinder_friction.execution.ports import free_port
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
 
 pytestmark = pytest.mark.extended
 

@@ -1,13 +1,10 @@
 """What the served model does with rows: its own sequences, its flag, and everything it refuses."""
 
-from __future__ import annotations
-
 import itertools
 import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -16,19 +13,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cylinder_friction.deployment import scoring
-from cylinder_friction.deployment.scoring import ScoringError
+from cylinder_friction.deployment.scoring import ScoringError, ServedGraph
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import Recording
 from learned_offset import learning_hybrid, offset_samples
 from served_rows import score, served
-
-if TYPE_CHECKING:
-    from cylinder_friction.deployment.scoring import ServedGraph
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.realtime.model import StepModel
-    from cylinder_friction.recordings.recording import Recording
 
 __all__ = ["learning_hybrid", "offset_samples"]
 

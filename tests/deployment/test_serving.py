@@ -1,7 +1,5 @@
 """The registered model behind a real ``mlflow models serve``: right answers, and a clear 4xx for everything else."""
 
-from __future__ import annotations
-
 import json
 import os
 import signal
@@ -10,22 +8,19 @@ import sys
 import time
 import urllib.error
 import urllib.request
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.tracking.store import tracking_uri
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.recordings.recording import Recording
 
 CHAMPION = "models:/friction-estimator@champion"
 GOOD = {"pressure_1_pa": 1.2e6, "pressure_2_pa": 9.1e5, "position_m": 0.12}

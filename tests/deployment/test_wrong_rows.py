@@ -1,12 +1,11 @@
 """Every line of the table in docs/serving.md, tried on a logged model: with MLflow's own server code, and with ours."""
 
-from __future__ import annotations
-
 import io
 import json
 import re
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import mlflow
 import numpy as np
@@ -14,21 +13,16 @@ import pandas as pd
 import pytest
 from mlflow.exceptions import MlflowException
 from mlflow.models import Model
+from mlflow.pyfunc import PyFuncModel
 from mlflow.pyfunc.scoring_server import invocations
 
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.service.scoring.model_source import ServedModel, write_current
 from cylinder_friction.service.scoring.settings import ServeSettings
 from cylinder_friction.tracking.model_folder import save_model_folder
 from malformed_requests import serving
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from mlflow.pyfunc import PyFuncModel
-
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.recordings.recording import Recording
 
 JSON, CSV, PARQUET = "application/json", "text/csv", "application/vnd.apache.parquet"
 PAGE = Path(__file__).parents[2] / "docs/serving.md"

@@ -1,24 +1,18 @@
 """Logs become friction models: known parameters are found, and what the motion does not determine has no number."""
 
-from __future__ import annotations
-
 import json
 import re
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.identification import FrictionModels, identify_logs
 from cylinder_friction.estimation.identified_model import IdentifiedModel, pressure_problem
 from cylinder_friction.recordings.recording import RecordingError
 from friction_samples import lugre_to_find
 from logger_files import CHANNELS, write_lugre_log
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.cylinder import Cylinder
 
 TRUTH = lugre_to_find(6.0, 4e-5)
 SPEEDS_M_S = [*np.geomspace(1e-3, 0.1, 9), *np.geomspace(1.5e-3, 0.06, 6)]

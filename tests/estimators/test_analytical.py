@@ -1,23 +1,17 @@
-from __future__ import annotations
-
 import itertools
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.analytical import AnalyticalEstimator, scaled_effort
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.friction_models.catalogue import model_named
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording, RecordingError
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.cylinder import Cylinder
 
 NAMES = ["lugre", "pressure_lugre"]
 LEVELS = ("position_m", "oil_temperature_c", "pressure_1_level_pa", "pressure_2_level_pa")

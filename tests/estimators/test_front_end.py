@@ -1,20 +1,14 @@
 """The features that a network sees, and what scales them."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.front_end import Design, FeatureMaker, FrontEndBlock, feature_count, fit_front_end
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording
 
 WARM = (*SAMPLE_COLUMNS, "oil_temperature_c")
 

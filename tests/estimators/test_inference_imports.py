@@ -1,25 +1,19 @@
 """Inference needs no training library: neither loading nor estimating imports one, nor SciPy's slow parts."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.baselines import baselines
 from cylinder_friction.estimators.forest import ForestPlan
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.lugre import LugreEstimator
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import write_recording
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.recordings.recording import Recording
 
 SCRIPT = """
 import sys

@@ -1,22 +1,16 @@
 """With a lag each estimate is of an earlier moment, and stands where it belongs."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.evaluation.coverage import coverage
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording
 
 LAG_S, LAG = 0.05, 10
 PLAN = TrainingPlan(epochs=2, patience=2, sequence_length=200, burn_in=20, batch_size=4)

@@ -1,19 +1,13 @@
 """Force balance, low-pass and ridge against what can be worked out by hand."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording
 
 
 def error_n(estimator: FrictionEstimator, recordings: list[Recording]) -> float:

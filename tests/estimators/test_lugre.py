@@ -1,21 +1,15 @@
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator, condition_of_smallest_friction
 from cylinder_friction.friction_models.lugre import LugreParameters
 from cylinder_friction.recordings.recording import Recording, RecordingError
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators.base import FrictionEstimator
 
 KINDS = (LugreEstimator, PressureLugreEstimator)
 

@@ -1,22 +1,16 @@
 """An estimator that knows a load by position: what it takes off, where the load is unknown, and another load."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.baselines import baselines
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.position_load import PositionLoad
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording
 
 LOAD = PositionLoad(0.11, 0.14, np.array([-700.0, 300.0, 1500.0]), np.full(3, 6.0))
 HEAVIER = PositionLoad(0.10, 0.13, np.array([900.0, 2500.0]), np.full(2, 9.0))

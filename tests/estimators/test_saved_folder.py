@@ -1,29 +1,24 @@
 """What stands in a saved model's folder is what ``save`` wrote, or is refused in a sentence."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import onnx
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.forest import ForestEstimator, ForestPlan
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.saved_folder import SavedModelError, write_description
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording
 
 FUZZER = Path(__file__).parents[1] / "model_folder_fuzzer.py"
 

@@ -1,9 +1,8 @@
 """Training learns, stops early, refuses nonsense, and resumes bit for bit after a kill."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -17,11 +16,7 @@ from cylinder_friction.estimators.training_plan import (
     TrainingCurve,
     TrainingPlan,
 )
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.realtime.lstm import LstmWeights
+from cylinder_friction.realtime.lstm import LstmWeights
 
 ARCHITECTURE = Architecture(layers=2, nodes=8, dropout=0.2, learning_rate=1e-2)
 PLAN = TrainingPlan(epochs=6, patience=6, sequence_length=50, burn_in=10, batch_size=2)

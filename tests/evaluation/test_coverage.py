@@ -1,16 +1,11 @@
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.evaluation.coverage import coverage, coverage_metrics
-
-if TYPE_CHECKING:
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording
 
 
 def wide(hybrid: HybridEstimator, half_width_n: float) -> HybridEstimator:

@@ -1,20 +1,15 @@
 """A warm start begins with what was learned in the session's recording before."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.evaluation.starts import starts
 from cylinder_friction.labelling.offset_tracker import fit_offset_tracker
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording
 
 
 @pytest.fixture(scope="module")

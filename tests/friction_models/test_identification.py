@@ -1,11 +1,8 @@
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pandas as pd
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.friction_models.identification.intervals import confidence_intervals
 from cylinder_friction.friction_models.identification.presliding import (
     bristle_stiffness,
@@ -17,9 +14,6 @@ from cylinder_friction.friction_models.identification.steady_points import stead
 from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from friction_samples import lugre_to_find, new_bristle, simulate
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
 
 SAMPLE_TIME_S = 0.005
 FINE = 20

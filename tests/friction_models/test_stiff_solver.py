@@ -3,23 +3,17 @@
 The equation is written here once more, in its textbook form, and solved sample by sample to tight tolerances.
 """
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.catalogue import model_named
 from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
 from friction_samples import PLAIN_LUGRE, held_path
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cylinder_friction.arrays import Array
 
 STEP_S = 5e-3
 PRESSURE_PA = 3e6

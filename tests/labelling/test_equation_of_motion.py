@@ -1,12 +1,11 @@
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, get_args
+from typing import get_args
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.equation_of_motion import (
     Stiffness,
     StiffnessMode,
@@ -14,11 +13,8 @@ from cylinder_friction.labelling.equation_of_motion import (
     paper_stiffness,
     trapped_oil_stiffness,
 )
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.smooth_signals import SmoothSignals
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.recording import Recording
 
 MIDDLE_M = 0.125
 

@@ -1,13 +1,12 @@
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from boom import STEP_S, boom_load, motion
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.audit import Audit
 from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller, label, position_load
@@ -15,9 +14,6 @@ from cylinder_friction.labelling.session import SessionIdentification
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, SensorUncertainty
 from cylinder_friction.signals.smooth_signals import smooth_columns
 from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyGolay
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
 
 FILTER = SavitzkyGolay()
 COULOMB_N, VISCOUS_N_S_M = 300.0, 1500.0

@@ -1,22 +1,17 @@
-from __future__ import annotations
-
 import json
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 from boom import STEP_S, boom_load, boom_points
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.load import POOLED_PLACES, LoadIdentification, LoadPlan, identify_load, pooled_load
 from cylinder_friction.labelling.session import identify_session
 from cylinder_friction.labelling.strokes import StrokePoints, TravelCovered, stroke_points
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.rig.campaign import CampaignPlan, RigRecording, campaign
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
 
 
 def test_load_and_friction_of_a_boom_are_found() -> None:

@@ -1,11 +1,9 @@
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.labelling.mass import (
     MotionIdentification,
@@ -18,9 +16,6 @@ from cylinder_friction.labelling.session import identify_session
 from cylinder_friction.labelling.strokes import stroke_points
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
 
 STEP_S = 0.002
 

@@ -1,19 +1,15 @@
-from __future__ import annotations
-
 import json
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.offset_identification import OffsetModel, fit_offset_model
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan, zero_uncertainty_n
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, SensorUncertainty
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
 
 STEP_S, DURATION_S = 0.01, 40.0
 ZERO_PA = 3000.0

@@ -1,23 +1,16 @@
 """An offset is learned while running, as surely as stated."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros_are_known
 from cylinder_friction.realtime.bounds import causal_velocity
-from cylinder_friction.realtime.sensor_offset import BALANCE, EXTENDED, MEANS, RETRACTED, ZERO
+from cylinder_friction.realtime.sensor_offset import BALANCE, EXTENDED, MEANS, RETRACTED, ZERO, OffsetTracker
 from cylinder_friction.recordings.columns import LOAD_FORCE, SAMPLE_COLUMNS
-from cylinder_friction.recordings.recording import IdentifiedZero, RecordingError, SensorUncertainty
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.realtime.sensor_offset import OffsetTracker
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import IdentifiedZero, Recording, RecordingError, SensorUncertainty
 
 PLACE = SAMPLE_COLUMNS.index("position_m")
 

@@ -1,11 +1,9 @@
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 import pytest
+from numpy.typing import NDArray
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.uncertainty import label_uncertainty, smoothing_deviation
@@ -13,9 +11,6 @@ from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping,
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata, SensorUncertainty
 from cylinder_friction.signals.methods import default_filter
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
 
 CYLINDER = Cylinder(name="63/28", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
 A1, A2 = CYLINDER.piston_area_m2, CYLINDER.annulus_area_m2

@@ -1,15 +1,10 @@
 """A finished smoke pipeline, run once for all tests of this folder."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from pipeline_workspace import MAKE, new_repository, run
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @pytest.fixture(scope="session")

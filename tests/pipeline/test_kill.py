@@ -1,7 +1,5 @@
 """``kill -9`` in the middle of stages, then ``dvc repro``: the result equals the undisturbed one."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
@@ -9,7 +7,8 @@ import signal
 import sqlite3
 import subprocess
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
 
 import mlflow
 import pytest
@@ -17,10 +16,6 @@ import yaml
 
 from cylinder_friction.recordings.files import hash_of
 from pipeline_workspace import copy_of, environment, run
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
 
 pytestmark = [pytest.mark.extended]
 

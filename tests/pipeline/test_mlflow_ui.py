@@ -1,21 +1,15 @@
 """The MLflow UI in a real browser on a finished pipeline: what a user opens is there to be seen."""
 
-from __future__ import annotations
-
 import re
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from mlflow import MlflowClient
+from playwright.sync_api import Page
 
 from cylinder_friction.deployment.mlflow_ui import runs_page, served_ui
 from cylinder_friction.tracking.store import EXPERIMENT, tracking_uri
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from playwright.sync_api import Page
 
 MODEL = "friction-estimator-smoke"
 

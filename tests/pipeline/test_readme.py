@@ -1,7 +1,5 @@
 """Every command in the README is run here; one that nobody runs fails the test."""
 
-from __future__ import annotations
-
 import json
 import os
 import re
@@ -10,15 +8,12 @@ import signal
 import subprocess
 import time
 import urllib.request
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import psutil
 import pytest
 
 from pipeline_workspace import MAKE, PROJECT, copy_of, environment, run, run_here
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 RUN_IN_A_FINISHED_PIPELINE = {
     "make readme": "",

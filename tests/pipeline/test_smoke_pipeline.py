@@ -1,11 +1,9 @@
 """The whole pipeline as a user runs it: real stages, real DVC, real MLflow, on the smoke recipe."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import mlflow
 import pytest
@@ -14,9 +12,6 @@ import yaml
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.run_record import STAGES
 from pipeline_workspace import MAKE, PROJECT, commit, copy_of, run, run_here
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 MODEL = "friction-estimator-smoke"
 TIMED = {"reports/timings.json", "reports/report.html", "reports/runs/compare.json"}

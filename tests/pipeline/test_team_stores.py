@@ -1,14 +1,14 @@
 """The smoke pipeline on a team's stores, by docs/team.md's commands: PostgreSQL, S3 protocol, MLflow with logins."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil
 import sys
+from collections.abc import Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from pathlib import Path
+from subprocess import CompletedProcess
 
 import pytest
 import yaml
@@ -18,11 +18,6 @@ import team_servers as servers
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.run_record import STAGES
 from pipeline_workspace import PROJECT, copy_of, run
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-    from subprocess import CompletedProcess
 
 pytestmark = [pytest.mark.extended]
 

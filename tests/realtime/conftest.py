@@ -1,25 +1,19 @@
 """Small models of every design as step models, and a stream."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.forest import ForestEstimator, ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.realtime.model import StepModel
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording
 
 PLAN = TrainingPlan(epochs=1, patience=1, sequence_length=200, burn_in=20, batch_size=4)
 FOREST = ForestPlan(trees=5, depth=4, rows=2000, leaf=5)

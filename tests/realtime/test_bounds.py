@@ -1,13 +1,13 @@
 """Causal regimes of motion, and bounds that hold the label as often as stated."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.realtime.bounds import (
     CREEP,
@@ -23,13 +23,8 @@ from cylinder_friction.realtime.bounds import (
     standstill_below_m_s,
     velocity_taps,
 )
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.realtime.model import Bounds
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.realtime.model import Bounds
+from cylinder_friction.recordings.recording import Recording
 
 
 @pytest.mark.parametrize(

@@ -1,21 +1,16 @@
 """What the guard lets through, holds and flags: one contract for every sample."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.guard import TrainingRange, guard_from, largest_friction_n
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-
-if TYPE_CHECKING:
-    from cylinder_friction.realtime.model import StepModel
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording
 
 SAMPLE = (9e5, 1.0e6, 0.125)
 BAD = [float("nan"), float("inf"), -float("inf"), 1e300]

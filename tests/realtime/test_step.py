@@ -1,17 +1,15 @@
 """A step model of every design does what its estimator does."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from cylinder_friction.estimators.base import NotFittedError
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.base import FrictionEstimator, NotFittedError
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
 from cylinder_friction.estimators.loading import load_estimator
@@ -19,13 +17,9 @@ from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.realtime.bounds import UNKNOWN_N
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.stream import RealTimeStream
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories, trace
 from golden_fixtures import GOLDEN
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.recordings.recording import Recording
 
 
 def test_on_valid_samples_the_step_is_the_estimate_bit_for_bit(

@@ -1,21 +1,15 @@
 """The Python streams: rows and runs alike, never poisoned, at rest without denormal numbers."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.realtime.flags import Estimate, Flag
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
-
-if TYPE_CHECKING:
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.realtime.model import StepModel
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording
 
 VALUES = st.floats(allow_nan=True, allow_infinity=True) | st.floats(-1e6, 1e7) | st.just(1.2e6) | st.floats(0.0, 0.25)
 

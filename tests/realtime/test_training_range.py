@@ -1,18 +1,12 @@
 """What was taught is in the range, a little more is, and nothing further."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
 from cylinder_friction.realtime.guard import TRAINED_MARGIN, TrainingRange
 from cylinder_friction.realtime.position_load import PositionLoad
-
-if TYPE_CHECKING:
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording
 
 RANGE = TrainingRange(("position_m", "velocity_m_s"), (0.0, -0.1), (0.2, 0.3))
 

@@ -1,18 +1,20 @@
 """A force that an estimator does not know: the range that it learns, when the flag comes and goes, and what waits."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.saved_folder import DESCRIPTION_FILE
 from cylinder_friction.realtime.bounds import CREEP, SLIDING, regimes
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.guard import TRAINED_MARGIN
+from cylinder_friction.realtime.model import Guard, StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.realtime.unmodelled_force import (
     LEAST_PRESSURE_SHARE,
@@ -23,18 +25,9 @@ from cylinder_friction.realtime.unmodelled_force import (
 )
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.files import read_json, write_json
-from cylinder_friction.recordings.recording import SensorUncertainty
+from cylinder_friction.recordings.recording import Recording, SensorUncertainty
 from cylinder_friction.signals.causal import FirFilter
 from learned_offset import learning
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.realtime.model import Guard, StepModel
-    from cylinder_friction.recordings.recording import Recording
 
 AWAY_N = 3000.0
 STRETCHED = slice(1000, 1400)

@@ -1,20 +1,13 @@
 """A rig at each throttle setting, and one recording's trace of it."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+import pandas as pd
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.rig.duty_cycles import duty_cycle
 from cylinder_friction.rig.parameters import THROTTLE_GAINS, RigParameters, default_rig
 from cylinder_friction.rig.simulate import balanced_state, simulate
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from cylinder_friction.cylinder import Cylinder
 
 
 @pytest.fixture(scope="session")

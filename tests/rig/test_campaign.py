@@ -1,19 +1,15 @@
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.rig.campaign import TRUTH_COLUMNS, CampaignPlan, RigRecording, campaign
 from cylinder_friction.rig.parameters import default_rig
 from cylinder_friction.rig.sensors import LOAD_COLUMN, LOGGER_COLUMNS
 from cylinder_friction.rig.variation import Session, draw_rig, draw_session
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
 
 SHORT = CampaignPlan(seed=3, sessions_per_condition=1, recordings_per_session=2, duration_s=15.0)
 

@@ -1,8 +1,5 @@
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+import pandas as pd
 import pytest
 
 from cylinder_friction.rig.duty_cycles import duty_cycle, lever_for_speed
@@ -16,12 +13,8 @@ from cylinder_friction.rig.lever import (
     new_hand,
     ornstein_uhlenbeck,
 )
+from cylinder_friction.rig.parameters import RigParameters
 from cylinder_friction.rig.simulate import balanced_state, simulate
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from cylinder_friction.rig.parameters import RigParameters
 
 MIDDLE_M, OVERLAP = 0.125, 0.1
 

@@ -1,24 +1,18 @@
 """Loads on the rod: what they are by themselves, and what they do to the rig."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from cylinder_friction.rig.external_load import LARGEST_N, ExternalLoad, boom_n, load_at, spring_n, varied_load
+from cylinder_friction.rig.parameters import RigParameters
 from cylinder_friction.rig.simulate import balanced_state, simulate
 from rig_reference import solve_reference
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cylinder_friction.rig.parameters import RigParameters
 
 STROKE_M = 0.25
 

@@ -1,18 +1,11 @@
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+import pandas as pd
 import pytest
 
 from cylinder_friction.rig.faults import FAULTS, with_fault
+from cylinder_friction.rig.parameters import RigParameters
 from cylinder_friction.rig.sensors import measure
 from cylinder_friction.rig.simulate import balanced_state, simulate
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from cylinder_friction.rig.parameters import RigParameters
 
 
 def stroke(rig: RigParameters, level: float = 0.35, seconds: float = 4.0) -> pd.DataFrame:

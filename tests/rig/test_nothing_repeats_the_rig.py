@@ -1,20 +1,15 @@
 """What labels, estimates or scores knows nothing of the rig: it imports nothing of it and repeats no value by name."""
 
-from __future__ import annotations
-
 import ast
+from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import yaml
 
 import cylinder_friction
 from cylinder_friction.friction_models.catalogue import MODELS
 from cylinder_friction.rig.parameters import FrictionParameters, HydraulicParameters, SensorParameters
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
 
 SOURCE = Path(cylinder_friction.__file__).parent
 MODULES = sorted(path for path in SOURCE.rglob("*.py") if SOURCE / "rig" not in path.parents)

@@ -1,7 +1,5 @@
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -13,9 +11,6 @@ from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.rig.parameters import SensorParameters
 from cylinder_friction.rig.sensors import LOAD_COLUMN, LOGGER_COLUMNS, as_written, measure
 from cylinder_friction.stages.record import write_logger_csv
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 SILENT = SensorParameters(
     pressure_noise_pa=0.0, position_noise_m=0.0, backlash_m=0.0, temperature_noise_c=0.0, load_noise_n=0.0

@@ -1,22 +1,16 @@
 """Physics of the whole rig: balances, limits, and agreement with a stiff reference solver."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.rig.hydraulics import bulk_modulus
 from cylinder_friction.rig.parameters import PUMP_FLOWS_M3_S, RigParameters, default_rig, hydraulic_constants
 from cylinder_friction.rig.simulate import balanced_state, simulate
 from rig_reference import solve_reference
-
-if TYPE_CHECKING:
-    import pandas as pd
-
-    from cylinder_friction.cylinder import Cylinder
 
 TESTS = ("1", "2", "3", "4")
 

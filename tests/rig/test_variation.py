@@ -1,18 +1,12 @@
 """Rigs from the whole of their ranges: each within them, each another, and every one works."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.rig.campaign import CampaignPlan, campaign
 from cylinder_friction.rig.parameters import RigParameters, default_rig
 from cylinder_friction.rig.variation import draw_wide_rig
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
 
 SEEDS = 200
 

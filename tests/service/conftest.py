@@ -1,15 +1,17 @@
 """A small hybrid's engine, samples for it, and services in this process."""
 
-from __future__ import annotations
-
+from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import Any
 
 import pytest
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.service.access import LiveAccess
 from cylinder_friction.service.live.app import create_app
 from cylinder_friction.service.live.engine import Engine
@@ -19,14 +21,6 @@ from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveService
 from cylinder_friction.service.live.settings import LiveLimits
 from live_process import Mosquitto, serving
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from pathlib import Path
-    from typing import Any
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.recordings.recording import Recording
 
 
 @pytest.fixture(scope="session")

@@ -1,16 +1,11 @@
 """The file of tokens: what it may hold, and what is refused."""
 
-from __future__ import annotations
-
 from hashlib import sha256
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from cylinder_friction.service.access import AccessError, TokenFile, read_tokens
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 HASH = sha256(b"abc").hexdigest()
 

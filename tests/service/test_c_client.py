@@ -1,23 +1,18 @@
 """The C client gets the newtons of the step, to the last bit, over a kill of the service."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import threading
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from live_service import running
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.execution.ports import free_port
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.estimators.hybrid import HybridEstimator
 
 SOURCE = Path(__file__).parents[2] / "examples" / "c" / "live_client.c"
 COMPILER = shutil.which("gcc") or shutil.which("cc")

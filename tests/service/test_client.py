@@ -1,21 +1,24 @@
 """A client that misses estimates asks for them again, waits while acknowledgements come, and knows its addresses."""
 
-from __future__ import annotations
-
 import json
 import threading
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.server import ServerConnection, serve
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.service import client as client_module
 from cylinder_friction.service.client import Client
 from cylinder_friction.service.client_sockets import LiveClientError, connected
+from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.frames import (
     Acknowledgement,
     EstimateBlock,
@@ -26,14 +29,6 @@ from cylinder_friction.service.live.frames import (
 from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveService
 from live_process import served
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.service.live.engine import Engine
 
 
 class Leaky:

@@ -1,7 +1,5 @@
 """Who may do what: roles, names, and tokens as a browser and as others carry them; over TLS as well."""
 
-from __future__ import annotations
-
 import base64
 import json
 import select
@@ -9,36 +7,30 @@ import subprocess
 import time
 import urllib.error
 import urllib.request
+from collections.abc import Callable
 from contextlib import ExitStack, suppress
 from hashlib import sha256
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 from websockets.exceptions import ConnectionClosed
-from websockets.sync.client import connect
+from websockets.sync.client import ClientConnection, connect
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.commands.cli import main
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.service import client as client_module
 from cylinder_friction.service import guard, server
 from cylinder_friction.service.access import AccessError, LiveAccess
 from cylinder_friction.service.client import Client, LiveClientError
 from cylinder_friction.service.live.app import create_app
+from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveService
 from live_process import stalled_client
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from websockets.sync.client import ClientConnection
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.service.live.engine import Engine
-
-    Served = Callable[..., str]
+Served = Callable[..., str]
 
 OPEN = {"session": "press", "inputs": ["pressure_1_pa", "pressure_2_pa", "position_m"], "sample_time_s": 0.005}
 ROUTES = {"read": "/watch", "write": "/stream"}

@@ -1,17 +1,12 @@
 """The log: whole lines, rotation by size, and a disk that cannot be written."""
 
-from __future__ import annotations
-
 import json
 import logging
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from cylinder_friction.service.json_log import JsonLog, rotate
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def lines(path: Path) -> list[int]:

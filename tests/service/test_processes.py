@@ -1,7 +1,5 @@
 """The server's processes, for real: how each ends, what is reported, and that nothing is left behind."""
 
-from __future__ import annotations
-
 import fcntl
 import http.client
 import json
@@ -16,24 +14,21 @@ import termios
 import threading
 import time
 import urllib.request
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import psutil
 import pytest
 
 from champion_repository import champion_root
 from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.service.scoring.model_source import GRAPH_FILE
 from cylinder_friction.tracking.store import open_store
 from golden_fixtures import golden_model
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-
-    from cylinder_friction.realtime.model import StepModel
 
 __all__ = ["champion_root", "golden_model"]
 

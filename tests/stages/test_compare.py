@@ -1,39 +1,33 @@
 """The compare stage: what it reads, what it leaves behind, and what it refuses."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.analytical import AnalyticalEstimator
+from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.friction_models.lugre import LuGre
+from cylinder_friction.params.checking import Params
 from cylinder_friction.recordings.files import hash_of, write_json
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import write_recording
+from cylinder_friction.run_record import RunRecord
 from cylinder_friction.signals.methods import filters_by_method
 from cylinder_friction.stages import compare
 from cylinder_friction.stages._stage import BEST_FILE, CHOSEN_FILE, FILTERS_FILE, INGESTED_FILE, OFFSET_FILE, SPACE_FILE
 from shipped_params import shipped
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.params.checking import Params
-    from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.run_record import RunRecord
 
 TRUTH_FOLDER = Path("data/raw/rig_truth")
 

@@ -1,13 +1,12 @@
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from cylinder_friction.commands.params import compose_params
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.params.checking import Params, ParamsError, check_params
 from cylinder_friction.recordings.files import read_json
 from cylinder_friction.recordings.recording import Recording, RecordingError
@@ -15,9 +14,6 @@ from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.stages import ingest
 from cylinder_friction.stages._stage import RECORDINGS_FOLDER
 from shipped_params import shipped
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
 
 CONF = Path(__file__).parents[2] / "conf"
 UNITS = {"time_s": "s", "pressure_1_pa": "bar", "pressure_2_pa": "bar", "position_m": "mm"}

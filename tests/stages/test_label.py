@@ -1,17 +1,18 @@
 """Stage ``label``: labels near friction, load and mass session by session, and the audit of every filter."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_recording, read_recordings, recording_paths, write_recording
+from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages import filter as filter_stage
 from cylinder_friction.stages import label
 from cylinder_friction.stages._stage import (
@@ -23,12 +24,6 @@ from cylinder_friction.stages._stage import (
     SIGNALS_FOLDER,
 )
 from shipped_params import shipped
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.run_record import RunRecord
 
 RAW = ["time_s", "pressure_1_pa", "pressure_2_pa", "position_m"]
 TRUTH = ["time_s", "friction_n", "velocity_m_s"]

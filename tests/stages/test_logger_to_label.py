@@ -1,27 +1,22 @@
 """A logger's file as they come: two rates, a gap, sensors off by a bar. Friction must come out all the same."""
 
-from __future__ import annotations
-
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.commands.params import compose_params
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.params.checking import Params, check_params
 from cylinder_friction.recordings.files import read_json
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.stages import filter as filter_stage
 from cylinder_friction.stages import ingest, label
 from cylinder_friction.stages._stage import LABELLED_FOLDER
 
 nptdms = pytest.importorskip("nptdms")
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.recording import Recording
 
 
 CONF = Path(__file__).parents[2] / "conf"

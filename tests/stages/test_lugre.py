@@ -1,28 +1,22 @@
 """Stage ``lugre``: each estimator is identified on the recordings that are its own."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pandas as pd
 import pytest
 
 from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.params.checking import Params
 from cylinder_friction.recordings.files import hash_of
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import write_recording
+from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages import lugre
 from cylinder_friction.stages._stage import LUGRE_FOLDER
 from shipped_params import shipped
-
-if TYPE_CHECKING:
-    from cylinder_friction.params.checking import Params
-    from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.run_record import RunRecord
 
 
 def tiny_params(condition: str = "1") -> Params:

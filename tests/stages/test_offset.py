@@ -1,19 +1,20 @@
 """Stage ``offset``: identified where it can be, left alone where it must be; nothing of other sessions in training."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.load import LoadIdentification
 from cylinder_friction.labelling.strokes import TravelCovered
 from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.recordings.recording import Recording, RecordingError, SensorUncertainty
 from cylinder_friction.recordings.storage import read_recordings, write_recording
+from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages import offset
 from cylinder_friction.stages._stage import (
     ESTIMATORS_FILE,
@@ -25,12 +26,6 @@ from cylinder_friction.stages._stage import (
     SPLIT_FILE,
 )
 from shipped_params import shipped
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.run_record import RunRecord
 
 STATED = {name: SensorUncertainty(3000.0, 0.0) for name in ("pressure_1_pa", "pressure_2_pa")}
 OFFSET_N = 12.0

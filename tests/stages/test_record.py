@@ -1,23 +1,17 @@
 """Stage ``record``: what a logger would write, and the truth elsewhere."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pandas as pd
 import pytest
 
-from cylinder_friction.params.checking import ParamsError
+from cylinder_friction.params.checking import Params, ParamsError
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.rig.campaign import TRUTH_COLUMNS
 from cylinder_friction.stages import record
 from cylinder_friction.stages._stage import RIG_FOLDER, RIG_TRUTH_FOLDER
 from shipped_params import shipped
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.params.checking import Params
 
 
 def params(**changes: Any) -> Params:

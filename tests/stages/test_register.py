@@ -1,27 +1,22 @@
 """Stage ``register``: same inputs, same file; a kill changes nothing; no registry, no decision."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from mlflow import MlflowClient
 
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.stages import register
 from cylinder_friction.tracking.repository import LineageError, TrackingError
 from cylinder_friction.tracking.store import tracking_uri
 from shipped_params import shipped
-
-if TYPE_CHECKING:
-    from cylinder_friction.estimators.hybrid import HybridEstimator
 
 NAME = "friction-estimator"
 

@@ -1,9 +1,7 @@
 """Stage ``split``: every labelled recording has one role; too few sessions are refused."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -13,9 +11,6 @@ from cylinder_friction.recordings.storage import recording_paths, write_recordin
 from cylinder_friction.stages import split
 from cylinder_friction.stages._stage import LABELLED_FOLDER, SPLIT_FILE
 from shipped_params import shipped
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def test_every_recording_has_one_role_and_too_few_sessions_are_refused(

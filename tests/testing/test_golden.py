@@ -1,9 +1,7 @@
 """The golden set as it is stored, and the command that checks it."""
 
-from __future__ import annotations
-
 import shutil
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -13,10 +11,6 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories, trace, write_trajectory
 from golden_fixtures import GOLDEN
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
 
 FOLDERS = (GOLDEN, GOLDEN / "learns_offset")
 

@@ -1,16 +1,11 @@
 """A store and a repository of one's own for every test."""
 
-from __future__ import annotations
-
 import shutil
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from candidates import registered_in
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 @pytest.fixture

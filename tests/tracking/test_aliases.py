@@ -1,21 +1,16 @@
 """Which version an alias names, read from SQLite and from a server, as MLflow's own client has it."""
 
-from __future__ import annotations
-
 import base64
 import json
 import threading
+from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, HTTPServer
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from mlflow import MlflowClient
 
 from cylinder_friction.tracking.aliases import alias_version
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 NAME = "friction of a/b"
 

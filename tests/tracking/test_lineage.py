@@ -1,7 +1,5 @@
 """The way back from a champion: every link, and every way to break one."""
 
-from __future__ import annotations
-
 import json
 import marshal
 import re
@@ -9,11 +7,11 @@ import shutil
 import sqlite3
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import closing
 from functools import partial
 from importlib.util import MAGIC_NUMBER, cache_from_source
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import mlflow
 import pytest
@@ -28,9 +26,6 @@ from cylinder_friction.tracking.model_folder import estimator_folder
 from cylinder_friction.tracking.repository import LineageError, git
 from cylinder_friction.tracking.store import tracking_uri
 from cylinder_friction.tracking.versions import dvc_hash, locked_hashes, origin_of
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 URI = "models:/friction-estimator@champion"
 PROCESSED = [f"data/processed/{role}" for role in ("train", "validation", "test")]

@@ -1,16 +1,14 @@
 """Run records in MLflow: whole, once, and never at the cost of a stage's result."""
 
-from __future__ import annotations
-
 import json
 import logging
 import socket
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from mlflow import MlflowClient
+from mlflow.entities import Run
 
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.run_record import Dataset, RunRecord, Times
@@ -18,9 +16,6 @@ from cylinder_friction.tracking import log_run as module
 from cylinder_friction.tracking.log_run import log_run, track_or_warn
 from cylinder_friction.tracking.repository import TrackingError
 from cylinder_friction.tracking.store import EXPERIMENT, experiment_name, tracking_uri
-
-if TYPE_CHECKING:
-    from mlflow.entities import Run
 
 
 def client_of(root: Path) -> MlflowClient:

@@ -1,23 +1,17 @@
 """When a run went on and what it cost: true times where it ran on this machine, and none that are invented."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from mlflow import MlflowClient
+from mlflow.entities import Run
 
 from cylinder_friction.run_record import RunRecord, Times, now_ms
 from cylinder_friction.tracking.log_run import TIMES_UNKNOWN, log_run
 from cylinder_friction.tracking.measurement import FOLDER, measured
 from cylinder_friction.tracking.store import tracking_uri
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from mlflow.entities import Run
 
 
 def run_of(root: Path, run_id: str) -> Run:

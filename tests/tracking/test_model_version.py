@@ -1,9 +1,7 @@
 """A candidate's version: all that a served model needs, and only of the model that was measured."""
 
-from __future__ import annotations
-
 import json
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import mlflow
 import numpy as np
@@ -12,16 +10,12 @@ import pytest
 from mlflow import MlflowClient
 
 from candidates import candidate_in, measured, other_model, record_model, registered_in, versions
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.tracking.registry import register
 from cylinder_friction.tracking.repository import TrackingError
 from cylinder_friction.tracking.store import tracking_uri
 from learned_offset import learning_hybrid, offset_samples
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.estimators.hybrid import HybridEstimator
 
 __all__ = ["learning_hybrid", "offset_samples"]
 

@@ -1,15 +1,14 @@
 """The registry: a candidate once, the champion only through the gate, the same end whenever a kill comes."""
 
-from __future__ import annotations
-
 import getpass
 import json
 import math
 import shutil
 from contextlib import nullcontext
 from dataclasses import replace
+from pathlib import Path
 from threading import Event, Thread
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from mlflow import MlflowClient
@@ -22,9 +21,6 @@ from cylinder_friction.tracking.model_version import ensure_version
 from cylinder_friction.tracking.registry import register, rollback
 from cylinder_friction.tracking.repository import LineageError, TrackingError
 from cylinder_friction.tracking.store import open_store, tracking_uri
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 
 def test_the_first_candidate_is_promoted_and_tagged_with_the_way_back(pipeline: Path) -> None:

@@ -1,9 +1,7 @@
 """A store filled from files: once, whole as far as the files go, and the champion's place left as it is."""
 
-from __future__ import annotations
-
 import shutil
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 import yaml
@@ -15,10 +13,6 @@ from cylinder_friction.tracking.replay import replay
 from cylinder_friction.tracking.repository import TrackingError
 from cylinder_friction.tracking.store import tracking_uri
 from cylinder_friction.tracking.versions import dvc_hash
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
 
 NOT_CHAMPION = "(not champion; `cylinder-friction rollback friction-estimator --to 1` makes it champion)"
 

@@ -1,11 +1,10 @@
 """Everything over HTTP: a tracking server of one's own in place of the repository's SQLite, also for two machines."""
 
-from __future__ import annotations
-
 import multiprocessing
 import os
 import shutil
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 from mlflow import MlflowClient
@@ -15,10 +14,6 @@ from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.tracking.lineage import lineage
 from cylinder_friction.tracking.replay import replay
 from team_servers import server_on
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
 
 pytestmark = pytest.mark.extended
 

@@ -1,15 +1,13 @@
 """Where runs go: one place a repository, whoever writes and from wherever."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from contextlib import suppress
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
-from typing import TYPE_CHECKING
 
 import pytest
 
@@ -18,9 +16,6 @@ from cylinder_friction.commands.cli import main
 from cylinder_friction.tracking.lineage import lineage
 from cylinder_friction.tracking.repository import TrackingError, commit_of, repository_root
 from cylinder_friction.tracking.store import EXPERIMENT, open_store, tracking_uri
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 WRITERS = """
 import os, sys

@@ -1,22 +1,16 @@
 """The search keeps what is finished, repeats nothing, stays under its bound, and finds the best."""
 
-from __future__ import annotations
-
 import threading
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 from optuna.storages.journal import JournalFileSymlinkLock
 
-from cylinder_friction.tuning.search import SearchPlan, Trial, best_trial, run_search
+from cylinder_friction.tuning.search import Objective, Report, SearchPlan, Trial, Values, best_trial, run_search
 from cylinder_friction.tuning.space import SearchSpace
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cylinder_friction.tuning.search import Objective, Report, Values
 
 SPACE = SearchSpace((1, 2, 3), (16, 32, 64), (0.1, 0.3), (1e-5, 1e-3), (32, 100), (10, 50))
 PLAN = SearchPlan(trials=14, startup_trials=4, maximum_multiply_adds=190, seed=3)

@@ -1,22 +1,15 @@
 """Trials are the same bit for bit wherever they are kept, and one process at a time searches one thing."""
 
-from __future__ import annotations
-
 import threading
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 import team_servers as servers
-from cylinder_friction.tuning.search import SearchPlan, run_search
+from cylinder_friction.tuning.search import Objective, Report, SearchPlan, Trial, Values, run_search
 from cylinder_friction.tuning.space import SearchSpace
 from cylinder_friction.tuning.study_store import STUDY_STORE, StudyStoreError, study_storage
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from cylinder_friction.tuning.search import Objective, Report, Trial, Values
 
 SPACE = SearchSpace((1,), (16, 32, 64), (0.1,), (1e-5, 1e-3), (32, 100), (10, 50))
 PLAN = SearchPlan(trials=10, startup_trials=3, seed=3, maximum_multiply_adds=64)

@@ -1,15 +1,12 @@
 """Every runtime behind one small protocol; one module a runtime: its adapter is ``RUNTIME``, several ``RUNTIMES``."""
 
-from __future__ import annotations
-
 from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.model import StepModel
 
 Output = tuple[float, float, float, int]
 

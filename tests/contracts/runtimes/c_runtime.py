@@ -1,8 +1,6 @@
 """The exported C, compiled by the machine's compiler."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
@@ -12,13 +10,8 @@ from cylinder_friction.deployment.c_export.compiled import (
     NoCompilerError,
     find_compiler,
 )
-from cylinder_friction.deployment.c_export.export import export_model
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.deployment.c_export.export import Precision
-    from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.deployment.c_export.export import Precision, export_model
+from cylinder_friction.realtime.model import StepModel
 
 
 class C:

@@ -1,20 +1,13 @@
 """FMI 2.0 co-simulation, driven by FMPy at the declared step."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
-from cylinder_friction.deployment.fmu.export import export_model_fmu
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from contracts.runtimes import Output, Stream
-    from cylinder_friction.deployment.fmu.export import FmiVersion
-    from cylinder_friction.realtime.model import StepModel
-    from fmu_host import FmuInstance
+from contracts.runtimes import Output, Stream
+from cylinder_friction.deployment.fmu.export import FmiVersion, export_model_fmu
+from cylinder_friction.realtime.model import StepModel
+from fmu_host import FmuInstance
 
 
 class _Fmu:

@@ -1,16 +1,10 @@
 """The sequence graph in ONNX Runtime."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from cylinder_friction.deployment.onnx_graphs.export import export_model
 from cylinder_friction.deployment.onnx_graphs.stream import OnnxSequence, open_sequence
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.model import StepModel
 
 
 class OnnxRecordings:

@@ -1,16 +1,10 @@
 """The step graph in ONNX Runtime."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from cylinder_friction.deployment.onnx_graphs.export import export_model
 from cylinder_friction.deployment.onnx_graphs.stream import OnnxStepStream, open_step
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.model import StepModel
 
 
 class OnnxStep:

@@ -1,17 +1,11 @@
 """The compiled step in Python."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.realtime.model import StepModel
 
 
 class _Rows(RealTimeStream):

@@ -1,27 +1,20 @@
 """Models of every shape as plain arrays, and the compilers that are there."""
 
-from __future__ import annotations
-
 import shutil
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 from cylinder_friction.deployment.c_export.compiled import CompiledEstimator
-from cylinder_friction.deployment.c_export.export import export_model, part_of
+from cylinder_friction.deployment.c_export.export import Precision, export_model, part_of
 from cylinder_friction.realtime.forest import Forest
 from cylinder_friction.realtime.lstm import LstmWeights
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.testing.golden import read_trajectories
 from golden_fixtures import GOLDEN, golden_model
 from learned_offset import learning, learning_hybrid, offset_samples
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cylinder_friction.deployment.c_export.export import Precision
-    from cylinder_friction.realtime.model import StepModel
 
 __all__ = ["compiled", "golden_model", "learning_hybrid", "offset_samples", "trajectories"]
 COMPILERS = ("gcc", "clang")

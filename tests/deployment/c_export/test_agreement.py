@@ -1,32 +1,26 @@
 """The C gives Python's numbers, whatever the model's shape and whatever comes in."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.deployment.c_export.compiled import CompiledEstimator
 from cylinder_friction.deployment.c_export.export import export_c
+from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.forest import ForestEstimator, ForestPlan
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
 from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import Recording
 from deployment.c_export.conftest import SHAPES
 from learned_offset import PRIOR_N, learning
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.realtime.model import StepModel
-    from cylinder_friction.recordings.recording import Recording
 
 DOUBLE_N = 1e-9
 FLOAT_N = 0.5

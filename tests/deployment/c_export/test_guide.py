@@ -1,25 +1,20 @@
 """The guide's program compiles without a warning and runs; the command writes what it compiles."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 from cylinder_friction.commands.cli import main
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.testing.golden import MODEL_FOLDER
 from golden_fixtures import GOLDEN
-
-if TYPE_CHECKING:
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.realtime.model import StepModel
 
 GUIDE = Path(__file__).parents[3] / "docs/c.md"
 PROGRAM = re.compile(r"^```c complete file=main\.c\n(.*?)^```$", re.MULTILINE | re.DOTALL)

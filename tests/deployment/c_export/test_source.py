@@ -1,32 +1,25 @@
 """The written files: constants, warnings, symbols, sanitizers, determinism, refusals."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess
 from collections.abc import Callable
 from functools import cache
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import jinja2
 import numpy as np
 import pytest
 
 from cylinder_friction.deployment.c_export.compiled import NoCompilerError, compile_library, find_compiler
-from cylinder_friction.deployment.c_export.export import SOURCE, export_c, export_model, part_of
+from cylinder_friction.deployment.c_export.export import SOURCE, ExportedC, export_c, export_model, part_of
 from cylinder_friction.deployment.c_export.forest import ordered
 from cylinder_friction.deployment.rendering import model_hash, number, render
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.model import StepModel
 from deployment.c_export.conftest import COMPILERS, SHAPES
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.deployment.c_export.export import ExportedC
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.realtime.model import StepModel
 
 STRICT = "-std=c99 -Wall -Wextra -Wpedantic -Wconversion -Wsign-conversion -Wshadow -Wdouble-promotion -Wundef"
 STRICTER = "-Wstrict-prototypes -Wmissing-prototypes -Wold-style-definition -Wcast-qual -Wcast-align -Wvla -Werror"

@@ -1,21 +1,15 @@
 """What an instance remembers, and what it must never remember."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 
+from cylinder_friction.deployment.c_export.compiled import CompiledEstimator, CompiledStream
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
 from learned_offset import learning
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from cylinder_friction.deployment.c_export.compiled import CompiledEstimator, CompiledStream
-    from cylinder_friction.realtime.model import StepModel
 
 
 def floats_of(stream: CompiledStream, model: StepModel) -> np.ndarray:

@@ -1,23 +1,15 @@
 """An exported hybrid in both versions, opened by a host."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Iterator
 
 import pytest
 
 from cylinder_friction.deployment.fmu.export import ExportedFmu, export_fmu
-from fmu_host import ExtractedFmu
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.recordings.recording import Recording
+from fmu_host import ExtractedFmu, FmuInstance
 from learned_offset import learning_hybrid, offset_samples
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.realtime.model import StepModel
-    from cylinder_friction.recordings.recording import Recording
-    from fmu_host import FmuInstance
-
 
 __all__ = ["learning_hybrid", "offset_samples"]
 

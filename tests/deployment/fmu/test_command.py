@@ -1,8 +1,6 @@
 """``cylinder-friction export fmu``."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 from fmpy import read_model_description
@@ -10,11 +8,7 @@ from fmpy import read_model_description
 from cylinder_friction.commands.cli import main
 from cylinder_friction.deployment.c_export.compiled import NoCompilerError
 from cylinder_friction.deployment.fmu import export
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.estimators.hybrid import HybridEstimator
 
 
 @pytest.fixture

@@ -1,13 +1,10 @@
 """The file: valid by FMPy, the same bytes every time, sources that compile, a name of its own."""
 
-from __future__ import annotations
-
 import shutil
 import subprocess
 import zipfile
 from importlib.resources import files
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import pytest
 from fmpy import read_model_description, simulate_fmu
@@ -16,13 +13,10 @@ from fmpy.validation import validate_fmu
 
 from cylinder_friction.deployment.c_export.compiled import NoCompilerError, compile_shared, find_compiler
 from cylinder_friction.deployment.fmu import export
-from cylinder_friction.deployment.fmu.export import INTERFACE_FILES, export_fmu, model_identifier
+from cylinder_friction.deployment.fmu.export import INTERFACE_FILES, ExportedFmu, export_fmu, model_identifier
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.realtime.model import StepModel
 from fmu_host import ExtractedFmu
-
-if TYPE_CHECKING:
-    from cylinder_friction.deployment.fmu.export import ExportedFmu
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.realtime.model import StepModel
 
 
 def without_compiler() -> str:

@@ -1,22 +1,17 @@
 """The FMU at work: Python's numbers, saved states, several instances, and refusals with a reason."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
 import pytest
 from fmpy.fmi1 import FMICallException
 
 from cylinder_friction.deployment.descriptions import flags_of
 from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
+from fmu_host import ExtractedFmu, FmuInstance
 
-if TYPE_CHECKING:
-    from cylinder_friction.realtime.model import StepModel
-    from fmu_host import ExtractedFmu, FmuInstance
-
-    Samples = list[tuple[float, float, float]]
+Samples = list[tuple[float, float, float]]
 
 NEWTONS = 0.01
 

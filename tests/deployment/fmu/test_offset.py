@@ -1,21 +1,15 @@
 """The FMU of an estimator that learns the sensors' offset: the reference's numbers, whatever is known before."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
 
 from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from cylinder_friction.realtime.model import StepModel
-    from fmu_host import ExtractedFmu, FmuInstance
+from fmu_host import ExtractedFmu, FmuInstance
 
 NEWTONS = 0.01
 START = ("start_offset", "start_offset_uncertainty")

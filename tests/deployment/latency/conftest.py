@@ -1,21 +1,15 @@
 """A small hybrid and a LuGre, and samples to step them through."""
 
-from __future__ import annotations
-
 import shutil
-from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
 from cylinder_friction.deployment.latency.measuring import Effort, Measured, measure
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.estimators.lugre import LugreEstimator
 from golden_fixtures import hybrid, lugre, samples
 from learned_offset import learning_hybrid, offset_samples
-
-if TYPE_CHECKING:
-    import numpy as np
-
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.estimators.lugre import LugreEstimator
 
 STEPS = 50
 __all__ = ["hybrid", "learning_hybrid", "lugre", "measured", "offset_samples", "samples"]

@@ -1,27 +1,20 @@
 """The measurement: which runtimes, how many steps, what is kept of the process. Never how fast."""
 
-from __future__ import annotations
-
 import gc
 import os
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.deployment.latency.measuring import Effort, Measured, latency_of, measure
-from cylinder_friction.deployment.latency.runtimes import PythonRuntime
+from cylinder_friction.deployment.latency.runtimes import CompiledRuntime, PythonRuntime, Runtime
 from cylinder_friction.estimators.analytical import AnalyticalEstimator
+from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.friction_models.catalogue import model_named
 from deployment.latency.conftest import STEPS
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.deployment.latency.runtimes import CompiledRuntime, Runtime
-    from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.estimators.hybrid import HybridEstimator
 
 COMPILED = {"c", "c_o2", "c_float"}
 

@@ -1,20 +1,15 @@
 """A run as text, JSON and metrics."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 from cylinder_friction.deployment.latency.machine import Quiet
+from cylinder_friction.deployment.latency.measuring import Measured
 from cylinder_friction.deployment.latency.report import as_dict, metrics_of, table
 from deployment.latency.conftest import STEPS
-
-if TYPE_CHECKING:
-    from cylinder_friction.deployment.latency.measuring import Measured
 
 
 def test_json_states_what_was_measured_where_and_how(measured: Measured) -> None:

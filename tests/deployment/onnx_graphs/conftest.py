@@ -1,21 +1,16 @@
 """Small models of every shape that a step can have, and samples with everything wrong that can be."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 from cylinder_friction.estimators.forest import ForestPlan, fit_forest
 from cylinder_friction.realtime.lstm import LstmWeights
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.testing.golden import read_trajectories
 from golden_fixtures import GOLDEN, golden_model
 from learned_offset import learning, offset_samples
-
-if TYPE_CHECKING:
-    from cylinder_friction.realtime.model import StepModel
 
 __all__ = ["golden_model", "model", "offset_samples", "samples"]
 SHAPES = ("hybrid", "lstm", "three_layers", "forest_on_hidden", "forest_alone", "linear")

@@ -1,13 +1,10 @@
 """The files: same bytes each time, checked, described, opened as they ask, and run without this project."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import onnx
@@ -15,17 +12,14 @@ import onnxruntime
 import pytest
 
 from cylinder_friction.commands.cli import main
-from cylinder_friction.deployment.onnx_graphs.export import export_model, export_onnx
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.deployment.onnx_graphs.export import ExportedOnnx, export_model, export_onnx
 from cylinder_friction.deployment.onnx_graphs.stream import open_sequence, open_step
 from cylinder_friction.estimators.lugre import LugreEstimator
+from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.testing.golden import MODEL_FOLDER
 from learned_offset import learning
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.deployment.onnx_graphs.export import ExportedOnnx
-    from cylinder_friction.realtime.model import StepModel
-    from cylinder_friction.recordings.recording import Recording
 
 ROOT = Path(__file__).parents[3]
 FILES = ("step", "sequence")

@@ -1,9 +1,5 @@
 """Step graph and sequence graph give what Python gives, whatever the model's shape and the samples."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import onnxruntime
 import pytest
@@ -13,11 +9,9 @@ from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
 from cylinder_friction.deployment.onnx_graphs.step import step_graph
 from cylinder_friction.deployment.onnx_graphs.stream import OnnxStepStream, open_sequence, open_session, open_step
 from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
 from learned_offset import learning
-
-if TYPE_CHECKING:
-    from cylinder_friction.realtime.model import StepModel
 
 
 def rolled(stream: OnnxStepStream | RealTimeStream, samples: np.ndarray) -> np.ndarray:

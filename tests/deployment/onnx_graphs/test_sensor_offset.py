@@ -1,9 +1,6 @@
 """Both graphs learn the offset of the sensors' zeros as Python does, and start from one that is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import onnxruntime
@@ -16,11 +13,9 @@ from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
 from cylinder_friction.deployment.onnx_graphs.step import step_graph
 from cylinder_friction.deployment.onnx_graphs.stream import OnnxSequence, OnnxStepStream, open_sequence, open_step
 from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
 from learned_offset import learning
-
-if TYPE_CHECKING:
-    from cylinder_friction.realtime.model import StepModel
 
 Outputs = tuple[np.ndarray, np.ndarray, np.ndarray]
 STARTS = [(0.0, None), (25.0, 5.0), (-60.0, None), (3.0, 0.0)]

@@ -1,28 +1,23 @@
 """Files as ``ingest`` takes them: broken ones beside good ones, copies, and sessions that are vented in part."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.evaluation.inspection.files import inspect_files
+from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.mapping.calibration import ZeroRules
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.path_names import NameRules
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.signals.smooth_signals import SignalFilter
 from inspected_recordings import made_panes, made_strokes
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.labelling.label import Labeller
-    from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 CHANNELS = {"time_s": "s", "pressure_1_pa": "Pa", "pressure_2_pa": "Pa", "position_m": "m"}
 

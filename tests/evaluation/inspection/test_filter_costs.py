@@ -1,19 +1,14 @@
 """What each filter costs: delays known in closed form, noise at a standstill that is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
 from cylinder_friction.evaluation.inspection.filter_costs import filter_costs, pulse_responses
 from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.signals.smooth_signals import SignalFilter
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
-
-if TYPE_CHECKING:
-    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 Filters = dict[str, "SignalFilter"]
 ADAPTIVE = "adaptive: its windows depend on the signal, so that it has no frequency response of its own"

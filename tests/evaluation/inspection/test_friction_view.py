@@ -1,22 +1,16 @@
 """Friction as the inspection shows it, from strokes whose friction is known."""
 
-from __future__ import annotations
-
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.evaluation.inspection.friction_view import friction_view
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.labelling.label import Labeller
+from cylinder_friction.recordings.recording import Recording, RecordingError
+from cylinder_friction.signals.smooth_signals import SignalFilter
 from inspected_recordings import made_strokes
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.labelling.label import Labeller
-    from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 Filters = dict[str, "SignalFilter"]
 

@@ -1,29 +1,24 @@
 """Mean friction while sliding and its interval, and what is stated in its place where it is not friction alone."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.evaluation.inspection.friction_view import friction_view
 from cylinder_friction.evaluation.inspection.sliding_friction import (
     friction_finding,
     sliding_friction,
     stroke_half_width,
 )
+from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan, zero_uncertainty_n
+from cylinder_friction.recordings.checks.finding import Finding
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.signals.smooth_signals import SignalFilter
 from inspected_recordings import made_strokes, stated
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.labelling.label import Labeller
-    from cylinder_friction.recordings.checks.finding import Finding
-    from cylinder_friction.recordings.recording import Recording
-    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 Filters = dict[str, "SignalFilter"]
 

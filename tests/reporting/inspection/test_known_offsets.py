@@ -1,27 +1,21 @@
 """What the inspection states of each session's offset: where it is known from, and never more than is known."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.evaluation.inspection.subject import Inspected
 from cylinder_friction.labelling.known_offset import KnownOffset, known_offsets
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan
 from cylinder_friction.recordings.recording import Recording, SensorUncertainty
 from cylinder_friction.reporting.inspection.text import text_report
+from cylinder_friction.signals.smooth_signals import SignalFilter
 from inspected_recordings import made_panes, made_strokes, write_page_of
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 Filters = dict[str, "SignalFilter"]
 PLAN = OffsetPlan()

@@ -1,30 +1,23 @@
 """The page: what is on it, that it needs nothing from outside, its size, and how it looks in a browser."""
 
-from __future__ import annotations
-
 import re
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
+from playwright.sync_api import Page
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.evaluation.inspection.subject import Inspected
+from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.inspection.recording_pane import Panes
+from cylinder_friction.signals.smooth_signals import SignalFilter
 from inspected_recordings import made_panes, made_strokes, stated, write_page_of
 from packed_pages import unpacked
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from playwright.sync_api import Page
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.labelling.label import Labeller
-    from cylinder_friction.signals.smooth_signals import SignalFilter
 
 Filters = dict[str, "SignalFilter"]
 OK = Finding("rate", "ok", "200 Hz")

@@ -1,19 +1,13 @@
 """The connection to a broker."""
 
-from __future__ import annotations
-
 import asyncio
-from typing import TYPE_CHECKING
+
+import pytest
 
 from cylinder_friction.service.links import broker as module
 from cylinder_friction.service.links.broker import Broker, Message
 from cylinder_friction.service.live.settings import BrokerSettings
-from live_process import needs_broker
-
-if TYPE_CHECKING:
-    import pytest
-
-    from live_process import Mosquitto
+from live_process import Mosquitto, needs_broker
 
 
 @needs_broker

@@ -1,7 +1,5 @@
 """Lines for time-series databases: every row once, a database that is away or refuses holds nobody up."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import subprocess
@@ -9,28 +7,25 @@ import threading
 import time
 import urllib.parse
 import urllib.request
+from collections.abc import Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.service.client import Client
 from cylinder_friction.service.links.line_protocol import LineProtocolLink
+from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveService
 from cylinder_friction.service.live.settings import LineProtocolSettings
 from live_process import served
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from pathlib import Path
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.service.live.engine import Engine
 
 START_S = 1.75e9
 

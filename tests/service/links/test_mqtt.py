@@ -1,34 +1,29 @@
 """By a real broker: the same bits as the step, also when the broker or the service goes away; nothing ends the link."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import threading
 import time
+from collections.abc import Callable
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from live_service import running
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.service.client import Client
 from cylinder_friction.service.links.mqtt import MqttLink
+from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.frames import EstimateBlock, SampleBlock, pack_samples, unpack
 from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveService
 from cylinder_friction.service.live.settings import BrokerSettings, LiveLimits, MqttSettings
 from live_process import Mosquitto, Relay, by_hand, needs_broker, served
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.service.live.engine import Engine
 
 OPEN = {"session": "press", "inputs": ["pressure_1_pa", "pressure_2_pa", "position_m"], "sample_time_s": 0.005}
 

@@ -1,32 +1,26 @@
 """Samples of a public OPC UA server become sessions: arrays by their index, single values by their time stamps."""
 
-from __future__ import annotations
-
 import asyncio
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from asyncua import Server, ua
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.service.links.opcua_client import OpcUaClientLink
 from cylinder_friction.service.live.connection import Peers
+from cylinder_friction.service.live.engine import Engine
+from cylinder_friction.service.live.frames import EstimateBlock
 from cylinder_friction.service.live.journal import Journal
-from cylinder_friction.service.live.service import LiveService
+from cylinder_friction.service.live.service import LiveService, LiveSession
 from cylinder_friction.service.live.settings import OpcUaClientSettings, OpcUaSource
-
-if TYPE_CHECKING:
-    from collections.abc import AsyncIterator
-    from pathlib import Path
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.service.live.engine import Engine
-    from cylinder_friction.service.live.frames import EstimateBlock
-    from cylinder_friction.service.live.service import LiveSession
 
 pytestmark = pytest.mark.extended
 FIRST = 340_000_000_000

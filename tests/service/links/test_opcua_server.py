@@ -1,14 +1,14 @@
 """A public OPC UA client sees each session's newtons, units, quality and health."""
 
-from __future__ import annotations
-
 import asyncio
 import os
 import signal
 import socket
+from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
 from hashlib import sha256
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import psutil
@@ -20,6 +20,8 @@ from asyncua.crypto.security_policies import SecurityPolicyBasic256Sha256
 from cryptography.x509.oid import ExtendedKeyUsageOID
 from live_service import running
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.params.checking import ParamsError
 from cylinder_friction.params.live import load_live_params
@@ -29,18 +31,11 @@ from cylinder_friction.service.links import opcua_server
 from cylinder_friction.service.links.opcua_server import OpcUaServerLink
 from cylinder_friction.service.links.opcua_worker import APPLICATION, NAMESPACE, Health, health_of, status_of
 from cylinder_friction.service.live.connection import Peers
+from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.frames import SampleBlock
 from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveService
 from cylinder_friction.service.live.settings import OpcUaServerSettings
-
-if TYPE_CHECKING:
-    from collections.abc import AsyncIterator, Awaitable, Callable
-    from pathlib import Path
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.service.live.engine import Engine
 
 pytestmark = pytest.mark.extended
 BEGAN_S = 1.7e9

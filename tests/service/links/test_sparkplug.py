@@ -1,19 +1,23 @@
 """Sparkplug B by a real broker, read with Google's protobuf and the specification's field numbers."""
 
-from __future__ import annotations
-
+import queue
 import time
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import pytest
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from hypothesis import given
 from hypothesis import strategies as st
+from paho.mqtt.client import Client as PahoClient
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.service.client import Client
 from cylinder_friction.service.links.sparkplug import SparkplugLink
 from cylinder_friction.service.links.sparkplug_payload import REBIRTH, SparkplugError, asks_for_rebirth
+from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveService
 from cylinder_friction.service.live.settings import (
@@ -21,18 +25,7 @@ from cylinder_friction.service.live.settings import (
     LiveLimits,
     SparkplugSettings,
 )
-from live_process import by_hand, needs_broker, served
-
-if TYPE_CHECKING:
-    import queue
-    from pathlib import Path
-
-    from paho.mqtt.client import Client as PahoClient
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.service.live.engine import Engine
-    from live_process import Mosquitto
+from live_process import Mosquitto, by_hand, needs_broker, served
 
 KINDS = {"u32": 13, "u64": 4, "f64": 1, "bool": 8, "text": 9, "metric": 11}
 METRIC = [

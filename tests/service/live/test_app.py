@@ -1,7 +1,5 @@
 """The whole service as a process of its own: killed while samples flow, and looked at in a browser."""
 
-from __future__ import annotations
-
 import json
 import re
 import signal
@@ -9,17 +7,21 @@ import subprocess
 import sys
 import time
 import urllib.request
+from collections.abc import Callable
 from contextlib import ExitStack
 from hashlib import sha256
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 from live_service import running
+from playwright.sync_api import Page
 from websockets.sync.client import connect
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.commands.live import JOURNAL_FILE
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.recordings.files import write_json
 from cylinder_friction.service.access import LiveAccess
@@ -29,15 +31,6 @@ from cylinder_friction.service.live.frames import SampleBlock, pack_samples
 from cylinder_friction.service.live.history import move_into_history
 from cylinder_friction.service.live.journal import Journal
 from live_process import stalled_client
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from pathlib import Path
-
-    from playwright.sync_api import Page
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.estimators.hybrid import HybridEstimator
 
 KILLED_AFTER_S = {1: 0.0, 2: 0.9, 3: 1.4}
 """After which turns the service is killed, and how long after: before samples are kept, while they are, later."""

@@ -1,28 +1,22 @@
 """What one client may take of a service: connections, pace, sizes; and what is written down of it."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 from contextlib import suppress
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.service.live import connection
 from cylinder_friction.service.live.connection import BURST_S, ClientGoneError, Connection, Pace, Peers
+from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.events import Events
 from cylinder_friction.service.live.frames import SampleBlock, pack_samples
 from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import BusyError, LiveService
 from cylinder_friction.service.live.settings import LiveLimits
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.service.live.engine import Engine
 
 
 class Wire:

@@ -1,22 +1,16 @@
 """An engine is compiled once for a model, and never half there."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from cylinder_friction.deployment.c_export.compiled import NoCompilerError
 from cylinder_friction.estimators import loading
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.service.live.engine import LIBRARY, Engine
 from cylinder_friction.service.live.engine_building import built_engine, engine_of
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.estimators.hybrid import HybridEstimator
 
 
 def test_an_engine_is_compiled_once(small_hybrid: HybridEstimator, tmp_path: Path) -> None:

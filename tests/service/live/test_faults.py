@@ -1,20 +1,13 @@
 """Frames that are repeated, swapped, delayed, lost, cut or garbage: no crash, no silent wrong number, all counted."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
+import pytest
 from hypothesis import HealthCheck, given, settings
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.journal import Journal
 from wire_faults import Frame, Outcome, frames, run_faulty
-
-if TYPE_CHECKING:
-    import pytest
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.service.live.engine import Engine
 
 
 def as_the_rules_have_it(outcome: Outcome) -> None:

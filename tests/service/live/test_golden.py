@@ -1,22 +1,15 @@
 """An engine that does not give what its model gave when it was registered is not taken into service."""
 
-from __future__ import annotations
-
 import shutil
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import Any
 
 import pytest
 
 from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, GoldenError
 from cylinder_friction.recordings.files import write_json
-from cylinder_friction.service.live.engine import checked_engine
+from cylinder_friction.service.live.engine import Engine, checked_engine
 from cylinder_friction.service.live.engine_building import engine_of, other_engines
-
-if TYPE_CHECKING:
-    from pathlib import Path
-    from typing import Any
-
-    from cylinder_friction.service.live.engine import Engine
 
 
 @pytest.fixture

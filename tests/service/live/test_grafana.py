@@ -1,7 +1,5 @@
 """Every panel of the dashboard and every alert gets data from a real Prometheus that scrapes a real service."""
 
-from __future__ import annotations
-
 import json
 import re
 import shutil
@@ -10,9 +8,10 @@ import time
 import urllib.error
 import urllib.parse
 import urllib.request
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,13 +19,9 @@ import yaml
 from live_service import running
 from websockets.sync.client import connect
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.service.client import Client
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from cylinder_friction.arrays import Array
 
 pytestmark = [
     pytest.mark.extended,

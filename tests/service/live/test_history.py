@@ -1,16 +1,11 @@
 """What writes the history beside the newtons."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 WRITES = """
 import sys

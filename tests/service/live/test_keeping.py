@@ -1,18 +1,12 @@
 """What runs in the background of the live service is started again when it fails, and said to have failed."""
 
-from __future__ import annotations
-
 import asyncio
-from typing import TYPE_CHECKING
+from pathlib import Path
 
+from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.keeping import kept_running
 from cylinder_friction.service.live.service import LiveService
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.service.live.engine import Engine
 
 
 def test_a_job_that_ends_makes_the_service_not_ready_until_it_runs_again(engine: Engine, tmp_path: Path) -> None:

@@ -1,31 +1,23 @@
 """Another model beside the first: it changes no bit until it takes over, and a restart repeats the change by index."""
 
-from __future__ import annotations
-
 import sqlite3
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.engine_building import built_engine
-from cylinder_friction.service.live.frames import SampleBlock
+from cylinder_friction.service.live.frames import EstimateBlock, SampleBlock
 from cylinder_friction.service.live.history import move_into_history
 from cylinder_friction.service.live.journal import Journal, JournalError
-from cylinder_friction.service.live.service import LiveService
+from cylinder_friction.service.live.service import LiveService, LiveSession
 from cylinder_friction.service.live.settings import SessionRules
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.service.live.frames import EstimateBlock
-    from cylinder_friction.service.live.service import LiveSession
 
 LEAD_ROWS = 200  # A second
 

@@ -1,27 +1,19 @@
 """Every session's newtons are those of a stream of its own, also over a restart, and all of them reach the history."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.service.live.frames import SampleBlock
+from cylinder_friction.arrays import Array
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.service.live.engine import Engine
+from cylinder_friction.service.live.frames import EstimateBlock, SampleBlock
 from cylinder_friction.service.live.history import join_past_days, move_into_history
 from cylinder_friction.service.live.journal import Journal
-from cylinder_friction.service.live.service import LiveError, LiveService
+from cylinder_friction.service.live.service import LiveError, LiveService, LiveSession
 from cylinder_friction.service.live.settings import LiveLimits
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.service.live.engine import Engine
-    from cylinder_friction.service.live.frames import EstimateBlock
-    from cylinder_friction.service.live.service import LiveSession
 
 DAY_S = 86400.0
 

@@ -1,8 +1,7 @@
 """Curves that were identified before, as the page draws them."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,9 +9,6 @@ import pytest
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.recordings.files import write_json
 from cylinder_friction.service.live.stribeck import StribeckError, stribeck_lines
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 CURVE = {
     "coulomb_n": 300.0, "static_n": 400.0, "stribeck_velocity_m_s": 0.01, "stribeck_exponent": 2.0,

@@ -1,36 +1,30 @@
 """The command ``switch`` on a running service: the other model takes over at the stated sample, and goes back."""
 
-from __future__ import annotations
-
 import asyncio
 import json
 import shutil
 import urllib.error
 import urllib.request
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
 from live_service import running
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.commands.cli import main
 from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.service.client import Client
 from cylinder_friction.service.live.app import create_app
-from cylinder_friction.service.live.engine import DESCRIPTION
+from cylinder_friction.service.live.engine import DESCRIPTION, Engine
 from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveService
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.service.live.engine import Engine
 
 pytestmark = pytest.mark.extended
 

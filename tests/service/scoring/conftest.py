@@ -1,9 +1,9 @@
 """A small model behind HTTP, as one worker serves it."""
 
-from __future__ import annotations
-
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -11,16 +11,10 @@ import malformed_requests
 from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, recorded
 from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
 from cylinder_friction.deployment.scoring import ServedGraph
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.recordings.files import write_json
 from cylinder_friction.service.scoring.model_source import GRAPH_FILE, ServedModel, write_current
 from cylinder_friction.service.scoring.settings import ServeSettings
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from contextlib import AbstractContextManager
-    from pathlib import Path
-
-    from cylinder_friction.realtime.model import StepModel
 
 
 @pytest.fixture(scope="session")

@@ -1,7 +1,5 @@
 """The served model over HTTP: what every form of a request gives, limits, IDs, tokens, and what the routes show."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import json
@@ -10,28 +8,24 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any
+from contextlib import AbstractContextManager, ExitStack
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
 import pytest
 
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.service.scoring.app import Service
 from cylinder_friction.service.scoring.decoding import ARROW, CSV, JSON
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from contextlib import AbstractContextManager
-    from pathlib import Path
-
-    from cylinder_friction.realtime.model import StepModel
-    from cylinder_friction.recordings.recording import Recording
-
-    Serve = Callable[..., AbstractContextManager[Any]]
+Serve = Callable[..., AbstractContextManager[Any]]
 
 OUTPUTS = ["friction_n", "lower_n", "upper_n", "flags", "flag_names", "in_training_range"]
 GOOD = {"dataframe_split": {"columns": list(SAMPLE_COLUMNS), "data": [[1.2e6, 9.1e5, 0.12]]}}

@@ -1,14 +1,10 @@
 """The table of malformed requests, sent to a small model: each gets what the table states, and no number is wrong."""
 
-from __future__ import annotations
+from typing import Any
 
-from typing import TYPE_CHECKING, Any
-
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
-
-if TYPE_CHECKING:
-    from cylinder_friction.realtime.model import StepModel
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording
 
 # The small model's two epochs of training do not tell these from samples of the cylinder; the real one's do.
 _NEED_TRAINING = ("units: pressures swapped", "units: pressures negated")

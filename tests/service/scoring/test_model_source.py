@@ -1,11 +1,12 @@
 """The model in service: opened from a folder, exchanged when a file names another, kept where that one is bad."""
 
-from __future__ import annotations
-
 import json
 import shutil
 import time
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,12 +21,6 @@ from cylinder_friction.service.scoring.model_source import (
     write_current,
 )
 from cylinder_friction.service.scoring.settings import ServingError
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-    from contextlib import AbstractContextManager
-    from pathlib import Path
-    from typing import Any
 
 
 @pytest.fixture

@@ -1,18 +1,14 @@
 """The description of the routes: its examples work, nothing in it needs a network, and random requests made from it."""
 
-from __future__ import annotations
-
 import json
 import re
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import Any
 
 from cylinder_friction.service.scoring.decoding import CSV, JSON
 from fuzz_requests import run
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
-    from contextlib import AbstractContextManager
-    from pathlib import Path
 
 
 def references(node: Any) -> Iterator[str]:

@@ -1,11 +1,9 @@
 """Arrow, Parquet and CSV: what columns they become, and bodies that would take far more memory than they are long."""
 
-from __future__ import annotations
-
 import io
 import tracemalloc
+from collections.abc import Callable
 from contextlib import suppress
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pyarrow as pa
@@ -16,9 +14,6 @@ from pyarrow import parquet
 
 from cylinder_friction.service.scoring.errors import Expected, RequestError
 from cylinder_friction.service.scoring.tables import from_arrow, from_csv, from_parquet
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
 
 EXPECTED = Expected(("a", "b"), 30_000)
 
