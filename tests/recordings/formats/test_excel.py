@@ -1,3 +1,4 @@
+from contextlib import nullcontext
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -77,4 +78,14 @@ def test_a_workbook_that_unpacks_to_gigabytes_is_refused_before_it_does(tmp_path
             part.write(bytes(1 << 24))
     assert path.stat().st_size < 4 << 20
     with pytest.raises(RecordingError, match=r"unpacks to 1.2 GB, but Excel workbooks are read up to 1 GB; save its t"):
+        read_logged_file(path)
+
+
+@pytest.mark.parametrize(("row", "column"), [(1, 16384), (1_048_576, 16384), (1_048_576, 2)])
+def test_a_cell_far_away_takes_no_memory_for_those_between(tmp_path: Path, row: int, column: int) -> None:
+    path = saved(tmp_path / "log.xlsx", Data=[["t", "p"], *ROWS])
+    book = openpyxl.load_workbook(path)
+    book.worksheets[0].cell(row, column).value = 1.0
+    book.save(path)
+    with pytest.raises(RecordingError, match="has more than 10,000 columns") if column > 2 else nullcontext():
         read_logged_file(path)

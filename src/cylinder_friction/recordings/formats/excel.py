@@ -8,7 +8,7 @@ from zipfile import ZipFile
 
 from cylinder_friction.recordings.formats.delimited import read_delimited
 from cylinder_friction.recordings.formats.format import Format, Library
-from cylinder_friction.recordings.formats.layout import CsvOptions
+from cylinder_friction.recordings.formats.layout import MOST_COLUMNS, CsvOptions
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.formats.source import HEAD_SIZE, FileSource
 from cylinder_friction.recordings.recording import RecordingError
@@ -59,10 +59,16 @@ def _refuse_large(source: FileSource) -> None:
 
 def _as_text(sheet: Any) -> FileSource:
     sheet.reset_dimensions()  # some writers state too few
-    rows = [[_cell(value) for value in row] for row in sheet.iter_rows(values_only=True)]
+    rows = []
+    for row in sheet.iter_rows(values_only=True):
+        cells = [_cell(value) for value in row]
+        while cells and not cells[-1]:
+            cells.pop()
+        if len(cells) > MOST_COLUMNS:
+            raise RecordingError(f"has more than {MOST_COLUMNS:,} columns; export the channels of the cylinder alone")
+        if cells:
+            rows.append(cells)
     width = max((len(row) for row in rows), default=0)
-    while width and not any(row[width - 1] for row in rows if len(row) >= width):
-        width -= 1
     lines = ["\t".join([*row[:width], *[""] * (width - len(row))]) for row in rows]
     content = "".join(f"{line}\n" for line in lines if line.strip("\t")).encode()
     return FileSource(content, content[:HEAD_SIZE], len(content))
