@@ -3,6 +3,7 @@
 import csv
 import re
 import signal
+import sys
 import threading
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -122,7 +123,7 @@ def _search(pattern: re.Pattern[str], path: str) -> re.Match[str] | None:
     Raises:
         RecordingError: It took longer than ``LONGEST_SEARCH_S``.
     """
-    if threading.current_thread() is not threading.main_thread() or not hasattr(signal, "setitimer"):
+    if sys.platform == "win32" or threading.current_thread() is not threading.main_thread():
         return pattern.search(path)
 
     def refuse(_number: int, _frame: object) -> None:
