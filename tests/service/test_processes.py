@@ -24,9 +24,12 @@ import psutil
 import pytest
 
 from champion_repository import champion_root
+from cylinder_friction.deployment.golden_trajectory import recorded
 from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
+from cylinder_friction.deployment.scoring import ServedGraph
 from cylinder_friction.realtime.model import StepModel
-from cylinder_friction.service.scoring.model_source import GRAPH_FILE
+from cylinder_friction.recordings.files import write_json
+from cylinder_friction.service.scoring.model_source import GOLDEN_FILE, GRAPH_FILE
 from cylinder_friction.tracking.store import open_store
 from golden_fixtures import golden_model
 
@@ -140,6 +143,7 @@ def model(golden_model: StepModel, tmp_path_factory: pytest.TempPathFactory) -> 
     folder = tmp_path_factory.mktemp("served") / "model"
     (folder / GRAPH_FILE).parent.mkdir(parents=True)
     (folder / GRAPH_FILE).write_bytes(sequence_graph(golden_model).SerializeToString())
+    write_json(folder / GOLDEN_FILE, recorded(ServedGraph(folder / GRAPH_FILE), golden_model))
     (folder / "MLmodel").write_text("flavors: {}\n", "utf-8")
     (folder / "input_example.json").write_text(json.dumps(ROW), "utf-8")
     return str(folder)
