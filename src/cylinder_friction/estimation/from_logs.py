@@ -14,6 +14,7 @@ import numpy as np
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.evaluation.inspection.friction_view import view_of_labelled
 from cylinder_friction.execution.workers import Died, Work, Workers
 from cylinder_friction.labelling.known_offset import (
     STROKES,
@@ -41,7 +42,7 @@ from cylinder_friction.reporting.friction_page import FrictionPane, friction_pan
 from cylinder_friction.reporting.page import PLOTTED
 from cylinder_friction.signals.methods import default_filter, warn_of_rates
 from cylinder_friction.signals.noise import noise_deviation
-from cylinder_friction.signals.smooth_signals import SignalFilter, filtered, has_pressures
+from cylinder_friction.signals.smooth_signals import SignalFilter, filtered, has_pressures, smooth_recording
 
 FileFormat = Literal["parquet", "csv"]
 SUMMARY_FILE, PAGE_FILE = "summary.json", "friction.html"
@@ -285,7 +286,8 @@ class RecordingFriction:
         """Return what the page shows of a recording."""
         excerpt = labelled.excerpt()
         first = self.finished(excerpt[0], known)
-        pane = friction_pane(first, self.labeller.cylinder, self.filter, self.model is not None)
+        signals = smooth_recording(first, self.filter)
+        pane = friction_pane(view_of_labelled(first, signals, self.labeller.cylinder, self.filter))
         return pane if len(excerpt) == 1 else replace(pane, shown=_shown(first, len(labelled)))
 
 

@@ -47,7 +47,7 @@ FAMILY_COLOURS = {
     "label": BLACK,
 }
 
-TRACE_COLOURS = {"label": PALE, "truth": BLACK, "hybrid": BLUE, "lugre": ORANGE}
+TRACE_COLOURS = {"estimate": BLUE, "label": PALE, "truth": BLACK, "hybrid": BLUE, "lugre": ORANGE}
 """Lines over time and velocity: the label is a broad grey band behind what is compared with it."""
 
 

@@ -5,6 +5,7 @@ from textwrap import fill
 from typing import Any, Protocol
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
@@ -103,13 +104,19 @@ def _plot(recording: Recording, estimate: Array | BoundedEstimate | None, truth_
                 f"{name}: got shape {np.shape(values)}, expected {time_s.shape}, one value per sample of recording "
                 f"{recording.name!r}; estimate this recording again"
             )
-        shade, width = TRACE_COLOURS.get(name, BLUE), LINE_WIDTHS.get(name, ESTIMATE_WIDTH)
-        axis.plot(time_s, values, color=shade, linewidth=width, label=LINE_TITLES.get(name, name))
-    axis.set(title=recording.name, xlabel="time [s]", ylabel="friction [N]", xlim=(time_s[0], time_s[-1]))
+    _friction_lines(axis, time_s, lines)
+    axis.set(title=recording.name, xlabel="time [s]", ylabel="friction [N]")
     axis.margins(y=0.12)
     if lines:
         axis.legend(ncols=4, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
     return figure
+
+
+def _friction_lines(axis: Axes, time_s: Array, lines_n: Mapping[str, Array]) -> None:
+    for name, values in lines_n.items():
+        width = LINE_WIDTHS.get(name, ESTIMATE_WIDTH)
+        axis.plot(time_s, values, color=line_colour(name), linewidth=width, label=line_title(name))
+    axis.set_xlim(float(time_s[0]), float(time_s[-1]))
 
 
 def all_figures(analysis: Analysis) -> dict[str, Figure]:
@@ -141,16 +148,13 @@ def friction_over_time(excerpts: Sequence[Excerpt], width: float = PANEL[0]) -> 
     """Return two panels per condition: friction (label, truth where known, estimates), and label minus estimate."""
     figure, axes = panels(2 * len(excerpts), 1, width, 2.4 * len(excerpts) + 0.3, [3.0, 1.3] * len(excerpts))
     for part, force, residual in zip(excerpts, axes[::2], axes[1::2], strict=True):
-        for name, values in part.lines_n.items():
-            thickness = LINE_WIDTHS.get(name, ESTIMATE_WIDTH)
-            force.plot(part.time_s, values, color=line_colour(name), linewidth=thickness, label=line_title(name))
+        _friction_lines(force, part.time_s, part.lines_n)
         for name, values in part.residuals_n().items():
             residual.plot(part.time_s, values, color=line_colour(name), linewidth=0.8)
         force.set(title=f"Condition {part.condition}", ylabel="friction [N]")
         residual.set_ylabel("residual [N]")
         force.tick_params(labelbottom=False)
-        for axis in (force, residual):
-            axis.set_xlim(float(part.time_s[0]), float(part.time_s[-1]))
+        residual.set_xlim(force.get_xlim())
     axes[-1].set_xlabel("time [s]")
     figure.align_ylabels(axes)
     handles, labels = axes[0].get_legend_handles_labels()

@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 
-from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.evaluation.inspection.friction_view import view_of_labelled
+from cylinder_friction.evaluation.inspection.friction_view import FrictionView
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
 from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.recordings.files import write_text
@@ -24,7 +23,6 @@ from cylinder_friction.reporting.offset_table import offset_table
 from cylinder_friction.reporting.page import Cell, Table, page_html
 from cylinder_friction.reporting.style import GREEN, PALE, QUIET
 from cylinder_friction.reporting.time_figure import Line, Panel, over_time
-from cylinder_friction.signals.smooth_signals import SignalFilter, smooth_recording
 
 POINTS = 1200
 
@@ -42,21 +40,18 @@ class FrictionPane:
     shown: str = ""  # Which part of a long recording the figures show; empty for all of it
 
 
-def friction_pane(recording: Recording, cylinder: Cylinder, method: SignalFilter, estimated: bool) -> FrictionPane:
-    """Return the pane of a recording with friction, its bounds, velocity and usable rows.
+def friction_pane(view: FrictionView) -> FrictionPane:
+    """Return the pane of a recording.
 
     Args:
-        recording: With the raw columns beside ``friction_n``, ``lower_n``, ``upper_n`` [N], and ``label_n`` if
-            ``estimated``.
-        cylinder: Its areas, stroke and moving mass.
-        method: Which filter the label's velocity comes from.
-        estimated: Whether friction is an estimator's, with the label beside it.
+        view: Of a recording with raw columns beside ``friction_n``, ``lower_n`` and ``upper_n`` [N], and with
+            ``label_n`` where friction is an estimator's.
     """
-    view = view_of_labelled(recording, smooth_recording(recording, method), cylinder, method)
+    recording = view.labelled
     friction = [
         Line("bounds", _usable(recording, "lower_n"), PALE, 1.0),
         Line("bounds", _usable(recording, "upper_n"), PALE, 1.0, in_legend=False),
-        *([Line("label, off line", _usable(recording, "label_n"), QUIET, 1.0)] if estimated else []),
+        *([Line("label, off line", _usable(recording, "label_n"), QUIET, 1.0)] if "label_n" in recording.table else []),
         Line("friction", _usable(recording, "friction_n"), GREEN, 1.5),
     ]
     velocity, _ = calculated_panels(view)

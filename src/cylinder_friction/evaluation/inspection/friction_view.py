@@ -1,5 +1,6 @@
 """Friction of one recording as the inspection shows it: filtered, balanced, and gathered into a Stribeck curve."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -72,6 +73,14 @@ class FrictionView:
     def direction(self) -> Array:
         """1 while extending, -1 while retracting, 0 at standstill and where not usable, shape ``(n,)``."""
         return np.where(self.usable, direction_of_motion(self.signals.velocity_m_s, self.slowest_m_s), 0.0)
+
+    @property
+    def unexplained_n(self) -> float:
+        """Root mean square residual of the points of steady sliding from the curve [N]; NaN without a curve."""
+        if self.curve is None:
+            return math.nan
+        velocity_m_s, friction_n = np.array([(point.velocity_m_s, point.friction_n) for point in self.points]).T
+        return float(np.sqrt(np.mean(np.square(friction_n - self.curve.friction(velocity_m_s)))))
 
     @property
     def friction_name(self) -> str:

@@ -7,7 +7,10 @@ import numpy as np
 from scipy.signal import detrend, welch
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.recordings.columns import DRIVE_FORCE, POSITION, PRESSURES
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.noise import quantisation_step
+from cylinder_friction.signals.smooth_signals import has_pressures
 
 SEGMENT_S = 8.0
 """Length of a Welch segment: motion slower than this is not of interest."""
@@ -27,6 +30,20 @@ class Spectrum:
     density: Array  # Shape ``(k,)``, in the signal's unit over the root of a hertz
     noise: float  # What the sensor's noise is at, in the same unit: the median of the highest frequencies
     converter_noise: float  # What rounding to the converter's step alone would be at; NaN where no step shows
+
+
+def signal_spectra(recording: Recording, velocity_m_s: Array) -> dict[str, Spectrum]:
+    """Return the spectra of a recording's signals in SI units, by column.
+
+    Args:
+        recording: Its pressures, or its drive force where it has none, and its position.
+        velocity_m_s: Its smooth velocity, shape ``(n,)``; differences of the raw position are ``raw_velocity_m_s``.
+    """
+    position_m, sample_time_s = recording.column(POSITION), recording.sample_time_s
+    signals = {name: recording.column(name) for name in (PRESSURES if has_pressures(recording) else [DRIVE_FORCE])}
+    signals |= {POSITION: position_m, "raw_velocity_m_s": np.diff(position_m) / sample_time_s}
+    signals |= {"velocity_m_s": velocity_m_s}
+    return {name: spectrum(values, sample_time_s) for name, values in signals.items()}
 
 
 def spectrum(values: Array, sample_time_s: float) -> Spectrum:

@@ -2,7 +2,7 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import plotly.graph_objects as go
@@ -11,12 +11,8 @@ from plotly.subplots import make_subplots
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.evaluation.inspection.filter_costs import FilterCost
-from cylinder_friction.evaluation.inspection.friction_view import FrictionView
-from cylinder_friction.evaluation.inspection.spectra import spectrum
-from cylinder_friction.recordings.columns import DRIVE_FORCE
-from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.evaluation.inspection.spectra import Spectrum
 from cylinder_friction.reporting.style import BLUE, INK, ORANGE, PINK, QUIET, SERIES, interactive
-from cylinder_friction.signals.smooth_signals import has_pressures
 
 SPECTRUM_POINTS = 250
 MS_PER_S = 1e3
@@ -24,67 +20,51 @@ MM_PER_M = 1e3
 PA_PER_BAR = 1e5
 
 
-def spectra(recording: Recording, view: FrictionView, cost: FilterCost | None) -> go.Figure:
-    """Return the amplitude densities of pressures, position and velocity.
+SIGNALS = {
+    "pressure_1_pa": ("pressure [bar/√Hz]", "P1, piston side", ORANGE, 1.0 / PA_PER_BAR),
+    "pressure_2_pa": ("pressure [bar/√Hz]", "P2, rod side", BLUE, 1.0 / PA_PER_BAR),
+    "drive_force_n": ("force [N/√Hz]", "drive force", QUIET, 1.0),
+    "position_m": ("position [mm/√Hz]", "position", INK, MM_PER_M),
+    "raw_velocity_m_s": ("velocity [mm/s/√Hz]", "velocity, differences of raw position", QUIET, MM_PER_M),
+    "velocity_m_s": ("velocity [mm/s/√Hz]", "velocity, filtered", BLUE, MM_PER_M),
+}
+"""Panel, words, colour of each signal, and how many shown units its unit is."""
+
+
+def spectra(found: Mapping[str, Spectrum], cost: FilterCost | None) -> go.Figure:
+    """Return the amplitude densities of pressures or drive force, position and velocity.
 
     Args:
-        recording: Its raw signals.
-        view: Its smooth velocity.
+        found: By column, as ``signal_spectra`` gives them.
         cost: Of the filter in use, whose cut-offs are marked; None if they are not known.
     """
     figure = make_subplots(rows=1, cols=3, horizontal_spacing=0.11)
-    position_mm = MM_PER_M * recording.column("position_m")
-    raw_velocity = np.diff(position_mm) / recording.sample_time_s
-    if has_pressures(recording):
-        first = [
-            ("P1, piston side", ORANGE, recording.column("pressure_1_pa") / PA_PER_BAR),
-            ("P2, rod side", BLUE, recording.column("pressure_2_pa") / PA_PER_BAR),
-        ]
-    else:
-        first = [("drive force", QUIET, recording.column(DRIVE_FORCE))]
-    panels = [
-        (f"{'pressure [bar' if has_pressures(recording) else 'force [N'}/√Hz]", first, True),
-        ("position [mm/√Hz]", [("position", INK, position_mm)], True),
-        (
-            "velocity [mm/s/√Hz]",
-            [
-                ("velocity, differences of raw position", QUIET, raw_velocity),
-                ("velocity, filtered", BLUE, MM_PER_M * view.signals.velocity_m_s),
-            ],
-            False,
-        ),
-    ]
-    for column, (axis, signals, has_noise) in enumerate(panels, start=1):
+    panels = itertools.groupby(found, key=lambda name: SIGNALS[name][0])
+    for column, (axis, names) in enumerate(panels, start=1):
         cut_off_hz = math.inf
         if cost is not None:
             cut_off_hz = cost.pressure_bandwidth_hz if column == 1 else cost.velocity_bandwidth_hz
-        _panel(figure, column, signals, recording.sample_time_s, has_noise, cut_off_hz)
+        _panel(figure, column, {name: found[name] for name in names}, cut_off_hz)
         figure.update_yaxes(title_text=axis, type="log", exponentformat="power", dtick=1, row=1, col=column)
         figure.update_xaxes(title_text="frequency [Hz]", type="log", dtick=1, row=1, col=column)
     return interactive(figure, 430, legend_rows=2)
 
 
-def _panel(
-    figure: go.Figure,
-    column: int,
-    signals: Sequence[tuple[str, str, Array]],
-    sample_time_s: float,
-    has_noise: bool,
-    cut_off_hz: float,
-) -> None:
+def _panel(figure: go.Figure, column: int, signals: Mapping[str, Spectrum], cut_off_hz: float) -> None:
     lowest, highest = math.inf, 0.0
-    for name, colour, values in signals:
-        found = spectrum(values, sample_time_s)
+    for signal, found in signals.items():
+        _, name, colour, units = SIGNALS[signal]
+        has_noise = "velocity" not in signal  # Which no sensor measures
         rows = log_spaced(len(found.frequency_hz))
-        frequency, density = found.frequency_hz[rows], np.maximum(found.density[rows], 1e-12)
+        frequency, density = found.frequency_hz[rows], np.maximum(units * found.density[rows], 1e-12)
         lowest, highest = min(lowest, float(np.min(density))), max(highest, float(np.max(density)))
         _add(figure, column, name, frequency, density, {"color": colour, "width": 1.3})
         ends = frequency[[0, -1]]
         if has_noise and found.noise > 0.0:
-            noise = np.full(2, found.noise)
+            noise = np.full(2, units * found.noise)
             _add(figure, column, "sensor's noise", ends, noise, {"color": colour, "dash": "dash"})
         if has_noise and math.isfinite(found.converter_noise):
-            step = np.full(2, found.converter_noise)
+            step = np.full(2, units * found.converter_noise)
             _add(figure, column, "converter's step alone", ends, step, {"color": colour, "dash": "dot"})
     if math.isfinite(cut_off_hz):
         _add(

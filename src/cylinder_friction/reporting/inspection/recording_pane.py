@@ -11,6 +11,7 @@ import numpy as np
 from cylinder_friction.evaluation.inspection.filter_costs import FilterCost, filter_costs
 from cylinder_friction.evaluation.inspection.friction_view import FrictionView, friction_view
 from cylinder_friction.evaluation.inspection.sliding_friction import MeanFriction, friction_finding, sliding_friction
+from cylinder_friction.evaluation.inspection.spectra import signal_spectra
 from cylinder_friction.evaluation.inspection.subject import Inspected, worst_first
 from cylinder_friction.friction_models.identification.known_curve import is_breakaway_known
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
@@ -138,7 +139,7 @@ class Panes:
             figures["position"] = against_position(view, recording.column("position_m"), cloud)
         _, costs, _ = self.costs.get(recording.sample_time_s, ("", [], []))
         cost = next((each for each in costs if each.name == self.method), None)
-        figures["spectra"] = spectra(recording, view, cost)
+        figures["spectra"] = spectra(signal_spectra(recording, view.signals.velocity_m_s), cost)
         return content | {"curve": stribeck_table(view), "has_cut_off": cost is not None}
 
 
@@ -223,10 +224,9 @@ def stribeck_table(view: FrictionView) -> tuple[Table | None, str]:
         ]
         return Table(head, table) if points else None, ""
     speeds = [MM_PER_M * abs(point.velocity_m_s) for point in points]
-    off_n = [point.friction_n - curve.friction(np.array([point.velocity_m_s]))[0] for point in points]
     seen = (
         f"Fitted to {len(points)} points of steady sliding, {min(speeds):.2g} to {max(speeds):.3g} mm/s; "
-        f"{np.sqrt(np.mean(np.square(off_n))):.0f} N (root mean square) is not explained by speed."
+        f"{view.unexplained_n:.0f} N (root mean square) is not explained by speed."
     )
     if not (known := is_breakaway_known(curve, points)):
         seen += " Not seen: friction that rises towards standstill, for which slower sliding is needed."
