@@ -1,5 +1,6 @@
 """The command line itself: what it lists, what it loads, and how it ends."""
 
+import errno
 import os
 import subprocess
 import sys
@@ -110,6 +111,47 @@ def test_an_unexpected_error_is_not_hidden(monkeypatch: pytest.MonkeyPatch, tmp_
         main(["check"])
     monkeypatch.setattr(export, "run", broken)
     assert main(["export", "onnx", "models/hybrid", "--output", str(tmp_path)]) == 1
+
+
+@pytest.mark.parametrize(
+    ("error", "words"),
+    [
+        (OSError(errno.ENOSPC, "No space left on device"), "no space left on device; make room, then run the same"),
+        (
+            PermissionError(errno.EACCES, "Permission denied", "a/log.csv"),
+            "a/log.csv: permission denied; choose",
+        ),
+        (
+            OSError(errno.EROFS, "Read-only file system", "/logs/.friction.draft"),
+            "/logs: read-only file system;",
+        ),
+        (NotADirectoryError(errno.ENOTDIR, "Not a directory", "log.csv/x"), "log.csv/x: not a directory; look whether"),
+    ],
+)
+def test_what_the_system_refuses_is_a_sentence(
+    error: OSError, words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def refused(_options: object) -> None:
+        raise error
+
+    monkeypatch.setattr(check, "run", refused)
+    assert main(["check"]) == 1
+    assert f"cylinder-friction check: {words}" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not Path("/sys/kernel").is_dir(), reason="a folder where nobody may write")
+def test_where_nobody_may_write_it_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["init", "/sys/project"]) == 1
+    assert "; choose a place where you may read and write" in capsys.readouterr().err
+
+
+def test_code_is_written_in_a_project_only(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(["code"]) == 1
+    assert f"code: {tmp_path}/dvc.yaml: not there; run this in a project's folder" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 def test_results_are_named_where_they_are_missing(

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 from pathlib import Path
 
 import pytest
 import yaml
 
+from cylinder_friction.commands import init
 from cylinder_friction.commands.cli import main
 from cylinder_friction.commands.init import EXAMPLE
 from cylinder_friction.import_graph import code_key
@@ -59,6 +61,18 @@ def test_without_git_dvc_is_told_so(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     monkeypatch.setenv("PATH", str(tmp_path))
     assert main(["init", str(tmp_path / "project")]) == 0
     assert "[core]\n    no_scm = true\n" in (tmp_path / "project/.dvc/config").read_text(encoding="utf-8")
+
+
+def test_a_full_disk_leaves_no_half_of_a_project(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(init, "write_logger_csv", full)
+    assert main(["init", str(tmp_path / "project")]) == 1
+    assert "init: no space left on device; make room, then run the same command again" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
 
 
 def test_a_folder_with_something_in_it_is_left_alone(project: Path, capsys: pytest.CaptureFixture[str]) -> None:

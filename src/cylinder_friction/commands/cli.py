@@ -1,6 +1,7 @@
 """The command line: ``cylinder-friction COMMAND``, one module of this package per command."""
 
 import argparse
+import errno
 import importlib
 import os
 import sys
@@ -43,6 +44,12 @@ EXTRAS = {
     **dict.fromkeys(("stage", "params", "track", "lineage", "rollback"), "pipeline"),
 }
 """Command to the extra that brings all it needs; the others need the core."""
+LOOK = "look whether the path is the one that was meant"
+ADVICE = {
+    **dict.fromkeys((errno.EROFS, errno.EACCES, errno.EPERM), "choose a place where you may read and write"),
+    **dict.fromkeys((errno.ENOSPC, errno.EDQUOT), "make room, then run the same command again"),
+}
+"""What to do, by the operating system's number of an error."""
 INTERRUPTED = 130  # The exit status of what Ctrl-C ended, as shells have it
 UNREAD = 141  # That of what writes to a program that has ended, such as head
 
@@ -91,10 +98,22 @@ def _run(given: Sequence[str]) -> int:
         print(f"\n{name}: interrupted; {options.kept(options)}", file=sys.stderr)
         return INTERRUPTED
     except Exception as error:
-        if isinstance(error, BrokenPipeError) or not isinstance(error, (*refusals(), *options.expected)):
+        found = of_the_system(error)
+        if isinstance(error, BrokenPipeError) or not (found or isinstance(error, (*refusals(), *options.expected))):
             raise
-        print(f"{name}: {error}", file=sys.stderr)
+        print(f"{name}: {found or error}", file=sys.stderr)
         return 1
+
+
+def of_the_system(error: Exception) -> str:
+    """Return a sentence for what the operating system does not allow; empty for other errors."""
+    if not isinstance(error, OSError) or not error.strerror or not (error.filename or error.errno in ADVICE):
+        return ""
+    path = Path(os.fsdecode(error.filename)) if isinstance(error.filename, str | bytes) else None
+    if path is not None and path.name.startswith(".") and ".draft" in path.name:
+        path = path.resolve().parent  # where the file of that name was to be written
+    place = "" if path is None else f"{path}: "
+    return f"{place}{error.strerror[0].lower()}{error.strerror[1:]}; {ADVICE.get(error.errno or 0, LOOK)}"
 
 
 def parser(loaded: Collection[str] = COMMANDS) -> argparse.ArgumentParser:

@@ -7,6 +7,7 @@ from pathlib import Path
 import yaml
 
 from cylinder_friction.import_graph import code_key
+from cylinder_friction.params.checking import IN_A_PROJECT, ParamsError
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.run_record import STAGES
 from cylinder_friction.tracking.repository import CODE_FILE
@@ -24,4 +25,7 @@ def write_code(folder: Path) -> None:
 
 
 def run(_options: argparse.Namespace) -> None:
-    write_code(Path.cwd())
+    folder = Path.cwd()
+    if not (folder / "dvc.yaml").is_file():
+        raise ParamsError(f"{folder / 'dvc.yaml'}: not there; {IN_A_PROJECT}")
+    write_code(folder)

@@ -38,6 +38,14 @@ def make_project(folder: Path) -> None:
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise FileExistsError(f"{folder}: there is something already; name a new folder, or an empty one")
+    try:
+        _fill(folder)
+    except BaseException:  # a full disk, Ctrl-C: half a project would be taken for a whole one
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+def _fill(folder: Path) -> None:
     for target, source in _shipped().items():
         (folder / target).parent.mkdir(parents=True, exist_ok=True)
         (shutil.copytree if source.is_dir() else shutil.copyfile)(source, folder / target)

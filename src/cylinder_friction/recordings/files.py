@@ -5,7 +5,7 @@ import json
 import shutil
 import uuid
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -45,7 +45,8 @@ def whole_file(path: Path) -> Iterator[Path]:
         yield draft
         draft.replace(path)
     finally:
-        draft.unlink(missing_ok=True)
+        with suppress(OSError):  # of a read-only file system, which would hide why nothing could be written
+            draft.unlink(missing_ok=True)
 
 
 def write_text(path: Path, text: str) -> None:

@@ -64,22 +64,21 @@ def _opened(source: FileSource) -> Any:
     return pq.ParquetFile(source.handle(), buffer_size=1 << 20, pre_buffer=False, page_checksum_verification=True)
 
 
-def _loaded(file: Any, wanted: Collection[str] | None) -> list[Any]:
-    simple = [field for field in file.schema_arrow if not pa.types.is_nested(field.type) and not _is_row_number(field)]
-    return [field for field in simple if wanted is None or _name(field) in wanted]
+def _is_read(field: Any, wanted: Collection[str] | None) -> bool:
+    simple = not pa.types.is_nested(field.type) and not _is_row_number(field)
+    return simple and (wanted is None or _name(field) in wanted)
 
 
 def _read_names(file: Any, wanted: Collection[str] | None) -> list[str]:
-    return list(dict.fromkeys(field.name for field in _loaded(file, wanted)))
+    return list(dict.fromkeys(field.name for field in file.schema_arrow if _is_read(field, wanted)))
 
 
 def _table(file: Any, table: Any, wanted: Collection[str] | None) -> LoggedTable:
     fields = [field for field in file.schema_arrow if not _is_row_number(field)]
-    loaded = _loaded(file, wanted)
     units = {_name(each): unit for each in fields if not pa.types.is_nested(each.type) and (unit := _unit(each))}
     columns = [(_name(each), _values(column)) for each, column in zip(table.schema, table.columns, strict=True)]
-    unread = tuple(_name(each) for each in fields if not any(each.equals(one) for one in loaded))
-    return LoggedTable(named_columns(columns if loaded else []), units, unread=unread)
+    unread = tuple(_name(each) for each in fields if not _is_read(each, wanted))
+    return LoggedTable(named_columns(columns if len(unread) < len(fields) else []), units, unread=unread)
 
 
 def _is_row_number(field: Any) -> bool:
