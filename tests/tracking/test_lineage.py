@@ -25,7 +25,7 @@ from cylinder_friction.tracking.lineage import Lineage, lineage
 from cylinder_friction.tracking.model_folder import estimator_folder
 from cylinder_friction.tracking.repository import LineageError, git
 from cylinder_friction.tracking.store import tracking_uri
-from cylinder_friction.tracking.versions import dvc_hash, locked_hashes, origin_of
+from cylinder_friction.tracking.versions import dvc_hash, locked_hashes, origin_of, where_data_lies
 
 URI = "models:/friction-estimator@champion"
 PROCESSED = [f"data/processed/{role}" for role in ("train", "validation", "test")]
@@ -353,6 +353,13 @@ def test_files_that_cannot_be_read_now_are_found_in_the_history(registered: Path
     found = lineage(URI, registered)
     assert found.holds
     assert sum("in commit" in link.found for link in found.links) == 1 + 4, "the parameters and four folders"
+
+
+def test_data_outside_the_project_is_not_looked_at(registered: Path, tmp_path: Path) -> None:
+    other = tmp_path / "other.csv"
+    other.write_text("time_s\n", encoding="utf-8")
+    stated = f"{other} lies outside the project, whose data alone is looked at"
+    assert where_data_lies(registered, str(other), dvc_hash(other)) == (False, stated)
 
 
 def test_an_option_of_git_in_place_of_a_commit_writes_nothing(registered: Path) -> None:

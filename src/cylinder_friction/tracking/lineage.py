@@ -239,8 +239,8 @@ def _model(store: Store, folder: Path | None, version: ModelVersion, key: str) -
     cached = [each for each in files if {".pyc", "__pycache__"} & {each.suffix, *each.relative_to(folder).parts}]
     if whole and (foreign := [each for each in cached if not _is_compiled_source(each)]):
         raise _BrokenLinkError(
-            f"{foreign[0].relative_to(folder)} is not what Python makes of its source, but MLflow would run it; "
-            "remove it"
+            f"{foreign[0].relative_to(folder)} is not what this Python makes of its source, but MLflow would run "
+            "it where the version of Python fits; remove it"
         )
     found = hash_of(folder, WRITTEN_ON_LOADING) if whole else hash_of(artifact_path(folder, ESTIMATOR_ARTIFACT))
     expected = {version.tags.get(key, "unknown"), logged.tags.get(key, "unknown")}

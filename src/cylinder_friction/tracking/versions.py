@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -103,7 +104,9 @@ def where_data_lies(root: Path, path: str, md5: str) -> tuple[bool, str]:
     On disk and in DVC's cache every byte is read and hashed; a remote, which keeps files by their hash, is asked
     whether it has them.
     """
-    place = root / path
+    place = Path(os.path.abspath(root / path))  # noqa: PTH100 - links that DVC made lead out of the project
+    if not place.is_relative_to(root.absolute()):
+        return False, f"{path} lies outside the project, whose data alone is looked at"
     if place.exists() and dvc_hash(place) == md5:
         return True, f"on disk at {path}"
     nowhere = ["neither on disk nor whole in DVC's cache, nor on a remote"]
