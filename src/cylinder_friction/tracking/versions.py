@@ -104,7 +104,7 @@ def where_data_lies(root: Path, path: str, md5: str) -> tuple[bool, str]:
     On disk and in DVC's cache every byte is read and hashed; a remote, which keeps files by their hash, is asked
     whether it has them.
     """
-    place = Path(os.path.abspath(root / path))  # noqa: PTH100 - links that DVC made lead out of the project
+    place = Path(os.path.abspath(root / path))  # noqa: PTH100 - DVC makes links
     if not place.is_relative_to(root.absolute()):
         return False, f"{path} lies outside the project, whose data alone is looked at"
     if place.exists() and dvc_hash(place) == md5:

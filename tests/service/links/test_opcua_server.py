@@ -1,9 +1,11 @@
 """A public OPC UA client sees each session's newtons, units, quality and health."""
 
 import asyncio
+import logging
 import os
 import signal
 import socket
+import sys
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
 from hashlib import sha256
@@ -29,7 +31,7 @@ from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.service.client import Client as LiveClient
 from cylinder_friction.service.links import opcua_server
 from cylinder_friction.service.links.opcua_server import OpcUaServerLink
-from cylinder_friction.service.links.opcua_worker import APPLICATION, NAMESPACE, Health, health_of, status_of
+from cylinder_friction.service.links.opcua_worker import APPLICATION, NAMESPACE, Brief, Health, health_of, status_of
 from cylinder_friction.service.live.connection import Peers
 from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.frames import SampleBlock
@@ -418,6 +420,20 @@ def test_every_flag_has_a_status(flags: int, code: int) -> None:
 def test_no_flag_is_good(flag: Flag) -> None:
     assert not status_of(flag).is_good()
     assert health_of(flag, failed_before=False) is not Health.NORMAL
+
+
+def test_what_clients_send_does_not_fill_the_log(capsys: pytest.CaptureFixture[str]) -> None:
+    log, handler = logging.getLogger("a library"), logging.StreamHandler(sys.stderr)
+    handler.addFilter(Brief())
+    log.addHandler(handler)
+    for _ in range(1000):
+        try:
+            raise ValueError("of a message")
+        except ValueError:
+            log.exception("a message that is none")
+    written = capsys.readouterr().err
+    assert 0 < written.count("a message that is none") < 200
+    assert "Traceback" not in written
 
 
 def test_a_sensor_that_failed_a_while_ago_wants_maintenance() -> None:

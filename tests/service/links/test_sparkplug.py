@@ -141,6 +141,26 @@ def test_death_has_the_number_of_its_birth_over_a_broker_that_goes_away(
     assert numbers(death) == (connected + 1, False)
 
 
+@needs_broker
+def test_a_flood_of_commands_makes_few_births(engine: Engine, tmp_path: Path, broker: Mosquitto) -> None:
+    link = SparkplugLink(SparkplugSettings(BrokerSettings(port=broker.port), "plant", "live"))
+
+    def use(host: PahoClient, got: queue.Queue[tuple[str, bytes]]) -> None:
+        while "NBIRTH" not in got.get(timeout=60.0)[0]:
+            pass
+        for _ in range(100):
+            host.publish("spBv1.0/plant/NCMD/live", rebirth())
+        deadline = time.monotonic() + 60.0
+        while link.counts["rebirth"] < 100 and time.monotonic() < deadline:
+            time.sleep(0.05)
+
+    with by_hand(broker, "spBv1.0/plant/#") as (host, got):
+        served([link], LiveService(engine, Journal(tmp_path / "journal.db")), tmp_path, lambda: use(host, got))
+        topics = list(iter(lambda: got.get(timeout=60.0)[0], "spBv1.0/plant/NDEATH/live"))
+    assert link.counts["rebirth"] == 100
+    assert topics.count("spBv1.0/plant/NBIRTH/live") < 50
+
+
 @given(st.binary(max_size=80))
 def test_garbage_is_no_command(payload: bytes) -> None:
     try:

@@ -90,11 +90,30 @@ LOOK_S = 0.5
 _NEWTON, _SECOND = ("NEW", "N", "newton"), ("SEC", "s", "second [unit of time]")
 _FORCES = ("Friction", "LowerBound", "UpperBound")
 _log = logging.getLogger(__name__)
+LINES_PER_S = 10
+
+
+class Brief(logging.Filter):
+    """At most ``LINES_PER_S`` records, without tracebacks: clients cannot fill the disk of the log."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._second, self._lines = 0, 0
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Return whether a record is written."""
+        if int(record.created) != self._second:
+            self._second, self._lines = int(record.created), 0
+        record.exc_info = record.exc_text = None
+        self._lines += 1
+        return self._lines <= LINES_PER_S
 
 
 def main() -> None:
     """Serve until the service is gone."""
     logging.basicConfig(level=logging.WARNING, format="%(asctime)s %(levelname)s opcua server: %(message)s")
+    for handler in logging.getLogger().handlers:
+        handler.addFilter(Brief())
     given = json.loads(sys.argv[1])
     settings = TypeAdapter(OpcUaServerSettings).validate_json(json.dumps(given["settings"]))
     tokens = None if given["tokens"] is None else TokenFile(Path(given["tokens"]), given["roles"])

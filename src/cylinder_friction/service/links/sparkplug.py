@@ -41,7 +41,7 @@ class SparkplugLink(Link):
         self._settings = settings
         self._changed: set[str] = set()
         self._born: set[str] = set()
-        self._sequence, self._connects = 0, -1
+        self._sequence, self._connects, self._asked_for_birth = 0, -1, False
 
     def note(self, session: LiveSession, block: EstimateBlock) -> None:
         """Remember that a session has new estimates."""
@@ -79,7 +79,7 @@ class SparkplugLink(Link):
         try:
             if asks_for_rebirth(bytes(message.payload)):
                 self.counts["rebirth"] += 1
-                self._bear()
+                self._asked_for_birth = True
             else:
                 self.counts["other command"] += 1
         except SparkplugError:
@@ -88,7 +88,7 @@ class SparkplugLink(Link):
     def _bear(self) -> None:
         """Publish the birth of the node and of all sessions."""
         now_ms = _now_ms()
-        self._born, self._sequence = set(), -1
+        self._born, self._sequence, self._asked_for_birth = set(), -1, False
         self._send("NBIRTH", [self._of_connection(now_ms), Metric(REBIRTH, BOOLEAN, False, now_ms)])
         for session in self._service.sessions.values():
             self._send_device(session)
@@ -98,6 +98,8 @@ class SparkplugLink(Link):
             await asyncio.sleep(1.0 / self._settings.rate_hz)
             changed, self._changed = self._changed, set()
             if self._broker.connected:
+                if self._asked_for_birth:  # once however often they asked: a birth is of all sessions
+                    self._bear()
                 for name in self._born.difference(self._service.sessions):
                     self._send("DDEATH", [], name)
                 for place, name in enumerate(changed):
