@@ -72,6 +72,7 @@ lint: install-dev ## check style, types, imports and the words
 	python tools/architecture.py
 	python tools/words.py
 	python tools/class_names.py
+	python tools/mutants.py --look
 
 format: install-dev ## rewrite style
 	ruff format src tests performance docs tools examples

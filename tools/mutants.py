@@ -2,6 +2,7 @@
 
     python tools/mutants.py                 # each fault against the tests beside its module
     python tools/mutants.py --all           # each against everything that `make test` runs
+    python tools/mutants.py --look          # none; whether each fault's text is still there, as `make lint` asks
     python tools/mutants.py swapped gate    # those whose names hold one of these words
 
 Each fault is one text in one file, replaced in a copy of the checkout. A fault that no test notices has *survived*.
@@ -160,8 +161,8 @@ MUTANTS = (
     Mutant(
         "model that was rolled back promoted again",
         "tracking/registry.py",
-        "_ROLLED_BACK in each.tags and each.tags.get(MODEL_KEY) == candidate.model_key",
-        "_ROLLED_BACK in each.tags and each.tags.get(MODEL_KEY) != candidate.model_key",
+        "ROLLED_BACK in each.tags and each.tags.get(MODEL_KEY) == candidate.model_key",
+        "ROLLED_BACK in each.tags and each.tags.get(MODEL_KEY) != candidate.model_key",
         ("tracking/test_registry.py",),
     ),
     Mutant(
@@ -316,13 +317,15 @@ def main() -> int:
     """Print a line per fault, then how many were killed."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--all", action="store_true", help="run everything that `make test` runs against each")
+    parser.add_argument("--look", action="store_true", help="only look whether each fault's text stands in its file")
     parser.add_argument("words", nargs="*", help="only faults whose names hold one of these words")
     given = parser.parse_args()
     chosen = [each for each in MUTANTS if not given.words or any(word in each.name for word in given.words)]
     wrong = [problem for problem in map(misplaced, chosen) if problem]
     if wrong:
         print("\n".join(wrong))
-        return 1
+    if wrong or given.look:
+        return int(bool(wrong))
     if not given.words:
         every = [] if given.all else sorted({test for each in chosen for test in each.tests})
         control = verdict(None, every)
