@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from mlflow import MlflowClient
 
@@ -13,7 +14,7 @@ from candidates import NAME, other_model, register_together, registered_in, vers
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.tracking.lineage import lineage
 from cylinder_friction.tracking.replay import replay
-from team_servers import server_on
+from team_servers import postgresql_programs, server_on
 
 pytestmark = pytest.mark.extended
 
@@ -63,3 +64,39 @@ def test_the_better_of_two_is_champion_whoever_is_first(
     assert [machine.exitcode for machine in machines] == [0, 0]
     assert errors_of[champion.tags["model_key"]] == errors["better"]
     assert len(versions(pipeline)) == 3
+
+
+@pytest.mark.skipif(postgresql_programs() is None, reason="PostgreSQL is not installed")
+def test_two_machines_promote_on_postgresql_while_one_is_killed(
+    pipeline: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spawn, moments = multiprocessing.get_context("spawn"), np.random.default_rng(1)
+    server_folder = tmp_path / "server"
+    server_folder.mkdir()
+    with server_on("postgresql", server_folder) as url:
+        monkeypatch.setenv("MLFLOW_TRACKING_URI", url)
+        registered_in(pipeline, {"1": 9.0, "2": 9.0})
+        errors_of = {hash_of(pipeline / "models/hybrid"): {"1": 9.0, "2": 9.0}}
+        for number, killed_first in enumerate((0, 1, 1)):
+            clones = []
+            for better in (False, True):
+                other_model(pipeline)
+                clones.append(shutil.copytree(pipeline, tmp_path / f"{number}{better}"))
+                percent = 8.0 - number - 0.5 * better
+                errors_of[hash_of(pipeline / "models/hybrid")] = {"1": percent, "2": percent}
+            barrier, alone = spawn.Barrier(3), spawn.Barrier(1)
+            machines = [spawn.Process(target=register_together, args=(each, errors_of, barrier)) for each in clones]
+            for machine in machines:
+                machine.start()
+            barrier.wait()
+            machines[killed_first].join(3.0 * moments.random())
+            machines[killed_first].kill()
+            again = spawn.Process(target=register_together, args=(clones[killed_first], errors_of, alone))
+            again.start()
+            for machine in (again, machines[1 - killed_first]):
+                machine.join()
+                assert machine.exitcode == 0
+            champion = MlflowClient(url).get_model_version_by_alias(NAME, "champion")
+            assert errors_of[champion.tags["model_key"]] == {"1": 7.5 - number, "2": 7.5 - number}
+            assert {one.tags["gate_decision"] for one in versions(pipeline)} <= {"promoted", "refused"}
+            assert len(versions(pipeline)) == 3 + 2 * number
