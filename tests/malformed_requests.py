@@ -174,32 +174,20 @@ def _json_text(rows: Array) -> list[Case]:
         "nothing": b"",
         "a brace": b"{",
         "cut off": whole[: len(whole) // 2],
-        "with a byte too many": whole + b"}",
-        "twice": whole + whole,
-        "a comma too many": whole.replace(first, first[:-1] + b",]"),
         "NaN": whole.replace(first, b"[NaN, 9e5, 0.1]"),
-        "Infinity": whole.replace(first, b"[Infinity, 9e5, 0.1]"),
         "1e999": whole.replace(first, b"[1e999, 9e5, 0.1]"),
-        "a number of 5,000 digits": whole.replace(first, b"[" + b"1" * 5000 + b", 9e5, 0.1]"),
         "a leading zero": whole.replace(first, b"[0123, 9e5, 0.1]"),
-        "a leading plus": whole.replace(first, b"[+1e6, 9e5, 0.1]"),
         "a decimal comma": whole.replace(first, b"[1,5e6, 9e5, 0.1"),
-        "2,000 lists deep": b"[" * 2000,
-        "2,000 objects deep": b'{"a":' * 2000,
         "1,000 lists deep in a cell": whole.replace(first, b"[" + b"[" * 999 + b"]" * 999 + b", 9e5, 0.1]"),
         "Latin-1": whole.replace(b'"data"', '"dät"'.encode("latin-1")),
         "UTF-16": whole.decode().encode("utf-16"),
         "a byte order mark": b"\xef\xbb\xbf" + whole,
-        "bytes 0xff": b"\xff" * 100_000,
         "half a surrogate": whole.replace(b'"data"', b'"data\\ud800"'),
         "null": b"null",
-        "a number": b"17",
         "a list of records": json.dumps(records(rows)["dataframe_records"]).encode(),
-        "an object without keys": b"{}",
         "CSV": _csv_text(rows),
         "gzip without its header": gzip.compress(whole),
         "a key twice": whole[:-1] + b", " + whole[1:],
-        "data twice": whole[:-2] + b', "data": [[1e6, 9e5, 0.1]]}}',
         "an escaped key twice": whole[:-2] + b', "d\\u0061ta": [[1e6, 9e5, 0.1]]}}',
         "a column twice in a record": b'{"dataframe_records": [{"pressure_1_pa": 1e6, "pressure_1_pa": 2e6, '
         b'"pressure_2_pa": 9e5, "position_m": 0.1}]}',
@@ -229,7 +217,6 @@ def _json_forms(rows: Array) -> list[Case]:
     names = list(SAMPLE_COLUMNS)
     good: dict[str, Any] = {
         "dataframe_split": split(rows),
-        "dataframe_split with an index": split(rows, index=[0, 1, 2, 3, 4]),
         "dataframe_records": records(rows),
         "dataframe_records in another order of columns": {
             "dataframe_records": [dict(reversed(each.items())) for each in named]
@@ -240,51 +227,32 @@ def _json_forms(rows: Array) -> list[Case]:
     }
     unclear: dict[str, Any] = {
         "two forms": {**split(rows), **records(rows)},
-        "an unknown key": {**split(rows), "rows": 5},
         "a misspelt form": {"dataframe_splits": split(rows)["dataframe_split"]},
         "the form of pandas": split(rows)["dataframe_split"],
         "a signature name": {"signature_name": "default", "instances": named},
     }
     wrong: dict[str, Any] = {
         "params": {**split(rows), "params": {"sample_time_s": 0.01}},
-        "split is null": {"dataframe_split": None},
         "split without columns": {"dataframe_split": {"data": lists}},
         "split without data": {"dataframe_split": {"columns": names}},
         "split with another key": split(rows, dtype="float"),
         "columns are text": {"dataframe_split": {"columns": "pressure_1_pa", "data": lists}},
-        "columns are null": {"dataframe_split": {"columns": None, "data": lists}},
-        "a column is a number": {"dataframe_split": {"columns": [0, 1, 2], "data": lists}},
         "columns twice": {"dataframe_split": {"columns": [*names, "position_m"], "data": [[*row, 0.3]]}},
-        "no columns": {"dataframe_split": {"columns": [], "data": [[], []]}},
-        "data are null": {"dataframe_split": {"columns": names, "data": None}},
         "data are an object": {"dataframe_split": {"columns": names, "data": by_column}},
-        "data are one row": {"dataframe_split": {"columns": names, "data": row}},
-        "no row": {"dataframe_split": {"columns": names, "data": []}},
-        "rows without values": {"dataframe_split": {"columns": names, "data": [[], []]}},
         "a row too short": {"dataframe_split": {"columns": names, "data": [*lists, row[:2]]}},
         "a row too long": {"dataframe_split": {"columns": names, "data": [*lists, [*row, 1.0]]}},
         "a row is text of three letters": {"dataframe_split": {"columns": names, "data": [*lists, "abc"]}},
-        "a row is an object": {"dataframe_split": {"columns": names, "data": [*lists, named[0]]}},
-        "one list deeper": {"dataframe_split": {"columns": names, "data": [lists]}},
         "an index of another length": split(rows, index=[0, 1]),
-        "an index that is text": split(rows, index="01234"),
-        "records are null": {"dataframe_records": None},
         "records are an object": {"dataframe_records": by_column},
         "records are lists": {"dataframe_records": lists},
-        "no record": {"dataframe_records": []},
         "a record lacks a column": {"dataframe_records": [*named, {"pressure_1_pa": 1e6, "pressure_2_pa": 9e5}]},
-        "a record has another column": {"dataframe_records": [*named, {**named[0], "load": 1.0}]},
         "a record has one column for another": {
             "dataframe_records": [*named, {**{key: named[0][key] for key in names[:2]}, "position_mm": 100.0}]
         },
-        "a record is null": {"dataframe_records": [*named, None]},
-        "inputs are null": {"inputs": None},
         "inputs without keys": {"inputs": {}},
-        "inputs are rows": {"inputs": lists},
         "inputs are records": {"inputs": named},
         "inputs of different lengths": {"inputs": {**by_column, "position_m": [0.1]}},
         "inputs are numbers": {"inputs": dict(zip(names, row, strict=True))},
-        "inputs are columns of lists": {"inputs": {name: [[value] for value in by_column[name]] for name in names}},
         "instances are rows": {"instances": lists},
     }
     return [
@@ -320,13 +288,10 @@ def _columns(rows: Array) -> list[Case]:
     p1, p2, x = SAMPLE_COLUMNS
     wrong = {
         "in bar": named("pressure_1_bar", p2, x),
-        "misspelt": named("presure_1_pa", p2, x),
         "with a byte order mark": named("\ufeff" + p1, p2, x),
         "with a letter that looks alike": named(p1.replace("p", "\u0440"), p2, x),
-        "without names": named("", "", ""),
         "a load": named(p1, p2, x, "load_force_n"),
         "a name of 10,000 letters": named(p1, p2, "x" * 10_000),
-        "names in Chinese": named(*("\u538b" * 3000 + str(at) for at in range(3))),
         "70 columns": {"dataframe_split": {"columns": [f"c{at}" for at in range(70)], "data": [[0.0] * 70]}},
     }
     return [Case(f"columns: {name}", 422, body) for name, body in wrong.items()]
@@ -344,7 +309,6 @@ def _recordings(rows: Array) -> list[Case]:
         "two": (named(*["a"] * half, *["b"] * half), both),
         "with a colon": (named(*["10:00"] * half, *["10:05"] * half), both),
         "with a zero byte": (named(*["a"] * half, *["a\0"] * half), both),
-        "that differ in a blank": (named(*["a"] * half, *["a "] * half), both),
         "that differ in composition of a letter": (named(*["\u00e9"] * half, *["e\u0301"] * half), both),
         "whole numbers": (named(*[1] * half, *[2] * half), both),
     }
@@ -369,7 +333,6 @@ def _many_recordings(rows: Array) -> dict[str, Any]:
 def _units(rows: Array) -> list[Case]:
     wrong = {
         "bar as pascal": rows * [1e-5, 1e-5, 1.0],
-        "kilopascal as pascal": rows * [1e-3, 1e-3, 1.0],
         "megapascal as pascal": rows * [1e-6, 1e-6, 1.0],
         "all zeros": rows * 0.0,
         "pressures swapped": rows[:, [1, 0, 2]],
@@ -390,36 +353,26 @@ def _csv(rows: Array) -> list[Case]:
     numbered = b"".join(
         (str(at - 1).encode() if at else b"") + b"," + line for at, line in enumerate(text.splitlines(keepends=True))
     )
-    quoted = b'"pressure_1_pa","pressure_2_pa","position_m"\n' + text.split(b"\n", 1)[1]
     good = {
         "plain": text,
         "with CRLF": _csv_text(rows, end="\r\n"),
-        "without a last newline": text[:-1],
-        "a quoted header": quoted,
         "a byte order mark": b"\xef\xbb\xbf" + text,
         "numbered rows, as pandas writes them": numbered,
     }
     wrong = {
         "nothing": b"",
-        "no row": header,
         "other columns": b"a,b\n1,2\n",
         "text": header + b"high,9e5,0.1\n",
         "an empty cell": header + b",9e5,0.1\n",
         "NaN": header + b"nan,9e5,0.1\n",
-        "infinity": header + b"inf,9e5,0.1\n",
         "a row too short": text + b"1e6,9e5\n",
         "a row too long": text + b"1e6,9e5,0.1,0.2\n",
-        "one field too many in every row": header + b"0,1e6,9e5,0.1\n1,1e6,9e5,0.1\n",
         "semicolons": text.replace(b",", b";"),
         "decimal commas": header + b'"1,5e6","9,1e5","0,1"\n',
-        "the header twice": header + text,
-        "no header": text.split(b"\n", 1)[1],
         "a line of units": header + b"Pa,Pa,m\n" + text.split(b"\n", 1)[1],
         "a column twice": _csv_text(rows, "pressure_1_pa,pressure_1_pa,position_m"),
         "an open quote": text + b'"1e6,9e5,0.1\n',
         "rows that are numbered from 7": b",".join([b"", header]) + b"7,1e6,9e5,0.1\n",
-        "thousands separated": header + b"1_000_000,9e5,0.1\n",
-        "Arabic digits": header + "\u0661\u0660,9e5,0.1\n".encode(),
         "a cell of 100,000 letters": header + b"x" * 100_000 + b",9e5,0.1\n",
         "JSON": _text(rows),
     }
@@ -470,20 +423,14 @@ def _tables(rows: Array) -> tuple[dict[str, tuple[pa.Table, list[Array]]], dict[
         "in two pieces": (pa.concat_tables([table.slice(0, 2), table.slice(2)]), [rows]),
     }
     wrong = {
-        "no row": table.slice(0, 0),
         "a column missing": table.select(others),
         "a column twice": pa.Table.from_arrays([*table.columns, table[first]], names=[*SAMPLE_COLUMNS, first]),
-        "no columns": table.select([]),
         "a value missing": with_first(pa.array([1e6, None, 1e6, 1e6, 1e6])),
-        "whole numbers, one missing": with_first(pa.array([1, None, 1, 1, 1])),
         "NaN": with_first(pa.array([1e6, np.nan, 1e6, 1e6, 1e6])),
-        "infinity": with_first(pa.array([1e6, np.inf, 1e6, 1e6, 1e6])),
         "booleans": with_first(pa.array([True] * 5)),
         "numbers as text": with_first(pa.array(["1e6"] * 5)),
         "dates": with_first(pa.array([0] * 5, pa.timestamp("us"))),
-        "nothing but missing values": with_first(pa.nulls(5)),
         "a recording without a name": table.append_column("recording", pa.array(["a", None, "a", "a", "a"])),
-        "recordings are lists": table.append_column("recording", pa.array([["a"]] * 5)),
     }
     return good, wrong
 
@@ -499,9 +446,7 @@ def _arrow(rows: Array) -> list[Case]:
     unreadable = {
         "nothing": b"",
         "cut off": stream[: len(stream) // 2],
-        "the schema alone, cut off": stream[:50],
         "a file in place of a stream": file.getvalue(),
-        "bytes 0xff": b"\xff" * 10_000,
         "bytes changed": bytes(garbage),
         "a length beyond the body": b"\xff\xff\xff\xff\xff\xff\xff\x7f" + stream[8:],
         "JSON": _text(rows),
@@ -554,7 +499,6 @@ def _headers(rows: Array) -> list[Case]:
         "text/plain": (415, "text/plain"),
         "pickle": (415, "application/python-pickle"),
         "Latin-1": (415, "application/json; charset=latin-1"),
-        "an unknown parameter": (415, "application/json; format=pandas-split"),
         "of 10,000 letters behind a good one": (415, f"application/json; {long}"),
         "in capitals": (200, "Application/JSON"),
         "UTF-8": (200, "application/json; charset=UTF-8"),
@@ -610,19 +554,13 @@ def _limits(rows: Array) -> list[Case]:
     return [
         Case("limits: a body beyond the limit", 413, blank),
         Case("limits: the same in pieces, without a length", 413, iter([blank[:1000], blank[1000:]])),
-        Case("limits: the same as CSV", 413, b"a" * (MAX_BODY_BYTES + 1), CSV),
         Case("limits: a row too many", 413, split(many[: MAX_ROWS + 1].round(1))),
-        Case("limits: a record too many", 413, b'{"dataframe_records":[%s]}' % comma.join([b"{}"] * (MAX_ROWS + 1))),
         Case("limits: a row too many as CSV", 413, _csv_text(many[: MAX_ROWS + 1].round(3)), CSV),
         Case("limits: a row too many as Arrow", 413, _stream(_table(many[: MAX_ROWS + 1])), ARROW),
         Case("limits: a row too many as Parquet", 413, zeros, PARQUET),
         Case("limits: 4 MB of empty lists", 413, b'{"instances":[%s]}' % comma.join([b"[]"] * 1_300_000)),
         Case("limits: 100,000 lists deep", 413, b"[" * 100_000),
-        Case("limits: 100,000 objects deep", 413, b'{"a":' * 100_000),
-        Case("limits: 4 MB of opening brackets", 413, b"[" * 4_000_000),
         Case("limits: 4 MB of digits", 400, b"1" * 4_000_000),
-        Case("limits: 4 MB of 0xff", 400, b"\xff" * 4_000_000),
-        Case("limits: 4 MB of 0xff as CSV", 400, b"\xff" * 4_000_000, CSV),
         Case("limits: a name of 4 MB", 422, {"dataframe_split": {"columns": ["x" * 4_000_000], "data": [[1.0]]}}),
         Case("limits: 20,000 rows, a name of 10,000 letters", 200, _stream(dictionary), ARROW, known),
     ]  # fmt: skip
@@ -642,11 +580,9 @@ def _wire(rows: Array) -> list[Case]:
         "no HTTP": b"rows, please\r\n\r\n",
         "TLS": b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + b"\x00" * 50 + b"\r\n\r\n",
         "a path beyond ASCII": b"GET /\xc3\xa9 HTTP/1.1\r\nHost: x\r\n\r\n",
-        "no Host": b"GET /livez HTTP/1.1\r\n\r\n",
         "a length that is no number": head + b"Content-Length: many\r\n\r\n",
         "a negative length": head + b"Content-Length: -5\r\n\r\n",
         "two lengths": head + b"Content-Length: 5\r\nContent-Length: 6\r\n\r\n",
-        "a length of 5,000 digits": head + b"Content-Length: " + b"9" * 5000 + b"\r\n\r\n",
         "a broken chunk": head + b"Transfer-Encoding: chunked\r\n\r\nzz\r\n",
         "an unknown transfer encoding": head + b"Transfer-Encoding: gzip\r\n\r\n",
         "a zero byte in a header": head + b"X-Zero: \x00\r\n\r\n",

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.estimators.baselines import baselines
-from cylinder_friction.evaluation.comparison import LABEL_ITSELF, compare, mean_percent, points_ahead, with_gaps
+from cylinder_friction.evaluation.comparison import LABEL_ITSELF, compare, mean_percent, points_ahead
 from cylinder_friction.evaluation.metric_tree import metric_rows, metric_tree
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.recordings.recording import RecordingError
@@ -84,14 +84,6 @@ def test_residuals_are_label_minus_estimate_with_gaps_between_recordings(compare
     assert len(residual) == 8 * 2001
     assert not usable[2000::2001].any()
     assert residual[usable] == pytest.approx(-3.0)
-
-
-def test_with_gaps_puts_unusable_zeros_between_parts():
-    values, usable = with_gaps(
-        [np.array([1.0, np.nan]), np.array([2.0])], [np.array([True, False]), np.array([True])], 2
-    )
-    assert values.tolist() == [1.0, 0.0, 0.0, 0.0, 2.0, 0.0, 0.0]
-    assert usable.tolist() == [True, False, False, False, True, False, False]
 
 
 def test_nothing_to_compare_is_refused(strokes):

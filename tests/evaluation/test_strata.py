@@ -35,10 +35,3 @@ def test_rest_near_zero_and_sliding_split_all_rows_and_directions_split_motion(v
     assert (split.sum(axis=0) == 1).all()
     assert ((masks["extend"] | masks["retract"]) == ~masks["standstill"]).all()
     assert not (masks["extend"] & masks["retract"]).any()
-
-
-@given(st.lists(st.floats(-0.2, 0.2), min_size=1, max_size=60))
-def test_seen_in_a_mirror_extension_is_retraction_and_reversals_stay(values):
-    masks, mirrored = (strata_masks(sign * np.array(values), 0.005, LIMITS) for sign in (1.0, -1.0))
-    assert (masks["extend"] == mirrored["retract"]).all()
-    assert (masks["after_reversal"] == mirrored["after_reversal"]).all()

@@ -106,13 +106,6 @@ def test_one_speed_a_direction_tells_no_viscous_friction() -> None:
     assert found.coulomb_n == pytest.approx(half_difference, rel=0.01)
 
 
-def test_equal_strokes_give_equal_bits_and_json_takes_them() -> None:
-    one, two = identify_load(boom_points(), LoadPlan()), identify_load(boom_points(), LoadPlan())
-    assert one == two
-    text = json.dumps(one.to_dict(), allow_nan=False)
-    assert {"coefficients_n", "range_m", "stretches_m", "coulomb_interval_n", "order"} <= set(json.loads(text))
-
-
 def test_only_positions_of_both_directions_are_covered() -> None:
     points = boom_points()
     up_only = (points.velocity_m_s < 0.0) & (points.position_m > 0.16)

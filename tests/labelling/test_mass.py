@@ -8,7 +8,6 @@ from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.labelling.mass import (
     MotionIdentification,
     MotionPlan,
-    MotionPoints,
     identify_motion,
     motion_points,
 )
@@ -81,23 +80,6 @@ def test_standstill_does_not_count() -> None:
     velocity, acceleration = np.append(velocity, np.zeros(rest)), np.append(acceleration, np.zeros(rest))
     found = identify_motion(motion_points(force_n, position_m, velocity, acceleration, STEP_S, MotionPlan()))
     assert found.coulomb_n == pytest.approx(20.0, rel=0.05)
-
-
-def test_unusable_rows_do_not_count() -> None:
-    force_n, position_m, velocity, acceleration = signals(95.0, 1.0)
-    force_n[2000:4000] = 1e4
-    usable = np.ones(len(force_n), dtype=np.bool_)
-    usable[2000:4000] = False
-    found = identify_motion(motion_points(force_n, position_m, velocity, acceleration, STEP_S, MotionPlan(), usable))
-    assert found.mass_kg == pytest.approx(95.0, rel=0.01)
-
-
-def test_recordings_are_joined_with_clusters_of_their_own() -> None:
-    parts = [motion_points(*signals(95.0, 1.0, seed), STEP_S, MotionPlan()) for seed in range(2)]
-    joined = MotionPoints.joined(parts)
-    assert len(joined.force_n) == sum(len(part.force_n) for part in parts)
-    assert len(np.unique(joined.cluster)) == sum(len(np.unique(part.cluster)) for part in parts)
-    assert identify_motion(joined).mass_kg == pytest.approx(95.0, rel=0.01)
 
 
 def test_too_little_motion_is_refused() -> None:

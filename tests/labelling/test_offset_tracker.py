@@ -147,11 +147,6 @@ def test_nothing_that_comes_later_counts(tracker: OffsetTracker, offset_recordin
     assert learned(tracker, cut).tolist() == learned(tracker, recording)[:1500].tolist()
 
 
-def test_a_tracker_survives_json(tracker: OffsetTracker, offset_recordings: list[Recording]) -> None:
-    again = type(tracker).from_dict(tracker.to_dict())
-    assert learned(again, offset_recordings[0]).tolist() == learned(tracker, offset_recordings[0]).tolist()
-
-
 @pytest.mark.parametrize("start", [(np.nan, 1.0), (0.0, -1.0), (0.0, np.inf)])
 def test_an_impossible_start_is_refused(tracker: OffsetTracker, start: tuple[float, float]) -> None:
     with pytest.raises(ValueError, match="expected a finite offset and an uncertainty of at least 0 N, but got"):

@@ -8,10 +8,8 @@ from cylinder_friction.rig.lever import (
     CHAINED,
     KIND,
     SINE,
-    hand_remnant,
     hand_step,
     new_hand,
-    ornstein_uhlenbeck,
 )
 from cylinder_friction.rig.parameters import RigParameters
 from cylinder_friction.rig.simulate import balanced_state, simulate
@@ -53,32 +51,12 @@ def test_an_approach_is_left_out_where_the_piston_is_there_already() -> None:
     assert levers[-1] == pytest.approx(0.4)
 
 
-def test_the_remnant_is_small_and_trembles_at_ten_hertz() -> None:
-    remnant = hand_remnant(np.random.default_rng(1), 60.0)
-    assert 0.004 < remnant.std() < 0.03
-    spectrum = np.abs(np.fft.rfft(remnant)) ** 2
-    hertz = np.fft.rfftfreq(len(remnant), 0.001)
-    fast = hertz > 5.0
-    assert 8.0 < hertz[fast][spectrum[fast].argmax()] < 12.0
-
-
-def test_ornstein_uhlenbeck_has_its_deviation_and_its_memory() -> None:
-    values = ornstein_uhlenbeck(np.random.default_rng(2), 400_000, 0.01, 1.0, 0.5)
-    assert values.std() == pytest.approx(0.5, rel=0.1)
-    assert np.corrcoef(values[:-100], values[100:])[0, 1] == pytest.approx(np.exp(-1.0), abs=0.06)
-
-
 @pytest.mark.parametrize("speed_m_s", [0.005, 0.02, 0.04, -0.005, -0.02, -0.04])
 def test_lever_for_speed_gives_about_that_speed(rigs: dict[str, RigParameters], speed_m_s: float) -> None:
     rig = rigs["1"]
     lever = np.full(2002, lever_for_speed(rig, speed_m_s))
     trace = simulate(rig, lever, balanced_state(rig, 0.125, 8e5, 35.0), 2.0)
     assert trace["velocity_m_s"].tail(300).mean() == pytest.approx(speed_m_s, rel=0.1)
-
-
-def test_speed_out_of_reach_is_full_lever(rigs: dict[str, RigParameters]) -> None:
-    assert lever_for_speed(rigs["4"], 0.5) == 1.0
-    assert lever_for_speed(rigs["4"], 0.0) == 0.0
 
 
 def test_duty_cycles_mix_free_work_with_exercises(rigs: dict[str, RigParameters]) -> None:

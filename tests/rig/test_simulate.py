@@ -190,10 +190,6 @@ def test_a_longer_dwell_makes_a_higher_breakaway(rigs: dict[str, RigParameters])
     assert short < medium < long
 
 
-def test_oil_warms_with_work(traces: dict[str, pd.DataFrame]) -> None:
-    assert traces["4"]["oil_temperature_c"].iloc[-1] > traces["4"]["oil_temperature_c"].iloc[0]
-
-
 def test_times_that_do_not_fit_are_refused(rigs: dict[str, RigParameters]) -> None:
     start = balanced_state(rigs["1"], 0.1, 8e5, 35.0)
     with pytest.raises(ValueError, match=r"got 0\.001 s, but expected a multiple of time_step_s, 0\.0003 s"):

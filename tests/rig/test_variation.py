@@ -58,20 +58,6 @@ def test_pressure_slopes_are_those_of_known_seals(drawn: list[RigParameters]) ->
     assert np.quantile(slopes, 0.9) > 7.0
 
 
-def test_cylinder_and_mass_stay_as_they_are_known(cylinder: Cylinder, drawn: list[RigParameters]) -> None:
-    plain = default_rig(cylinder).hydraulics
-    for rig in drawn:
-        assert rig.cylinder == cylinder
-        assert (rig.hydraulics.mass_kg, rig.hydraulics.stroke_m) == (plain.mass_kg, plain.stroke_m)
-
-
-def test_eight_seeds_are_eight_clearly_different_rigs(drawn: list[RigParameters]) -> None:
-    names = ("coulomb_n", "static_ratio", "stribeck_velocity_m_s", "viscous_n_s_m", "piston_seal_n", "film_dwell_s")
-    points = np.log([[getattr(rig.friction, name) for name in names] for rig in drawn[:8]])
-    apart = np.abs(points[:, None] - points[None]).max(axis=2)[~np.eye(8, dtype=bool)]
-    assert apart.min() > 0.4, "some parameter differs by half between any two of them"
-
-
 @pytest.mark.extended
 def test_fifty_of_them_work(cylinder: Cylinder) -> None:
     mean_n, speeds = [], []

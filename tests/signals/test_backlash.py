@@ -16,21 +16,6 @@ def pushed_through(positions: np.ndarray, centring: float = 0.0) -> tuple[np.nda
     return np.array([push(at, play, HALF_WIDTH, centring, STEP_S) for at in positions], dtype=bool), play
 
 
-def test_the_first_position_is_the_centre_and_pushes_nothing() -> None:
-    pushed, play = pushed_through(np.array([0.1]))
-    assert not pushed.any()
-    assert play[CENTRE] == 0.1
-    assert play[DIRECTION] == 0.0
-    assert play[AGE] == np.inf
-
-
-def test_noise_narrower_than_the_gap_never_pushes() -> None:
-    noise = np.random.default_rng(0).uniform(-HALF_WIDTH, HALF_WIDTH, 2000)
-    pushed, play = pushed_through(np.concatenate([[0.1], 0.1 + noise]))
-    assert not pushed.any()
-    assert play[CENTRE] == 0.1
-
-
 @pytest.mark.parametrize("way", [-1.0, 1.0])
 def test_creep_pushes_once_it_has_crossed_half_the_gap(way: float) -> None:
     pushed, play = pushed_through(way * 1e-6 * np.arange(100))

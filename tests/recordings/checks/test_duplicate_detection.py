@@ -3,8 +3,6 @@ from collections.abc import Callable
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection, Match, window_hashes
 
@@ -104,13 +102,3 @@ def test_a_drive_force_is_known_again() -> None:
 def test_what_says_nothing_matches_nothing(table: pd.DataFrame) -> None:
     seen = DuplicateDetection()
     assert [seen.add(name, window_hashes(table)) for name in "ab"] == [None, None]
-
-
-@given(st.integers(0, 3000), st.integers(2500, 5000))
-@settings(max_examples=30, deadline=None)
-def test_windows_do_not_depend_on_where_a_recording_begins(first: int, rows: int) -> None:
-    whole, part = window_hashes(made(5)), window_hashes(made(5).iloc[first : first + rows])
-    shared = sorted(set(whole) & set(part))
-    assert shared
-    for power in shared:
-        assert np.isin(part[power], whole[power]).mean() > 0.95

@@ -65,13 +65,6 @@ def test_arrays_of_structs_are_numbered_and_other_lengths_another_table(tmp_path
     ]
 
 
-def test_only_variables_that_are_wanted_are_loaded(tmp_path: Path) -> None:
-    path = saved(tmp_path, {"log": {"P1": T, "P2": T}, "m": np.eye(6), "x": T})
-    (table,) = read_logged_file(path, wanted=["log.P2", "m_3"])
-    assert list(table.channels.columns) == ["log.P2", "m_3"]
-    assert {"log.P1", "x"} <= set(table.unread)
-
-
 def test_a_file_without_vectors_says_what_it_holds(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="holds no channels; got kp, name; expected vectors of numbers"):
         read_logged_file(saved(tmp_path, {"kp": 2.0, "name": "x"}))

@@ -10,7 +10,6 @@ from cylinder_friction.recordings.mapping.calibration import (
     ZeroReading,
     ZeroRules,
     apply_zero,
-    averaged,
     find_zero,
     longest_steady,
     mean_uncertainty,
@@ -233,11 +232,3 @@ def test_uncertainty_covers_autocorrelated_noise(memory: float) -> None:
         stated.append(mean_uncertainty(noise))
     # As if independent it would be too small by √((1+0.9)/(1-0.9)) = 4.4 and more.
     assert 0.85 < np.mean(stated) / np.std(means) < 1.8
-
-
-def test_averages_are_centred_and_shorter_at_the_ends() -> None:
-    signals = np.column_stack([np.arange(6.0) ** 2 + 1e9, np.ones(6)])
-    result = averaged(signals, 1)
-    np.testing.assert_allclose(result[:, 0] - 1e9, [0.5, 5 / 3, 14 / 3, 29 / 3, 50 / 3, 20.5], rtol=1e-6)
-    assert np.array_equal(result[:, 1], np.ones(6))
-    assert np.array_equal(averaged(signals, 0), signals)

@@ -3,8 +3,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
-from hypothesis import strategies as st
 
 from cylinder_friction.recordings.mapping.channel_mapping import (
     ChannelMapping,
@@ -12,7 +10,6 @@ from cylinder_friction.recordings.mapping.channel_mapping import (
     check_mapping,
     sensor_limits,
     sensor_uncertainty,
-    wanted_channels,
 )
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -69,22 +66,6 @@ def test_drive_force_stands_in_for_both_pressures() -> None:
     )
 
 
-def test_same_channel_name_in_two_tables_is_two_channels() -> None:
-    check_mapping(
-        MAPPING
-        | {
-            "pressure_1_pa": ChannelMapping("p", "bar", table="A"),
-            "pressure_2_pa": ChannelMapping("p", "bar", table="B"),
-        }
-    )
-
-
-def test_wanted_channels_hold_the_time_channels() -> None:
-    mapping = MAPPING | {"position_m": ChannelMapping("x", "mm", time="t_x")}
-    assert wanted_channels(mapping) == {"t", "a", "b", "x", "t_x"}
-    assert "" not in wanted_channels(MAPPING | {"time_s": ChannelMapping(rate_hz=200.0)})
-
-
 BAR = {"range": [0, 250], "unit": "bar"}
 LOOP = {"signal": [4, 20]}
 SIGNAL = "is a sensor's signal and means nothing without its range; state the sensor"
@@ -128,21 +109,6 @@ def test_mapping_without_a_required_column_is_refused(column: str) -> None:
 
 
 CURRENT = SensorScale(range=(0.0, 250.0), unit="bar", signal=(4.0, 20.0))
-
-
-@given(
-    low=st.floats(-1e4, 1e4),
-    high=st.floats(-1e4, 1e4),
-    first=st.floats(-4096.0, 4096.0),
-    last=st.floats(-4096.0, 4096.0),
-    share=st.floats(-0.5, 1.5),
-)
-def test_signal_to_range_is_linear(low: float, high: float, first: float, last: float, share: float) -> None:
-    assume(abs(high - low) > 1e-3)
-    assume(abs(last - first) > 1e-3)
-    sensor = SensorScale((low, high), "bar", (first, last))
-    reading = sensor.reading(np.array([first + share * (last - first)]))[0]
-    assert reading == pytest.approx(low + share * (high - low), rel=1e-6, abs=1e-5 * abs(high - low) + 1e-9)
 
 
 def test_limits_follow_unit_sign_offset_and_reference() -> None:

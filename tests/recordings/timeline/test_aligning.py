@@ -11,7 +11,6 @@ from cylinder_friction.recordings.recording import RecordingError, RecordingPiec
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
-OVERSHOOT = 2.2  # as in test_resampling
 ROWS = 2000
 EVEN_S = 0.005 * np.arange(ROWS)
 NOISE = np.random.default_rng(0).normal(size=ROWS)
@@ -199,14 +198,6 @@ def test_uneven_stamps_come_to_an_even_grid(jitter: float) -> None:
     )
 
 
-def test_a_drifting_clock_is_followed() -> None:
-    fast_s = EVEN_S * (1.0 + 5e-4 * EVEN_S / EVEN_S[-1])
-    columns = {"a": Signal(fast_s, sine(fast_s)), "b": Signal(EVEN_S[::2] + 0.0011, sine(EVEN_S[::2] + 0.0011))}
-    table = inner(align(columns, TimeRules())[0])
-    for column in "ab":
-        assert np.abs(table[column] - sine(table["time_s"].to_numpy())).max() < 2e-2
-
-
 @pytest.mark.parametrize(
     ("columns", "rules", "message"),
     [
@@ -293,7 +284,8 @@ def test_whatever_the_damage_pieces_are_sound_or_the_file_is_refused(
         for column, signal in columns.items():
             good = signal.values[np.isfinite(signal.values)]
             middle, half = (good.max() + good.min()) / 2.0, (good.max() - good.min()) / 2.0
-            assert np.abs(table[column] - middle).max() <= 3.0 * OVERSHOOT * half + 1e-9
+            # The continuation beyond an end may triple the range, of which a resampled value overshoots by 2.2.
+            assert np.abs(table[column] - middle).max() <= 3.0 * 2.2 * half + 1e-9
             stamps_s = signal.time_s[np.isfinite(signal.time_s)]
             slack_s = 1e-6 * piece.sample_time_s
             if not any("coarse" in repair for repair in piece.repairs):
