@@ -6,11 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cylinder_friction.evaluation.timing import StepTime
 from cylinder_friction.reporting.comparison_tables import (
-    audit_table,
-    cost_table,
-    data_table,
     difference_table,
     error_table,
     hyperparameter_table,
@@ -81,18 +77,6 @@ def test_the_session_table_shows_every_session_and_the_mean_of_the_conditions(co
     assert table.cells[0][5].small == "{0} to {0}".format(table.cells[0][5].words)  # the sessions are alike
 
 
-def test_the_cost_table_shows_counts_times_and_the_published_ones(compared):
-    table = cost_table(compared(hybrid=1.0, lugre=2.0, paper_hybrid=3.0), {"lugre": StepTime(10, 2e-6, 5e-6, 9e-6)})
-    assert table.rows[1] == ("LuGre", "2", "2.0", "5.0", "87")
-    assert table.rows[2][2:] == ("not measured", "not measured", "1510")
-
-
-def test_the_data_table_counts_recordings_minutes_and_rows(compared):
-    row = data_table(compared(hybrid=1.0, lugre=2.0)).rows[0]
-    assert row[:4] == ("1", "2", "0.3", "3,980 of 4,000")
-    assert row[5:] == ("not known", "100.0")
-
-
 def test_table_one_shows_ranges_choices_and_published_values():
     searched, found = {"layers": [1, 2], "learning_rate": [1e-3, 1e-2]}, {"layers": 1, "learning_rate": 5e-3}
     table = hyperparameter_table(searched, found, {"layers": 4, "dropout": 0.1})
@@ -111,14 +95,3 @@ def test_the_difference_table_colours_what_is_clear(compared):
     ]
     assert [row[1].style for row in table.cells] == ["bad", "good", ""]
     assert table.cells[0][1].words.startswith("-0.6")
-
-
-def test_audit_rows_are_named_by_the_keys_that_lead_to_them():
-    audit = {"rts": {"all": {"steady": {"mae_n": 6.5}, "events": {"mae_n": 24.0}}}, "moving_average": [{"rows": 9}]}
-    table = audit_table(audit)
-    assert table.head == ("", "MAE [N]", "Rows")
-    assert table.rows == [
-        ("rts, all, steady", "6.50", ""),
-        ("rts, all, events", "24.00", ""),
-        ("moving average, 1", "", "9"),
-    ]

@@ -124,15 +124,6 @@ def test_every_link_of_the_contents_leads_to_a_section(page):
     assert all(page.count(f'id="{link}"') == 1 for link in links)
 
 
-def test_it_opens_with_a_picture_and_three_sentences_and_stays_small(page):
-    own = page[page.index("<main>") :]
-    opening = own[: own.index('<h2 id="data"')]
-    assert opening.count("<svg") == 2
-    assert opening.count("<p>") == 3
-    assert opening.index("<svg") < opening.index("<p>")
-    assert len(page.encode()) < 3_000_000
-
-
 def test_the_report_holds_its_tables_figures_and_words(page, analysis):
     for words in ("Table I:", "Table II:", "Table II, against true friction", "Table III", "Label audit", "Ljung–Box"):
         assert words in page

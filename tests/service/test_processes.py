@@ -39,7 +39,6 @@ pytestmark = pytest.mark.extended
 ROW = {"columns": ["pressure_1_pa", "pressure_2_pa", "position_m"], "data": [[1.2e6, 9.1e5, 0.12]]}
 PATIENCE_S = 300.0
 JSON = {"Content-Type": "application/json"}
-SHORT_SILENCE = "from cylinder_friction.service import processes; processes._SILENT_S = 2.0"
 
 
 @dataclass
@@ -112,11 +111,11 @@ def port_of(served: Served) -> int:
 
 
 @contextmanager
-def serving(*arguments: str, before: str = "", **options: Any) -> Iterator[Served]:
+def serving(*arguments: str, **options: Any) -> Iterator[Served]:
     """Start the command; whatever of it still runs in the end is killed."""
     hangs_up = "import signal; signal.signal(signal.SIGHUP, signal.SIG_DFL)"  # whatever the tests were started from
     runs_it = "import sys; from cylinder_friction.commands.cli import main; sys.exit(main(sys.argv[1:]))"
-    code = f"{hangs_up}\n{before}\n{runs_it}"
+    code = f"{hangs_up}\n{runs_it}"
     command = [sys.executable, "-c", code, "serve", *arguments]
     settings: dict[str, Any] = {"start_new_session": True, "stdin": subprocess.DEVNULL, **options}
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, **settings)
@@ -178,17 +177,16 @@ def test_the_printed_curl_gives_friction(model: str) -> None:
         assert json.loads(done.stdout)["predictions"] == served.ask()
 
 
-def test_ended_while_it_starts_it_leaves_nothing(model: str) -> None:
-    for stage in (0.3, 1.0, 1.6):
-        with serving(model, "--port", "0") as served:
-            server = psutil.Process(served.process.pid)
-            assert comes_true(lambda server=server: bool(server.children()))
-            time.sleep(stage)
-            started = [each.pid for each in server.children(recursive=True)]
-            served.process.terminate()
-            assert served.process.wait(PATIENCE_S) == 0, served.text()
-            assert gone(started)
-            assert served.folders() == []
+@pytest.mark.parametrize("stage", ["", "scoring.worker"], ids=["its first process", "its worker"])
+def test_ended_while_it_starts_it_leaves_nothing(model: str, stage: str) -> None:
+    with serving(model, "--port", "0") as served:
+        server = psutil.Process(served.process.pid)
+        assert comes_true(lambda: any(runs(each, stage) for each in server.children()))
+        started = [each.pid for each in server.children(recursive=True)]
+        served.process.terminate()
+        assert served.process.wait(PATIENCE_S) == 0, served.text()
+        assert gone(started)
+        assert served.folders() == []
 
 
 def test_a_killed_worker_is_replaced_and_reported(model: str) -> None:
@@ -202,7 +200,7 @@ def test_a_killed_worker_is_replaced_and_reported(model: str) -> None:
 
 
 def test_a_hung_worker_is_killed_and_replaced(model: str) -> None:
-    with serving(model, "--port", "0", before=SHORT_SILENCE) as served:
+    with serving(model, "--port", "0") as served:
         expected = served.ask()
         (worker,) = served.workers()
         os.kill(worker, signal.SIGSTOP)
@@ -348,8 +346,7 @@ def test_it_follows_the_champion_and_keeps_it_where_the_next_cannot_be_served(
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     repository, name = tmp_path / "repository", "friction-estimator"
     subprocess.run(["cp", "-r", champion_root, repository], check=True)
-    quick = "from cylinder_friction.service import processes; processes._POLL_AFTER_FAILURE_S = processes._POLL_S = 0.5"
-    with serving(f"models:/{name}@champion", "--port", "0", cwd=repository, before=quick) as served:
+    with serving(f"models:/{name}@champion", "--port", "0", cwd=repository) as served:
         assert served.version() == "1"
         expected = served.ask()
         with open_store(repository) as store:

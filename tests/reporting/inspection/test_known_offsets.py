@@ -65,12 +65,6 @@ def test_a_session_alone_keeps_what_is_stated(cylinder: Cylinder, filters: Filte
     assert alone.words.endswith("inspect several sessions of the cylinder together")
 
 
-def test_a_recording_without_a_session_is_one_by_itself(cylinder: Cylinder, filters: Filters) -> None:
-    first = stated(made_strokes(cylinder, 20.0), "", name="one")
-    second = stated(made_strokes(cylinder, -20.0), "", name="two")
-    assert [each.session for each in known([first, second], cylinder, filters)] == ["one", "two"]
-
-
 def test_strokes_in_one_direction_determine_nothing(cylinder: Cylinder, filters: Filters, stated_n: float) -> None:
     both = made_strokes(cylinder)
     out = both.column("position_m").max() + np.cumsum(np.abs(np.gradient(both.column("position_m"))))

@@ -160,16 +160,6 @@ def test_a_drive_force_and_further_columns_are_drawn(
     assert "piston side" not in text
 
 
-def test_one_file_opens_with_its_figures_and_several_with_the_overview(
-    tmp_path: Path, strokes: Recording, labeller: Labeller, filters: Filters
-) -> None:
-    subject = Inspected("a.csv", [OK], strokes)
-    one = write_page_of(tmp_path / "one.html", [subject], labeller, filters)
-    assert '<section id="recording-1" data-first>' in one
-    two = write_page_of(tmp_path / "two.html", [subject, replace(subject, file="b.csv")], labeller, filters)
-    assert "data-first" not in two.split("<main>")[1]
-
-
 def test_each_condition_has_its_own_mean(
     tmp_path: Path, strokes: Recording, labeller: Labeller, filters: Filters
 ) -> None:
