@@ -5,7 +5,6 @@ import os
 import subprocess
 import sys
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 
@@ -143,27 +142,3 @@ def test_what_the_system_refuses_is_a_sentence(
 def test_where_nobody_may_write_it_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["init", "/sys/project"]) == 1
     assert "; choose a place where you may read and write" in capsys.readouterr().err
-
-
-def test_code_is_written_in_a_project_only(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["code"]) == 1
-    assert f"code: {tmp_path}/dvc.yaml: not there; run this in a project's folder" in capsys.readouterr().err
-    assert not list(tmp_path.iterdir())
-
-
-def test_results_are_named_where_they_are_missing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["summary"]) == 1
-    assert (
-        f"summary: {tmp_path}/reports/table.md: not there; run `dvc repro` first in a project's folder"
-        in capsys.readouterr().err
-    )
-
-
-def test_kept_words_are_for_every_stage() -> None:
-    assert all("dvc repro" in stage.kept(SimpleNamespace(what=name)) for name in STAGES)  # type: ignore[arg-type]

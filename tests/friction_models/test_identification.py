@@ -4,9 +4,6 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.friction_models.identification.intervals import confidence_intervals
-from cylinder_friction.friction_models.identification.presliding import (
-    bristle_stiffness,
-)
 from cylinder_friction.friction_models.identification.procedure import Identification, SearchEffort, identify
 from cylinder_friction.friction_models.identification.search import Coordinates
 from cylinder_friction.friction_models.identification.simulation import Motion, Motions
@@ -111,10 +108,6 @@ def test_a_few_seconds_of_sine_give_points_too(plain_recordings: list[Recording]
     assert {point.friction_n for point in points} == {-300.0, 300.0}
 
 
-def test_bristle_stiffness_has_the_right_order(cylinder: Cylinder, plain_recordings: list[Recording]) -> None:
-    assert 2e5 < bristle_stiffness(plain_recordings, 240.0, DEAD_BAND_M_S) < 2e7
-
-
 def test_known_parameters_come_back_from_noisy_labels(cylinder: Cylinder, plain_recordings: list[Recording]) -> None:
     truth = lugre_to_find(cylinder.moving_mass_kg)
     found = identified(plain_recordings, cylinder.moving_mass_kg, False, SearchEffort(1, 6, 12, 2))
@@ -205,10 +198,6 @@ def test_every_corner_of_the_search_is_physical_and_passive(cylinder: Cylinder) 
         parameters = coordinates.parameters(corner)
         assert isinstance(parameters, LugreParameters)
         assert parameters.is_passive()
-
-
-def test_without_a_dead_band_points_are_found_all_the_same(plain_recordings: list[Recording]) -> None:
-    assert len(steady_points(plain_recordings, 0.0)) >= 12
 
 
 def test_a_model_and_its_pressure_must_agree(plain_recordings: list[Recording]) -> None:

@@ -10,11 +10,6 @@ from cylinder_friction.friction_models.stribeck import StribeckCurve, fit_stribe
 CURVE = StribeckCurve(240.0, 360.0, 8e-3, 1.5, 1500.0, 1.2)
 
 
-@given(st.floats(-0.5, 0.5))
-def test_friction_opposes_motion(velocity: float) -> None:
-    assert float(CURVE.friction(np.array(velocity))) * velocity >= 0.0
-
-
 @given(st.floats(1e-5, 0.5))
 def test_the_two_directions_differ_by_the_retract_ratio_in_their_dry_part_alone(speed: float) -> None:
     extend, retract = CURVE.friction(np.array([speed, -speed]))

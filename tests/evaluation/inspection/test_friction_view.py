@@ -8,7 +8,7 @@ import pytest
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.evaluation.inspection.friction_view import friction_view
 from cylinder_friction.labelling.label import Labeller
-from cylinder_friction.recordings.recording import Recording, RecordingError
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.smooth_signals import SignalFilter
 from inspected_recordings import made_strokes
 
@@ -51,19 +51,6 @@ def test_a_load_that_position_decides_is_taken_off(cylinder: Cylinder, labeller:
     assert "A constant difference between the directions counts as load." in view.assumed[0]
 
 
-def test_a_load_cell_that_is_not_to_be_used_is_refused(
-    cylinder: Cylinder, labeller: Labeller, filters: Filters
-) -> None:
-    loaded = made_strokes(cylinder).with_columns(load_force_n=np.zeros(12000))
-    with pytest.raises(RecordingError, match=r"load \(ingest.load\) is none, but a load was measured"):
-        friction_view(loaded, labeller, filters["savitzky_golay"])
-
-
-def test_it_says_that_no_load_is_assumed(strokes: Recording, labeller: Labeller, filters: Filters) -> None:
-    view = friction_view(strokes, labeller, filters["savitzky_golay"])
-    assert view.assumed[0].startswith("Friction = P1·A1 - P2·A2 - m·a - load, with m = 6 kg. Load: none.")
-
-
 def test_a_position_that_counts_backwards_makes_the_half_difference_negative(
     cylinder: Cylinder, labeller: Labeller, filters: Filters
 ) -> None:
@@ -88,16 +75,6 @@ def test_a_drive_force_stands_for_pressures(
     with_pressures = friction_view(strokes, labeller, filters[method])
     assert view.force_name == "drive force"
     np.testing.assert_allclose(view.half_difference_n, with_pressures.half_difference_n, rtol=0.01)
-
-
-def test_a_piston_that_stands_still_has_no_curve_but_a_view(
-    cylinder: Cylinder, labeller: Labeller, filters: Filters
-) -> None:
-    still = made_strokes(cylinder, rest_s=20.0, seconds=20.0)
-    view = friction_view(still, labeller, filters["savitzky_golay"])
-    assert view.points == ()
-    assert view.curve is None
-    assert "got 0 points of steady sliding" in view.no_curve
 
 
 def test_what_counts_as_standstill_follows_from_the_sensor_s_own_noise(

@@ -25,7 +25,3 @@ def test_a_tone_stands_where_it_is() -> None:
     time_s = 0.005 * np.arange(20_000)
     found = spectrum(np.sin(2.0 * np.pi * 12.5 * time_s), 0.005)
     assert found.frequency_hz[np.argmax(found.density)] == pytest.approx(12.5, abs=0.13)
-
-
-def test_a_short_signal_has_a_spectrum_too() -> None:
-    assert len(spectrum(np.arange(10.0) % 3.0, 0.005).frequency_hz) == 5

@@ -150,10 +150,8 @@ def test_a_past_day_becomes_one_file_also_over_a_kill(engine: Engine, samples: A
 def test_a_gap_is_stepped_as_a_broken_wire(
     engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path
 ) -> None:
-    kept = Kept()
-    service = service_of(engine, tmp_path, kept)
-    service._clock = lambda: now_s[0]
-    now_s = [0.0]
+    kept, now_s = Kept(), [0.0]
+    service = LiveService(engine, Journal(tmp_path / "journal.db"), takers=[kept], clock=lambda: now_s[0])
     session = opened(service, "press")
     service.receive(blocks(session, samples, 0, 300))
     service.receive(blocks(session, samples, 320, 500))

@@ -50,16 +50,6 @@ def test_any_order_with_any_repetition_steps_each_sample_once(cuts: list[int], d
     assert (counts.missing, counts.skipped, counts.late, session.held_rows) == (0, 0, 0, 0)
 
 
-def test_overlapping_parts_give_what_is_new() -> None:
-    session = order()
-    assert stepped(take(session, 0, 5)) == [0, 1, 2, 3, 4]
-    assert stepped(take(session, 3, 7)) == [5, 6]
-    assert stepped(take(session, 9, 12)) == []
-    assert stepped(take(session, 8, 13)) == []
-    assert stepped(take(session, 7, 8)) == [7, 8, 9, 10, 11, 12]
-    assert (session.counts.duplicate, session.counts.waited) == (2 + 3, 5)
-
-
 def test_a_short_gap_becomes_no_numbers_once_it_was_waited_for() -> None:
     session = order()
     take(session, 0, 2)
