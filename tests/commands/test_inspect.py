@@ -63,17 +63,10 @@ def swapped(log: pd.DataFrame) -> pd.DataFrame:
 
 REFUSED: dict[str, tuple[Damage, str]] = {
     "position constant": (lambda log: log.assign(**{POSITION: 120.0}), "motion"),
-    "everything constant": (lambda log: log.assign(**{POSITION: 120.0, P1: 10.0, P2: 10.0}), "motion"),
-    "position in metres": (lambda log: log.assign(**{POSITION: log[POSITION] / 1e3}), "motion"),
-    "position out of the stroke": (lambda log: log.assign(**{POSITION: log[POSITION] + 300.0}), "position_range"),
-    "position a thousandfold": (lambda log: log.assign(**{POSITION: 1e3 * log[POSITION]}), "position_range"),
     "position inverted": (lambda log: log.assign(**{POSITION: 250.0 - log[POSITION]}), "direction"),
-    "pressure constant": (lambda log: log.assign(**{P1: 12.0}), "pressure_alive"),
     "pressures the same": (lambda log: log.assign(**{P2: log[P1]}), "pressures_differ"),
-    "pressures in Pa": (lambda log: log.assign(**{P1: log[P1] / 1e5, P2: log[P2] / 1e5}), "pressure_alive"),
     "pressure beyond the sensor": (lambda log: held_at(log, P1, 1000, 1200, 400.0), "file"),
     "position stuck": (lambda log: stuck(log, POSITION, 500, 1100), "position_stuck"),
-    "too short": (lambda log: log.iloc[:400], "length"),
     "too short for the filters": (lambda log: log.iloc[:20], "length"),
     "a few rows": (lambda log: log.iloc[:4], "length"),
     "rate too low": (lambda log: log.iloc[::20], "rate"),

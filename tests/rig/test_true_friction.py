@@ -16,7 +16,6 @@ from cylinder_friction.rig.parameters import FrictionParameters, friction_consta
 
 F = friction_constants(FrictionParameters())
 PRESSURES = st.floats(0.0, 200e5)
-SPEEDS = st.floats(-0.2, 0.2)
 
 
 @given(PRESSURES, PRESSURES, st.floats(1e4, 50e5))

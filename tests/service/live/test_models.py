@@ -19,8 +19,6 @@ from cylinder_friction.service.live.journal import Journal, JournalError
 from cylinder_friction.service.live.service import LiveService, LiveSession
 from cylinder_friction.service.live.settings import SessionRules
 
-LEAD_ROWS = 200  # A second
-
 
 class Given:
     """The newtons that a service gave, by index."""

@@ -6,9 +6,6 @@ from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.recording import Recording
 
-# The small model's two epochs of training do not tell these from samples of the cylinder; the real one's do.
-_NEED_TRAINING = ("units: pressures swapped", "units: pressures negated")
-
 
 def test_every_request_gets_what_the_table_states(
     script: Any, server: Any, small_model: StepModel, labelled_recordings: list[Recording]
