@@ -98,9 +98,8 @@ def cylinder() -> Cylinder:
     )
 
 
-@pytest.fixture(scope="session")
-def labelled_recordings(cylinder: Cylinder) -> list[Recording]:
-    """Two recordings of each of the four tests, one session each."""
+def take_of_each_condition(cylinder: Cylinder, takes: tuple[int, ...]) -> list[Recording]:
+    """Return recordings of each of the four tests, one session each."""
     return [
         made_recording(
             cylinder,
@@ -110,8 +109,20 @@ def labelled_recordings(cylinder: Cylinder) -> list[Recording]:
             10 * condition + take,
         )
         for condition in (1, 2, 3, 4)
-        for take in (1, 2)
+        for take in takes
     ]
+
+
+@pytest.fixture(scope="session")
+def labelled_recordings(cylinder: Cylinder) -> list[Recording]:
+    """Two recordings of each of the four tests, one session each."""
+    return take_of_each_condition(cylinder, (1, 2))
+
+
+@pytest.fixture(scope="session")
+def twelve_recordings(cylinder: Cylinder, labelled_recordings: list[Recording]) -> list[Recording]:
+    """The same with a third of each."""
+    return [*labelled_recordings, *take_of_each_condition(cylinder, (3,))]
 
 
 @pytest.fixture(scope="session")

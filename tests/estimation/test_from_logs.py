@@ -62,15 +62,14 @@ def test_without_a_model_friction_is_the_label(
 
 
 def test_a_sensor_offset_is_taken_off_where_strokes_show_it(
-    tmp_path: Path, cylinder: Cylinder, labelled_recordings: list[Recording]
+    tmp_path: Path, cylinder: Cylinder, twelve_recordings: list[Recording]
 ) -> None:
-    zeros_bar = [0.06, -0.06, 0.06, -0.06]
-    for recording, zero_bar in zip(labelled_recordings, zeros_bar, strict=False):
+    for zero_bar, recording in zip(6 * [0.06, -0.06], twelve_recordings, strict=True):
         write_log(tmp_path / f"logs/{recording.name}.csv", recording, zero_bar)
     result = estimate_logs(tmp_path / "logs", cylinder, tmp_path / "out", channels=STATED)
     assert result.bounds == LABEL_BOUNDS
     shift_n = 0.06e5 * cylinder.piston_area_m2
-    for recording in labelled_recordings[:4]:
+    for recording in twelve_recordings:
         assert abs(error_n(tmp_path / "out", recording)) < 0.5 * shift_n
         written = read_recording(tmp_path / "out" / f"{recording.name}.parquet")
         known_n, usable = recording.column("friction_n"), written.usable()

@@ -152,7 +152,7 @@ def test_asymmetry_of_a_session_widens_what_is_stated(cylinder: Cylinder) -> Non
     assert np.mean(np.abs(errors(wide, recordings)[1]) < 2.0) >= 0.9
     level_n = wide.level_n
     own = max(each.relative_uncertainty_n for each in wide.sessions.values())
-    assert own == pytest.approx(0.5 * 0.04 * level_n, rel=0.3)
+    assert own == pytest.approx(0.5 * 0.04 * level_n, rel=0.5)
 
 
 def test_an_asymmetry_far_beyond_the_plan_is_no_offset(cylinder: Cylinder) -> None:

@@ -39,7 +39,7 @@ def test_the_offset_of_an_unknown_session_is_learned(
     recording = offset_recordings[-1]
     found, true_n = learned(tracker, recording), offset_of(recording, cylinder)
     assert found[0, 0] == 0.0
-    assert found[0, 1] > 1.5 * found[-1, 1]
+    assert found[0, 1] > 1.1 * found[-1, 1], "three sessions do not show how much asymmetry differs"
     assert abs(found[-1, 0] - true_n) < 2.0 * found[-1, 1]
     assert abs(found[-1, 0] - true_n) < 5.0
 

@@ -5,11 +5,11 @@ Nothing is stated beyond what the recordings determine: sensors zeroed on a vent
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.labelling.offset_identification import OffsetModel, SessionOffset, offset_model
+from cylinder_friction.labelling.offset_identification import LEAST_NARROWING, OffsetModel, SessionOffset, offset_model
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan, SlidingBlocks, sliding_blocks, zero_uncertainty_n
 from cylinder_friction.labelling.uncertainty import sensitivities
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, LOAD_FORCE
@@ -19,8 +19,12 @@ from cylinder_friction.wording import four_digits
 VENTED, STROKES, STATED, NOTHING = "vented interval", "strokes in both directions", "stated uncertainty", "nothing"
 """What an offset, or its uncertainty, is known from."""
 
-LEAST_NARROWING = 0.9
-"""Strokes that leave a larger share of the stated uncertainty than this have determined nothing."""
+LEAST_SESSIONS, LEAST_NARROWING_OF_FEW = 12, 0.4
+"""Fewer sessions hardly show how much their friction differs: strokes must leave a smaller share of what is stated."""
+UNEXPECTED = 1.5
+"""Friction more asymmetric than what the plan states, times this, may be so in another way in each session."""
+ODD_SHARE = 0.1
+"""Up to this share of sessions may be too uneven and is left out; of more it is friction, or the zeros, not a load."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +37,7 @@ class OffsetEvidence:
     vented_n: float | None  # What was taken off as read with vented chambers, as friction [N]; None without
     sliding: SlidingBlocks | None  # None where strokes do not count, and ``why_not`` states why
     why_not: str = ""
+    uneven: str = ""  # Why what does not turn with the direction is no offset of zeros as stated; empty where it may be
 
 
 @dataclass(frozen=True)
@@ -80,9 +85,8 @@ def offset_evidence(
             sliding = replace(sliding_blocks(labelled, cylinder, plan), session=session)
         except RecordingError as error:
             why_not = str(error)
-    if sliding is not None and (uneven := too_uneven(uneven_n, friction_n, sliding.prior_n, plan)):
-        sliding, why_not = None, uneven
-    return OffsetEvidence(session, stated_n, None, sliding, why_not)
+    uneven = "" if sliding is None else too_uneven(uneven_n, friction_n, sliding.prior_n, plan)
+    return OffsetEvidence(session, stated_n, None, sliding, why_not, uneven)
 
 
 def too_uneven(uneven_n: float, friction_n: float, zero_n: float | None, plan: OffsetPlan) -> str:
@@ -98,12 +102,20 @@ def too_uneven(uneven_n: float, friction_n: float, zero_n: float | None, plan: O
 
 def known_offsets(evidence: Sequence[OffsetEvidence], cylinder: Cylinder, plan: OffsetPlan) -> list[KnownOffset]:
     """Return what is known of each session, in their order; friction's part is found from all of them together."""
+    odd = {each.session for each in evidence if each.uneven}
+    if len(odd) <= ODD_SHARE * len({each.session for each in evidence if each.sliding is not None}):
+        evidence = [replace(each, sliding=None) if each.session in odd else each for each in evidence]
     sliding = [each.sliding for each in evidence if each.sliding is not None and len(each.sliding.direction)]
-    model = offset_model(sliding, cylinder, plan) if sliding else None
+    model = offset_model(sliding, cylinder, cautious(plan, {each.session for each in sliding})) if sliding else None
     sessions: dict[str, list[OffsetEvidence]] = {}
     for each in evidence:
         sessions.setdefault(each.session, []).append(each)
     return [_known(name, own, model, plan) for name, own in sessions.items()]
+
+
+def cautious(plan: OffsetPlan, sessions: Collection[str]) -> OffsetPlan:
+    """Return a plan where asymmetry may differ more between sessions the fewer they are that show it."""
+    return replace(plan, asymmetry_sd=max(plan.asymmetry_sd, plan.asymmetry / max(len(sessions), 1)))
 
 
 def _known(session: str, own: Sequence[OffsetEvidence], model: OffsetModel | None, plan: OffsetPlan) -> KnownOffset:
@@ -115,12 +127,13 @@ def _known(session: str, own: Sequence[OffsetEvidence], model: OffsetModel | Non
         return KnownOffset(session, VENTED, words, stated_n, stated_n, sum(taken_n) / len(taken_n))
     found = None if model is None else model.sessions.get(session)
     if found is None or model is None:
-        reasons = dict.fromkeys(each.why_not for each in own if each.why_not)
+        reasons = dict.fromkeys(each.why_not or each.uneven for each in own if each.why_not or each.uneven)
         why_not = "; ".join(reasons) or f"no steady sliding faster than {1e3 * plan.slowest_m_s:g} mm/s"
         source = NOTHING if math.isnan(stated_n) else STATED
         return KnownOffset(session, source, f"not identified: {why_not}", stated_n, stated_n)
-    why_not = _undetermined(found)
+    why_not = undetermined(found, model, plan)
     if why_not:
+        why_not = next((each.uneven for each in own if each.uneven), why_not)
         return KnownOffset(session, STATED, f"not identified: {why_not}", stated_n, stated_n)
     words = (
         f"{found.strokes_extend} strokes extending and {found.strokes_retract} retracting, {found.sliding_s:.0f} s, "
@@ -132,17 +145,31 @@ def _known(session: str, own: Sequence[OffsetEvidence], model: OffsetModel | Non
     return KnownOffset(session, STROKES, words, uncertainty_n, COVERAGE_FACTOR * found.prior_n, found.offset_n)
 
 
-def _undetermined(found: SessionOffset) -> str:
-    """Return why strokes have not determined an offset, empty where they have."""
+def undetermined(found: SessionOffset, model: OffsetModel, plan: OffsetPlan) -> str:
+    """Return why strokes have not determined an offset as the plan expects friction to be, empty where they have."""
     for missing, way, count in (
         ("retracting", "extending", found.strokes_retract),
         ("extending", "retracting", found.strokes_extend),
     ):
         if not count:
             return f"strokes {way} alone do not separate it from friction; record strokes {missing} too"
-    if found.standard_uncertainty_n < LEAST_NARROWING * found.prior_n:
+    if model.plan.asymmetry > UNEXPECTED * plan.asymmetry:
+        return (
+            f"friction extending and retracting differs from its mean by {100.0 * model.plan.asymmetry:.0f} %, where "
+            f"{100.0 * plan.asymmetry:.0f} % is expected, and may differ in another way in each session; where you "
+            "know that it does not, state the asymmetry (offset.asymmetry)"
+        )
+    few = len(model.sessions) < LEAST_SESSIONS
+    if found.standard_uncertainty_n < (LEAST_NARROWING_OF_FEW if few else LEAST_NARROWING) * found.prior_n:
         return ""
+    own_n = 0.5 * model.plan.asymmetry_sd * model.level_n
+    if len(model.sessions) > 2 and own_n > found.prior_n:
+        return (
+            f"sessions differ by about ± {COVERAGE_FACTOR * own_n:.0f} N in what does not turn with the direction, "
+            f"where the stated zeros explain ± {COVERAGE_FACTOR * found.prior_n:.0f} N: friction of each is asymmetric "
+            "in its own way, or the zeros are worse than stated, and then the bounds are too narrow"
+        )
     return (
-        "strokes in both directions narrow it no further, as friction may be as asymmetric as it is large; inspect "
-        "several sessions of the cylinder together"
+        "strokes in both directions narrow it no further, as friction of each session may be asymmetric in its own "
+        f"way; give at least {LEAST_SESSIONS} sessions of the cylinder together"
     )

@@ -14,9 +14,10 @@ stroke and noise are found by restricted maximum likelihood, all else by general
 speed, as cold oil makes fast strokes heavier.
 
 Strokes do not separate an asymmetry of a session's own from its offset, so that its standard deviation is stated and
-enters the uncertainty; where sessions differ by more than that and the zeros explain, it is taken to be as large as
-they show; nor **the mean offset of all sessions from the asymmetry common to them**, which stays as
-uncertain as the sensors' zeros make it, divided by the root of the number of sessions.
+enters the uncertainty; few sessions do not show how large it is, and where they differ by more than that and the zeros
+explain, it is taken to be as large as they show. Nor do strokes separate **the mean offset of all sessions from the
+asymmetry common to them**: it stays 0, as uncertain as the sensors' zeros make it, divided by the root of the number
+of sessions.
 
 Only the mean of both pressures, weighted by their areas, explains friction: each pressure by itself contains friction,
 as their difference is the label. With a measured load it is the load that shows how the mean divides between them. A
@@ -62,11 +63,21 @@ POSITION_ORDER = 12
 PASSES = 2
 """The second pass knows the level of friction of each block, to which scale and asymmetry are relative."""
 
+LEAST_NARROWING = 0.75
+"""Strokes that leave a larger share of the stated uncertainty than this have determined nothing."""
 _OFFSET = 0
 """First of what a session has of its own: offset, asymmetry, scale, and slope where the temperature is unknown."""
-_SURE = np.array([1.0, 1.0, 0.5, 1.0, 1.0])
+_SURE = np.array([1.0, 1.0, 0.8, 1.0, 1.0])
 """By how much logarithms may be off; the third, of the asymmetry, by little: only a large one is taken for that."""
 _LEAST_ASYMMETRY = 1e-4
+_STARTS = (0.003, 0.03, 0.15)
+"""Where the search for a session's own asymmetry begins as well: offsets and asymmetry each explain much."""
+_FEW = 0.25
+"""Share of the common asymmetry by which two sessions may differ; it falls with the number of sessions, which show it.
+"""
+_QUANTITY, _RIPPLE = 0.3, 0.05
+"""Standard deviations of what explains friction, over its level: per standardised quantity, and per order of position.
+Where more is allowed, what the directions do not have in common is taken for friction, and leaves the offset."""
 _GUESS = np.log([0.01, 0.01, 0.03, 0.03])
 """Logarithms of the standard deviations of noise, stroke (over friction's level), scale and slope; each may be off by
 e."""
@@ -295,11 +306,27 @@ def offset_model(
             f"{1e3 * plan.slowest_m_s:g} mm/s for more than {plan.settling_s:g} s"
         )
     model = _empty_model(sessions, cylinder, plan, columns)
+    plan = replace(plan, asymmetry=max(plan.asymmetry, _asymmetry_seen(sessions)))
+    few = _FEW * plan.asymmetry / max(len(sessions) - 1, 1)
+    plan = replace(plan, asymmetry_sd=math.hypot(plan.asymmetry_sd, 2.0 * few))
+    model = replace(model, plan=plan)
     least = math.log(max(0.5 * plan.asymmetry_sd, _LEAST_ASYMMETRY))
     guess = expected = np.insert(_GUESS[:3] if model._warm_known else _GUESS, 2, least)
     for _ in range(PASSES):
         model, guess = _fitted(model, plan, sessions, guess, expected)
     return model
+
+
+def _asymmetry_seen(sessions: Sequence[SlidingBlocks]) -> float:
+    """Return what of friction does not turn, over what does: root mean square of sessions, less what zeros explain."""
+    squares = []
+    for session in sessions:
+        ways = [session.label_n[session.direction == sign] for sign in (1.0, -1.0)]
+        if min(map(len, ways)):
+            extend_n, retract_n = (float(way.mean()) for way in ways)
+            friction_n = max(0.5 * (extend_n - retract_n), 1e-9)
+            squares.append(((0.5 * (extend_n + retract_n)) ** 2 - session.prior_n**2) / friction_n**2)
+    return math.sqrt(max(float(np.mean(squares)), 0.0)) if squares else 0.0
 
 
 def _without_offset(recording: Recording, found: SessionOffset, cylinder: Cylinder) -> Recording:
@@ -348,6 +375,11 @@ def _empty_model(
     inputs = tuple(sorted(common - ({PRESSURE_1, PRESSURE_2} if not {PRESSURE_1, PRESSURE_2} <= common else set())))
     quantities = np.concatenate([_quantities(session, inputs, cylinder) for session in sessions])
     deviations, rounding = quantities.std(axis=0), 1e-9 * np.abs(quantities).max(axis=0)
+    level_n = float(np.mean(np.abs(np.concatenate([session.label_n for session in sessions]))))
+    deviations = np.where(deviations > rounding, deviations, 1.0)
+    if LOAD_FORCE in inputs:  # A load that hardly varies explains nothing: were it to, zeros would be taken for it
+        place = 3 + 2 * (PRESSURE_1 in inputs)
+        deviations[place : place + 2] = np.maximum(deviations[place : place + 2], level_n)
     position_m = np.concatenate([session.columns["position_m"] for session in sessions])
     return OffsetModel(
         plan=plan,
@@ -355,10 +387,10 @@ def _empty_model(
         inputs=inputs,
         position_range_m=(float(position_m.min()), float(position_m.max())),
         means=_floats(quantities.mean(axis=0)),
-        deviations=_floats(np.where(deviations > rounding, deviations, 1.0)),
+        deviations=_floats(deviations),
         lowest=_floats(quantities.min(axis=0)),
         highest=_floats(quantities.max(axis=0)),
-        level_n=float(np.mean(np.abs(np.concatenate([session.label_n for session in sessions])))),
+        level_n=level_n,
         noise_n=math.nan,
         stroke_n=math.nan,
         scale=math.nan,
@@ -383,8 +415,9 @@ def _fitted(
     evidence = [model._evidence(each) for each in sessions]
     size = evidence[0].size
     even = len(model.even_places)
-    # Friction's coefficients may be as large as its level, those of its asymmetry as the plan states.
-    precision = np.diag(np.repeat([1.0, 1.0 / max(model.plan.asymmetry, 1e-6) ** 2], [size - even, even]))
+    counts = 1, size - even - 1 - POSITION_ORDER, POSITION_ORDER, even
+    deviations = np.repeat([1.0, _QUANTITY, _RIPPLE, max(model.plan.asymmetry, 1e-6)], counts)
+    precision = np.diag(1.0 / deviations**2)
 
     def given(logarithms: Array) -> tuple[OffsetModel, Posterior, list[Reduced]]:
         noise, stroke, asymmetry, scale, *slope = np.exp(logarithms).tolist()
@@ -406,21 +439,36 @@ def _fitted(
         surprise = np.sum(((logarithms - expected) / _SURE[: len(logarithms)]) ** 2)
         return given(logarithms)[1].minus_twice_likelihood + float(surprise)
 
-    found = minimize(objective, guess, method="Nelder-Mead", options={"xatol": 0.02, "fatol": 0.02, "maxiter": 500}).x
+    starts = [guess, *(np.concatenate([guess[:2], [math.log(own)], guess[3:]]) for own in _STARTS)]
+    options = {"xatol": 0.02, "fatol": 0.02, "maxiter": 500}
+    searches = [minimize(objective, start, method="Nelder-Mead", options=options) for start in starts]
+    found = min(searches, key=lambda search: float(search.fun)).x
     model, posterior, parts = given(found)
-    # The mean offset is known from its prior and from that of the asymmetry, which it looks like, and from no data.
-    known = sum(1.0 / max(session.prior_n, 1e-9) ** 2 for session in sessions)
-    known += 1.0 / max(model.plan.asymmetry * model.level_n, 1e-9) ** 2
-    common_n = 1.0 / math.sqrt(known)
+    # The mean offset looks like an asymmetry, so that no data separate them: it stays 0, as uncertain as the zeros
+    # leave it, unless those may be much larger than an asymmetry.
+    weights = np.array([1.0 / max(session.prior_n, 1e-9) ** 2 for session in sessions])
+    stated_n = 1.0 / math.sqrt(weights.sum())
+    common_n = seen_n = 1.0 / math.hypot(1.0 / stated_n, 1.0 / max(model.plan.asymmetry * model.level_n, 1e-9))
+    offsets = [_session_offset(posterior, part, each, seen_n) for each, part in zip(sessions, parts, strict=True)]
+    mean_n = 0.0
+    if seen_n > LEAST_NARROWING * stated_n:
+        common_n, mean_n = stated_n, float(weights @ [each.offset_n for each in offsets]) / float(weights.sum())
+    coefficients = posterior.coefficients.copy()
+    coefficients[size - even] += mean_n / model.level_n
     return (
         replace(
             model,
-            coefficients=_floats(posterior.coefficients),
+            coefficients=_floats(coefficients),
             precision=tuple(_floats(row) for row in posterior.precision),
             common_uncertainty_n=common_n,
             sessions={
-                session.session: _session_offset(posterior, part, session, common_n)
-                for session, part in zip(sessions, parts, strict=True)
+                each.session: replace(
+                    each,
+                    offset_n=each.offset_n - mean_n,
+                    standard_uncertainty_n=math.hypot(each.relative_uncertainty_n, common_n),
+                    common_uncertainty_n=common_n,
+                )
+                for each in offsets
             },
         ),
         found,

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.labelling.known_offset import ODD_SHARE, cautious, undetermined
 from cylinder_friction.labelling.label import with_common_load
 from cylinder_friction.labelling.load import LoadIdentification, pooled_load, refuse_unlike_loads
-from cylinder_friction.labelling.offset_identification import fit_offset_model
+from cylinder_friction.labelling.offset_identification import OffsetModel, fit_offset_model
 from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros_are_known
 from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan, zero_uncertainty_n
 from cylinder_friction.realtime.position_load import channel_names
@@ -65,9 +66,12 @@ def run(params: Params) -> RunRecord:
     sessions: list[dict[str, Any]] = []
     tracker: OffsetTracker | None = None
     if not reason:
-        recordings, sessions, tracker = _corrected(
-            recordings, cylinder, plan_from(settings), channel_names(inputs, load)
-        )
+        plan = plan_from(settings)
+        plan = cautious(plan, {each.metadata.session for each in recordings["train"]})
+        model = fit_offset_model(recordings["train"], cylinder, plan)
+        reason = "" if settings.identify == "always" else _not_shown(model, plan)
+    if not reason:
+        recordings, sessions, tracker = _corrected(recordings, model, plan, channel_names(inputs, load))
     for role, folder in PROCESSED_FOLDERS.items():
         with whole_folder(folder) as written:
             for recording in recordings[role]:
@@ -92,10 +96,9 @@ def run(params: Params) -> RunRecord:
 
 
 def _corrected(
-    recordings: Mapping[str, Sequence[Recording]], cylinder: Cylinder, plan: OffsetPlan, channels: tuple[str, ...]
+    recordings: Mapping[str, Sequence[Recording]], model: OffsetModel, plan: OffsetPlan, channels: tuple[str, ...]
 ) -> tuple[dict[str, list[Recording]], list[dict[str, Any]], OffsetTracker | None]:
     """Return the recordings of each role without their offsets, the offset of each session, and how one is learned."""
-    model = fit_offset_model(recordings["train"], cylinder, plan)
     sessions = []
     for role, own in recordings.items():
         conditions = {each.metadata.session: each.metadata.condition for each in own}
@@ -103,7 +106,14 @@ def _corrected(
             sessions.append({"role": role, "condition": conditions[name], **found.to_dict()})
     corrected = {role: model.corrected(own) for role, own in recordings.items()}
     learnable = PRESSURE_1 in corrected["train"][0].table.columns and zeros_are_known(corrected["train"])
-    return corrected, sessions, fit_offset_tracker(corrected["train"], cylinder, channels, plan) if learnable else None
+    tracker = fit_offset_tracker(corrected["train"], model.cylinder, channels, plan) if learnable else None
+    return corrected, sessions, tracker
+
+
+def _not_shown(model: OffsetModel, plan: OffsetPlan) -> str:
+    """Return why strokes of the training sessions do not show their offsets, empty where they do."""
+    reasons = [why for found in model.sessions.values() if (why := undetermined(found, model, plan))]
+    return f"offsets are not identified: {reasons[0]}" if len(reasons) > ODD_SHARE * len(model.sessions) else ""
 
 
 def estimator_inputs(ingested: Mapping[str, Any]) -> tuple[str, ...]:

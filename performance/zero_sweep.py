@@ -1,0 +1,179 @@
+"""Does identifying the zeros of pressure sensors ever make friction worse? Labels of short campaigns with known truth.
+
+    python performance/zero_sweep.py [--seeds N] [KIND ...]
+
+A kind of campaign is a rig, the zeros' limits as they are and as stated [bar], and how asymmetric friction is. Every
+campaign of four or three conditions with six sessions each is labelled; zeros are identified from all sessions, from
+one condition, from twelve, from two and from one. Prints, per kind and grouping, the label's mean absolute error
+with identified zeros over that without (median, worst decile, largest; share above 1.05), both errors in percent of
+mean friction, how often the label's bounds hold true friction, and how often an offset lies within what is stated.
+
+The kinds of the servo rig need the package in ``benchmark``.
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from cylinder_friction.arrays import Array
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.labelling.known_offset import STROKES, known_offsets, offset_evidence
+from cylinder_friction.labelling.label import label
+from cylinder_friction.labelling.sliding_blocks import OffsetPlan
+from cylinder_friction.labelling.up_and_down import up_and_down
+from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
+from cylinder_friction.recordings.recording import Recording, SensorUncertainty
+from cylinder_friction.rig.campaign import CampaignPlan, campaign
+from cylinder_friction.rig.sensors import DECIMALS
+
+BAR = 1e5
+RIG = Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
+PRESSURES = ("pressure_1_pa", "pressure_2_pa")
+PLAN = OffsetPlan()
+
+
+@dataclass(frozen=True)
+class Kind:
+    """A kind of campaign."""
+
+    zero_bar: float  # Largest zero error of a pressure sensor
+    stated_bar: float  # What is stated for it
+    specimen: str = "wide"  # Of the default rig; ``servo`` is the other rig
+    asymmetry_sd: float = 0.0  # Of friction retracting over extending, from session to session
+
+
+KINDS = {
+    "default": Kind(0.05, 0.05, "default"),
+    "wide zeros": Kind(0.15, 0.15),
+    "stated too large": Kind(0.05, 0.15),
+    "stated too small": Kind(0.15, 0.05),
+    "asymmetry by session": Kind(0.15, 0.15, asymmetry_sd=0.02),
+    "servo rig": Kind(0.15, 0.15, "servo"),
+    "servo rig, large zeros": Kind(0.5, 0.5, "servo"),
+}
+
+
+def recordings(
+    kind: Kind, seed: int, sessions: int, duration_s: float
+) -> tuple[Cylinder, list[Recording], list[Array]]:
+    """Return labelled recordings of a campaign, and the true friction [N] of each."""
+    if kind.specimen == "servo":
+        return _servo_recordings(kind, seed, sessions, duration_s)
+    plan = CampaignPlan(
+        seed=seed,
+        sessions_per_condition=sessions,
+        recordings_per_session=1,
+        duration_s=duration_s,
+        residual_offset_bar=kind.zero_bar,
+        asymmetry_sd=kind.asymmetry_sd,
+        specimen=kind.specimen,  # type: ignore[arg-type]
+    )
+    recorded = list(campaign(RIG, plan))
+    logs = [_stated(Recording(each.metadata, _in_si(each.logger)), kind) for each in recorded]
+    return RIG, label(logs, RIG), [each.truth["friction_n"].to_numpy() for each in recorded]
+
+
+def _servo_recordings(
+    kind: Kind, seed: int, sessions: int, duration_s: float
+) -> tuple[Cylinder, list[Recording], list[Array]]:
+    servo = importlib.import_module("friction_benchmark.servo_rig.sessions")
+    servo.GREATEST_OFFSET_PA = kind.zero_bar * BAR  # type: ignore[attr-defined]
+    made = servo.record_sessions(servo.SessionPlan(seed=seed, sessions=sessions, duration_s=duration_s))
+    labelled = label([_stated(each.recording, kind) for each in made], servo.CYLINDER)
+    return servo.CYLINDER, labelled, [each.true_friction_n for each in made]
+
+
+def _in_si(logger: pd.DataFrame) -> pd.DataFrame:
+    time_s, pressure_1, pressure_2, position, warm = (logger.iloc[:, place].round(DECIMALS) for place in range(5))
+    columns = {"time_s": time_s, "pressure_1_pa": BAR * pressure_1, "pressure_2_pa": BAR * pressure_2}
+    return pd.DataFrame(columns | {"position_m": 1e-3 * position, "oil_temperature_c": warm})
+
+
+def _stated(recording: Recording, kind: Kind) -> Recording:
+    sensor = SensorUncertainty(kind.stated_bar * BAR / np.sqrt(3.0), 0.0005, 0.061 * BAR)
+    return replace(recording, metadata=replace(recording.metadata, uncertainty=dict.fromkeys(PRESSURES, sensor)))
+
+
+def groupings(labelled: list[Recording], seed: int) -> Iterator[tuple[str, list[int]]]:
+    """Yield which recordings are given to one call."""
+    generator, everything = np.random.default_rng(seed), range(len(labelled))
+    yield "all sessions", list(everything)
+    for condition in sorted({each.metadata.condition for each in labelled}):
+        yield "one condition", [place for place in everything if labelled[place].metadata.condition == condition]
+    for count, title in ((12, "twelve sessions"), (12, "twelve sessions"), (2, "two sessions"), (1, "one session")):
+        yield title, generator.choice(len(labelled), count, replace=False).tolist()
+
+
+def one_call(labelled: list[Recording], truths_n: list[Array], cylinder: Cylinder) -> Iterator[dict[str, float]]:
+    """Yield what became of each recording of one call."""
+    evidence = []
+    for each in labelled:
+        position_m, velocity_m_s, friction_n = map(each.column, ("position_m", "velocity_m_s", "friction_n"))
+        halves = up_and_down(position_m, velocity_m_s, friction_n, each.usable(), PLAN.slowest_m_s)
+        evidence.append(offset_evidence(each, cylinder, PLAN, *halves, ""))
+    known = {each.session: each for each in known_offsets(evidence, cylinder, PLAN)}
+    for each, truth_n in zip(labelled, truths_n, strict=True):
+        found, rows = known[each.metadata.session], each.usable()
+        error_n, half_n = (each.column("friction_n") - truth_n)[rows], each.column(UNCERTAINTY_COLUMN)[rows]
+        level_n, identified = float(np.mean(np.abs(truth_n[rows]))), found.source == STROKES
+        left_n = error_n - (found.offset_n if identified else 0.0)
+        if identified:
+            half_n = np.sqrt(np.maximum(half_n**2 - found.stated_n**2, 0.0) + found.uncertainty_n**2)
+        missed_n = abs(float(np.mean(error_n)) - found.offset_n)
+        yield {
+            "with %": 100.0 * float(np.mean(np.abs(left_n))) / level_n,
+            "without %": 100.0 * float(np.mean(np.abs(error_n))) / level_n,
+            "label held %": 100.0 * float(np.mean(np.abs(left_n) <= half_n)),
+            "offset held %": 100.0 * (missed_n <= found.uncertainty_n) if identified else np.nan,
+        }
+
+
+def sweep(kinds: list[str], seeds: range, sessions: int = 6, duration_s: float = 30.0) -> pd.DataFrame:
+    """Return one row per call: means over its recordings, and the ratio of both errors."""
+    rows = []
+    for name in kinds:
+        for seed in seeds:
+            cylinder, labelled, truths_n = recordings(KINDS[name], seed, sessions, duration_s)
+            for title, places in groupings(labelled, seed):
+                call = one_call([labelled[each] for each in places], [truths_n[each] for each in places], cylinder)
+                rows.append({"kind": name, "call": title} | pd.DataFrame(list(call)).mean().to_dict())
+    table = pd.DataFrame(rows)
+    return table.assign(ratio=table["with %"] / table["without %"])
+
+
+def main() -> None:
+    """Print the sweep."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("kinds", metavar="KIND", nargs="*", default=list(KINDS), help=f"of: {', '.join(KINDS)}")
+    parser.add_argument("--seeds", type=int, default=4, help="campaigns of each kind")
+    arguments = parser.parse_args()
+    warnings.simplefilter("ignore", UserWarning)
+    table = sweep(arguments.kinds, range(arguments.seeds))
+    groups = table.groupby(["kind", "call"], sort=False)
+    shown = pd.DataFrame(
+        {
+            "calls": groups.size(),
+            "ratio": groups["ratio"].median(),
+            "worst decile": groups["ratio"].quantile(0.9),
+            "largest": groups["ratio"].max(),
+            "above 1.05 %": groups["ratio"].apply(lambda each: 100.0 * (each > 1.05).mean()),
+        }
+    ).join(groups[["with %", "without %", "label held %", "offset held %"]].mean())
+    print(shown.round(2).to_string())
+    ratio = table["ratio"]
+    print(
+        f"{len(table)} calls: worst decile {ratio.quantile(0.9):.3f}, above 1.05: {100.0 * (ratio > 1.05).mean():.1f} "
+        f"%, above 1.2: {100.0 * (ratio > 1.2).mean():.1f} %, largest {ratio.max():.2f}; label held "
+        f"{table['label held %'].mean():.1f} %, offsets held {table['offset held %'].mean():.1f} %"
+    )
+
+
+if __name__ == "__main__":
+    main()
