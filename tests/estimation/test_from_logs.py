@@ -15,7 +15,7 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.from_logs import LABEL_BOUNDS, MODEL_BOUNDS, NO_BOUNDS, FileFormat, estimate_logs
+from cylinder_friction.estimation.from_logs import LABEL_BOUNDS, FileFormat, estimate_logs
 from cylinder_friction.estimation.identification import identify_logs
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
@@ -49,7 +49,9 @@ def test_without_a_model_friction_is_the_label(
 ) -> None:
     result = estimate_logs(logs, cylinder, tmp_path / "out", channels=CHANNELS)
     assert [each.name for each in result.recordings] == [each.name for each in labelled_recordings[:4]]
-    assert (result.bounds, result.refused) == (NO_BOUNDS, [])
+    assert result.bounds.startswith("none: nothing is stated about the sensors, so that their zeros are not identified")
+    assert "--sensor-class 0.5 takes sensors of 250 bar for right within ± 0.5 %, which is ± 577 N" in result.bounds
+    assert result.refused == []
     for recording in labelled_recordings[:4]:
         written = read_recording(tmp_path / "out" / f"{recording.name}.parquet")
         error = np.abs(written.column("friction_n") - recording.column("friction_n"))[written.usable()]
@@ -83,7 +85,8 @@ def test_with_a_model_friction_is_its_real_time_estimate(
 ) -> None:
     small_hybrid.save(tmp_path / "model")
     result = estimate_logs(logs, cylinder, tmp_path / "out", channels=CHANNELS, model=tmp_path / "model")
-    assert (result.bounds, result.offsets) == (MODEL_BOUNDS, [])
+    assert small_hybrid.bounds is not None
+    assert (result.bounds, result.offsets) == (small_hybrid.bounds.in_words(), [])
     shares = result.recordings[0].flags_percent
     assert shares is not None
     assert 0.0 < shares["WARMING"] < 100.0

@@ -6,10 +6,16 @@ import numpy as np
 import pytest
 
 from cylinder_friction.realtime.flags import Flag
-from cylinder_friction.realtime.guard import TrainingRange, guard_from, largest_friction_n
+from cylinder_friction.realtime.guard import (
+    FREEZE_TRAVEL_M,
+    TrainingRange,
+    freeze_travel_m,
+    guard_from,
+    largest_friction_n,
+)
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import PRESSURES, SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 
 SAMPLE = (9e5, 1.0e6, 0.125)
@@ -40,6 +46,22 @@ def test_largest_friction_is_that_of_usable_rows(labelled_recordings: list[Recor
     spoilt = recording.with_columns(friction_n=friction, usable=usable)
     assert largest_friction_n([spoilt, recording.with_columns(usable=np.zeros(len(recording), dtype=bool))]) == 700.0
     assert largest_friction_n([]) == 0.0
+
+
+def test_a_pressure_may_stay_constant_for_longer_where_its_converter_is_coarse(
+    labelled_recordings: list[Recording],
+) -> None:
+    def rounded(step_pa: float) -> list[Recording]:
+        return [
+            each.with_columns(**{name: step_pa * np.round(each.column(name) / step_pa) for name in PRESSURES})
+            for each in labelled_recordings
+        ]
+
+    assert freeze_travel_m(labelled_recordings) == FREEZE_TRAVEL_M
+    fine, coarse = freeze_travel_m(rounded(5e4)), freeze_travel_m(rounded(1e5))
+    assert FREEZE_TRAVEL_M < fine < coarse
+    dead = labelled_recordings[0].with_columns(pressure_1_pa=np.full(len(labelled_recordings[0]), 9e5))
+    assert freeze_travel_m([dead, *labelled_recordings[1:]]) == FREEZE_TRAVEL_M, "one sensor that froze changes nothing"
 
 
 @pytest.mark.parametrize("value", BAD)

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
+
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.realtime.model import Bounds
 from cylinder_friction.reporting.model_card import model_card
 
 CYLINDER = Cylinder(name="A", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
+BOUNDS = Bounds((-9.0,) * 4, (9.0,) * 4, 1e-4, 1e-3, 20, 0.9, "friction")
 DESCRIPTION = {
     "input": ["pressure_1_pa", "position_m"],
     "sample_time_s": 0.005,
     "lag_s": 0.0,
     "multiply_adds_a_step": 1234,
-    "bounds": {"probability": 0.9},
+    "bounds": asdict(BOUNDS),
     "training_range": {"pressure_1_pa": [1e5, 6e6], "position_m": [0.0, 0.25], "load_force_n": [-10.0, 10.0]},
 }
 NUMBERS = {
@@ -41,7 +45,7 @@ def test_it_states_training_errors_bounds_and_range() -> None:
     assert "- Hyperparameters: layers 1, nodes 24" in lines
     assert "**Errors on held-out recordings, against true friction**" in lines
     assert "| 1 | 1.40 | 0.98 to 1.81 | 5.0 | 96.8 |" in lines
-    assert "Bounds are made to hold 90 %; they hold 94.6 % of all rows." in lines
+    assert f"Bounds: {BOUNDS.in_words()}. They hold true friction in 94.6 % of all rows." in lines
     assert "| pressure 1 [bar] | 1 | 60 |" in lines
     assert "| position [mm] | 0 | 250 |" in lines
     assert "| load force [N] | -10 | 10 |" in lines
@@ -51,4 +55,4 @@ def test_what_is_not_known_is_left_empty() -> None:
     lines = card({"1": {"label_percent": 2.0}}, [])
     assert "**Errors on held-out recordings, against the label, which it was trained on**" in lines
     assert "| 1 | 2.00 |  |  |  |" in lines
-    assert "Bounds are made to hold 90 %." in lines
+    assert f"Bounds: {BOUNDS.in_words()}." in lines

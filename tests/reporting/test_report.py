@@ -34,6 +34,7 @@ SESSION = {
     "strokes_retract": 30,
     "sliding_s": 55.0,
 }
+HOLD = "friction lies between the bounds, as made up here"
 HELD = Coverage("truth", "1", 4000, 90.25, 86.5, "s-t1_2", 81.75, 42.5)
 
 
@@ -49,7 +50,7 @@ def page(analysis):
     times = {"hybrid": StepTime(10, 2e-6, 5e-6, 9e-6)}
     return report_html(
         analysis,
-        ReportInputs(times, {"layers": [1, 2]}, {"layers": 1}, {"layers": 1}, AUDIT, [SESSION], [STARTS], [HELD]),
+        ReportInputs(times, {"layers": [1, 2]}, {"layers": 1}, {"layers": 1}, AUDIT, [SESSION], [STARTS], HOLD, [HELD]),
     )
 
 
@@ -61,7 +62,7 @@ def bare(compared, curves):
 
 @pytest.fixture(scope="module")
 def bare_page(bare):
-    return report_html(bare, ReportInputs({}, {}, {}, {}, None, [], [], []))
+    return report_html(bare, ReportInputs({}, {}, {}, {}, None, [], [], "", []))
 
 
 def test_every_figure_is_there_and_equal_data_are_equal_bytes(analysis):
@@ -168,7 +169,8 @@ def test_the_audit_shows_all_conditions_at_once_first_and_each_in_a_fold(page):
 def test_where_an_estimator_equals_the_label_the_report_warns_and_shows_none_of_its_residuals(compared, curves, page):
     comparison = compared(force_balance_paper=0.0, paper_hybrid=3.0, hybrid=1.0, lugre=40.0)
     shown = report_html(
-        analyse(comparison, "paper_hybrid", "lugre", curves, 2.0, 20), ReportInputs({}, {}, {}, {}, None, [], [], [])
+        analyse(comparison, "paper_hybrid", "lugre", curves, 2.0, 20),
+        ReportInputs({}, {}, {}, {}, None, [], [], "", []),
     )
     errors, _, rest = shown[shown.index('<h2 id="label-errors"') :].partition('<h2 id="over-time"')
     assert "this states nothing about friction" in errors

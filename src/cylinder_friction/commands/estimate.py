@@ -43,6 +43,10 @@ def add_log_arguments(parser: argparse.ArgumentParser, folder: str) -> None:
     parser.add_argument("--channels", type=Path, help="which channel is what (`ingest init`); without: guessed")
     words = "unit of a quantity that the files do not state: pressure=bar, length=mm, time=ms, ...; repeat as needed"
     parser.add_argument("--unit", action="append", default=[], metavar="QUANTITY=UNIT", help=words)
+    words = (
+        "accuracy of the pressure sensors, ± %% of full scale, where none is stated; 0.5 is typical; without: unknown"
+    )
+    parser.add_argument("--sensor-class", type=float, metavar="PERCENT", help=words)
     parser.add_argument("--load", choices=get_args(LoadMode), help="what the cylinder carries; without: as mapped")
     parser.add_argument("--names", help="expression on a file's path with the groups condition and session")
     parser.add_argument("--output", type=Path, default=Path(folder), help=f"folder to write; default: {folder}")
@@ -86,6 +90,7 @@ def run_on_logs(function: Callable[..., Result], options: argparse.Namespace) ->
             load=options.load,
             names=options.names,
             units=units_of(options.unit),
+            sensor_class=options.sensor_class,
         )
     return result, [str(each.message) for each in caught]
 

@@ -30,11 +30,13 @@ from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan
 from cylinder_friction.labelling.up_and_down import holds_load, up_and_down
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.recordings.checks.limits import LoadMode
-from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, PRESSURES, UNCERTAINTY_COLUMN
+from cylinder_friction.recordings.columns import COVERAGE_FACTOR, DRIVE_FORCE, LOAD_FORCE, PRESSURES, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.files import whole_file, write_json
 from cylinder_friction.recordings.ingesting import Quarantined, convert_in_parts
 from cylinder_friction.recordings.long_logs import ROWS_AT_ONCE, LongRecording, on_disk
-from cylinder_friction.recordings.reading_logs import Logs, find_logs
+from cylinder_friction.recordings.mapping.channel_mapping import HALF_WIDTH_TO_STANDARD
+from cylinder_friction.recordings.mapping.units import column_scale
+from cylinder_friction.recordings.reading_logs import FULL_SCALE_BAR, Logs, find_logs
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.recordings.result_folder import ResultFolder, existing
 from cylinder_friction.recordings.storage import write_parts, write_recording
@@ -45,10 +47,12 @@ from cylinder_friction.signals.noise import noise_deviation
 from cylinder_friction.signals.smooth_signals import SignalFilter, filtered, has_pressures, smooth_recording
 
 FileFormat = Literal["parquet", "csv"]
+TYPICAL_CLASS = 0.5
+"""Accuracy of most pressure sensors of machines, ± percent of full scale."""
 SUMMARY_FILE, PAGE_FILE = "summary.json", "friction.html"
-LABEL_BOUNDS = "label ± expanded uncertainty (k = 2, about 95 %) of sensors, smoothing, load and sensor offset"
-NO_BOUNDS = "none: the uncertainty of the sensors is not stated (sensor.accuracy_percent in the mapping)"
-MODEL_BOUNDS = "the estimator's: they hold friction in 90 % of the samples of sessions like those it was calibrated on"
+LABEL_BOUNDS = (
+    "friction lies between them in about 95 % of the rows (k = 2: sensors as stated, smoothing, load, sensor offset)"
+)
 
 
 @dataclass(frozen=True)
@@ -103,6 +107,7 @@ def estimate_logs(
     load: LoadMode | None = None,
     names: str | None = None,
     units: Mapping[str, str] | None = None,
+    sensor_class: float | None = None,
     file_format: FileFormat = "parquet",
     rows_at_once: int = ROWS_AT_ONCE,
     workers: Workers | None = None,
@@ -116,7 +121,7 @@ def estimate_logs(
     ``label_n``, stand beside it.
 
     Args:
-        files, channels, load, names, units: As in ``read_recordings``.
+        files, channels, load, names, units, sensor_class: As in ``read_recordings``.
         cylinder: Whose recordings they are.
         into: A new folder, or one that an earlier call wrote. Files that no earlier call wrote stay in it.
         model: An estimator or the folder of a saved one; logs are resampled to its rate. None: the off-line label.
@@ -143,6 +148,7 @@ def estimate_logs(
     estimator = load_estimator(model) if isinstance(model, str | Path) else model
     rate_hz = None if estimator is None or estimator.sample_time_s is None else 1.0 / estimator.sample_time_s
     logs = find_logs(files, channels, cylinder, names=names, load=load, rate_hz=rate_hz, units=units)
+    logs = logs.with_sensor_class(sensor_class)
     read = inputs(files, channels, model, logs)
     with ResultFolder(into, SUMMARY_FILE, "cylinder-friction estimate", read).written() as folder:
         run = LabelledLogs(logs, cylinder, folder / ".scratch", estimator, rows_at_once, workers)
@@ -512,8 +518,26 @@ def _written(run: LabelledLogs, folder: Path, file_format: FileFormat) -> tuple[
         if len(panes) < PLOTTED:
             panes.append(run.friction.pane(each, run.offsets.get(each.metadata.session)))
         each.remove()
-    words = MODEL_BOUNDS if run.friction.model is not None else LABEL_BOUNDS if bounded else NO_BOUNDS
-    return FrictionOfLogs(folder, words, recordings, run.refused, list(run.offsets.values())), panes
+    return FrictionOfLogs(
+        folder, _bounds_in_words(run, bounded), recordings, run.refused, list(run.offsets.values())
+    ), panes
+
+
+def _bounds_in_words(run: LabelledLogs, bounded: bool) -> str:
+    """Return what the bounds hold, or why there are none and what stating the sensors' accuracy would give."""
+    estimator, assumed = run.friction.estimator, run.logs.assumed
+    if estimator is not None:
+        return "none: the model was never calibrated" if estimator.bounds is None else estimator.bounds.in_words()
+    if bounded:
+        return f"{LABEL_BOUNDS}{assumed and '; '}{assumed}"
+    zero_pa = column_scale(PRESSURES[0], "bar") * FULL_SCALE_BAR * TYPICAL_CLASS / 100.0 * HALF_WIDTH_TO_STANDARD
+    zeros_n = COVERAGE_FACTOR * zero_pa * math.hypot(run.cylinder.piston_area_m2, run.cylinder.annulus_area_m2)
+    return (
+        "none: nothing is stated about the sensors, so that their zeros are not identified, and friction may be off by "
+        f"them. State sensor.accuracy_percent in the mapping, or accept what is typical: --sensor-class "
+        f"{TYPICAL_CLASS:g} takes sensors of {FULL_SCALE_BAR:g} bar for right within ± {TYPICAL_CLASS:g} %, which is "
+        f"± {zeros_n:.0f} N, and strokes of many sessions narrow it"
+    )
 
 
 def _counted(parts: Iterable[Recording], counts: RowCounts) -> Iterator[Recording]:

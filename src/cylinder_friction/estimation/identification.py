@@ -1,5 +1,6 @@
 """Logger files become friction models: Stribeck points and curve, LuGre parameters, and files for simulators."""
 
+import math
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -26,7 +27,7 @@ from cylinder_friction.friction_models.identification.intervals import INTERVAL_
 from cylinder_friction.friction_models.identification.known_curve import undetermined
 from cylinder_friction.friction_models.identification.procedure import SearchEffort, identify
 from cylinder_friction.friction_models.lugre import LuGre
-from cylinder_friction.labelling.known_offset import KnownOffset
+from cylinder_friction.labelling.known_offset import STROKES, KnownOffset
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.files import write_json, write_text
 from cylinder_friction.recordings.ingesting import Quarantined, none_usable, other_rates
@@ -46,7 +47,10 @@ INTERVALS_OF_PARAMETERS = (
     f"{INTERVAL_METHOD}; widened to hold what is identified with every velocity whose error exceeds the least by at "
     f"most {100.0 * FITS_ALIKE:g} % of mean |friction|, and to {100.0 * LEAST_SHARE:g} % either way at least"
 )
-INTERVALS_OF_POINTS = "Student's t over the medians of strokes; a single stroke has no interval"
+INTERVALS_OF_POINTS = (
+    "Student's t over the medians of strokes, with what is stated of the sensors' zeros; where nothing is stated, they "
+    "may shift friction beyond its interval; a single stroke has no interval"
+)
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,7 @@ def identify_logs(
     load: LoadMode | None = None,
     names: str | None = None,
     units: Mapping[str, str] | None = None,
+    sensor_class: float | None = None,
     generations: int = GENERATIONS,
     seed: int = 0,
 ) -> FrictionModels:
@@ -96,7 +101,7 @@ def identify_logs(
     MATLAB script (``.m``). A parameter that the motion does not determine has no number, but the reason why.
 
     Args:
-        files, channels, load, names, units: As in ``read_recordings``.
+        files, channels, load, names, units, sensor_class: As in ``read_recordings``.
         cylinder: Whose recordings they are.
         into: A new folder, or one that an earlier call wrote. Files that no earlier call wrote stay in it.
         generations: Greatest number of generations of the global search.
@@ -121,7 +126,7 @@ def identify_logs(
     if generations < 1:
         raise ValueError(f"generations: got {generations}, but expected at least 1")
     files = files if isinstance(files, str | Path) else list(files)
-    logs = find_logs(files, channels, cylinder, names=names, load=load, units=units)
+    logs = find_logs(files, channels, cylinder, names=names, load=load, units=units).with_sensor_class(sensor_class)
     read = inputs(files, channels, None, logs)
     with ResultFolder(into, MODELS_FILE, "cylinder-friction identify", read).written() as folder:
         run = LabelledLogs(logs, cylinder, folder / ".scratch", None)
@@ -132,7 +137,7 @@ def identify_logs(
         recordings = [recording for recording in labelled if recording.name not in others]
         if not recordings:
             raise none_usable(logs.root.as_posix(), len(logs.files), refused[0])
-        search = _ModelSearch(recordings, cylinder, generations, seed)
+        search = _ModelSearch(recordings, cylinder, generations, seed, run.offsets)
         result = FrictionModels(
             into,
             tuple(recording.name for recording in recordings),
@@ -149,8 +154,15 @@ def identify_logs(
 class _ModelSearch:
     """Identification on recordings of one sample time."""
 
-    def __init__(self, recordings: Sequence[Recording], cylinder: Cylinder, generations: int, seed: int) -> None:
-        self.cylinder = cylinder
+    def __init__(
+        self,
+        recordings: Sequence[Recording],
+        cylinder: Cylinder,
+        generations: int,
+        seed: int,
+        offsets: Mapping[str, KnownOffset],
+    ) -> None:
+        self.cylinder, self.offsets = cylinder, offsets
         sample_time_s = recordings[0].sample_time_s
         noise_m = max(sensor_noise(recording.column("position_m")) for recording in recordings)
         window = odd_window(STEADY_DURATION_S, sample_time_s)
@@ -170,7 +182,8 @@ class _ModelSearch:
     def curves(self) -> tuple[IdentifiedCurve, ...]:
         conditions = sorted({recording.metadata.condition for recording in self.recordings})
         return tuple(
-            identified_curve(condition, self._of(condition), self.slowest_m_s, CONFIDENCE) for condition in conditions
+            identified_curve(condition, own, self.slowest_m_s, CONFIDENCE, self._zeros_n(own))
+            for condition, own in ((each, self._of(each)) for each in conditions)
         )
 
     def plain(self) -> IdentifiedModel:
@@ -190,6 +203,16 @@ class _ModelSearch:
         pressure = _pressure(recording) if identified.pressure_scaled else None
         values, state = identified.found.parameters.packed(), model.new_state()
         return model.simulate(values, velocity(recording), recording.sample_time_s, state, pressure)
+
+    def _zeros_n(self, recordings: Sequence[Recording]) -> float:
+        """Return by how much zeros of the sensors may shift the mean friction of recordings [N] (k = 2); 0 if unknown.
+
+        Zeros as stated are each session's own; what is left of identified ones is in part common to all.
+        """
+        known = {name: self.offsets[name] for each in recordings if (name := each.metadata.session) in self.offsets}
+        own = [each.uncertainty_n for each in known.values() if math.isfinite(each.uncertainty_n)]
+        alike = any(each.source == STROKES for each in known.values())
+        return math.sqrt(sum(each**2 for each in own) / len(own) / (1 if alike else len(own))) if own else 0.0
 
     def _of(self, condition: str) -> list[Recording]:
         return [recording for recording in self.recordings if recording.metadata.condition == condition]

@@ -1,7 +1,8 @@
 """Points of the Stribeck curve with confidence intervals that know that the rows of one stroke are not independent."""
 
+import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -70,15 +71,15 @@ def no_rise_seen(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> str:
 
 
 def identified_curve(
-    condition: str, recordings: Sequence[Recording], slowest_m_s: float, confidence: float
+    condition: str, recordings: Sequence[Recording], slowest_m_s: float, confidence: float, zeros_n: float = 0.0
 ) -> IdentifiedCurve:
     """Return the points and the curve of one condition; arguments as for ``stribeck_points``."""
-    points = stribeck_points(recordings, slowest_m_s, confidence)
+    points = stribeck_points(recordings, slowest_m_s, confidence, zeros_n)
     return IdentifiedCurve(condition, tuple(recording.name for recording in recordings), points, *known_curve(points))
 
 
 def stribeck_points(
-    recordings: Sequence[Recording], slowest_m_s: float, confidence: float
+    recordings: Sequence[Recording], slowest_m_s: float, confidence: float, zeros_n: float = 0.0
 ) -> tuple[StribeckPoint, ...]:
     """Return points with intervals, slowest retraction to fastest extension; starts and stops make none.
 
@@ -86,9 +87,11 @@ def stribeck_points(
         recordings: With ``velocity_m_s``, ``friction_n`` and ``usable``.
         slowest_m_s: Slower is standstill [m/s].
         confidence: Probability of each interval.
+        zeros_n: By how much zeros of the sensors may shift all points [N]; part of each interval.
     """
     steady = [_steady(recording, slowest_m_s) for recording in recordings]
-    return tuple(rows.point_with_interval(confidence) for rows in steady_sliding_by_speed(steady, slowest_m_s))
+    points = [rows.point_with_interval(confidence) for rows in steady_sliding_by_speed(steady, slowest_m_s)]
+    return tuple(replace(each, half_width_n=math.hypot(each.half_width_n, zeros_n)) for each in points)
 
 
 def _steady(recording: Recording, slowest_m_s: float) -> Recording:

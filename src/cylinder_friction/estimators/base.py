@@ -28,7 +28,7 @@ from cylinder_friction.realtime.bounds import (
     velocity_taps,
 )
 from cylinder_friction.realtime.checking import check_step_model, check_timing
-from cylinder_friction.realtime.guard import TrainingRange, guard_from, largest_friction_n
+from cylinder_friction.realtime.guard import TrainingRange, freeze_travel_m, guard_from, largest_friction_n
 from cylinder_friction.realtime.model import Bounds, Guard, StepModel, from_json
 from cylinder_friction.realtime.position_load import PositionLoad, channel_names
 from cylinder_friction.realtime.sensor_offset import BALANCE, OffsetTracker
@@ -250,8 +250,8 @@ class FrictionEstimator(ABC):
         self._refuse_unfitted()
         assert self.training_range is not None
         assert self.sample_time_s is not None
-        largest_n = largest_friction_n(train)
-        self.guard = guard_from(self.training_range, largest_n, self.sample_time_s, self.position_load)
+        limits = largest_friction_n(train), self.sample_time_s, self.position_load, freeze_travel_m(train)
+        self.guard = guard_from(self.training_range, *limits)
         # as the steps give it, against labels as late, because bounds go by the present regime of motion
         lagged = [recording.lagged(self.lag_samples) for recording in validation]
         estimates_n = [self._stepped(recording) for recording in validation]

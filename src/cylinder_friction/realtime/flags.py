@@ -46,8 +46,8 @@ class Flag(IntFlag):
     FROZEN = (
         64,
         "sensor",
-        "An input repeats one value although it cannot be constant: a pressure over 5 mm of travel, or the position "
-        "for 2 s under twice the largest friction of training",
+        "An input repeats one value although it cannot be constant: a pressure over more travel than its "
+        "converter's steps explain, or the position for 2 s under twice the largest friction of training",
         "check that sensor and what passes its readings on",
     )
     RECOVERING = (

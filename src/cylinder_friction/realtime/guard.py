@@ -10,14 +10,16 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.model import Guard
 from cylinder_friction.realtime.position_load import PositionLoad
-from cylinder_friction.recordings.columns import POSITION, SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import POSITION, PRESSURES, SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 
 TRAINED_MARGIN = 0.05
 """Share of its span by which a range is widened before a value counts as beyond it, and an estimate as extrapolated."""
 ACCEPT_SPANS = 1.0
 """A reading may lie this many training spans outside the training range; beyond, no working sensor gave it."""
-FREEZE_TRAVEL_M = 5e-3
+FREEZE_TRAVEL_M, FREEZE_TRAVELS = 5e-3, 3.0
+"""A pressure that stays exactly constant over more travel is frozen: more than this, and than so many times the longest
+travel over which one did in a recording of training, half of them, as converters of coarse steps make it."""
 FREEZE_TIME_S = 2.0
 FREEZE_FORCE_RATIO = 2.0
 """A piston that resists more than this many times the largest friction of training is not at rest by friction."""
@@ -75,7 +77,11 @@ class TrainingRange:
 
 
 def guard_from(
-    training_range: TrainingRange, largest_friction_n: float, sample_time_s: float, load: PositionLoad | None = None
+    training_range: TrainingRange,
+    largest_friction_n: float,
+    sample_time_s: float,
+    load: PositionLoad | None = None,
+    freeze_travel_m: float = FREEZE_TRAVEL_M,
 ) -> Guard:
     """Return the guard of an estimator.
 
@@ -85,6 +91,7 @@ def guard_from(
             frozen position unnoticed.
         sample_time_s: Between two samples [s].
         load: Decided by position: positions where it is not known count as outside the training range.
+        freeze_travel_m: Over which a healthy pressure may stay exactly constant [m].
     """
     accept, trained = training_range.widened(ACCEPT_SPANS), training_range.trusted(load)
     return Guard(
@@ -92,12 +99,24 @@ def guard_from(
         accept_upper=accept.upper,
         trained_lower=trained.lower,
         trained_upper=trained.upper,
-        freeze_travel_m=FREEZE_TRAVEL_M,
+        freeze_travel_m=freeze_travel_m,
         freeze_samples=round(FREEZE_TIME_S / sample_time_s),
         freeze_force_n=min(FREEZE_FORCE_RATIO * largest_friction_n, UNKNOWN_FORCE_N),
         warm_up_samples=round(WARM_UP_S / sample_time_s),
         recovery_samples=round(RECOVERY_S / sample_time_s),
     )
+
+
+def freeze_travel_m(recordings: Iterable[Recording]) -> float:
+    """Return the travel over which a healthy pressure may stay exactly constant [m]."""
+    longest_m = [_longest_constant_m(each, name) for each in recordings for name in PRESSURES if name in each.table]
+    return max(FREEZE_TRAVEL_M, FREEZE_TRAVELS * float(np.median(longest_m))) if longest_m else FREEZE_TRAVEL_M
+
+
+def _longest_constant_m(recording: Recording, column: str) -> float:
+    values, position_m = recording.column(column), recording.column(POSITION)
+    starts = np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
+    return float(np.max(np.maximum.reduceat(position_m, starts) - np.minimum.reduceat(position_m, starts)))
 
 
 def largest_friction_n(recordings: Iterable[Recording]) -> float:

@@ -67,13 +67,13 @@ class Bounds:
     spread_n: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
 
     def in_words(self) -> str:
-        """Return what the bounds hold, and under which assumption, for whoever reads an exported model."""
+        """Return what the bounds hold, and under which assumption: the one sentence wherever bounds are shown."""
         if self.probability == 1.0:
             return "as wide as can be, as this model's errors were never calibrated"
-        what = f"friction lies between the bounds with probability {self.probability:g}"
+        what = f"lies between the bounds with probability {self.probability:g} over all sessions"
         if self.holds == "friction":
-            return f"{what} over all sessions, if the sensors are as accurate as stated for the calibration"
-        return f"{what} if the sensors have no offset: the uncertainty of their zeros was not stated, nor covered"
+            return f"friction {what}, if the sensors are as accurate as stated for the calibration"
+        return f"the label {what}; friction does only if the sensors' zeros are right: nothing was stated about them"
 
 
 GuardOrBounds = TypeVar("GuardOrBounds", Guard, Bounds)

@@ -12,14 +12,14 @@ import yaml
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import LoadMode
-from cylinder_friction.recordings.columns import LOAD_FORCE, QUANTITIES
+from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, QUANTITIES
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.files import read_yaml
 from cylinder_friction.recordings.formats.logged_table import LongTable
 from cylinder_friction.recordings.formats.reading import open_logged_file
 from cylinder_friction.recordings.ingesting import Quarantined, convert_in_parts, none_usable, other_rates
 from cylinder_friction.recordings.long_logs import ROWS_AT_ONCE
-from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
+from cylinder_friction.recordings.mapping.channel_mapping import SensorScale, check_mapping
 from cylinder_friction.recordings.mapping.guessing import GuessedColumn, GuessedMapping, guess_mapping
 from cylinder_friction.recordings.mapping.mapping_text import channel_lines
 from cylinder_friction.recordings.mapping.units import check_unit, electrical, units_agree
@@ -27,6 +27,8 @@ from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
 
 _PACKAGE = Path(__file__).parents[1]
+FULL_SCALE_BAR = 250.0
+"""Of a pressure sensor whose range is not stated but whose class is: usual in hydraulics."""
 ONE_CONDITION = "1"  # the condition of files whose names state none
 
 
@@ -38,6 +40,7 @@ def read_logs(
     names: str | None = None,
     load: LoadMode | None = None,
     units: Mapping[str, str] | None = None,
+    sensor_class: float | None = None,
 ) -> list[Recording]:
     """Return the recordings of logger files of any format, in SI units at one constant rate, sorted by path.
 
@@ -58,6 +61,8 @@ def read_logs(
             position alone. By default ``measured`` if ``load_force_n`` is mapped, else ``none``.
         units: Without ``channels``, the unit of each quantity (``pressure``, ``length``, ``time``, ``force``,
             ``temperature``) that the file does not state, such as ``{"pressure": "bar"}``.
+        sensor_class: Accuracy of the pressure sensors, ± percent of full scale, where ``channels`` states none; full
+            scale is 250 bar where their range is not stated either. None: nothing is assumed.
 
     Raises:
         RecordingError: No file is found or usable, or the mapping is wrong or cannot be guessed.
@@ -68,7 +73,7 @@ def read_logs(
         >>> sorted({recording.metadata.condition for recording in recordings})
         ['1', '2', '3', '4']
     """
-    logs = find_logs(files, channels, cylinder, names=names, load=load, units=units)
+    logs = find_logs(files, channels, cylinder, names=names, load=load, units=units).with_sensor_class(sensor_class)
     outcomes = list(convert_in_parts(logs.files, logs.recipe))
     refused = [outcome for outcome in outcomes if isinstance(outcome, Quarantined)]
     recordings = [outcome for outcome in outcomes if isinstance(outcome, Recording)]
@@ -88,6 +93,23 @@ class Logs:
     files: dict[str, Path]  # By their paths below it, sorted
     recipe: Recipe
     guessed: dict[str, Any] | None = None  # From which file, and each column with its reasons; None if mapped
+    assumed: str = ""  # What was assumed of sensors that nobody stated; empty where nothing was
+
+    def with_sensor_class(self, percent: float | None) -> "Logs":
+        """Return the same with pressure sensors of this class where nothing is stated of their accuracy."""
+        if percent is None:
+            return self
+        if not 0.0 < percent <= 100.0:
+            raise RecordingError(f"sensor class: got {percent:g}, expected a number above 0, at most 100 (% of range)")
+        channels, assumed = dict(self.recipe.channels), list[str]()
+        for column in PRESSURES:
+            if column not in channels or ((sensor := channels[column].sensor) and sensor.accuracy_percent is not None):
+                continue
+            sensor = sensor or SensorScale((0.0, FULL_SCALE_BAR), "bar")
+            channels[column] = replace(channels[column], sensor=replace(sensor, accuracy_percent=percent))
+            assumed.append(f"{column} ± {percent:g} % of {sensor.full_scale:g} {sensor.unit}")
+        words = f"assumed, not stated: {', '.join(assumed)}" if assumed else ""
+        return replace(self, recipe=replace(self.recipe, channels=channels), assumed=words)
 
 
 def find_logs(

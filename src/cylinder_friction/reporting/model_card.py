@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from cylinder_friction.evaluation.reported import reported_errors
+from cylinder_friction.realtime.model import Bounds, from_json
 from cylinder_friction.recordings.columns import ALL_CONDITIONS
 from cylinder_friction.reporting.estimator_titles import title
 
@@ -43,7 +44,7 @@ def model_card(
     """
     reference, errors = reported_errors(conditions)
     shares = {each["condition"]: each["held_percent"] for each in held if each["reference"] == reference}
-    bounds = description.get("bounds")
+    bounds = from_json(Bounds, description.get("bounds"))
     lines = [
         f"{title(name)}: friction inside a hydraulic cylinder [N] from "
         f"{', '.join(f'`{column}`' for column in description['input'])}.",
@@ -64,8 +65,12 @@ def model_card(
     ]
     if bounds:
         lines += [
-            f"Bounds are made to hold {100 * bounds['probability']:g} %"
-            + (f"; they hold {shares[ALL_CONDITIONS]:.1f} % of all rows." if ALL_CONDITIONS in shares else "."),
+            f"Bounds: {bounds.in_words()}"
+            + (
+                f". They hold {_AGAINST[reference]} in {shares[ALL_CONDITIONS]:.1f} % of all rows."
+                if ALL_CONDITIONS in shares
+                else "."
+            ),
             "",
         ]
     lines += ["**Valid range; what lies beyond is flagged**", "", "| input | from | to |", "|---|---|---|"]

@@ -54,6 +54,7 @@ class ReportInputs:
     audit: dict[str, Any] | None
     offsets: Sequence[Mapping[str, Any]]  # Of each session, as the offset stage wrote them; empty where there are none
     starts: Sequence[Starts]  # The main estimator from a cold and from a warm start; empty where it learns no offset
+    bounds: str  # What the main estimator's bounds hold, in words, and why zeros were left alone
     held: Sequence[Coverage]  # How often the main estimator's bounds hold label and truth; empty without bounds
 
 
@@ -83,6 +84,7 @@ def report_html(analysis: Analysis, inputs: ReportInputs) -> str:
         else None,
         starts=tables.start_table(inputs.starts) if inputs.starts else None,
         coverage=tables.coverage_table(inputs.held),
+        bounds=inputs.bounds,
         differences=tables.difference_table(comparison, main),
         over_time={part.condition: (part.recording, _over_time(part)) for part in analysis.excerpts},
         panels=_panels(analysis),

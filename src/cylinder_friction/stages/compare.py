@@ -23,6 +23,7 @@ from cylinder_friction.evaluation.reported import error_metrics, reported_errors
 from cylinder_friction.evaluation.starts import Starts, starts
 from cylinder_friction.evaluation.timing import StepTime, time_steps
 from cylinder_friction.evaluation.views import LearningCurve
+from cylinder_friction.realtime.model import Bounds
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.files import read_json, whole_folder, write_json, write_text
 from cylinder_friction.recordings.storage import read_recordings
@@ -104,7 +105,7 @@ def run(params: Params) -> RunRecord:
     reference, errors_percent = reported_errors(tree[main])
     held = coverage(estimators[main], recordings, truth_n, settings.reversal_window_s)
     begun = starts(estimators[main], recordings, truth_n)
-    _write(analysis, times, tree, begun, held)
+    _write(analysis, times, tree, begun, held, estimators[main].bounds)
     return RunRecord(
         name="compare",
         params=flat(settings) | {"reference": reference},
@@ -182,15 +183,20 @@ def _write(
     tree: MetricTree,
     begun: Sequence[Starts],
     held: Sequence[Coverage],
+    bounds: Bounds | None,
 ) -> None:
+    offsets = read_json(OFFSET_FILE)
+    left_alone = offsets["left_alone_because"]
     inputs = ReportInputs(
         times,
         searched=read_json(SPACE_FILE),
         best=read_json(BEST_FILE),
         chosen=read_json(HYBRID_FOLDER.with_name(analysis.main) / CHOSEN_FILE),
         audit=read_json(AUDIT_FILE) if AUDIT_FILE.is_file() else None,
-        offsets=read_json(OFFSET_FILE)["sessions"],
+        offsets=offsets["sessions"],
         starts=begun,
+        bounds=("" if bounds is None else bounds.in_words())
+        + (f". The sensors' zeros were left alone: {left_alone}" if left_alone else ""),
         held=held,
     )
     report = report_html(analysis, inputs)

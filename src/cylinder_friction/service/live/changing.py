@@ -86,7 +86,12 @@ class Changing:
             if session.models.shadow is not None:
                 beside[session.models.shadow.engine.model] += 1
         models = {
-            model: {"called": engine.called, "gives_newtons": runs[model], "runs_beside": beside[model]}
+            model: {
+                "called": engine.called,
+                "bounds": engine.bounds,
+                "gives_newtons": runs[model],
+                "runs_beside": beside[model],
+            }
             for model, engine in self._service.engines.items()
         }
         return JSONResponse({"model_of_new_sessions": self._service.engine.model, "models": models})

@@ -49,6 +49,7 @@ class Engine:
         model: SHA-256 of every number that a step uses.
         called: The folder or registered version that it was last brought in as; empty where nobody stated it.
         inputs: Columns of a sample.
+        bounds: What the bounds hold, in words.
         sample_time_s: The one time between two samples [s].
         golden_difference_n: How far it was from its golden trajectory, as ``checked_engine`` found [N]; None: has none.
 
@@ -70,6 +71,7 @@ class Engine:
         self._states: NDArray[np.uint8] = np.zeros((0, self._state_bytes), dtype=np.uint8)
         self._states_at = 0
         self._free: list[int] = []
+        self.bounds = str(described.get("bounds", "not stated"))
         self.golden_difference_n: float | None = None
         self.called = called_in(folder)
 

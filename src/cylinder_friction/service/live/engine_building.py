@@ -86,6 +86,7 @@ def built_engine(estimator: FrictionEstimator, engines: Path) -> Path:
             "inputs": list(exported.inputs),
             "sample_time_s": estimator.sample_time_s,
             "state_bytes": exported.state_bytes,
+            "bounds": "as wide as can be" if estimator.bounds is None else estimator.bounds.in_words(),
         }
         write_json(draft / DESCRIPTION, described)
         with suppress(OSError):  # another process was first; it made the same

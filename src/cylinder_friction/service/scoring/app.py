@@ -163,6 +163,7 @@ class Service:
             "ready": True,
             "model": now.model.name,
             "version": now.model.version,
+            "bounds": now.graph.bounds,
             "golden_trajectory": "met",
             "golden_difference_n": now.golden_difference_n,
             "refused": self.source.problem or None,

@@ -132,6 +132,8 @@ def _schemas(now: ModelInService) -> Schema:
     outputs = {name: {"type": kind, "description": text} for name, (kind, text) in _OUTPUTS.items()}
     for learned in set(OFFSET) - set(graph.outputs):
         del outputs[learned]
+    for bound in ("lower_n", "upper_n"):
+        outputs[bound]["description"] += f": {graph.bounds}"
     outputs["flags"]["description"] += "; " + ", ".join(f"{bit} {name}" for bit, name in graph.flags.items())
     refusal = {key: {"type": "string"} for key in ("error_code", "message", "request_id")}
     sample = {**_object(inputs), "properties": {**inputs, **optional}}

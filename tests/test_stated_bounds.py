@@ -1,0 +1,94 @@
+"""What bounds hold is stated in one sentence wherever they are printed, drawn, served or exported."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Literal
+
+import pytest
+
+from cylinder_friction.commands.cli import main
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.deployment.c_export.export import export_c
+from cylinder_friction.deployment.fmu.variables import fmu_variables
+from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
+from cylinder_friction.deployment.scoring import ServedGraph
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.recordings.files import read_json
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.reporting.model_card import model_card
+from cylinder_friction.service.live.engine import Engine
+from cylinder_friction.service.live.engine_building import built_engine
+from logger_files import write_log
+
+UNITS = ["--unit", "pressure=bar", "--unit", "length=mm"]
+CYLINDER = "bore_diameter_m=0.063,rod_diameter_m=0.028,stroke_m=0.25,moving_mass_kg=6.0"
+
+
+@pytest.fixture(scope="module", params=["friction", "label"])
+def stated(request: pytest.FixtureRequest, small_hybrid: HybridEstimator, tmp_path_factory: pytest.TempPathFactory):
+    """An estimator whose bounds hold friction, or the label, and the folder that it is saved in."""
+    holds: Literal["friction", "label"] = request.param
+    folder = tmp_path_factory.mktemp(holds) / "model"
+    small_hybrid.save(folder)
+    estimator = HybridEstimator.load(folder)
+    assert estimator.bounds is not None
+    estimator.bounds = replace(estimator.bounds, holds=holds)
+    estimator.save(folder)
+    return estimator, folder, holds
+
+
+def sentence(estimator: HybridEstimator, holds: str) -> str:
+    assert estimator.bounds is not None
+    words = estimator.bounds.in_words()
+    assert words.startswith("friction lies between" if holds == "friction" else "the label lies between")
+    assert ("nothing was stated" in words) == (holds == "label")
+    return words
+
+
+def test_exported_code_and_its_descriptions(stated, tmp_path: Path, cylinder: Cylinder) -> None:
+    estimator, folder, holds = stated
+    words = sentence(estimator, holds)
+    export_c(estimator, tmp_path / "c", "friction")
+    assert words in " ".join((tmp_path / "c/friction.h").read_text().split())
+    assert any(words in each.description for each in fmu_variables(estimator.step_model()))
+    numbers = {"1": {"label_percent": 2.0}}
+    assert words in model_card("hybrid", cylinder, read_json(folder / "estimator.json"), {}, {}, numbers, [])
+
+
+def test_services(stated, tmp_path: Path) -> None:
+    estimator, _, holds = stated
+    words = sentence(estimator, holds)
+    graph = ServedGraph(sequence_graph(estimator.step_model()).SerializeToString())
+    assert graph.bounds == words
+    assert Engine(built_engine(estimator, tmp_path)).bounds == words
+
+
+def test_estimate_with_a_model(
+    stated, tmp_path: Path, labelled_recordings: list[Recording], capsys: pytest.CaptureFixture[str]
+) -> None:
+    estimator, folder, holds = stated
+    words = sentence(estimator, holds)
+    log, output = tmp_path / "log.csv", tmp_path / "out"
+    write_log(log, labelled_recordings[0])
+    main(["estimate", str(log), "--cylinder", CYLINDER, *UNITS, "--model", str(folder), "--output", str(output)])
+    assert f"bounds   {words}" in capsys.readouterr().out
+    assert json.loads((output / "summary.json").read_text())["bounds"] == words
+    assert words.split(";")[0] in (output / "friction.html").read_text()
+
+
+def test_estimate_without_a_model(
+    tmp_path: Path, labelled_recordings: list[Recording], capsys: pytest.CaptureFixture[str]
+) -> None:
+    log = tmp_path / "log.csv"
+    write_log(log, labelled_recordings[0])
+    command = ["estimate", str(log), "--cylinder", CYLINDER, *UNITS, "--output", str(tmp_path / "out")]
+    main(command)
+    assert "bounds   none: nothing is stated about the sensors, so that their zeros are not" in capsys.readouterr().out
+    main([*command, "--sensor-class", "0.5"])
+    assert (
+        "bounds   friction lies between them in about 95 % of the rows (k = 2: sensors as stated, smoothing, load, "
+        "sensor offset); assumed, not stated: pressure_1_pa ± 0.5 % of 250 bar, pressure_2_pa ± 0.5 % of 250 bar\n"
+    ) in capsys.readouterr().out
+    assert main([*command, "--sensor-class", "0"]) == 1
+    assert "sensor class: got 0, expected a number above 0" in capsys.readouterr().err
