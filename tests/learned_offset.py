@@ -12,6 +12,7 @@ from cylinder_friction.realtime.sensor_offset import OffsetSettings, OffsetTrack
 from cylinder_friction.recordings.recording import Recording
 
 PRIOR_N = 80.0
+DOUBT = 0.74
 SPREAD_N = (25.0, 15.0, 20.0, 0.0)
 LIMITS = {
     **{"force_weights": (3.117e-3, -2.501e-3, 0.0), "clear_samples": 40},
@@ -42,6 +43,14 @@ def made_tracker(load: tuple[float, ...] = ()) -> OffsetTracker:
         ranges=np.array([[-1e6, 0.0, -1e30, -60.0], [6e6, 0.085, 1e30, 60.0]]),
         prior=np.array([PRIOR_N, 0.01, 0.08, 0.05, 0.0]),
     )
+
+
+def doubting(model: StepModel) -> StepModel:
+    """Return ``learning`` that finds a session unlike training as soon as it is a little so, and changes its mind."""
+    model = learning(model)
+    assert model.offset is not None
+    settings = model.offset.settings._replace(scale_support=DOUBT / 0.08**2, slope_support=DOUBT / 0.05**2)
+    return replace(model, offset=replace(model.offset, settings=settings))
 
 
 def learning(model: StepModel) -> StepModel:

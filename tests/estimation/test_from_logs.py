@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import re
 import shutil
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,11 +16,12 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.from_logs import LABEL_BOUNDS, FileFormat, estimate_logs
+from cylinder_friction.estimation.from_logs import LABEL_BOUNDS, FileFormat, estimate_logs, remarks
 from cylinder_friction.estimation.identification import identify_logs
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
 from cylinder_friction.realtime.position_load import PositionLoad
+from cylinder_friction.realtime.trained_for import OtherCylinderError
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_recording
@@ -78,6 +80,26 @@ def test_a_sensor_offset_is_taken_off_where_strokes_show_it(
         held = (known_n >= written.column("lower_n")) & (known_n <= written.column("upper_n"))
         assert held[usable].mean() > 0.9
     assert {each.source for each in result.offsets} == {"strokes in both directions"}
+
+
+def test_a_model_of_another_cylinder_is_refused_and_what_it_does_not_know_is_named(
+    tmp_path: Path, cylinder: Cylinder, small_hybrid: HybridEstimator, labelled_recordings: list[Recording]
+) -> None:
+    other = replace(cylinder, bore_diameter_m=0.08, rod_diameter_m=0.045)
+    loaded = labelled_recordings[0]
+    loaded = loaded.with_columns(pressure_1_pa=loaded.column("pressure_1_pa") + 1500.0 / cylinder.piston_area_m2)
+    log = write_log(tmp_path / "log.csv", loaded)
+    with pytest.raises(OtherCylinderError, match="the cylinder given has 80 mm and 45 mm"):
+        estimate_logs(log, other, tmp_path / "out", channels=CHANNELS, model=small_hybrid)
+    assert not (tmp_path / "out").exists()
+    (found,) = estimate_logs(log, cylinder, tmp_path / "out", channels=CHANNELS, model=small_hybrid).recordings
+    assert re.search(r"friction is about \d", found.not_known)
+    assert f"not to be used as it is: {found.not_known}" in remarks(found)
+    assert json.loads((tmp_path / "out/summary.json").read_text())["recordings"][0]["not_known"] == found.not_known
+    taken = estimate_logs(
+        log, other, tmp_path / "other", channels=CHANNELS, model=small_hybrid, other_cylinder=True
+    ).recordings
+    assert len(taken) == 1
 
 
 def test_with_a_model_friction_is_its_real_time_estimate(

@@ -33,6 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--model", help="a saved estimator's folder, or models:/NAME@ALIAS; without: the off-line label"
     )
+    words = "use a model that was trained for a cylinder of other areas; without: refused"
+    parser.add_argument("--other-cylinder", action="store_true", help=words)
     parser.add_argument("--format", choices=get_args(FileFormat), default="parquet")
 
 
@@ -72,10 +74,12 @@ def run(options: argparse.Namespace) -> int:
         if model := options.model:
             model, _ = model_folder(model, Path(stack.enter_context(tempfile.TemporaryDirectory())))
         workers = stack.enter_context(workers_from_environment())
-        function = partial(estimate_logs, model=model, file_format=options.format, workers=workers)
+        settings = {"model": model, "other_cylinder": options.other_cylinder, "file_format": options.format}
+        function = partial(estimate_logs, **settings, workers=workers)
         result, notes = run_on_logs(function, options)
     print_result(result, notes, options.json, _lines(result), PAGE_FILE, [f"bounds   {result.bounds}"])
-    return 1 if result.refused or not result.recordings else 0
+    unusable = any(each.not_known for each in result.recordings)
+    return 1 if result.refused or not result.recordings or unusable else 0
 
 
 def run_on_logs(function: Callable[..., Result], options: argparse.Namespace) -> tuple[Result, list[str]]:

@@ -87,7 +87,7 @@ def distil(
     student._set(replace(parts, network=network, forest=None, target_mean_n=mean_n, target_scale_n=scale_n))
     student.learning_curve = curve
     student.calibrate(train, validation)
-    student.guard = original.guard or student.guard
+    student.guard, student.trained_for = original.guard or student.guard, original.trained_for
     return student, compare(original, student, held_out)
 
 

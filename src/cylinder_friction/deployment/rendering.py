@@ -43,6 +43,7 @@ def wrapped(items: Iterable[str]) -> str:
 
 ABSENT = {
     **{"offset": None, "spread_n": (0.0, 0.0, 0.0, 0.0), "lag_s": 0.0, "position_load": None, "clear_samples": 0},
+    "trained_for": None,
     "least_pressure_pa": -1e12,
     **dict.fromkeys(("force_weights", "sliding_lower", "sliding_upper", "largest_force"), ()),
 }

@@ -52,6 +52,7 @@ class ServedGraph:
         lower, upper: Training range of each input, widened by 5 %.
         flags: Names of the flags by their bits.
         position_load: The load that position decides, in words; empty where the model knows none.
+        trained_for: Which cylinder it was trained for, in words; empty where that is not stated.
         bounds: What the bounds hold, in words.
     """
 
@@ -69,6 +70,7 @@ class ServedGraph:
         self.memory = max(1, round(MEMORY_S / self.sample_time_s))
         self.flags = {int(bit): str(name) for bit, name in json.loads(stated["flags"]).items()}
         self.position_load, self.bounds = stated.get("position_load", ""), stated.get("bounds_hold", "not stated")
+        self.trained_for = stated.get("trained_for", "")
         names = {port.name for port in self._session.get_outputs()}
         self.outputs = (*NEWTONS, *(name for name in OFFSET if name in names))
         self._given = {"offset": np.zeros((1, 2))} if len(self.outputs) > len(NEWTONS) else {}

@@ -28,7 +28,7 @@ from cylinder_friction.labelling.load import pooled_load
 from cylinder_friction.labelling.session import SessionIdentification
 from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan
 from cylinder_friction.labelling.up_and_down import holds_load, up_and_down
-from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.flags import Flag, unknown_in_words
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, DRIVE_FORCE, LOAD_FORCE, PRESSURES, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.files import whole_file, write_json
@@ -69,6 +69,9 @@ class FrictionOfRecording:
     friction_n: float | None
     flags_percent: dict[str, float] | None  # Of the rows, by name of the estimator's flag; None without an estimator
     load: str  # Which load was taken off, in words
+    # Why the estimates are not to be used as they are, and what else is unlike training; empty where nothing
+    not_known: str
+    unlike_training: str
     load_left_n: float | None  # A load that friction still holds, about [N]; None where nothing hints at one
     repairs: tuple[str, ...]  # What reading had to repair
 
@@ -108,6 +111,7 @@ def estimate_logs(
     names: str | None = None,
     units: Mapping[str, str] | None = None,
     sensor_class: float | None = None,
+    other_cylinder: bool = False,
     file_format: FileFormat = "parquet",
     rows_at_once: int = ROWS_AT_ONCE,
     workers: Workers | None = None,
@@ -125,11 +129,13 @@ def estimate_logs(
         cylinder: Whose recordings they are.
         into: A new folder, or one that an earlier call wrote. Files that no earlier call wrote stay in it.
         model: An estimator or the folder of a saved one; logs are resampled to its rate. None: the off-line label.
+        other_cylinder: Whether a model may be of a cylinder of other areas.
         file_format: ``parquet`` or ``csv``.
         rows_at_once: A log of more rows is processed in parts of about so many, so that memory holds one of them.
         workers: Work on recordings side by side; None: one after the other, here.
 
     Raises:
+        OtherCylinderError: The model was trained for a cylinder of other areas.
         RecordingError: No file is found, or the mapping is wrong or cannot be guessed. Single files that cannot be
             used are listed in ``refused``.
         FileExistsError: The folder holds something else, or is, holds or lies in what is read, or another call is
@@ -146,6 +152,8 @@ def estimate_logs(
     into = Path(into)
     files = files if isinstance(files, str | Path) else list(files)
     estimator = load_estimator(model) if isinstance(model, str | Path) else model
+    if estimator is not None and estimator.trained_for is not None and not other_cylinder:
+        estimator.trained_for.refuse(cylinder)
     rate_hz = None if estimator is None or estimator.sample_time_s is None else 1.0 / estimator.sample_time_s
     logs = find_logs(files, channels, cylinder, names=names, load=load, rate_hz=rate_hz, units=units)
     logs = logs.with_sensor_class(sensor_class)
@@ -256,6 +264,8 @@ class RecordingFriction:
         estimator = self.estimator
         about, given = excerpt[0].metadata, None if estimator is None else estimator.position_load
         known = self.labeller.load if given is None else given.in_words()
+        trained = None if estimator is None else estimator.trained_for
+        other, noisy = ("", "") if trained is None else trained.differences(excerpt)
         return FrictionOfRecording(
             name=about.name,
             source_file=about.source_file,
@@ -266,6 +276,8 @@ class RecordingFriction:
             friction_n=_known(half_n),
             flags_percent=None if estimator is None else counts.flags_percent(),
             load=load or known,
+            not_known=other or unknown_in_words(counts.rows, counts.flags),
+            unlike_training=noisy,
             load_left_n=_known(load_n) if holds_load(load_n, half_n) else None,
             repairs=tuple(about.repairs),
         )
@@ -567,7 +579,15 @@ def remarks(each: FrictionOfRecording) -> list[str]:
     """Return what is worth knowing of a recording beside its numbers."""
     flags = [f"{share:.1f} % {name}" for name, share in (each.flags_percent or {}).items()]
     left = load_left(each)
-    return [*([left] if left else []), *([] if each.load == "none" else [f"load: {each.load}"]), *flags, *each.repairs]
+    unlike = [f"not to be used as it is: {each.not_known}"] if each.not_known else []
+    unlike += [each.unlike_training] if each.unlike_training else []
+    return [
+        *unlike,
+        *([left] if left else []),
+        *([] if each.load == "none" else [f"load: {each.load}"]),
+        *flags,
+        *each.repairs,
+    ]
 
 
 def load_left(each: FrictionOfRecording) -> str:

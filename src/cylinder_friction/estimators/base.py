@@ -33,6 +33,7 @@ from cylinder_friction.realtime.model import Bounds, Guard, StepModel, from_json
 from cylinder_friction.realtime.position_load import PositionLoad, channel_names
 from cylinder_friction.realtime.sensor_offset import BALANCE, OffsetTracker
 from cylinder_friction.realtime.stream import NO_OFFSET, EstimatorStream, RealTimeStream, StrictStream
+from cylinder_friction.realtime.trained_for import TrainedFor
 from cylinder_friction.realtime.unmodelled_force import with_force_limits
 from cylinder_friction.recordings.columns import LOAD_FORCE, POSITION, SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording, RecordingError, refuse_not_finite
@@ -96,6 +97,7 @@ class FrictionEstimator(ABC):
         self.training_range: TrainingRange | None = None
         self.guard: Guard | None = None
         self.bounds: Bounds | None = None
+        self.trained_for: TrainedFor | None = None
         self.offset: OffsetTracker | None = None
         self.position_load: PositionLoad | None = None
 
@@ -244,7 +246,8 @@ class FrictionEstimator(ABC):
 
         Args:
             train: Labelled recordings of training, as measured, for the guard.
-            cylinder: Its areas; None: no force counts as unmodelled.
+            cylinder: Whose recordings they are; None: no force counts as unmodelled, and the model does not know where
+                it belongs.
             validation: Labelled recordings of other sessions, their pressures as measured.
         """
         self._refuse_unfitted()
@@ -263,6 +266,7 @@ class FrictionEstimator(ABC):
             self.guard.warm_up_samples,
             offsets=offsets,
         )
+        self.trained_for = None if cylinder is None else TrainedFor.of(train, cylinder)
         if cylinder is not None:
             loaded = [self._loaded(each) for each in train]
             self.guard = with_force_limits(self.guard, self.bounds, cylinder, loaded, self.channels)
@@ -290,6 +294,7 @@ class FrictionEstimator(ABC):
                 },
                 "guard": None if self.guard is None else asdict(self.guard),
                 "bounds": None if self.bounds is None else asdict(self.bounds),
+                "trained_for": None if self.trained_for is None else self.trained_for.to_dict(),
                 "offset": None if self.offset is None else self.offset.to_dict(),
                 "position_load": None if self.position_load is None else self.position_load.to_dict(),
                 "multiply_adds_a_step": self.multiply_adds(),
@@ -334,6 +339,7 @@ class FrictionEstimator(ABC):
         )
         estimator.guard = from_json(Guard, description.get("guard"))
         estimator.bounds = from_json(Bounds, description.get("bounds"))
+        estimator.trained_for = TrainedFor.from_dict(description.get("trained_for"))
         tracker = description.get("offset")
         estimator.offset = None if tracker is None else OffsetTracker.from_dict(tracker)
         load = description.get("position_load")
@@ -415,6 +421,7 @@ class FrictionEstimator(ABC):
             offset=self.offset,
             position_load=self.position_load,
             lag_s=self.lag_samples * self.sample_time_s,
+            trained_for=self.trained_for,
         )
 
     def _learned_offset(self, recording: Recording) -> LearnedOffset:

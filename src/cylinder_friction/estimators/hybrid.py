@@ -151,7 +151,7 @@ class HybridEstimator(FrictionEstimator):
         self._set(HybridParts(self.design, front_end, network, None, mean_n, scale_n))
         if self.forest_plan is not None:
             self._set(replace(self._fitted(), forest=self._fit_forest(sequences, self.forest_plan)))
-        self.guard = self.bounds = None
+        self.guard = self.bounds = self.trained_for = None
         if calibration or validation:
             self.calibrate(train, calibration or validation, self.cylinder)
         return self

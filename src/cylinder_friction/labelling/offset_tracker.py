@@ -19,6 +19,7 @@ from cylinder_friction.realtime.sensor_offset import (
     POWERS,
     PRESSURE,
     QUANTITIES,
+    UNLIKE,
     WARM,
     ZERO,
     OffsetSettings,
@@ -179,6 +180,7 @@ def _tracker(model: OffsetModel, recording: Recording, inputs: Sequence[str], pr
         *(model.noise_n, model.stroke_n, prior_n**2 * step_s / plan.drift_s, model.common_uncertainty_n),
         *(model.means[speed], model.deviations[speed], *model.position_range_m),
         *(even_constant, even_slopes[0], 1.0, prior_n**2, model.level_n),
+        *(1.0 / (UNLIKE * deviation**2) if deviation > 0.0 else 0.0 for deviation in (model.scale, model.slope)),
     ]
     weights = _weights(recording, model.cylinder, inputs, prior_n)
     weights[BALANCE] -= float(sum(even_slopes[1:])) * weights[LOAD]

@@ -3,6 +3,7 @@
 Each flag is defined here and nowhere else. Headers, FMUs, graphs, pages and guides read bit, name and texts from here.
 """
 
+from collections.abc import Mapping
 from enum import IntFlag
 from functools import reduce
 from operator import or_
@@ -13,6 +14,9 @@ FlagKind = Literal["settling", "sensor", "range"]
 
 _INVALID = "is NaN, infinite or no reading of a working sensor; its last valid value stands in"
 _CHECK_SENSOR = "check that sensor, its wiring and its unit"
+
+LEAST_ROWS, MOST_UNKNOWN = 1000, 0.25
+"""Rows of a session before it is spoken of, and the share of them that a model may not know."""
 
 
 class Flag(IntFlag):
@@ -60,8 +64,8 @@ class Flag(IntFlag):
     OFFSET_UNKNOWN = (
         512,
         "settling",
-        "The cylinder has not slid in both directions yet: the offset of the sensors' zeros is no better known than "
-        "stated, and the bounds are as wide as that",
+        "The cylinder has not slid in both directions yet, or its friction is not that of training: the offset of the "
+        "sensors' zeros is no better known than stated, and the bounds are as wide as that",
         "slide in both directions, or start from a known offset",
     )
     UNMODELLED_FORCE = (
@@ -92,6 +96,20 @@ def invalid_flag(column: str) -> Flag:
         "position_m": Flag.INVALID_POSITION,
     }
     return known.get(column, Flag.INVALID_OTHER)
+
+
+def unknown_in_words(rows: int, by_flag: Mapping[str, int]) -> str:
+    """Return why estimates are not to be used as they are, from how many rows have each flag; empty where they are."""
+    if rows < LEAST_ROWS:
+        return ""
+    for flag, words in (
+        (Flag.UNMODELLED_FORCE, "of the rows hold a force that this model does not know"),
+        (Flag.OUTSIDE, "of the rows lie outside the range of its training"),
+    ):
+        share = by_flag.get(str(flag.name), 0) / rows
+        if share > MOST_UNKNOWN:
+            return f"{100.0 * share:.0f} % {words}"
+    return ""
 
 
 class Estimate(NamedTuple):

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.position_load import PositionLoad, channel_names
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
+from cylinder_friction.realtime.trained_for import TrainedFor
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 
 if TYPE_CHECKING:
@@ -117,6 +118,7 @@ class StepModel:
     # The load that position decides, a channel beside the inputs; None: it is an input, or there is none
     position_load: PositionLoad | None = None
     lag_s: float = 0.0  # How long before its sample a step's friction was, and its bounds [s]
+    trained_for: TrainedFor | None = None  # Where it belongs; None: not known
 
     @cached_property
     def channels(self) -> tuple[str, ...]:

@@ -10,7 +10,8 @@ Kalman filter (Kalman 1960) follows these five after each block; ``stroke`` begi
 drifts as a random walk. Before the first stroke a rest's first block counts too: all of its friction is the stroke's
 error then, so that rest shows offsets that are not far smaller than that. A block further from what was expected than
 ``LARGEST_SURPRISE`` standard deviations, the stated zeros' among them, does not count: a saturated sensor or an end
-stop is no offset. What has been learned corrects the next sample, so that nothing looks ahead.
+stop is no offset. What has been learned corrects the next sample, so that nothing looks ahead. Where scale and slope
+show that friction is not that of training (``UNLIKE``), the zeros are left alone, as uncertain as stated.
 """
 
 import math
@@ -24,7 +25,10 @@ import numpy as np
 from cylinder_friction.arrays import Array
 
 OWN = 5  # What a session has of its own: offset [N], asymmetry, scale, slope, and the present stroke's error [N]
-STROKE = 4  # Place of the last among them
+SCALE, SLOPE, STROKE = 2, 3, 4  # Places of the last among them
+UNLIKE = 9.0
+"""Sum of the squares of scale and slope over their variances beyond which evidence supports no offset: 99 % of sessions
+like those of training are within."""
 BALANCE, PRESSURE, LOAD, WARM, ZERO = range(5)  # Rows of ``OffsetTracker.weights``
 DIRECTION, RUN, COUNT, FIRST_VELOCITY, SUM_VELOCITY, EXTENDED, RETRACTED, LEVEL, OFFSET, DEVIATION = range(10)
 """Places in the state; then come means and covariance of what the session has of its own, room for the filter's gain,
@@ -68,6 +72,9 @@ class OffsetSettings(NamedTuple):
     caution: float  # Factor by which the stated uncertainty is larger than the learned one
     largest_variance: float  # Of the sensors' stated zeros [N²]: more is never stated
     rest_n: float  # Standard deviation of friction at rest [N]
+    # Over the squares of scale and slope beyond which this session's friction is not that of training; 0: none is
+    scale_support: float = 0.0
+    slope_support: float = 0.0
 
 
 class OffsetNumbers(NamedTuple):
@@ -115,6 +122,8 @@ class OffsetTracker:
         """
         settings = self.settings._replace(
             stroke_n=self.settings.stroke_n * learning,
+            scale_support=self.settings.scale_support / learning**2,
+            slope_support=self.settings.slope_support / learning**2,
             rest_n=self.settings.rest_n * resting,
             walk=self.settings.walk * drifting**2,
             caution=stating,
@@ -186,11 +195,20 @@ def refuse_impossible(offset_n: float, uncertainty_n: float | None) -> None:
 
 
 @numba.njit(cache=True)
+def supported(settings: OffsetSettings, state: Array) -> bool:
+    """Return whether friction of this session is like that of training; where not, zeros are not separable."""
+    scale, slope = state[MEANS + SCALE], state[MEANS + SLOPE]
+    return bool(settings.scale_support * scale * scale + settings.slope_support * slope * slope <= 1.0)
+
+
+@numba.njit(cache=True)
 def show(settings: OffsetSettings, state: Array) -> None:
     """Put the offset and its standard uncertainty [N] where the next step finds them."""
     variance = state[COVARIANCE]
     learned = min(settings.caution * settings.caution * variance, max(settings.largest_variance, variance))
     state[OFFSET] = state[MEANS]
+    if not supported(settings, state):
+        state[OFFSET], learned = 0.0, settings.largest_variance
     state[DEVIATION] = np.sqrt(learned + settings.common_n * settings.common_n)
 
 

@@ -39,7 +39,7 @@ from cylinder_friction.realtime.packed import (
     Whole,
 )
 from cylinder_friction.realtime.position_load import load_at
-from cylinder_friction.realtime.sensor_offset import DEVIATION, EXTENDED, OFFSET, RETRACTED, offset_step
+from cylinder_friction.realtime.sensor_offset import DEVIATION, EXTENDED, OFFSET, RETRACTED, offset_step, supported
 from cylinder_friction.realtime.unmodelled_force import unmodelled_force
 
 FLAG_NOT_READY, FLAG_WARMING, FLAG_OUTSIDE = int(Flag.NOT_READY), int(Flag.WARMING), int(Flag.OUTSIDE)
@@ -81,7 +81,8 @@ def step(model: Model, state: State, sample: Array) -> tuple[float, float, float
         bad = True
     further = 1.0
     if model.zeros.shape[0] > 0:
-        if state.offset[EXTENDED] * state.offset[RETRACTED] == 0.0:
+        both = state.offset[EXTENDED] * state.offset[RETRACTED] != 0.0
+        if not (both and supported(model.tracker.settings, state.offset)):
             flags |= FLAG_OFFSET_UNKNOWN
         if model.bounds.spread_n[regime] > 0.0:
             further = np.sqrt(1.0 + (state.offset[DEVIATION] / model.bounds.spread_n[regime]) ** 2)

@@ -8,7 +8,7 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.deployment.c_export.compiled import CompiledEstimator
-from cylinder_friction.deployment.c_export.export import export_c
+from cylinder_friction.deployment.c_export.export import export_c, export_model
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.forest import ForestEstimator, ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
@@ -20,7 +20,7 @@ from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 from deployment.c_export.conftest import SHAPES
-from learned_offset import PRIOR_N, learning
+from learned_offset import PRIOR_N, doubting, learning
 
 DOUBLE_N = 1e-9
 FLOAT_N = 0.5
@@ -84,6 +84,21 @@ def test_the_offset_that_is_learned_is_pythons(
     assert not unknown[1000:].any()
     assert offsets[0] == pytest.approx((0.0, np.hypot(PRIOR_N, 2.5)), rel=1e-5)
     assert abs(offsets[-1][0] - 99.9) < 2.0 * offsets[-1][1] < 20.0
+
+
+def test_c_leaves_zeros_alone_while_friction_is_not_that_of_training(
+    golden_model: StepModel, offset_samples: np.ndarray, tmp_path: Path
+) -> None:
+    python = RealTimeStream(doubting(golden_model))
+    stream = CompiledEstimator(export_model(python.model, tmp_path)).stream()
+    doubted = []
+    for sample in offset_samples:
+        expected, got = python.step(*sample), stream.step(*sample)
+        assert got.flags == expected.flags
+        assert got[:3] == pytest.approx(expected[:3], rel=0.0, abs=DOUBLE_N)
+        assert stream.offset == pytest.approx(python.offset, rel=0.0, abs=DOUBLE_N)
+        doubted.append(stream.offset[0] == 0.0)
+    assert 0.05 < np.mean(doubted[1000:]) < 0.95
 
 
 def test_a_hybrid_streams_what_it_estimates(

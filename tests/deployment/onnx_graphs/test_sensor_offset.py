@@ -15,7 +15,7 @@ from cylinder_friction.deployment.onnx_graphs.stream import OnnxSequence, OnnxSt
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
-from learned_offset import learning
+from learned_offset import PRIOR_N, doubting, learning
 
 Outputs = tuple[np.ndarray, np.ndarray, np.ndarray]
 STARTS = [(0.0, None), (25.0, 5.0), (-60.0, None), (3.0, 0.0)]
@@ -86,6 +86,19 @@ def test_over_strokes_and_bad_samples_both_graphs_learn_what_python_does(
     assert unknown[1] == (start[1] is None)
     assert not unknown[2000:].any()
     assert len(np.unique(expected[2][:, 0])) > 100, "the blocks of many strokes"
+
+
+def test_zeros_are_left_alone_while_friction_is_not_that_of_training(
+    golden_model: StepModel, offset_samples: np.ndarray
+) -> None:
+    model = replace(doubting(golden_model), forest=None, forest_sees="nothing")
+    expected = expected_of(model, offset_samples)
+    assert_equal(rolled(open_step(step_graph(model)), offset_samples), expected)
+    assert_equal(together(open_sequence(sequence_graph(model)), offset_samples), expected)
+    doubted = expected[2][:, 0] == 0.0
+    assert 0.05 < doubted[1000:].mean() < 0.95
+    np.testing.assert_allclose(expected[2][doubted, 1], np.hypot(PRIOR_N, 2.5), rtol=1e-4)
+    assert ((expected[1][1:] & Flag.OFFSET_UNKNOWN) != 0)[doubted[:-1]].all()
 
 
 @pytest.mark.parametrize(("settling", "block"), [(0, 1), (7, 3), (3, 7), (0, 150)])

@@ -1,5 +1,6 @@
 """Every session's newtons are those of a stream of its own, also over a restart, and all of them reach the history."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +68,16 @@ def test_sessions_side_by_side_are_streams_of_their_own(
         service.receive([first, second])
     np.testing.assert_array_equal(kept.array("one"), expected(small_hybrid, samples[:600]))
     np.testing.assert_array_equal(kept.array("other"), expected(small_hybrid, backwards[:600]))
+
+
+def test_a_session_that_the_model_does_not_know_is_named(engine: Engine, samples: Array, tmp_path: Path) -> None:
+    service = service_of(engine, tmp_path)
+    known, foreign = opened(service, "known"), opened(service, "foreign")
+    loaded = samples + np.array([20e5, 0.0, 0.0])
+    for first, second in zip(blocks(known, samples, 0, 1500), blocks(foreign, loaded, 0, 1500), strict=True):
+        service.receive([first, second])
+    assert known.not_known == ""
+    assert re.fullmatch(r"\d+ % of the rows (hold a force that|lie outside the range) .*", foreign.not_known)
 
 
 def test_a_service_that_was_killed_goes_on_to_the_last_bit(

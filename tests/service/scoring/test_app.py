@@ -52,6 +52,15 @@ def test_rows_are_scored_as_in_every_runtime(server: Any, small_model: StepModel
     assert all(row["in_training_range"] is True for row in predictions)
 
 
+def test_a_reply_that_is_not_to_be_used_as_it_is_has_a_header_that_says_why(server: Any) -> None:
+    seconds = 0.005 * np.arange(1200)
+    unlike = np.column_stack([np.full(1200, 2.4e6), np.full(1200, 2.4e6), 0.125 + 0.03 * np.sin(seconds)])
+    reply = server.ask(split(unlike))
+    assert reply.status == 200
+    assert reply.headers["x-not-to-be-used"] == "100 % of the rows hold a force that this model does not know"
+    assert "x-not-to-be-used" not in server.ask(GOOD).headers
+
+
 def test_arrow_and_json_give_the_same_bits(server: Any, rows: np.ndarray) -> None:
     sink = io.BytesIO()
     table = pa.table(dict(zip(SAMPLE_COLUMNS, rows.T, strict=True)))

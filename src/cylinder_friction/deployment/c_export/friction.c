@@ -538,12 +538,25 @@ static void begin_offset(estimator_state *state, real offset_n, real uncertainty
     }
 }
 
+/* Whether friction is like that of training; where it is not, zeros cannot be separated from it and are left alone. */
+static int offset_supported(const estimator_state *state)
+{
+    const real scale = state->own[2], slope = state->own[3];
+    return SCALE_SUPPORT * scale * scale + SLOPE_SUPPORT * slope * slope <= R(1.0);
+}
+
+static real learned_offset(const estimator_state *state)
+{
+    return offset_supported(state) ? state->own[0] : R(0.0);
+}
+
 static real offset_uncertainty(const estimator_state *state)
 {
     const real variance = state->own_covariance[0][0];
     const real most = variance > LARGEST_VARIANCE ? variance : LARGEST_VARIANCE;
     const real careful = CAUTION_SQUARE * variance;
-    return M(sqrt)((careful < most ? careful : most) + COMMON_VARIANCE);
+    const real stated = offset_supported(state) ? (careful < most ? careful : most) : LARGEST_VARIANCE;
+    return M(sqrt)(stated + COMMON_VARIANCE);
 }
 
 /* The factor by which an unknown offset widens the bounds. */
@@ -744,7 +757,7 @@ void NAMED(reset_from)(estimator_state *state, real offset_n, real uncertainty_n
 
 real NAMED(offset_n)(const estimator_state *state)
 {
-    return state->own[0];
+    return learned_offset(state);
 }
 
 real NAMED(offset_uncertainty_n)(const estimator_state *state)
@@ -802,7 +815,7 @@ void NAMED(step)(estimator_state *state, SAMPLE_PARAMETERS, estimator_output *ou
     }
     filter_samples(window, filtered);
 #if LEARNS_OFFSET
-    take_offset_off(state->own[0], filtered);
+    take_offset_off(learned_offset(state), filtered);
 #endif
 #if IS_LUGRE
     if (first) {
@@ -826,7 +839,7 @@ void NAMED(step)(estimator_state *state, SAMPLE_PARAMETERS, estimator_output *ou
 #endif
 #if LEARNS_OFFSET
     wider = further(state, regime);
-    flags |= state->directions == (EXTENDED | RETRACTED) ? 0u : FLAG_OFFSET_UNKNOWN;
+    flags |= state->directions == (EXTENDED | RETRACTED) && offset_supported(state) ? 0u : FLAG_OFFSET_UNKNOWN;
     learn_offset(state, filtered[VELOCITY_ROW], sample, !(frozen || bad));
 #endif
     output->lower_n = output->friction_n + wider * LOWER_N[regime];

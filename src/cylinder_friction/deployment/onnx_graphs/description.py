@@ -54,6 +54,7 @@ def described(model: StepModel) -> dict[str, str]:
         "output": json.dumps(outputs_of(model)),
         "flags": json.dumps({str(flag.value): flag.name for flag in flags_of(model)}),
         **({} if model.position_load is None else {"position_load": model.position_load.in_words()}),
+        **({} if model.trained_for is None else {"trained_for": model.trained_for.in_words()}),
         "training_range_with_margin": _ranges(model.inputs, guard.trained_lower, guard.trained_upper),
         "accepted_range": _ranges(model.inputs, guard.accept_lower, guard.accept_upper),
         "bounds_probability": repr(float(model.bounds.probability)),

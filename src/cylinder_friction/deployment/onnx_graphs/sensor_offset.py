@@ -149,6 +149,23 @@ def walk(tracker: OffsetTracker) -> Array:
     return result
 
 
+def shown(graph: Graph, tracker: OffsetTracker, learned: str, to: tuple[str, str, str]) -> None:
+    """Make offset [N], learned variance and whether it is known of what is learned, each of shape ``(1, 1)``.
+
+    Where the session's friction is not that of training, an offset of 0 that is as uncertain as stated.
+    """
+    settings, (offset, variance, known) = tracker.settings, to
+    graph.add("Gather", learned, graph.indices(at.SCALE, at.SLOPE), to=offset + "_scale_and_slope", axis=1)
+    graph.add("Mul", offset + "_scale_and_slope", offset + "_scale_and_slope", to=offset + "_squares")
+    support = graph.constant([[settings.scale_support], [settings.slope_support]])
+    graph.add("MatMul", offset + "_squares", support, to=offset + "_unlike")
+    like = graph.add("LessOrEqual", offset + "_unlike", graph.constant(1.0), to=offset + "_supported")
+    zero, unknown = graph.constant(0.0), graph.constant(settings.largest_variance / max(settings.caution, 1.0) ** 2)
+    for place, other, name in ((0, zero, offset), (VARIANCE, unknown, variance), (KNOWN, zero, known)):
+        graph.add("Gather", learned, graph.indices(place), to=name + "_learned", axis=1)
+        graph.add("Where", like, name + "_learned", other, to=name)
+
+
 def stated(graph: Graph, tracker: OffsetTracker, variance: str, to: str) -> str:
     """Return the variance that is stated of an offset of this learned variance, shape ``(n, 1)``."""
     settings = tracker.settings

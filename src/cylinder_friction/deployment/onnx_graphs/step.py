@@ -201,8 +201,7 @@ def learn_offset(graph: Graph, model: StepModel, tracker: OffsetTracker, rows: R
     )
     branches = {"then_branch": ended.body("ended"), "else_branch": going.body("between")}
     graph.add("If", ends, to="learned", **branches)
-    for place, name in ((0, "offset_n"), (learning.VARIANCE, "learned_variance"), (learning.KNOWN, "learned_known")):
-        graph.add("Gather", "learned", graph.indices(place), to=name, axis=1)
+    learning.shown(graph, tracker, "learned", ("offset_n", "learned_variance", "learned_known"))
     variance = learning.stated(graph, tracker, "learned_variance", "stated_variance")
     graph.add("Sqrt", variance, to="offset_uncertainty_n")
     after = ["offset_given", "offset_n", variance, "learned_known", "learned", sliding]

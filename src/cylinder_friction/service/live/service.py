@@ -8,8 +8,9 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 from urllib.parse import quote
 
+from cylinder_friction.realtime.flags import Flag, unknown_in_words
 from cylinder_friction.service.live.engine import Engine, Job
-from cylinder_friction.service.live.frames import LATEST_S, EstimateBlock, SampleBlock
+from cylinder_friction.service.live.frames import FLAG_BYTES, LATEST_S, EstimateBlock, SampleBlock
 from cylinder_friction.service.live.journal import Journal, SavedSession, Unkept, made_by
 from cylinder_friction.service.live.models import PiecePart, Running, SavedState, SessionModels
 from cylinder_friction.service.live.session import Counts, SamplePiece, SessionOrder
@@ -59,6 +60,7 @@ class LiveSession:
     kept_index: int = 0  # All samples before it are kept
     last_seen_s: float = 0.0  # On the monotonic clock
     latest: EstimateBlock | None = None  # Since it was opened
+    flagged: Counter[str] = field(default_factory=Counter)  # Rows since then by flag that speaks of the model, and all
     owner: "Owner | None" = None
 
     @property
@@ -70,6 +72,20 @@ class LiveSession:
     def model(self) -> str:
         """SHA-256 of the model that gives the newtons."""
         return self.models.current.engine.model
+
+    def count_unknown(self, bits: bytes) -> None:
+        """Count a block's rows by the flags of its last one."""
+        last, rows = int.from_bytes(bits[-FLAG_BYTES:], "little"), len(bits) // FLAG_BYTES
+        self.flagged["rows"] += rows
+        if last & Flag.UNMODELLED_FORCE:
+            self.flagged["UNMODELLED_FORCE"] += rows
+        if last & Flag.OUTSIDE:
+            self.flagged["OUTSIDE"] += rows
+
+    @property
+    def not_known(self) -> str:
+        """Why the estimates are not to be used as they are; empty where they may be."""
+        return unknown_in_words(self.flagged["rows"], self.flagged)
 
     def refuse_others(self, owner: Owner) -> None:
         """Raise ``LiveError`` where the session is another's."""
@@ -335,6 +351,7 @@ class LiveService:
                 engine = models[1].engine
                 shadow = EstimateBlock(session.handle, piece.index, piece.time_s, *next(results[engine]), engine.model)
             session.latest = given
+            session.count_unknown(bits)
             flags.append(bits)
             self._add(session, piece, given, shadow if recorded else None)
             if session.owner is not None:

@@ -90,6 +90,7 @@ class Watchers:
             "lag_s": None if last is None else now_s - last.time_s,
             "kept": session.kept_index,
             "counts": vars(session.order.counts),
+            "not_known": session.not_known,
         }
 
 

@@ -17,6 +17,7 @@ from starlette.responses import HTMLResponse, Response
 from starlette.routing import Route
 
 from cylinder_friction.deployment.scoring import ScoringError, score_columns
+from cylinder_friction.realtime.flags import Flag, unknown_in_words
 from cylinder_friction.service.access import TokenFile
 from cylinder_friction.service.json_log import JsonLog
 from cylinder_friction.service.scoring.decoding import ARROW, JSON, decoder_of, refuse_too_many
@@ -29,6 +30,8 @@ from cylinder_friction.service.scoring.openapi import openapi, page
 from cylinder_friction.service.scoring.settings import ServeSettings
 
 POLL_S = 1.0
+UNUSABLE = "X-Not-To-Be-Used"
+"""Header of a reply whose estimates are not to be used as they are; its value is the reason."""
 SMALL_BYTES = 32 << 10
 """JSON up to this size is scored at once, in a few milliseconds: handing it to a thread would take longer."""
 
@@ -94,15 +97,15 @@ class Service:
         notes = request.scope["notes"]
         notes["bytes_in"] = len(body)
 
-        def work() -> bytes:
+        def work() -> Response:
             return self._work(decode, body, media, notes)
 
         if len(body) <= SMALL_BYTES and headers["content-type"].startswith(JSON):
-            return Response(work(), media_type=media)
+            return work()
         future = self._pool.submit(work)
         try:
             async with asyncio.timeout(self.settings.timeout_s):
-                return Response(await asyncio.wrap_future(future), media_type=media)
+                return await asyncio.wrap_future(future)
         except TimeoutError:
             raise RequestError(
                 503, f"not scored within {self.settings.timeout_s:g} s; try again later", RETRY
@@ -134,7 +137,7 @@ class Service:
 
     def _work(
         self, decode: Callable[[bytes, Expected], Columns], body: bytes, media: str, notes: dict[str, Any]
-    ) -> bytes:
+    ) -> Response:
         model = self.source.now  # one for the whole request, also where it is exchanged meanwhile
         try:
             columns = decode(body, Expected(model.graph.inputs, self.settings.max_rows))
@@ -146,11 +149,16 @@ class Service:
             raise RequestError(400, "the body is nested too deeply; expected rows of numbers") from None
         notes |= {"rows": len(scored["flags"]), "model_version": model.model.version}
         self.metrics.count_rows(scored["flags"], scored["in_training_range"])
+        counts = {
+            str(flag.name): int((scored["flags"] & flag != 0).sum()) for flag in (Flag.OUTSIDE, Flag.UNMODELLED_FORCE)
+        }
+        unusable = unknown_in_words(notes["rows"], counts)
+        headers = {UNUSABLE: unusable} if unusable else None
         if media == JSON:
-            return to_json(scored)
+            return Response(to_json(scored), media_type=media, headers=headers)
         from cylinder_friction.service.scoring.tables import to_arrow  # pyarrow takes 40 MB, and JSON needs none
 
-        return to_arrow(scored)
+        return Response(to_arrow(scored), media_type=media, headers=headers)
 
     async def livez(self, _: Request) -> Response:
         """Respond as long as the worker runs."""
@@ -164,6 +172,7 @@ class Service:
             "model": now.model.name,
             "version": now.model.version,
             "bounds": now.graph.bounds,
+            "trained_for": now.graph.trained_for or None,
             "golden_trajectory": "met",
             "golden_difference_n": now.golden_difference_n,
             "refused": self.source.problem or None,

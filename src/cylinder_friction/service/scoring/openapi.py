@@ -76,7 +76,11 @@ def openapi(now: ModelInService, settings: ServeSettings) -> Schema:
     }
     described: Schema = {
         "openapi": "3.1.0",
-        "info": {"title": now.model.name, "version": now.model.version},
+        "info": {
+            "title": now.model.name,
+            "version": now.model.version,
+            "description": now.graph.trained_for and f"Trained for {now.graph.trained_for}.",
+        },
         "paths": {"/invocations": {"post": invocations}, **shown},
         "components": {"schemas": _schemas(now)},
     }

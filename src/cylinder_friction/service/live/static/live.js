@@ -63,7 +63,7 @@ function table(sessions) {
     cells[2].className = good ? "wide" : "wide unusable";
     text(cells[1], friction.toFixed(0));
     text(cells[2], `${lower.toFixed(0)} to ${upper.toFixed(0)}`);
-    text(cells[3], flags);
+    text(cells[3], each.not_known ? `not to be used: ${each.not_known}` : flags);
     text(cells[4], each.index.toLocaleString("en"));
     text(cells[5], lag(each.lag_s));
     draw(cells[6].firstChild, spark, mark);

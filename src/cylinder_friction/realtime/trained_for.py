@@ -1,0 +1,90 @@
+"""Where a model belongs: the cylinder, noise and level of friction it was trained for, and what differs elsewhere."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Self
+
+import numpy as np
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.recordings.columns import PRESSURES
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.signals.noise import sensor_noise
+
+ALIKE, OTHER_LEVEL, OTHER_NOISE = 0.02, 2.0, 4.0
+"""Share by which diameters may differ, ratio of friction beyond which estimates are not to be used as they are, and of
+noise beyond which it is named."""
+
+
+class OtherCylinderError(ValueError):
+    """A model was asked for the friction of another cylinder than it was trained for."""
+
+
+@dataclass(frozen=True)
+class TrainedFor:
+    """What a model was trained for."""
+
+    bore_diameter_m: float
+    rod_diameter_m: float
+    friction_n: float  # Mean absolute label of the usable rows [N]
+    pressure_noise_pa: float  # Standard deviation of white noise, converter's steps included [Pa]; 0 without pressures
+
+    def __post_init__(self) -> None:
+        if not all(0.0 <= value < np.inf for value in vars(self).values()):
+            raise ValueError(f"trained_for: got {vars(self)}; expected finite numbers of at least 0")
+
+    @classmethod
+    def of(cls, recordings: Sequence[Recording], cylinder: Cylinder) -> Self:
+        """Return what labelled recordings of a cylinder, as measured, are."""
+        friction_n = np.mean([_level_n(each) for each in recordings])
+        return cls(cylinder.bore_diameter_m, cylinder.rod_diameter_m, float(friction_n), _noise_pa(recordings))
+
+    @classmethod
+    def from_dict(cls, values: Mapping[str, Any] | None) -> Self | None:
+        """Return what ``to_dict`` gave; None for None."""
+        return None if values is None else cls(**{name: float(value) for name, value in values.items()})
+
+    def to_dict(self) -> dict[str, float]:
+        """Return the content as JSON-compatible values."""
+        return asdict(self)
+
+    def in_words(self) -> str:
+        """Return it in words, for whoever reads a model."""
+        sizes = f"{1e3 * self.bore_diameter_m:g} mm bore and {1e3 * self.rod_diameter_m:g} mm rod"
+        return f"a cylinder of {sizes}, with friction of {self.friction_n:.0f} N on average"
+
+    def refuse(self, cylinder: Cylinder) -> None:
+        """Raise ``OtherCylinderError`` for a cylinder of other areas."""
+        own = self.bore_diameter_m, self.rod_diameter_m
+        given = cylinder.bore_diameter_m, cylinder.rod_diameter_m
+        if not np.allclose(given, own, rtol=ALIKE):
+            raise OtherCylinderError(
+                f"the model was trained for {self.in_words()}, but the cylinder given has {1e3 * given[0]:g} mm and "
+                f"{1e3 * given[1]:g} mm; train one on its recordings, or correct the cylinder; --other-cylinder (in "
+                "Python other_cylinder=True) estimates all the same"
+            )
+
+    def differences(self, recordings: Sequence[Recording]) -> tuple[str, str]:
+        """Return why estimates are not to be used as they are, and what else is unlike training; empty where nothing.
+
+        The recordings of a session are labelled, and their ``label_n`` is known beside the estimate.
+        """
+        level, noise_pa = float(np.mean([_level_n(each, "label_n") for each in recordings])), _noise_pa(recordings)
+        ratio = level / self.friction_n if self.friction_n > 0.0 else 1.0
+        other = noisy = ""
+        if np.isfinite(ratio) and not 1.0 / OTHER_LEVEL <= ratio <= OTHER_LEVEL:
+            other = f"friction is about {ratio:.2g} of what this model knows ({level:.0f} N, {self.friction_n:.0f} N)"
+        if 0.0 < OTHER_NOISE * self.pressure_noise_pa < noise_pa:
+            times = noise_pa / self.pressure_noise_pa
+            noisy = f"pressures are {times:.1f} times as noisy as those that this model knows"
+        return other, noisy
+
+
+def _level_n(recording: Recording, column: str = "friction_n") -> float:
+    rows = recording.usable()
+    return float(np.abs(recording.column(column)[rows]).mean()) if rows.any() else np.nan
+
+
+def _noise_pa(recordings: Iterable[Recording]) -> float:
+    known = [sensor_noise(each.column(name)) for each in recordings for name in PRESSURES if name in each.table]
+    return float(np.median(known)) if known else 0.0

@@ -1,0 +1,59 @@
+"""A model knows the cylinder, the level of friction and the noise it was trained for, and says what differs."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.realtime.flags import unknown_in_words
+from cylinder_friction.realtime.trained_for import OtherCylinderError, TrainedFor
+from cylinder_friction.recordings.recording import Recording
+
+
+@pytest.fixture(scope="module")
+def trained(labelled_recordings: list[Recording], cylinder: Cylinder) -> TrainedFor:
+    return TrainedFor.of(labelled_recordings, cylinder)
+
+
+def test_it_is_saved_and_read_with_the_model(small_hybrid: HybridEstimator, tmp_path) -> None:
+    small_hybrid.save(tmp_path)
+    read = HybridEstimator.load(tmp_path)
+    assert read.trained_for == small_hybrid.trained_for
+    assert read.trained_for is not None
+    assert read.trained_for.in_words().startswith("a cylinder of 63 mm bore and 28 mm rod, with friction of ")
+    assert read.step_model().trained_for == read.trained_for
+    with pytest.raises(ValueError, match="expected finite numbers"):
+        TrainedFor(np.nan, 0.03, 300.0, 1e3)
+
+
+def test_another_cylinder_is_refused(trained: TrainedFor, cylinder: Cylinder) -> None:
+    trained.refuse(replace(cylinder, name="the same by another name", stroke_m=0.5))
+    with pytest.raises(OtherCylinderError, match=r"but the cylinder given has 80 mm and 45 mm; train one"):
+        trained.refuse(replace(cylinder, bore_diameter_m=0.08, rod_diameter_m=0.045))
+
+
+def test_another_level_of_friction_and_other_noise_are_named(
+    trained: TrainedFor, labelled_recordings: list[Recording]
+) -> None:
+    recording = labelled_recordings[0]
+    label_n = recording.column("friction_n")
+    like = recording.with_columns(label_n=label_n)
+    assert trained.differences([like]) == ("", "")
+    other, _ = trained.differences([like.with_columns(label_n=label_n / 3.0)])
+    assert other.startswith("friction is about 0.2")
+    generator = np.random.default_rng(1)
+    noise_pa = generator.normal(0.0, 1e5, (2, len(recording)))
+    pressures = {f"pressure_{each}_pa": like.column(f"pressure_{each}_pa") + noise_pa[each - 1] for each in (1, 2)}
+    _, noisy = trained.differences([like.with_columns(**pressures)])
+    assert "times as noisy as those that this model knows" in noisy
+
+
+def test_rows_that_a_model_does_not_know_are_named() -> None:
+    assert unknown_in_words(4000, {"UNMODELLED_FORCE": 3520}) == (
+        "88 % of the rows hold a force that this model does not know"
+    )
+    assert unknown_in_words(4000, {"OUTSIDE": 1200}) == "30 % of the rows lie outside the range of its training"
+    assert unknown_in_words(4000, {"OUTSIDE": 900, "UNMODELLED_FORCE": 900}) == ""
+    assert unknown_in_words(900, {"OUTSIDE": 900}) == "", "too few rows to speak of"
