@@ -34,6 +34,10 @@ SESSION = {
     "strokes_retract": 30,
     "sliding_s": 55.0,
 }
+FINALS = [
+    {"params": {"layers": 1, "nodes": 16}, "errors_n": [6.0, 6.5], "multiply_adds": 2000},
+    {"params": {"layers": 1, "nodes": 48}, "errors_n": [5.5, 5.6], "multiply_adds": 11268},
+]
 HOLD = "friction lies between the bounds, as made up here"
 HELD = Coverage("truth", "1", 4000, 90.25, 86.5, "s-t1_2", 81.75, 42.5)
 
@@ -50,8 +54,15 @@ def page(analysis):
     times = {"hybrid": StepTime(10, 2e-6, 5e-6, 9e-6)}
     return report_html(
         analysis,
-        ReportInputs(times, {"layers": [1, 2]}, {"layers": 1}, {"layers": 1}, AUDIT, [SESSION], [STARTS], HOLD, [HELD]),
+        ReportInputs(
+            times, {"layers": [1, 2]}, {"layers": 1}, FINALS, {"layers": 1}, AUDIT, [SESSION], [STARTS], HOLD, [HELD]
+        ),
     )
+
+
+def test_the_finals_of_the_search_show_how_sure_the_choice_is(page):
+    taken, other = page.index("5.50 to 5.60"), page.index("6.00 to 6.50")
+    assert taken < other
 
 
 @pytest.fixture(scope="module")
@@ -62,7 +73,7 @@ def bare(compared, curves):
 
 @pytest.fixture(scope="module")
 def bare_page(bare):
-    return report_html(bare, ReportInputs({}, {}, {}, {}, None, [], [], "", []))
+    return report_html(bare, ReportInputs({}, {}, {}, [], {}, None, [], [], "", []))
 
 
 def test_every_figure_is_there_and_equal_data_are_equal_bytes(analysis):
@@ -170,7 +181,7 @@ def test_where_an_estimator_equals_the_label_the_report_warns_and_shows_none_of_
     comparison = compared(force_balance_paper=0.0, paper_hybrid=3.0, hybrid=1.0, lugre=40.0)
     shown = report_html(
         analyse(comparison, "paper_hybrid", "lugre", curves, 2.0, 20),
-        ReportInputs({}, {}, {}, {}, None, [], [], "", []),
+        ReportInputs({}, {}, {}, [], {}, None, [], [], "", []),
     )
     errors, _, rest = shown[shown.index('<h2 id="label-errors"') :].partition('<h2 id="over-time"')
     assert "this states nothing about friction" in errors

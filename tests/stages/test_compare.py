@@ -26,7 +26,15 @@ from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.signals.methods import filters_by_method
 from cylinder_friction.stages import compare
-from cylinder_friction.stages._stage import BEST_FILE, CHOSEN_FILE, FILTERS_FILE, INGESTED_FILE, OFFSET_FILE, SPACE_FILE
+from cylinder_friction.stages._stage import (
+    BEST_FILE,
+    CHOSEN_FILE,
+    FILTERS_FILE,
+    FINALS_FILE,
+    INGESTED_FILE,
+    OFFSET_FILE,
+    SPACE_FILE,
+)
 from shipped_params import shipped
 
 TRUTH_FOLDER = Path("data/raw/rig_truth")
@@ -92,6 +100,7 @@ def write_what_it_reads(cylinder: Cylinder, labelled_recordings: list[Recording]
     write_json(BEST_FILE, chosen | {"nodes": 99, "design": "paper"})
     write_json(FILTERS_FILE, {"method": "moving_average"})
     ranges = {"learning_rate": [1e-3, 1e-2], "forest_trees": [4, 8], "forest_depth": [3, 5]}
+    write_json(FINALS_FILE, [{"params": {"layers": 1, "nodes": 8}, "errors_n": [5.0, 6.0], "multiply_adds": 99}])
     write_json(SPACE_FILE, {"layers": [1], "nodes": [8], "dropout": [0.0], **ranges})
     write_json(Path("reports/runs/train.json"), {"kept": True})
     write_json(Path("data/processed/audit/audit.json"), {"savitzky_golay": {"all": {"steady": {"mae_n": 12.25}}}})

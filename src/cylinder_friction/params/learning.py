@@ -50,6 +50,9 @@ class SearchParams(LearningParams):
     startup_trials: Count
     batch: Count
     maximum_multiply_adds: Count
+    finalists: Count
+    final_epochs: Count
+    final_seeds: Count
     space: SearchSpace
 
 

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from statistics import fmean
 from typing import Any
 
 from cylinder_friction.evaluation.analysis import Analysis
@@ -185,6 +186,17 @@ def hyperparameter_table(searched: Mapping[str, Any], best: Mapping[str, Any], c
     ]
     values = ("Range searched", "Value found", "Value used")
     return Table(("Hyperparameter", *values, "Published range", "Published value"), rows)
+
+
+def finals_table(finals: Sequence[Mapping[str, Any]]) -> Table:
+    """Return the candidates of the search's finals, the best first, and how far their trainings differ."""
+    rows = []
+    for each in sorted(finals, key=lambda final: fmean(final["errors_n"])):
+        errors_n, params = each["errors_n"], each["params"]
+        extent = f"{min(errors_n):.2f} to {max(errors_n):.2f}"
+        size = (str(params["layers"]), str(params["nodes"]))
+        rows.append((*size, f"{fmean(errors_n):.2f}", extent, f"{each['multiply_adds']:,}"))
+    return Table(("Layers", "Nodes", "Error [N]", "Of each training [N]", "Multiply-adds"), rows)
 
 
 def cost_table(comparison: Comparison, times: Mapping[str, StepTime]) -> Table:

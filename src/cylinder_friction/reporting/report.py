@@ -49,6 +49,7 @@ class ReportInputs:
     times: Mapping[str, StepTime]  # Measured seconds per step by estimator
     searched: Mapping[str, Any]  # Ranges of the hyperparameter search by name
     best: Mapping[str, Any]  # The best hyperparameters that it found by name, and the ``design`` they are of
+    finals: Sequence[Mapping[str, Any]]  # Of the search, as the search stage wrote them
     chosen: Mapping[str, Any]  # Hyperparameters that the main estimator was trained with by name
     # The label audit, as the label stage wrote it: by filter, condition and stratum; None if there is none
     audit: dict[str, Any] | None
@@ -91,6 +92,7 @@ def report_html(analysis: Analysis, inputs: ReportInputs) -> str:
         residuals=analysis.residuals[main],
         residual_tables=(tables.residual_shape_table(analysis), tables.residual_memory_table(analysis)),
         hyperparameters=tables.hyperparameter_table(inputs.searched, inputs.best, inputs.chosen),
+        finals=tables.finals_table(inputs.finals),
         searched_design=DESIGNS.get(inputs.best.get("design", ""), "a design that is not recorded"),
         cost=tables.cost_table(comparison, inputs.times),
         audit=_audit(audit),

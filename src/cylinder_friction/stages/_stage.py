@@ -48,6 +48,7 @@ position decides, or null; ``offset_tracker``, how the sensors' offset is learne
 BEST_FILE = SEARCH_FOLDER / "best.json"
 """From ``search``: the ``design`` and the best hyperparameters of the hybrid."""
 SPACE_FILE = SEARCH_FOLDER / "space.json"
+FINALS_FILE = SEARCH_FOLDER / "finals.json"
 """From ``search``: the ranges that were searched."""
 CHOSEN_FILE = "chosen.json"
 """In a hybrid's folder, from ``train`` and ``baselines``: the hyperparameters that it was trained with."""

@@ -17,14 +17,16 @@ from cylinder_friction.recordings.files import whole_folder, write_json
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.reporting.search_figures import write_search_page
 from cylinder_friction.run_record import RunRecord, Times
-from cylinder_friction.stages._stage import BEST_FILE, SEARCH_FOLDER, SPACE_FILE, artifacts, flat
+from cylinder_friction.stages._stage import BEST_FILE, FINALS_FILE, SEARCH_FOLDER, SPACE_FILE, artifacts, flat
 from cylinder_friction.stages._training import NETWORK_MAE, RESUMED_CODE, LearningData, hybrid_from, resume_folder
+from cylinder_friction.tuning.finals import Final, finalists
 from cylinder_friction.tuning.search import SearchPlan, Trial, best_trial, run_search
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.execution.workers import Workers
     from cylinder_friction.params.checking import Params
     from cylinder_friction.params.learning import SearchParams
     from cylinder_friction.tuning.search import Report, Values
@@ -49,16 +51,19 @@ def run(params: Params) -> RunRecord:
     ):
         objective = partial(error_of, settings, cylinder, data if workers.here else data.hashes)
         trials = run_search(settings.space, plan, cost, objective, journal, bar.update, workers)
-    best = best_trial(trials)
+        best_trial(trials)  # raises where there is none
+        finals = _finals(settings, cylinder, data, trials, workers)
+    best = min(finals, key=lambda final: final.error_n)
     with whole_folder(SEARCH_FOLDER) as folder:
         write_json(folder / "trials.json", [trial.to_dict() for trial in trials])
         write_json(folder / BEST_FILE.name, {"design": settings.hybrid, **best.params})
+        write_json(folder / FINALS_FILE.name, [final.to_dict() for final in finals])
         write_json(folder / SPACE_FILE.name, settings.model_dump()["space"])
         write_search_page(trials, settings.space, plan, folder / "search.html")
     return RunRecord(
         name="search",
         params=flat(settings) | {f"best.{name}": value for name, value in best.params.items()},
-        metrics={"best_validation_mae_n": best.value or 0.0, "best_multiply_adds": float(best.multiply_adds)}
+        metrics={"best_validation_mae_n": best.error_n, "best_multiply_adds": float(best.multiply_adds)}
         | {"completed_trials": float(sum(trial.value is not None for trial in trials))},
         artifacts=artifacts(SEARCH_FOLDER),
         datasets=data.datasets,
@@ -66,8 +71,35 @@ def run(params: Params) -> RunRecord:
     )
 
 
+def _finals(
+    settings: SearchParams, cylinder: Cylinder, data: LearningData, trials: Sequence[Trial], workers: Workers
+) -> list[Final]:
+    """Return the finals of a search, best trial first."""
+    longer = {"epochs": settings.final_epochs, "patience": settings.final_epochs}
+    training = settings.training.model_copy(update=longer)
+    seeds = [settings.seed + 1 + more for more in range(settings.final_seeds)]
+    given = data if workers.here else data.hashes
+    work, names = [], []
+    for number, trial in enumerate(finalists(trials, settings.finalists)):
+        for seed in seeds:
+            own = settings.model_copy(update={"training": training, "seed": seed})
+            work.append(partial(error_of, own, cylinder, given, trial.params))
+            names.append(f"finalist {number}, seed {seed}")
+    results = workers.all_in_order(work, names)
+    errors_n = list(tqdm(results, desc="finals", total=len(work), unit="training", disable=None))
+    count = len(seeds)
+    return [
+        Final(trial.params, tuple(errors_n[count * place : count * (place + 1)]), trial.multiply_adds)
+        for place, trial in enumerate(finalists(trials, settings.finalists))
+    ]
+
+
 def error_of(
-    settings: SearchParams, cylinder: Cylinder, given: LearningData | dict[str, str], values: Values, report: Report
+    settings: SearchParams,
+    cylinder: Cylinder,
+    given: LearningData | dict[str, str],
+    values: Values,
+    report: Report | None = None,
 ) -> float:
     """Return a hybrid's error on the validation recordings, trained with these hyperparameters [N].
 
@@ -76,7 +108,7 @@ def error_of(
         cylinder: Whose recordings they are.
         given: What is learned from; or its hashes, for a worker elsewhere that reads it.
         values: The hyperparameters.
-        report: Called with the network's validation error after each epoch [N].
+        report: If given, called with the network's validation error after each epoch [N].
     """
     data = given if isinstance(given, LearningData) else _read_once(Path.cwd(), tuple(sorted(given.items())))
     estimator = hybrid_from(cylinder, settings.hybrid, values, settings, data)
@@ -84,7 +116,8 @@ def error_of(
 
         def after_epoch(_epoch: int, _train_mae_n: float, validation_mae_n: float) -> None:
             bar.update(1)
-            report(validation_mae_n)
+            if report is not None:
+                report(validation_mae_n)
 
         estimator.fit(data.train, data.validation, data.calibration, report=after_epoch)
     return mean_absolute_error_n(estimator, data.validation)

@@ -1,0 +1,36 @@
+"""The finals of a search: the best of each size of network, trained longer and from several seeds, decides."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from cylinder_friction.tuning.search import Trial, Values
+
+
+@dataclass(frozen=True)
+class Final:
+    """A candidate of the finals."""
+
+    params: Values  # The hyperparameters
+    errors_n: tuple[float, ...]  # Validation mean absolute error of the whole hybrid [N], one per seed
+    multiply_adds: int  # Of one step
+
+    @property
+    def error_n(self) -> float:
+        """Mean over the seeds [N]."""
+        return sum(self.errors_n) / len(self.errors_n)
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content as JSON-compatible values."""
+        return asdict(self)
+
+
+def finalists(trials: Sequence[Trial], count: int) -> list[Trial]:
+    """Return the best complete trial of each size of network, at most ``count``, best first.
+
+    A search trains so briefly that small networks, which learn faster, look as good as larger ones.
+    """
+    of_size: dict[tuple[float, float], Trial] = {}
+    for trial in sorted((each for each in trials if each.value is not None), key=lambda each: each.value or 0.0):
+        of_size.setdefault((trial.params["layers"], trial.params["nodes"]), trial)
+    return list(of_size.values())[:count]
