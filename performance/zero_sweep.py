@@ -1,12 +1,16 @@
 """Does identifying the zeros of pressure sensors ever make friction worse? Labels of short campaigns with known truth.
 
     python performance/zero_sweep.py [--seeds N] [KIND ...]
+    python performance/zero_sweep.py --train [--seeds N] [KIND ...]
 
 A kind of campaign is a rig, the zeros' limits as they are and as stated [bar], and how asymmetric friction is. Every
 campaign of four or three conditions with six sessions each is labelled; zeros are identified from all sessions, from
 one condition, from twelve, from two and from one. Prints, per kind and grouping, the label's mean absolute error
 with identified zeros over that without (median, worst decile, largest; share above 1.05), both errors in percent of
 mean friction, how often the label's bounds hold true friction, and how often an offset lies within what is stated.
+
+With ``--train`` a hybrid is trained on four sessions of each condition, as the pipeline does; of those held out it
+prints the error and how often its bounds hold true friction, with and without what it learns of their zeros.
 
 The kinds of the servo rig need the package in ``benchmark``.
 """
@@ -24,10 +28,13 @@ import pandas as pd
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.labelling.known_offset import STROKES, known_offsets, offset_evidence
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.labelling.known_offset import STROKES, cautious, known_offsets, offset_evidence, undetermined
 from cylinder_friction.labelling.label import label
+from cylinder_friction.labelling.offset_identification import fit_offset_model
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan
 from cylinder_friction.labelling.up_and_down import up_and_down
+from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.recording import Recording, SensorUncertainty
 from cylinder_friction.rig.campaign import CampaignPlan, campaign
@@ -148,13 +155,58 @@ def sweep(kinds: list[str], seeds: range, sessions: int = 6, duration_s: float =
     return table.assign(ratio=table["with %"] / table["without %"])
 
 
+def trained(name: str, seed: int, epochs: int = 10) -> dict[str, float | str]:
+    """Return what a hybrid makes of held-out sessions of a campaign."""
+    cylinder, labelled, truths_n = recordings(KINDS[name], seed, 6, 60.0)
+    by_name = {each.name: truth_n for each, truth_n in zip(labelled, truths_n, strict=True)}
+    turns: dict[str, list[Recording]] = {}
+    for each in labelled:
+        turns.setdefault(each.metadata.condition, []).append(each)
+    parts = [[each for own in turns.values() for each in own[some]] for some in (slice(0, 4), slice(4, 5), slice(5, 6))]
+    plan = cautious(PLAN, {each.metadata.session for each in parts[0]})
+    model = fit_offset_model(parts[0], cylinder, plan)
+    shown = not any(undetermined(found, model, plan) for found in model.sessions.values())
+    if shown:
+        parts = [model.corrected(part) for part in parts]
+    train, validation, held_out = parts
+    hybrid = HybridEstimator(cylinder)
+    hybrid = HybridEstimator(cylinder, plan=replace(hybrid.plan, epochs=epochs)).fit(train, validation)
+    alone = replace(hybrid.step_model(), offset=None)
+    rows = []
+    for each in held_out:
+        newtons, _ = hybrid.real_time().run(each.samples())
+        without, _ = RealTimeStream(alone).run(each.samples())
+        usable, truth_n = each.usable().copy(), by_name[each.name]
+        usable[: hybrid.step_model().guard.warm_up_samples] = False
+        level_n, error_n = np.mean(np.abs(truth_n[usable])), np.abs(newtons[:, 0] - truth_n)[usable].mean()
+        rows.append(
+            {
+                "error %": 100.0 * error_n / level_n,
+                "without tracker %": 100.0 * np.abs(without[:, 0] - truth_n)[usable].mean() / level_n,
+                "held %": 100.0 * ((newtons[:, 1] <= truth_n) & (truth_n <= newtons[:, 2]))[usable].mean(),
+                "width over error": (newtons[:, 2] - newtons[:, 1])[usable].mean() / error_n,
+            }
+        )
+    words: dict[str, float | str] = {
+        "kind": name,
+        "zeros taken off": str(shown),
+        "learns": str(hybrid.offset is not None),
+    }
+    return words | {str(key): float(value) for key, value in pd.DataFrame(rows).mean().items()}
+
+
 def main() -> None:
     """Print the sweep."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("kinds", metavar="KIND", nargs="*", default=list(KINDS), help=f"of: {', '.join(KINDS)}")
     parser.add_argument("--seeds", type=int, default=4, help="campaigns of each kind")
+    parser.add_argument("--train", action="store_true", help="train a hybrid on each campaign")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore", UserWarning)
+    if arguments.train:
+        found = [trained(name, seed) for name in arguments.kinds for seed in range(arguments.seeds)]
+        print(pd.DataFrame(found).round(2).to_string(index=False))
+        return
     table = sweep(arguments.kinds, range(arguments.seeds))
     groups = table.groupby(["kind", "call"], sort=False)
     shown = pd.DataFrame(

@@ -52,7 +52,9 @@ def test_without_a_model_friction_is_the_label(
     result = estimate_logs(logs, cylinder, tmp_path / "out", channels=CHANNELS)
     assert [each.name for each in result.recordings] == [each.name for each in labelled_recordings[:4]]
     assert result.bounds.startswith("none: nothing is stated about the sensors, so that their zeros are not identified")
-    assert "--sensor-class 0.5 takes sensors of 250 bar for right within ± 0.5 %, which is ± 577 N" in result.bounds
+    assert (
+        "--sensor-class 0.5 (pressure_1_pa ± 0.5 % of 250 bar, pressure_2_pa ± 0.5 % of 250 bar) would mean ± 577 N"
+    ) in result.bounds
     assert result.refused == []
     for recording in labelled_recordings[:4]:
         written = read_recording(tmp_path / "out" / f"{recording.name}.parquet")

@@ -34,9 +34,8 @@ from cylinder_friction.recordings.columns import COVERAGE_FACTOR, DRIVE_FORCE, L
 from cylinder_friction.recordings.files import whole_file, write_json
 from cylinder_friction.recordings.ingesting import Quarantined, convert_in_parts
 from cylinder_friction.recordings.long_logs import ROWS_AT_ONCE, LongRecording, on_disk
-from cylinder_friction.recordings.mapping.channel_mapping import HALF_WIDTH_TO_STANDARD
-from cylinder_friction.recordings.mapping.units import column_scale
-from cylinder_friction.recordings.reading_logs import FULL_SCALE_BAR, Logs, find_logs
+from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertainty
+from cylinder_friction.recordings.reading_logs import Logs, find_logs
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.recordings.result_folder import ResultFolder, existing
 from cylinder_friction.recordings.storage import write_parts, write_recording
@@ -542,13 +541,17 @@ def _bounds_in_words(run: LabelledLogs, bounded: bool) -> str:
         return "none: the model was never calibrated" if estimator.bounds is None else estimator.bounds.in_words()
     if bounded:
         return f"{LABEL_BOUNDS}{assumed and '; '}{assumed}"
-    zero_pa = column_scale(PRESSURES[0], "bar") * FULL_SCALE_BAR * TYPICAL_CLASS / 100.0 * HALF_WIDTH_TO_STANDARD
-    zeros_n = COVERAGE_FACTOR * zero_pa * math.hypot(run.cylinder.piston_area_m2, run.cylinder.annulus_area_m2)
+    typical = run.logs.with_sensor_class(TYPICAL_CLASS)
+    if not typical.assumed:
+        return "none: the accuracy of a force sensor is not stated (sensor.accuracy_percent in the mapping)"
+    zeros = sensor_uncertainty(typical.recipe.channels)
+    areas = run.cylinder.piston_area_m2, run.cylinder.annulus_area_m2
+    zeros_n = [area * zeros[name].zero for name, area in zip(PRESSURES, areas, strict=True) if name in zeros]
     return (
         "none: nothing is stated about the sensors, so that their zeros are not identified, and friction may be off by "
         f"them. State sensor.accuracy_percent in the mapping, or accept what is typical: --sensor-class "
-        f"{TYPICAL_CLASS:g} takes sensors of {FULL_SCALE_BAR:g} bar for right within ± {TYPICAL_CLASS:g} %, which is "
-        f"± {zeros_n:.0f} N, and strokes of many sessions narrow it"
+        f"{TYPICAL_CLASS:g} ({typical.assumed.partition(': ')[2]}) would mean "
+        f"± {COVERAGE_FACTOR * math.hypot(*zeros_n):.0f} N, and strokes of many sessions narrow it"
     )
 
 

@@ -80,11 +80,13 @@ def fit_offset_tracker(
             f"but got {_sessions(recordings)[0]!r} alone; give recordings of another session"
         )
     prior_n = max(zero_uncertainty_n(recording, cylinder) or 0.0 for recording in recordings)
+    # What the surest session leaves uncertain is nearly all common: strokes do not show the mean offset of all sessions
+    common_n = min(zero_uncertainty_n(recording.zeroed(), cylinder) or 0.0 for recording in recordings)
 
     def fitted(slowest: float, chosen: Sequence[Recording]) -> OffsetTracker:
         own = replace(plan, slowest_m_s=slowest * plan.slowest_m_s)
         model = fit_offset_model([recording.zeroed() for recording in chosen], cylinder, own, inputs)
-        return _tracker(model, recordings[0], inputs, prior_n)
+        return _tracker(replace(model, common_uncertainty_n=common_n), recordings[0], inputs, prior_n)
 
     found = {slowest: _chosen(recordings, inputs, partial(fitted, slowest)) for slowest in (1.0, SLOWER)}
     level_n = np.mean([np.abs(recording.column("friction_n")).mean() for recording in recordings])
