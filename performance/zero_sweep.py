@@ -7,7 +7,8 @@ A kind of campaign is a rig, the zeros' limits as they are and as stated [bar], 
 campaign of four or three conditions with six sessions each is labelled; zeros are identified from all sessions, from
 one condition, from twelve, from two and from one. Prints, per kind and grouping, the label's mean absolute error
 with identified zeros over that without (median, worst decile, largest; share above 1.05), both errors in percent of
-mean friction, how often the label's bounds hold true friction, and how often an offset lies within what is stated.
+mean friction, how often the label's bounds hold true friction, intervals of Stribeck points those of true friction,
+and how often an offset lies within what is stated.
 
 With ``--train`` a hybrid is trained on four sessions of each condition, as the pipeline does; of those held out it
 prints the error and how often its bounds hold true friction, with and without what it learns of their zeros.
@@ -28,8 +29,17 @@ import pandas as pd
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimation.stribeck_points import stribeck_points
 from cylinder_friction.estimators.hybrid import HybridEstimator
-from cylinder_friction.labelling.known_offset import STROKES, cautious, known_offsets, offset_evidence, undetermined
+from cylinder_friction.labelling.known_offset import (
+    STROKES,
+    KnownOffset,
+    cautious,
+    known_offsets,
+    mean_uncertainty_n,
+    offset_evidence,
+    undetermined,
+)
 from cylinder_friction.labelling.label import label
 from cylinder_friction.labelling.offset_identification import fit_offset_model
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan
@@ -126,6 +136,7 @@ def one_call(labelled: list[Recording], truths_n: list[Array], cylinder: Cylinde
         halves = up_and_down(position_m, velocity_m_s, friction_n, each.usable(), PLAN.slowest_m_s)
         evidence.append(offset_evidence(each, cylinder, PLAN, *halves, ""))
     known = {each.session: each for each in known_offsets(evidence, cylinder, PLAN)}
+    held = points_held(labelled, truths_n, known)
     for each, truth_n in zip(labelled, truths_n, strict=True):
         found, rows = known[each.metadata.session], each.usable()
         error_n, half_n = (each.column("friction_n") - truth_n)[rows], each.column(UNCERTAINTY_COLUMN)[rows]
@@ -138,8 +149,30 @@ def one_call(labelled: list[Recording], truths_n: list[Array], cylinder: Cylinde
             "with %": 100.0 * float(np.mean(np.abs(left_n))) / level_n,
             "without %": 100.0 * float(np.mean(np.abs(error_n))) / level_n,
             "label held %": 100.0 * float(np.mean(np.abs(left_n) <= half_n)),
+            "points held %": held[each.metadata.condition],
             "offset held %": 100.0 * (missed_n <= found.uncertainty_n) if identified else np.nan,
         }
+
+
+def points_held(labelled: list[Recording], truths_n: list[Array], known: dict[str, KnownOffset]) -> dict[str, float]:
+    """Return how often the interval of a Stribeck point holds that of true friction, by condition [%]."""
+    held = {}
+    for condition in {each.metadata.condition for each in labelled}:
+        pairs = [pair for pair in zip(labelled, truths_n, strict=True) if pair[0].metadata.condition == condition]
+        offsets = [known[each.metadata.session] for each, _ in pairs]
+        own, true = [], []
+        for (each, truth_n), found in zip(pairs, offsets, strict=True):
+            less_n = found.offset_n if found.source == STROKES else 0.0
+            own.append(each.with_columns(friction_n=each.column("friction_n") - less_n))
+            true.append(each.with_columns(friction_n=truth_n))
+        points = stribeck_points(own, PLAN.slowest_m_s, 0.95, mean_uncertainty_n(offsets))
+        within = [
+            abs(mine.friction_n - theirs.friction_n) <= mine.half_width_n
+            for mine, theirs in zip(points, stribeck_points(true, PLAN.slowest_m_s, 0.95), strict=True)
+            if mine.known_half_width_n is not None
+        ]
+        held[condition] = 100.0 * float(np.mean(within)) if within else np.nan
+    return held
 
 
 def sweep(kinds: list[str], seeds: range, sessions: int = 6, duration_s: float = 30.0) -> pd.DataFrame:
@@ -217,13 +250,14 @@ def main() -> None:
             "largest": groups["ratio"].max(),
             "above 1.05 %": groups["ratio"].apply(lambda each: 100.0 * (each > 1.05).mean()),
         }
-    ).join(groups[["with %", "without %", "label held %", "offset held %"]].mean())
+    ).join(groups[["with %", "without %", "label held %", "points held %", "offset held %"]].mean())
     print(shown.round(2).to_string())
     ratio = table["ratio"]
     print(
         f"{len(table)} calls: worst decile {ratio.quantile(0.9):.3f}, above 1.05: {100.0 * (ratio > 1.05).mean():.1f} "
         f"%, above 1.2: {100.0 * (ratio > 1.2).mean():.1f} %, largest {ratio.max():.2f}; label held "
-        f"{table['label held %'].mean():.1f} %, offsets held {table['offset held %'].mean():.1f} %"
+        f"{table['label held %'].mean():.1f} %, Stribeck points {table['points held %'].mean():.1f} %, offsets "
+        f"{table['offset held %'].mean():.1f} %"
     )
 
 

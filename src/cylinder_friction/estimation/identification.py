@@ -1,6 +1,5 @@
 """Logger files become friction models: Stribeck points and curve, LuGre parameters, and files for simulators."""
 
-import math
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -27,7 +26,7 @@ from cylinder_friction.friction_models.identification.intervals import INTERVAL_
 from cylinder_friction.friction_models.identification.known_curve import undetermined
 from cylinder_friction.friction_models.identification.procedure import SearchEffort, identify
 from cylinder_friction.friction_models.lugre import LuGre
-from cylinder_friction.labelling.known_offset import STROKES, KnownOffset
+from cylinder_friction.labelling.known_offset import KnownOffset, mean_uncertainty_n
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.files import write_json, write_text
 from cylinder_friction.recordings.ingesting import Quarantined, none_usable, other_rates
@@ -205,14 +204,8 @@ class _ModelSearch:
         return model.simulate(values, velocity(recording), recording.sample_time_s, state, pressure)
 
     def _zeros_n(self, recordings: Sequence[Recording]) -> float:
-        """Return by how much zeros of the sensors may shift the mean friction of recordings [N] (k = 2); 0 if unknown.
-
-        Zeros as stated are each session's own; what is left of identified ones is in part common to all.
-        """
-        known = {name: self.offsets[name] for each in recordings if (name := each.metadata.session) in self.offsets}
-        own = [each.uncertainty_n for each in known.values() if math.isfinite(each.uncertainty_n)]
-        alike = any(each.source == STROKES for each in known.values())
-        return math.sqrt(sum(each**2 for each in own) / len(own) / (1 if alike else len(own))) if own else 0.0
+        sessions = {each.metadata.session for each in recordings} & self.offsets.keys()
+        return mean_uncertainty_n([self.offsets[name] for name in sorted(sessions)])
 
     def _of(self, condition: str) -> list[Recording]:
         return [recording for recording in self.recordings if recording.metadata.condition == condition]

@@ -113,6 +113,16 @@ def known_offsets(evidence: Sequence[OffsetEvidence], cylinder: Cylinder, plan: 
     return [_known(name, own, model, plan) for name, own in sessions.items()]
 
 
+def mean_uncertainty_n(known: Sequence[KnownOffset]) -> float:
+    """Return by how much zeros of the sensors may shift the mean friction of sessions [N] (k = 2); 0 if unknown.
+
+    Zeros as stated are each session's own; what is left of identified ones is in part common to all.
+    """
+    own = [each.uncertainty_n for each in known if math.isfinite(each.uncertainty_n)]
+    alike = any(each.source == STROKES for each in known)
+    return math.sqrt(sum(each**2 for each in own) / len(own) / (1 if alike else len(own))) if own else 0.0
+
+
 def cautious(plan: OffsetPlan, sessions: Collection[str]) -> OffsetPlan:
     """Return a plan where asymmetry may differ more between sessions the fewer they are that show it."""
     return replace(plan, asymmetry_sd=max(plan.asymmetry_sd, plan.asymmetry / max(len(sessions), 1)))
