@@ -81,8 +81,8 @@ def _announce(url: str, folder: Path, settings: ServeSettings) -> None:
     print(
         f"serving {located['name']} version {located['version']} at {url} (stop with Ctrl-C)\n\n"
         f"try it in another terminal:\n\n{curl(url, located['example'], settings)}\n\n"
-        "friction_n is in newtons, positive when it opposes extension, with bounds and flags. Send the rows of a\n"
-        f"recording in order, at the trained sample time. All routes: {url}/docs",
+        "friction_n is in newtons, positive when it opposes extension. Send the rows of a recording in order, at the\n"
+        f"trained sample time. Bounds: {located['bounds']}.\nAll routes: {url}/docs",
         flush=True,
     )
 

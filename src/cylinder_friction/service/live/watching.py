@@ -68,7 +68,8 @@ class Watchers:
                 continue
             engine, now_s = self._service.engine, time.time()
             rows = [self._row(each, now_s) for each in self._service.sessions.values()]
-            table = json.dumps({"sessions": rows, "sample_time_s": engine.sample_time_s, "inputs": engine.inputs})
+            about = {"sample_time_s": engine.sample_time_s, "inputs": engine.inputs, "bounds": engine.bounds}
+            table = json.dumps({"sessions": rows, **about})
             for page in self._pages:
                 if page.sending is None or page.sending.done():
                     page.sending = asyncio.create_task(page.send(table, self._service.engines))

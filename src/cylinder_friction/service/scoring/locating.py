@@ -33,7 +33,7 @@ def locate(model: str, root: Path, folder: Path) -> None:
     copy = folder / located["version"]
     served = ServedModel(copy, located["name"], located["version"])
     try:
-        open_model(served)
+        located["bounds"] = open_model(served).graph.bounds
     except ServingError:
         shutil.rmtree(copy)  # copied anew when it is asked for again
         raise

@@ -25,6 +25,7 @@ function connect() {
     const content = JSON.parse(event.data);
     if (content.sessions) {
       sampleTimeS = content.sample_time_s;
+      by("bounds").title = content.bounds;
       columns = ["pressure_1_pa", "pressure_2_pa", "position_m"].map((name) => content.inputs.indexOf(name));
       table(content.sessions);
     } else if (content.rows) { take(content.rows); text(by("model"), `by ${content.model}`); }
