@@ -20,7 +20,7 @@ from cylinder_friction.estimation.off_line_velocity import (
 )
 from cylinder_friction.estimation.parameter_files import matlab_script, modelica_record
 from cylinder_friction.estimation.stribeck_points import IdentifiedCurve, identified_curve, stribeck_points
-from cylinder_friction.estimation.velocity_choice import FITS_ALIKE, LEAST_SHARE, widened_intervals
+from cylinder_friction.estimation.velocity_choice import FITS_ALIKE, LEAST_SHARE, shifted_intervals, widened_intervals
 from cylinder_friction.estimators.lugre import condition_of_smallest_friction
 from cylinder_friction.friction_models.identification.intervals import INTERVAL_METHOD
 from cylinder_friction.friction_models.identification.known_curve import undetermined
@@ -44,7 +44,8 @@ SIMULATED_RECORDINGS, PIECE_S, POLISHED_PIECE_S = 16, 10.0, 60.0
 """What differential evolution simulates, and the longest piece of each recording in the last local searches."""
 INTERVALS_OF_PARAMETERS = (
     f"{INTERVAL_METHOD}; widened to hold what is identified with every velocity whose error exceeds the least by at "
-    f"most {100.0 * FITS_ALIKE:g} % of mean |friction|, and to {100.0 * LEAST_SHARE:g} % either way at least"
+    f"most {100.0 * FITS_ALIKE:g} % of mean |friction|, to {100.0 * LEAST_SHARE:g} % either way at least, and by what "
+    "is stated of the sensors' zeros"
 )
 INTERVALS_OF_POINTS = (
     "Student's t over the medians of strokes, with what is stated of the sensors' zeros; where nothing is stated, they "
@@ -234,7 +235,7 @@ class _ModelSearch:
         intervals = widened_intervals(
             found, model, recordings, self.velocities, pressure, mass_kg=mass_kg, damping_ratio=DAMPING_RATIO
         )
-        found = replace(found, intervals=intervals)
+        found = replace(found, intervals=shifted_intervals(found, intervals, self._zeros_n(recordings)))
         parameters = determined(model, found, points, DAMPING_RATIO)
         names = tuple(recording.name for recording in recordings)
         return IdentifiedModel(model.name, model.title, names, "", parameters, found.velocity, found)

@@ -1,5 +1,6 @@
 """How much parameters depend on the choice of how velocity is made from position, as part of their intervals."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
@@ -53,6 +54,28 @@ def widened_intervals(
         for name, (lower, upper) in intervals.items():
             intervals[name] = min(lower, parameters.value(name)), max(upper, parameters.value(name))
     return intervals
+
+
+def shifted_intervals(
+    found: Identification, intervals: Mapping[str, tuple[float, float]], zeros_n: float
+) -> dict[str, tuple[float, float]]:
+    """Return intervals widened by how far zeros of the sensors may shift friction.
+
+    A shift of both directions adds to dry friction while extending, and is taken from it while retracting.
+
+    Args:
+        found: What was identified.
+        intervals: By parameter.
+        zeros_n: Greatest shift [N].
+    """
+    shifts = {"coulomb_n": zeros_n, "static_n": zeros_n}
+    shifts["retract_ratio"] = zeros_n * (1.0 + found.parameters.value("retract_ratio")) / found.mean_friction_n
+    widened = dict(intervals)
+    for name in shifts.keys() & intervals.keys():
+        value, (lower, upper) = found.parameters.value(name), intervals[name]
+        low, high = math.hypot(value - lower, shifts[name]), math.hypot(upper - value, shifts[name])
+        widened[name] = max(value - low, 1e-6 * value), value + high
+    return widened
 
 
 def _motion(
