@@ -1,6 +1,7 @@
 """Does identifying the zeros of pressure sensors ever make friction worse? Labels of short campaigns with known truth.
 
     python performance/zero_sweep.py [--seeds N] [KIND ...]
+    python performance/zero_sweep.py --lugre [--seeds N] [KIND ...]
     python performance/zero_sweep.py --train [--seeds N] [KIND ...]
 
 A kind of campaign is a rig, the zeros' limits as they are and as stated [bar], and how asymmetric friction is. Every
@@ -10,6 +11,7 @@ with identified zeros over that without (median, worst decile, largest; share ab
 mean friction, how often the label's bounds hold true friction, intervals of Stribeck points those of true friction,
 and how often an offset lies within what is stated.
 
+With ``--lugre`` it prints how often intervals of LuGre's parameters hold what the same search finds on true friction.
 With ``--train`` a hybrid is trained on four sessions of each condition, as the pipeline does; of those held out it
 prints the error and how often its bounds hold true friction, with and without what it learns of their zeros.
 
@@ -29,6 +31,7 @@ import pandas as pd
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimation.identification import ModelSearch
 from cylinder_friction.estimation.stribeck_points import stribeck_points
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.labelling.known_offset import (
@@ -128,21 +131,26 @@ def groupings(labelled: list[Recording], seed: int) -> Iterator[tuple[str, list[
         yield title, generator.choice(len(labelled), count, replace=False).tolist()
 
 
-def one_call(labelled: list[Recording], truths_n: list[Array], cylinder: Cylinder) -> Iterator[dict[str, float]]:
-    """Yield what became of each recording of one call."""
+def identified(labelled: list[Recording], cylinder: Cylinder) -> dict[str, KnownOffset]:
+    """Return what a call knows of the offset of each session."""
     evidence = []
     for each in labelled:
         position_m, velocity_m_s, friction_n = map(each.column, ("position_m", "velocity_m_s", "friction_n"))
         halves = up_and_down(position_m, velocity_m_s, friction_n, each.usable(), PLAN.slowest_m_s)
         evidence.append(offset_evidence(each, cylinder, PLAN, *halves, ""))
-    known = {each.session: each for each in known_offsets(evidence, cylinder, PLAN)}
+    return {each.session: each for each in known_offsets(evidence, cylinder, PLAN)}
+
+
+def one_call(labelled: list[Recording], truths_n: list[Array], cylinder: Cylinder) -> Iterator[dict[str, float]]:
+    """Yield what became of each recording of one call."""
+    known = identified(labelled, cylinder)
     held = points_held(labelled, truths_n, known)
     for each, truth_n in zip(labelled, truths_n, strict=True):
         found, rows = known[each.metadata.session], each.usable()
         error_n, half_n = (each.column("friction_n") - truth_n)[rows], each.column(UNCERTAINTY_COLUMN)[rows]
-        level_n, identified = float(np.mean(np.abs(truth_n[rows]))), found.source == STROKES
-        left_n = error_n - (found.offset_n if identified else 0.0)
-        if identified:
+        level_n, taken_off = float(np.mean(np.abs(truth_n[rows]))), found.source == STROKES
+        left_n = error_n - (found.offset_n if taken_off else 0.0)
+        if taken_off:
             half_n = np.sqrt(np.maximum(half_n**2 - found.stated_n**2, 0.0) + found.uncertainty_n**2)
         missed_n = abs(float(np.mean(error_n)) - found.offset_n)
         yield {
@@ -150,21 +158,15 @@ def one_call(labelled: list[Recording], truths_n: list[Array], cylinder: Cylinde
             "without %": 100.0 * float(np.mean(np.abs(error_n))) / level_n,
             "label held %": 100.0 * float(np.mean(np.abs(left_n) <= half_n)),
             "points held %": held[each.metadata.condition],
-            "offset held %": 100.0 * (missed_n <= found.uncertainty_n) if identified else np.nan,
+            "offset held %": 100.0 * (missed_n <= found.uncertainty_n) if taken_off else np.nan,
         }
 
 
 def points_held(labelled: list[Recording], truths_n: list[Array], known: dict[str, KnownOffset]) -> dict[str, float]:
     """Return how often the interval of a Stribeck point holds that of true friction, by condition [%]."""
     held = {}
-    for condition in {each.metadata.condition for each in labelled}:
-        pairs = [pair for pair in zip(labelled, truths_n, strict=True) if pair[0].metadata.condition == condition]
-        offsets = [known[each.metadata.session] for each, _ in pairs]
-        own, true = [], []
-        for (each, truth_n), found in zip(pairs, offsets, strict=True):
-            less_n = found.offset_n if found.source == STROKES else 0.0
-            own.append(each.with_columns(friction_n=each.column("friction_n") - less_n))
-            true.append(each.with_columns(friction_n=truth_n))
+    for condition, own, true in beside_truth(labelled, truths_n, known):
+        offsets = [known[each.metadata.session] for each in own]
         points = stribeck_points(own, PLAN.slowest_m_s, 0.95, mean_uncertainty_n(offsets))
         within = [
             abs(mine.friction_n - theirs.friction_n) <= mine.half_width_n
@@ -173,6 +175,36 @@ def points_held(labelled: list[Recording], truths_n: list[Array], known: dict[st
         ]
         held[condition] = 100.0 * float(np.mean(within)) if within else np.nan
     return held
+
+
+def beside_truth(
+    labelled: list[Recording], truths_n: list[Array], known: dict[str, KnownOffset]
+) -> Iterator[tuple[str, list[Recording], list[Recording]]]:
+    """Yield each condition with its recordings, identified offsets taken off, and the same with true friction."""
+    for condition in sorted({each.metadata.condition for each in labelled}):
+        own, true = [], []
+        for each, truth_n in zip(labelled, truths_n, strict=True):
+            if each.metadata.condition == condition:
+                found = known[each.metadata.session]
+                less_n = found.offset_n if found.source == STROKES else 0.0
+                own.append(each.with_columns(friction_n=each.column("friction_n") - less_n))
+                true.append(each.with_columns(friction_n=truth_n))
+        yield condition, own, true
+
+
+def parameters_held(name: str, seed: int, generations: int = 10) -> pd.DataFrame:
+    """Return, for each of LuGre's parameters that has an interval, whether this holds what true friction gives."""
+    cylinder, labelled, truths_n = recordings(KINDS[name], seed, 6, 30.0)
+    rows = []
+    for condition, *both in beside_truth(labelled, truths_n, known := identified(labelled, cylinder)):
+        mine, theirs = (ModelSearch(each, cylinder, generations, 0, known).plain().parameters for each in both)
+        values = {each.name: each.value for each in theirs}
+        for each in mine:
+            true = values.get(each.name)
+            if each.interval and true is not None:
+                held = each.interval[0] <= true <= each.interval[1]
+                rows.append({"kind": name, "condition": condition, "parameter": each.name, "held %": 100.0 * held})
+    return pd.DataFrame(rows)
 
 
 def sweep(kinds: list[str], seeds: range, sessions: int = 6, duration_s: float = 30.0) -> pd.DataFrame:
@@ -233,12 +265,19 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("kinds", metavar="KIND", nargs="*", default=list(KINDS), help=f"of: {', '.join(KINDS)}")
     parser.add_argument("--seeds", type=int, default=4, help="campaigns of each kind")
+    parser.add_argument("--lugre", action="store_true", help="identify LuGre in each condition of each campaign")
     parser.add_argument("--train", action="store_true", help="train a hybrid on each campaign")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore", UserWarning)
     if arguments.train:
         found = [trained(name, seed) for name in arguments.kinds for seed in range(arguments.seeds)]
         print(pd.DataFrame(found).round(2).to_string(index=False))
+        return
+    if arguments.lugre:
+        held = pd.concat([parameters_held(name, seed) for name in arguments.kinds for seed in range(arguments.seeds)])
+        print(held.groupby(["kind", "parameter"])["held %"].agg(["count", "mean"]).unstack(0).round(0).to_string())
+        print(held.groupby("kind")["held %"].agg(["count", "mean"]).round(1).to_string())
+        print(f"{len(held)} intervals, {held['held %'].mean():.1f} % hold")
         return
     table = sweep(arguments.kinds, range(arguments.seeds))
     groups = table.groupby(["kind", "call"], sort=False)

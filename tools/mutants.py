@@ -145,10 +145,10 @@ MUTANTS = (
         ("pipeline/test_smoke_pipeline.py",),
     ),
     Mutant(
-        "worst trial chosen",
-        "tuning/search.py",
-        "return min(complete, key=",
-        "return max(complete, key=",
+        "worst final chosen",
+        "tuning/finals.py",
+        "return min(finals, key=",
+        "return max(finals, key=",
         ("tuning",),
     ),
     Mutant(

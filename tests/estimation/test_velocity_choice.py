@@ -28,5 +28,5 @@ def test_zeros_shift_dry_friction_and_its_ratio() -> None:
     wide = shifted_intervals(found, intervals, 40.0)
     assert wide["coulomb_n"] == pytest.approx((200.0 - np.hypot(3.0, 40.0), 200.0 + np.hypot(4.0, 40.0)))
     assert wide["viscous_n_s_m"] == intervals["viscous_n_s_m"]
-    assert wide["retract_ratio"] == pytest.approx((1.2 - 0.352, 1.2 + 0.352))
+    assert wide["retract_ratio"] == pytest.approx((1.2 - 0.3872, 1.2 + 0.3872))
     assert shifted_intervals(found, intervals, 900.0)["coulomb_n"][0] > 0.0

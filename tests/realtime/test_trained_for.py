@@ -23,6 +23,8 @@ def test_it_is_saved_and_read_with_the_model(small_hybrid: HybridEstimator, tmp_
     assert read.trained_for == small_hybrid.trained_for
     assert read.trained_for is not None
     assert read.trained_for.in_words().startswith("a cylinder of 63 mm bore and 28 mm rod, with friction of ")
+    low, high = f"{read.trained_for.friction_n / 2:.0f}", f"{2 * read.trained_for.friction_n:.0f}"
+    assert f"where that leaves {low} to {high} N, its estimates are not to be used" in read.trained_for.in_words()
     assert read.step_model().trained_for == read.trained_for
     with pytest.raises(ValueError, match="expected finite numbers"):
         TrainedFor(np.nan, 0.03, 300.0, 1e3)
@@ -30,7 +32,7 @@ def test_it_is_saved_and_read_with_the_model(small_hybrid: HybridEstimator, tmp_
 
 def test_another_cylinder_is_refused(trained: TrainedFor, cylinder: Cylinder) -> None:
     trained.refuse(replace(cylinder, name="the same by another name", stroke_m=0.5))
-    with pytest.raises(OtherCylinderError, match=r"but the cylinder given has 80 mm and 45 mm; train one"):
+    with pytest.raises(OtherCylinderError, match=r"but the one given has 80 mm and 45 mm; train one"):
         trained.refuse(replace(cylinder, bore_diameter_m=0.08, rod_diameter_m=0.045))
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from cylinder_friction.tuning.finals import Final, finalists
+from cylinder_friction.tuning.finals import Final, best_final, finalists
 from cylinder_friction.tuning.search import Trial
 
 
@@ -19,3 +19,13 @@ def test_the_best_of_each_size_of_network_come_to_the_finals() -> None:
 
 def test_an_error_is_the_mean_over_the_seeds() -> None:
     assert Final({"nodes": 16}, (5.0, 6.0), 160).error_n == pytest.approx(5.5)
+
+
+def test_the_final_with_the_smallest_mean_error_decides() -> None:
+    finals = [Final({"nodes": 16}, (5.0, 6.0), 160), Final({"nodes": 48}, (5.2, 5.3), 480), Final({}, (9.0, 9.0), 0)]
+    assert best_final(finals) is finals[1]
+
+
+def test_nothing_completed_is_an_error_that_says_what_to_do() -> None:
+    with pytest.raises(ValueError, match=r"none of 1 trials was completed \(states \['too_costly'\]\); raise maximum"):
+        finalists([Trial({"layers": 1}, "too_costly", None, 10)], 3)

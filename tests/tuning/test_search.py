@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from optuna.storages.journal import JournalFileSymlinkLock
 
-from cylinder_friction.tuning.search import Objective, Report, SearchPlan, Trial, Values, best_trial, run_search
+from cylinder_friction.tuning.search import Objective, Report, SearchPlan, Trial, Values, run_search
 from cylinder_friction.tuning.space import SearchSpace
 
 SPACE = SearchSpace((1, 2, 3), (16, 32, 64), (0.1, 0.3), (1e-5, 1e-3), (32, 100), (10, 50))
@@ -85,7 +85,7 @@ def test_it_finds_the_best_prunes_what_is_worse_than_most_and_never_trains_what_
 ) -> None:
     tried, objective = killed_at()
     trials = search("trials.log", objective, trials=20)
-    best = best_trial(trials)
+    best = min((each for each in trials if each.value is not None), key=lambda each: each.value or 0.0)
     assert (best.params["layers"], best.params["nodes"]) == (1, 64)
     pruned = [trial for trial in trials if trial.state == "pruned"]
     assert pruned
@@ -106,8 +106,3 @@ def test_trials_survive_the_disk_and_a_line_cut_off(search: Callable[..., list[T
         file.write(b'{"op_code":5,"wor')
     assert search("deep/trials.log") == trials
     assert search("deep/trials.log", trials=PLAN.trials + 1)[:-1] == trials
-
-
-def test_nothing_completed_is_an_error_that_says_what_to_do() -> None:
-    with pytest.raises(ValueError, match=r"none of 1 trials was completed \(states \['too_costly'\]\); raise maximum"):
-        best_trial([Trial({"layers": 1}, "too_costly", None, 10)])

@@ -137,7 +137,7 @@ def identify_logs(
         recordings = [recording for recording in labelled if recording.name not in others]
         if not recordings:
             raise none_usable(logs.root.as_posix(), len(logs.files), refused[0])
-        search = _ModelSearch(recordings, cylinder, generations, seed, run.offsets)
+        search = ModelSearch(recordings, cylinder, generations, seed, run.offsets)
         result = FrictionModels(
             into,
             tuple(recording.name for recording in recordings),
@@ -151,7 +151,7 @@ def identify_logs(
     return result
 
 
-class _ModelSearch:
+class ModelSearch:
     """Identification on recordings of one sample time."""
 
     def __init__(
@@ -255,7 +255,7 @@ def _unidentified(model: LuGre, recordings: Sequence[Recording], problem: str) -
     return IdentifiedModel(model.name, model.title, tuple(recording.name for recording in recordings), problem)
 
 
-def _write(folder: Path, result: FrictionModels, search: _ModelSearch, cylinder: Cylinder) -> None:
+def _write(folder: Path, result: FrictionModels, search: ModelSearch, cylinder: Cylinder) -> None:
     known = [model for model in result.models if model.found is not None]
     for model in known:
         write_text(folder / f"{model.name}.mo", modelica_record(model, cylinder, CONFIDENCE))

@@ -69,7 +69,9 @@ def shifted_intervals(
         zeros_n: Greatest shift [N].
     """
     shifts = {"coulomb_n": zeros_n, "static_n": zeros_n}
-    shifts["retract_ratio"] = zeros_n * (1.0 + found.parameters.value("retract_ratio")) / found.mean_friction_n
+    shifts["retract_ratio"] = (
+        zeros_n * (1.0 + found.parameters.value("retract_ratio")) ** 2 / (2.0 * found.mean_friction_n)
+    )
     widened = dict(intervals)
     for name in shifts.keys() & intervals.keys():
         value, (lower, upper) = found.parameters.value(name), intervals[name]

@@ -50,8 +50,14 @@ class TrainedFor:
 
     def in_words(self) -> str:
         """Return it in words, for whoever reads a model."""
-        sizes = f"{1e3 * self.bore_diameter_m:g} mm bore and {1e3 * self.rod_diameter_m:g} mm rod"
-        return f"a cylinder of {sizes}, with friction of {self.friction_n:.0f} N on average"
+        low_n, high_n = self.friction_n / OTHER_LEVEL, self.friction_n * OTHER_LEVEL
+        return (
+            f"a cylinder of {self._sizes()}, with friction of {self.friction_n:.0f} N on average; where that leaves "
+            f"{low_n:.0f} to {high_n:.0f} N, its estimates are not to be used as they are"
+        )
+
+    def _sizes(self) -> str:
+        return f"{1e3 * self.bore_diameter_m:g} mm bore and {1e3 * self.rod_diameter_m:g} mm rod"
 
     def refuse(self, cylinder: Cylinder) -> None:
         """Raise ``OtherCylinderError`` for a cylinder of other areas."""
@@ -59,9 +65,9 @@ class TrainedFor:
         given = cylinder.bore_diameter_m, cylinder.rod_diameter_m
         if not np.allclose(given, own, rtol=ALIKE):
             raise OtherCylinderError(
-                f"the model was trained for {self.in_words()}, but the cylinder given has {1e3 * given[0]:g} mm and "
-                f"{1e3 * given[1]:g} mm; train one on its recordings, or correct the cylinder; --other-cylinder (in "
-                "Python other_cylinder=True) estimates all the same"
+                f"the model was trained for a cylinder of {self._sizes()}, but the one given has {1e3 * given[0]:g} mm "
+                f"and {1e3 * given[1]:g} mm; train one on its recordings, or correct the cylinder; "
+                "--other-cylinder (in Python other_cylinder=True) estimates all the same"
             )
 
     def differences(self, recordings: Sequence[Recording]) -> tuple[str, str]:

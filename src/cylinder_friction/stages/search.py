@@ -19,8 +19,8 @@ from cylinder_friction.reporting.search_figures import write_search_page
 from cylinder_friction.run_record import RunRecord, Times
 from cylinder_friction.stages._stage import BEST_FILE, FINALS_FILE, SEARCH_FOLDER, SPACE_FILE, artifacts, flat
 from cylinder_friction.stages._training import NETWORK_MAE, RESUMED_CODE, LearningData, hybrid_from, resume_folder
-from cylinder_friction.tuning.finals import Final, finalists
-from cylinder_friction.tuning.search import SearchPlan, Trial, best_trial, run_search
+from cylinder_friction.tuning.finals import Final, best_final, finalists
+from cylinder_friction.tuning.search import SearchPlan, Trial, run_search
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -51,9 +51,8 @@ def run(params: Params) -> RunRecord:
     ):
         objective = partial(error_of, settings, cylinder, data if workers.here else data.hashes)
         trials = run_search(settings.space, plan, cost, objective, journal, bar.update, workers)
-        best_trial(trials)  # raises where there is none
         finals = _finals(settings, cylinder, data, trials, workers)
-    best = min(finals, key=lambda final: final.error_n)
+    best = best_final(finals)
     with whole_folder(SEARCH_FOLDER) as folder:
         write_json(folder / "trials.json", [trial.to_dict() for trial in trials])
         write_json(folder / BEST_FILE.name, {"design": settings.hybrid, **best.params})
@@ -79,8 +78,9 @@ def _finals(
     training = settings.training.model_copy(update=longer)
     seeds = [settings.seed + 1 + more for more in range(settings.final_seeds)]
     given = data if workers.here else data.hashes
+    chosen = finalists(trials, settings.finalists)
     work, names = [], []
-    for number, trial in enumerate(finalists(trials, settings.finalists)):
+    for number, trial in enumerate(chosen):
         for seed in seeds:
             own = settings.model_copy(update={"training": training, "seed": seed})
             work.append(partial(error_of, own, cylinder, given, trial.params))
@@ -90,7 +90,7 @@ def _finals(
     count = len(seeds)
     return [
         Final(trial.params, tuple(errors_n[count * place : count * (place + 1)]), trial.multiply_adds)
-        for place, trial in enumerate(finalists(trials, settings.finalists))
+        for place, trial in enumerate(chosen)
     ]
 
 

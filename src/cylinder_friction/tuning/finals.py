@@ -29,8 +29,23 @@ def finalists(trials: Sequence[Trial], count: int) -> list[Trial]:
     """Return the best complete trial of each size of network, at most ``count``, best first.
 
     A search trains so briefly that small networks, which learn faster, look as good as larger ones.
+
+    Raises:
+        ValueError: No trial was completed.
     """
+    complete = [each for each in trials if each.value is not None]
+    if not complete:
+        states = sorted({trial.state for trial in trials})
+        raise ValueError(
+            f"search: none of {len(trials)} trials was completed (states {states}); raise maximum_multiply_adds "
+            "or narrow the space"
+        )
     of_size: dict[tuple[float, float], Trial] = {}
-    for trial in sorted((each for each in trials if each.value is not None), key=lambda each: each.value or 0.0):
+    for trial in sorted(complete, key=lambda each: each.value or 0.0):
         of_size.setdefault((trial.params["layers"], trial.params["nodes"]), trial)
     return list(of_size.values())[:count]
+
+
+def best_final(finals: Sequence[Final]) -> Final:
+    """Return the final with the smallest error, the earliest of equals."""
+    return min(finals, key=lambda final: final.error_n)

@@ -184,22 +184,6 @@ class _Search:
         return Trial(dict(found.params), state, value, self.cost(found.params), reported, when_s)
 
 
-def best_trial(trials: Sequence[Trial]) -> Trial:
-    """Return the complete trial with the smallest error, the earliest of equals.
-
-    Raises:
-        ValueError: No trial was completed.
-    """
-    complete = [trial for trial in trials if trial.value is not None]
-    if not complete:
-        states = sorted({trial.state for trial in trials})
-        raise ValueError(
-            f"search: none of {len(trials)} trials was completed (states {states}); raise maximum_multiply_adds "
-            "or narrow the space"
-        )
-    return min(complete, key=lambda trial: trial.value if trial.value is not None else float("inf"))
-
-
 def study_of(trials: Sequence[Trial], space: SearchSpace) -> optuna.Study:
     """Return an in-memory Optuna study that holds these trials, for Optuna's plots."""
     study = optuna.create_study(study_name="search", direction="minimize")
