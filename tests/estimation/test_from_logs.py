@@ -91,7 +91,7 @@ def test_a_model_of_another_cylinder_is_refused_and_what_it_does_not_know_is_nam
     loaded = labelled_recordings[0]
     loaded = loaded.with_columns(pressure_1_pa=loaded.column("pressure_1_pa") + 1500.0 / cylinder.piston_area_m2)
     log = write_log(tmp_path / "log.csv", loaded)
-    with pytest.raises(OtherCylinderError, match="the cylinder given has 80 mm and 45 mm"):
+    with pytest.raises(OtherCylinderError, match="the one given has 80 mm and 45 mm"):
         estimate_logs(log, other, tmp_path / "out", channels=CHANNELS, model=small_hybrid)
     assert not (tmp_path / "out").exists()
     (found,) = estimate_logs(log, cylinder, tmp_path / "out", channels=CHANNELS, model=small_hybrid).recordings
