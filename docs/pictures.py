@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.reporting.style import draw, panels, png_bytes
+from cylinder_friction.reporting.print_figure import draw, panels, png_bytes
 from cylinder_friction.rig.campaign import CampaignPlan, RigRecording, campaign
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.reporting.figures import errors_by_condition, plot
-from cylinder_friction.reporting.style import png_bytes, svg_text
+from cylinder_friction.reporting.print_figure import png_bytes, svg_text
 
 
 def test_a_plot_shows_label_truth_estimate_and_bounds(strokes):

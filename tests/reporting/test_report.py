@@ -12,8 +12,8 @@ from cylinder_friction.evaluation.starts import Starts
 from cylinder_friction.evaluation.timing import StepTime
 from cylinder_friction.reporting.figures import all_figures
 from cylinder_friction.reporting.page import static
+from cylinder_friction.reporting.print_figure import png_bytes
 from cylinder_friction.reporting.report import ReportInputs, report_html
-from cylinder_friction.reporting.style import png_bytes
 
 PLOTLY = static("plotly-basic.min.js")
 AUDIT = {

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.reporting.time_figure import Line, Panel, compact, extremes, over_time, spread_evenly
+from cylinder_friction.reporting.page_figure import compact
+from cylinder_friction.reporting.time_figure import Line, Panel, extremes, over_time, spread_evenly
 
 
 @given(st.lists(st.floats(-1e6, 1e6), max_size=400), st.integers(2, 60))
@@ -40,8 +41,8 @@ def test_lines_over_time_begin_and_end_where_the_signal_does() -> None:
     time_s = 5.0 + 0.01 * np.arange(1000)
     figure = over_time(time_s, [Panel("x", [Line("a", np.sin(time_s), "#000"), Line("b", time_s, "#000")])], points=100)
     for line in figure.data:
-        assert line.x0 == 5.0
-        assert line.x0 + line.dx * len(line.y) == pytest.approx(15.0)
+        assert line["x0"] == 5.0
+        assert line["x0"] + line["dx"] * len(line["y"]) == pytest.approx(15.0)
 
 
 @given(st.integers(0, 500), st.integers(2, 50))

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.estimation.identified_model import IdentifiedModel, IdentifiedParameter, meaning
@@ -20,7 +19,8 @@ from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.friction_page import guess_table
 from cylinder_friction.reporting.offset_table import offset_table
 from cylinder_friction.reporting.page import PLOTTED, Cell, Table, page_html
-from cylinder_friction.reporting.style import BLUE, GREEN, ORANGE, SERIES, interactive
+from cylinder_friction.reporting.page_figure import PageFigure
+from cylinder_friction.reporting.style import BLUE, GREEN, ORANGE, SERIES
 from cylinder_friction.reporting.time_figure import Line, Panel, over_time
 from cylinder_friction.wording import four_digits
 
@@ -77,20 +77,20 @@ def _named(curve: IdentifiedCurve, curves: Sequence[IdentifiedCurve]) -> str:
     return f"condition {curve.condition}" if len(curves) > 1 else "all recordings"
 
 
-def _stribeck_figure(curves: Sequence[IdentifiedCurve]) -> go.Figure | None:
+def _stribeck_figure(curves: Sequence[IdentifiedCurve]) -> PageFigure | None:
     """Return friction against the motion over speed, points with intervals; None without a point."""
-    figure = go.Figure()
+    figure = PageFigure()
     for number, each in enumerate(curves):
         for way, words, symbol, dash in ((1.0, "extending", "circle", "solid"), (-1.0, "retracting", "square", "dash")):
             points = [point for point in each.points if way * point.velocity_m_s > 0.0]
             name, colour = f"{_named(each, curves)}, {words}", SERIES[number % len(SERIES)]
             if points:
-                figure.add_trace(_points(points, way, name, colour, symbol))
+                figure.add(**_points(points, way, name, colour, symbol))
             if points and each.curve is not None:
                 speeds = [way * point.velocity_m_s for point in points]
                 seen = np.geomspace(min(speeds), max(speeds), CURVE_POINTS)
                 line = {"color": colour, "width": 1.5, "dash": dash}
-                figure.add_scatter(
+                figure.add(
                     x=MM_PER_M * seen,
                     y=way * each.curve.friction(way * seen),
                     mode="lines",
@@ -102,23 +102,24 @@ def _stribeck_figure(curves: Sequence[IdentifiedCurve]) -> go.Figure | None:
     if not figure.data:
         return None
     seen_n = [abs(point.friction_n) for each in curves for point in each.points]
-    figure.update_xaxes(title_text="speed [mm/s]", type="log", dtick="D2")
-    figure.update_yaxes(title_text="friction against the motion [N]", range=[0.0, HEADROOM * max(seen_n)])
-    return interactive(figure, 480, legend_rows=len(curves))
+    figure.x_axis(title="speed [mm/s]", type="log", dtick="D2")
+    figure.y_axis(title="friction against the motion [N]", range=[0.0, HEADROOM * max(seen_n)])
+    return figure.look(480, legend_rows=len(curves))
 
 
-def _points(points: Sequence[StribeckPoint], way: float, name: str, colour: str, symbol: str) -> go.Scatter:
-    return go.Scatter(
-        x=[MM_PER_M * way * point.velocity_m_s for point in points],
-        y=[way * point.friction_n for point in points],
-        error_y={"type": "data", "array": [point.known_half_width_n for point in points], "thickness": 1.2},
-        customdata=[[point.strokes, point.rows] for point in points],
-        mode="markers",
-        name=name,
-        legendgroup=name,
-        marker={"color": colour, "size": 8, "symbol": symbol},
-        hovertemplate="%{x:.3~g} mm/s, %{y:.4~g} N<br>%{customdata[0]} strokes, %{customdata[1]} rows<extra></extra>",
-    )
+def _points(points: Sequence[StribeckPoint], way: float, name: str, colour: str, symbol: str) -> dict[str, Any]:
+    tip = "%{x:.3~g} mm/s, %{y:.4~g} N<br>%{customdata[0]} strokes, %{customdata[1]} rows<extra></extra>"
+    return {
+        "x": [MM_PER_M * way * point.velocity_m_s for point in points],
+        "y": [way * point.friction_n for point in points],
+        "error_y": {"type": "data", "array": [point.known_half_width_n for point in points], "thickness": 1.2},
+        "customdata": [[point.strokes, point.rows] for point in points],
+        "mode": "markers",
+        "name": name,
+        "legendgroup": name,
+        "marker": {"color": colour, "size": 8, "symbol": symbol},
+        "hovertemplate": tip,
+    }
 
 
 def _curve_table(each: IdentifiedCurve) -> Table | None:
@@ -175,7 +176,7 @@ def _error_table(simulated: Sequence[tuple[Recording, Mapping[str, Array]]], tit
     return Table(("recording", "mean |friction| [N]", *(f"{name} [%]" for name in titles)), rows, sortable=True)
 
 
-def _over_time(recording: Recording, simulated: Mapping[str, Array]) -> go.Figure:
+def _over_time(recording: Recording, simulated: Mapping[str, Array]) -> PageFigure:
     gaps = np.where(recording.usable(), 0.0, np.nan)
     friction = [Line("label, off line", recording.column("friction_n") + gaps, GREEN, 1.5)]
     friction += [

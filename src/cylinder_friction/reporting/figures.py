@@ -16,6 +16,7 @@ from cylinder_friction.evaluation.strata import STRATA
 from cylinder_friction.evaluation.views import Agreement, Excerpt, Histogram, LearningCurve, VelocityProfile
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.estimator_titles import TRACE_COLOURS, colour, title
+from cylinder_friction.reporting.print_figure import draw, grid_of, panels
 from cylinder_friction.reporting.style import (
     BLACK,
     BLUE,
@@ -29,9 +30,6 @@ from cylinder_friction.reporting.style import (
     QUIET,
     SKY,
     YELLOW,
-    draw,
-    grid_of,
-    panels,
 )
 
 PANEL = (4.8, 3.3)  # Width and height of one panel [in]; so wide, letters stay legible on a screen of 400 pixels

@@ -6,7 +6,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 
 from cylinder_friction.evaluation.inspection.friction_view import FrictionView
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
@@ -21,6 +20,7 @@ from cylinder_friction.reporting.inspection.recording_pane import (
 )
 from cylinder_friction.reporting.offset_table import offset_table
 from cylinder_friction.reporting.page import Cell, Table, page_html
+from cylinder_friction.reporting.page_figure import PageFigure
 from cylinder_friction.reporting.style import GREEN, PALE, QUIET
 from cylinder_friction.reporting.time_figure import Line, Panel, over_time
 
@@ -33,7 +33,7 @@ class FrictionPane:
 
     title: str
     points: tuple[SteadyPoint, ...]  # Of steady sliding
-    figures: dict[str, go.Figure]  # ``time``, and ``velocity`` where the piston slides
+    figures: dict[str, PageFigure]  # ``time``, and ``velocity`` where the piston slides
     table: Table | None  # Of the Stribeck curve, or of the points of steady sliding
     seen: str  # What the curve comes from
     no_curve: str  # Why no Stribeck curve is stated; empty where it is

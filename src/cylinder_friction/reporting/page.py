@@ -16,12 +16,12 @@ from typing import TYPE_CHECKING, Any
 import jinja2
 from markupsafe import Markup, escape
 
-from cylinder_friction.reporting.style import svg_text
 from cylinder_friction.wording import four_digits
 
 if TYPE_CHECKING:
-    import plotly.graph_objects as go
     from matplotlib.figure import Figure
+
+    from cylinder_friction.reporting.page_figure import PageFigure
 
 
 PLOTTED = 12
@@ -100,6 +100,8 @@ def page_html(template: str, package: str = __package__, **context: Any) -> str:
     numbers = itertools.count(1)
 
     def svg(figure: Figure, words: str) -> Markup:
+        from cylinder_friction.reporting.print_figure import svg_text  # most pages need no Matplotlib
+
         return Markup(svg_text(figure, f"figure{next(numbers)}", words))  # noqa: S704 - drawn by Matplotlib, which escapes
 
     loaders = [jinja2.PackageLoader(package, ""), jinja2.PackageLoader(__package__, "templates/frame")]
@@ -121,9 +123,8 @@ def static(name: str) -> Markup:
     return Markup((files(__package__) / "static" / name).read_text(encoding="utf-8"))  # noqa: S704 - our own file
 
 
-def _data(figure: go.Figure) -> Markup:
-    """Return a Plotly figure as JSON that cannot end the script element it stands in."""
-    return Markup(figure.to_json(validate=False).replace("<", "\\u003c"))  # noqa: S704
+def _data(figure: PageFigure) -> Markup:
+    return Markup(figure.to_json())  # noqa: S704 - it cannot end its script element
 
 
 def _breakable(words: str) -> Markup:

@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-import plotly.graph_objects as go
 from matplotlib.figure import Figure
 
 from cylinder_friction.evaluation.analysis import Analysis
@@ -18,7 +17,8 @@ from cylinder_friction.reporting import comparison_tables as tables
 from cylinder_friction.reporting import figures
 from cylinder_friction.reporting.estimator_titles import phrase
 from cylinder_friction.reporting.page import Table, page_html
-from cylinder_friction.reporting.style import draw
+from cylinder_friction.reporting.page_figure import PageFigure
+from cylinder_friction.reporting.print_figure import draw
 from cylinder_friction.reporting.summary import CLEAR_POINTS, best_reference, summary
 from cylinder_friction.reporting.time_figure import Line, Panel, over_time
 
@@ -137,7 +137,7 @@ def _details(scores: Scores, conditions: Sequence[str]) -> dict[str, Table]:
     return {"Each held-out session": tables.session_table(scores, conditions), **each}
 
 
-def _over_time(part: Excerpt) -> go.Figure:
+def _over_time(part: Excerpt) -> PageFigure:
     """Return friction and, below it, label minus estimate, to be zoomed into."""
 
     def lines(values: Mapping[str, Any], in_legend: bool) -> list[Line]:

@@ -9,7 +9,7 @@ from optuna.importance import FanovaImportanceEvaluator
 
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.reporting.page import page_html
-from cylinder_friction.reporting.style import interactive
+from cylinder_friction.reporting.page_figure import PageFigure
 from cylinder_friction.tuning.search import SearchPlan, Trial, study_of
 from cylinder_friction.tuning.space import SearchSpace
 
@@ -29,9 +29,8 @@ def write_search_page(trials: Sequence[Trial], space: SearchSpace, plan: SearchP
         if len({trial.value for trial in trials if trial.value is not None}) > 2:
             evaluator = FanovaImportanceEvaluator(seed=plan.seed)
             figures["Importance"] = plots.plot_param_importances(study, evaluator=evaluator, target_name=OBJECTIVE)
-    for figure in figures.values():
-        interactive(figure.update_layout(title=None), 420)
+    drawn = {name: PageFigure.of(figure).look(420) for name, figure in figures.items()}
     sections = {name.split()[0].lower(): name for name in figures}
     write_text(
-        path, page_html("templates/search.html.j2", title="Hyperparameter search", sections=sections, figures=figures)
+        path, page_html("templates/search.html.j2", title="Hyperparameter search", sections=sections, figures=drawn)
     )

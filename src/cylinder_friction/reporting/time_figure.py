@@ -1,16 +1,13 @@
 """Interactive panels of signals over time, one below the other, their time axes linked."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import plotly.graph_objects as go
 from numpy.typing import NDArray
-from plotly.subplots import make_subplots
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.reporting.style import interactive
+from cylinder_friction.reporting.page_figure import PageFigure, compact
 
 LINE_POINTS = 2400
 PANEL_HEIGHT = 165
@@ -36,17 +33,16 @@ class Panel:
     share: float = 1.0
 
 
-def over_time(time_s: Array, panels: Sequence[Panel], legend_rows: int = 1, points: int = LINE_POINTS) -> go.Figure:
+def over_time(time_s: Array, panels: Sequence[Panel], legend_rows: int = 1, points: int = LINE_POINTS) -> PageFigure:
     """Return the figure over evenly spaced times; lines of more than ``points`` samples keep their extremes alone."""
     shares = [panel.share for panel in panels]
-    figure = make_subplots(
-        rows=len(panels), cols=1, shared_xaxes=True, vertical_spacing=0.14 / len(panels), row_heights=shares
-    )
+    figure = PageFigure(shares, 0.14 / len(panels), below=True)
     step_s = float(time_s[-1] - time_s[0]) / max(1, len(time_s) - 1)
     for row, panel in enumerate(panels, start=1):
         for line in panel.lines:
             values, samples = extremes(line.values, points)
-            trace = go.Scatter(
+            figure.add(
+                row,
                 x0=float(time_s[0]),
                 dx=samples * step_s,
                 y=compact(values),
@@ -57,20 +53,9 @@ def over_time(time_s: Array, panels: Sequence[Panel], legend_rows: int = 1, poin
                 line={"color": line.colour, "width": line.width},
                 hovertemplate="%{y:.4~g}",
             )
-            figure.add_trace(trace, row=row, col=1)
-        figure.update_yaxes(title_text=panel.axis, row=row, col=1)
-    figure.update_xaxes(title_text="time [s]", row=len(panels), col=1)
-    figure.update_layout(hovermode="x")
-    return interactive(figure, round(PANEL_HEIGHT * sum(shares)) + 110, legend_rows)
-
-
-def compact(values: Array) -> NDArray[np.object_]:
-    """Return values to a thousandth of their span or better, finer than a pixel: short in a page, and when packed.
-
-    As objects they are written as numbers; Plotly packs arrays of floats, which deflating then hardly shortens.
-    """
-    span = float(np.ptp(values[np.isfinite(values)])) if np.isfinite(values).any() else 0.0
-    return np.round(values, 3 - math.floor(math.log10(span)) if span > 0.0 else 6).astype(object)
+        figure.y_axis(row, panel.axis)
+    figure.x_axis(len(panels), "time [s]")
+    return figure.look(round(PANEL_HEIGHT * sum(shares)) + 110, legend_rows, hovermode="x")
 
 
 def extremes(values: Array, points: int) -> tuple[Array, float]:

@@ -31,8 +31,8 @@ from cylinder_friction.recordings.truth import known_truth
 from cylinder_friction.reporting.comparison_tables import markdown_tables
 from cylinder_friction.reporting.figures import all_figures
 from cylinder_friction.reporting.plot_data import plot_tables
+from cylinder_friction.reporting.print_figure import png_bytes
 from cylinder_friction.reporting.report import ReportInputs, report_html
-from cylinder_friction.reporting.style import png_bytes
 from cylinder_friction.reporting.summary import summary
 from cylinder_friction.run_record import RunRecord, by_columns
 from cylinder_friction.stages._stage import (

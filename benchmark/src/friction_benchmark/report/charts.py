@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-import plotly.graph_objects as go
-
-from cylinder_friction.reporting.style import BLACK, BROWN, CONDITION_MARKS, GREEN, INK, QUIET, interactive
+from cylinder_friction.reporting.page_figure import PageFigure
+from cylinder_friction.reporting.style import BLACK, BROWN, CONDITION_MARKS, GREEN, INK, QUIET
 from friction_benchmark.report.words import capital, counted, denominator, of_size, share, within
 
 if TYPE_CHECKING:
@@ -24,9 +23,9 @@ LONGEST = 34
 """Longer titles are cut at the axis; the mouse shows them whole."""
 
 
-def leaderboard(result: TaskResult, titles: ModelTitles) -> go.Figure:
+def leaderboard(result: TaskResult, titles: ModelTitles) -> PageFigure:
     """Return one row per model, best at the top: error, its 95 % interval, every seed, and the baseline's interval."""
-    figure = go.Figure()
+    figure = PageFigure()
     strokes = [(row, seed) for row, entry in enumerate(result.entries) for seed in entry.seeds.values()]
     if strokes:
         marker = {"symbol": "line-ns-open", "size": 11, "color": QUIET, "line": {"width": 1}}
@@ -52,7 +51,7 @@ def leaderboard(result: TaskResult, titles: ModelTitles) -> go.Figure:
         _add(figure, values, family, {"symbol": symbol, "size": 9, "color": colour}, tips, error_x=whiskers)
     baseline = next((entry.score.percent for entry in result.entries if entry.model == result.baseline), None)
     if baseline is not None and _drawable(baseline.value):
-        figure.add_vrect(x0=baseline.low, x1=baseline.high, fillcolor=BLACK, opacity=0.07, line_width=0, layer="below")
+        figure.band("x", baseline.low, baseline.high, BLACK, 0.07)
         _upright(figure, baseline.value, "baseline", BLACK, "dash")
     if (label := label_percent(result)) is not None and _drawable(label):
         _upright(figure, label, "label", BROWN, "dot")
@@ -76,12 +75,12 @@ def pareto_front(entries: Sequence[Entry]) -> list[Entry]:
     return front
 
 
-def error_against_cost(result: TaskResult, titles: ModelTitles) -> go.Figure:
+def error_against_cost(result: TaskResult, titles: ModelTitles) -> PageFigure:
     """Return the chart, both scales logarithmic; a model without arithmetic stands at one multiply-add."""
-    figure = go.Figure()
+    figure = PageFigure()
     entries = [entry for entry in result.entries if _drawable(entry.score.percent.value)]
     front = pareto_front(entries)
-    figure.add_scatter(
+    figure.add(
         x=[max(1, entry.multiply_adds) for entry in front],
         y=[_short(entry.score.percent.value) for entry in front],
         mode="lines+markers+text",
@@ -96,7 +95,7 @@ def error_against_cost(result: TaskResult, titles: ModelTitles) -> go.Figure:
     )
     for family, (colour, _, symbol) in titles.legend(entry.model for entry in entries):
         chosen = [entry for entry in entries if titles.family(entry.model) == family]
-        figure.add_scatter(
+        figure.add(
             x=[max(1, entry.multiply_adds) for entry in chosen],
             y=[_short(entry.score.percent.value) for entry in chosen],
             mode="markers",
@@ -110,28 +109,28 @@ def error_against_cost(result: TaskResult, titles: ModelTitles) -> go.Figure:
             hoverinfo="text",
         )
     shown = [entry.score.percent.value for entry in entries]
-    figure.update_xaxes(title_text="multiply-adds per sample", type="log", exponentformat="power", dtick=1)
-    figure.update_yaxes(title_text=f"MAE [% of {denominator(result)}]", type="log", **_ticks(shown))
-    return interactive(figure, max(400, ROW * len(result.entries) + 110), legend_rows=2)
+    figure.x_axis(title="multiply-adds per sample", type="log", exponentformat="power", dtick=1)
+    figure.y_axis(title=f"MAE [% of {denominator(result)}]", type="log", **_ticks(shown))
+    return figure.look(max(400, ROW * len(result.entries) + 110), legend_rows=2)
 
 
-def errors_by_condition(result: TaskResult, titles: ModelTitles) -> go.Figure:
+def errors_by_condition(result: TaskResult, titles: ModelTitles) -> PageFigure:
     """Return one row per model, one mark per condition; the number at the right is the worst."""
     entries = [entry for entry in result.entries if entry.by_condition]
     found = [entry.by_condition for entry in entries]
-    figure = go.Figure()
+    figure = PageFigure()
     _condition_marks(figure, found, lambda value: f"{of_size(value)} %")
     worst = [of_size(max(values.values())) for values in found]
     shown = [value for values in found for value in values.values()]
     return _rows(figure, result, titles, entries, worst, "MAE [% of mean |friction| of the condition]", shown)
 
 
-def coverage(result: TaskResult, titles: ModelTitles) -> go.Figure:
+def coverage(result: TaskResult, titles: ModelTitles) -> PageFigure:
     """Return every model's coverage by condition and just after reversals, over the band aimed at."""
     entries = [entry for entry in result.entries if entry.trust is not None]
     trusts = [entry.trust for entry in entries if entry.trust is not None]
-    figure = go.Figure()
-    figure.add_vrect(x0=COVERED[0], x1=COVERED[1], fillcolor=GREEN, opacity=0.16, line_width=0, layer="below")
+    figure = PageFigure()
+    figure.band("x", *COVERED, GREEN, 0.16)
     stroke = {"symbol": "line-ns-open", "size": 17, "color": BLACK, "line": {"width": 2}}
     overall = [(row, trust.coverage.get("", math.nan)) for row, trust in enumerate(trusts)]
     _add(figure, overall, "all", stroke, [f"all conditions: {share(value)}" for _, value in overall])
@@ -141,10 +140,11 @@ def coverage(result: TaskResult, titles: ModelTitles) -> go.Figure:
     _condition_marks(figure, [trust.coverage for trust in trusts], share)
     numbers = [share(value) for _, value in overall]
     _rows(figure, result, titles, entries, numbers, "rows within their bounds")
-    return figure.update_xaxes(tickformat=".0%", range=None)
+    figure.x_axis(tickformat=".0%")
+    return figure
 
 
-def _condition_marks(figure: go.Figure, found: Sequence[Mapping[str, float]], form: Callable[[float], str]) -> None:
+def _condition_marks(figure: PageFigure, found: Sequence[Mapping[str, float]], form: Callable[[float], str]) -> None:
     conditions = sorted({condition for values in found for condition in values if condition})
     for index, condition in enumerate(conditions):
         colour, _, symbol = CONDITION_MARKS[index % len(CONDITION_MARKS)]
@@ -155,7 +155,7 @@ def _condition_marks(figure: go.Figure, found: Sequence[Mapping[str, float]], fo
 
 
 def _add(
-    figure: go.Figure,
+    figure: PageFigure,
     values: Iterable[tuple[int, float]],
     name: str,
     marker: Mapping[str, Any],
@@ -164,40 +164,36 @@ def _add(
 ) -> None:
     """Add marks at (row, value)."""
     rows, numbers = zip(*values, strict=True)
-    hover = {"hovertext": tips, "hoverinfo": "text"} if tips else {}
+    hover: dict[str, Any] = {"hovertext": tips, "hoverinfo": "text"} if tips else {}
     x = [_short(number) for number in numbers]
-    figure.add_scatter(x=x, y=list(rows), mode="markers", name=name, marker=marker, **hover, **options)
+    figure.add(x=x, y=list(rows), mode="markers", name=name, marker=marker, **hover, **options)
 
 
 def _rows(
-    figure: go.Figure,
+    figure: PageFigure,
     result: TaskResult,
     titles: ModelTitles,
     entries: Sequence[Entry],
     numbers: Sequence[str],
     axis: str,
     logarithmic: Sequence[float] = (),
-) -> go.Figure:
+) -> PageFigure:
     """Return the figure with the entries' titles at the left and numbers at the right, the baseline's row shaded."""
     for row, (entry, words) in enumerate(zip(entries, numbers, strict=True)):
-        place = {"xref": "paper", "x": 1.0, "xanchor": "left", "xshift": 6, "y": row, "showarrow": False}
-        figure.add_annotation(text=words, **place)
+        figure.note(words, xref="paper", x=1.0, xanchor="left", xshift=6, y=row)
         if entry.model == result.baseline:
-            figure.add_hrect(y0=row - 0.5, y1=row + 0.5, fillcolor="#EBEEF1", line_width=0, layer="below")
+            figure.band("y", row - 0.5, row + 0.5, "#EBEEF1")
     names = [_cut(titles(entry.model), LONGEST) for entry in entries]
     last = len(entries) - 0.5
     scale = {"type": "log", **_ticks(logarithmic)} if logarithmic else {}
-    figure.update_xaxes(title_text=axis, **scale)
-    figure.update_yaxes(tickvals=list(range(len(entries))), ticktext=names, range=[last, -0.5], showgrid=False)
-    interactive(figure, ROW * len(entries) + 130, legend_rows=2)
-    return figure.update_layout(margin={"r": 62, "l": 8, "t": 78})
+    figure.x_axis(title=axis, **scale)
+    figure.y_axis(tickvals=list(range(len(entries))), ticktext=names, range=[last, -0.5], showgrid=False)
+    return figure.look(ROW * len(entries) + 130, legend_rows=2, margin={"r": 62, "l": 8, "t": 78, "b": 48})
 
 
-def _upright(figure: go.Figure, value: float, words: str, colour: str, dash: str) -> None:
-    line = {"color": colour, "width": 1.4, "dash": dash}
-    figure.add_vline(x=value, line=line)
-    place = {"yref": "paper", "y": 1.0, "yanchor": "bottom", "x": math.log10(value), "showarrow": False}
-    figure.add_annotation(text=words, **place)
+def _upright(figure: PageFigure, value: float, words: str, colour: str, dash: str) -> None:
+    figure.upright(value, {"color": colour, "width": 1.4, "dash": dash})
+    figure.note(words, yref="paper", y=1.0, yanchor="bottom", x=math.log10(value))
 
 
 def _ticks(values: Sequence[float]) -> dict[str, Any]:

@@ -5,14 +5,13 @@ import math
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-import plotly.graph_objects as go
 from numpy.typing import NDArray
-from plotly.subplots import make_subplots
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.evaluation.inspection.filter_costs import FilterCost
 from cylinder_friction.evaluation.inspection.spectra import Spectrum
-from cylinder_friction.reporting.style import BLUE, INK, ORANGE, PINK, QUIET, SERIES, interactive
+from cylinder_friction.reporting.page_figure import PageFigure
+from cylinder_friction.reporting.style import BLUE, INK, ORANGE, PINK, QUIET, SERIES
 
 SPECTRUM_POINTS = 250
 MS_PER_S = 1e3
@@ -31,26 +30,26 @@ SIGNALS = {
 """Panel, words, colour of each signal, and how many shown units its unit is."""
 
 
-def spectra(found: Mapping[str, Spectrum], cost: FilterCost | None) -> go.Figure:
+def spectra(found: Mapping[str, Spectrum], cost: FilterCost | None) -> PageFigure:
     """Return the amplitude densities of pressures or drive force, position and velocity.
 
     Args:
         found: By column, as ``signal_spectra`` gives them.
         cost: Of the filter in use, whose cut-offs are marked; None if they are not known.
     """
-    figure = make_subplots(rows=1, cols=3, horizontal_spacing=0.11)
-    panels = itertools.groupby(found, key=lambda name: SIGNALS[name][0])
+    panels = [(axis, list(names)) for axis, names in itertools.groupby(found, key=lambda name: SIGNALS[name][0])]
+    figure = PageFigure([1.0] * len(panels), 0.11)
     for column, (axis, names) in enumerate(panels, start=1):
         cut_off_hz = math.inf
         if cost is not None:
             cut_off_hz = cost.pressure_bandwidth_hz if column == 1 else cost.velocity_bandwidth_hz
         _panel(figure, column, {name: found[name] for name in names}, cut_off_hz)
-        figure.update_yaxes(title_text=axis, type="log", exponentformat="power", dtick=1, row=1, col=column)
-        figure.update_xaxes(title_text="frequency [Hz]", type="log", dtick=1, row=1, col=column)
-    return interactive(figure, 430, legend_rows=2)
+        figure.y_axis(column, axis, type="log", exponentformat="power", dtick=1)
+        figure.x_axis(column, "frequency [Hz]", type="log", dtick=1)
+    return figure.look(430, legend_rows=2)
 
 
-def _panel(figure: go.Figure, column: int, signals: Mapping[str, Spectrum], cut_off_hz: float) -> None:
+def _panel(figure: PageFigure, column: int, signals: Mapping[str, Spectrum], cut_off_hz: float) -> None:
     lowest, highest = math.inf, 0.0
     for signal, found in signals.items():
         _, name, colour, units = SIGNALS[signal]
@@ -77,11 +76,10 @@ def _panel(figure: go.Figure, column: int, signals: Mapping[str, Spectrum], cut_
         )
 
 
-def _add(figure: go.Figure, column: int, name: str, x: Array, y: Array, line: dict[str, object]) -> None:
-    known = any(trace.name == name for trace in figure.data)
+def _add(figure: PageFigure, column: int, name: str, x: Array, y: Array, line: dict[str, object]) -> None:
     hover = f"%{{x:.3~g}} Hz, %{{y:.3~g}}<extra>{name}</extra>"
-    trace = go.Scatter(x=np.float32(x), y=np.float32(y), mode="lines", name=name, legendgroup=name, line=line)
-    figure.add_trace(trace.update(showlegend=not known, hovertemplate=hover), row=1, col=column)
+    shown = {"mode": "lines", "name": name, "legendgroup": name, "line": line, "hovertemplate": hover}
+    figure.add(column, x=x, y=y, showlegend=not figure.shows(name), **shown)
 
 
 def log_spaced(count: int) -> NDArray[np.intp]:
@@ -90,20 +88,17 @@ def log_spaced(count: int) -> NDArray[np.intp]:
     return np.unique(rows)
 
 
-def filter_figure(costs: Sequence[FilterCost]) -> go.Figure:
+def filter_figure(costs: Sequence[FilterCost]) -> PageFigure:
     """Return how much velocity each filter lets through, and how late it is, over frequency."""
-    figure = make_subplots(
-        rows=1,
-        cols=2,
-        horizontal_spacing=0.09,
-        subplot_titles=["velocity out over velocity in", "how late velocity comes out"],
-    )
+    titles = "velocity out over velocity in", "how late velocity comes out"
+    figure = PageFigure((1.0, 1.0), 0.09, titles=titles)
     for cost, colour in zip(costs, itertools.cycle(SERIES)):
         line = {"color": colour, "width": 2, "dash": "solid" if cost.causal else "dot"}
         name = f"{cost.name} ({'real time' if cost.causal else 'off line'})"
         for column, values in ((1, cost.velocity_gain), (2, MS_PER_S * cost.velocity_lag_s)):
             _add(figure, column, name, cost.frequency_hz, values, line)
-    figure.update_xaxes(title_text="frequency [Hz]", type="log", dtick=1)
-    figure.update_yaxes(title_text="gain", rangemode="tozero", row=1, col=1)
-    figure.update_yaxes(title_text="lag [ms]", row=1, col=2)
-    return interactive(figure, 460, legend_rows=2)
+    for panel in (1, 2):
+        figure.x_axis(panel, "frequency [Hz]", type="log", dtick=1)
+    figure.y_axis(1, "gain", rangemode="tozero")
+    figure.y_axis(2, "lag [ms]")
+    return figure.look(460, legend_rows=2)

@@ -1,19 +1,19 @@
 """Friction against velocity, the Stribeck curve, and force against position."""
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 from numpy.typing import NDArray
-from plotly.subplots import make_subplots
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.evaluation.inspection.friction_view import FrictionView
 from cylinder_friction.evaluation.inspection.sliding_friction import WAYS, MeanFriction
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, StribeckPoint
 from cylinder_friction.friction_models.stribeck import StribeckCurve
-from cylinder_friction.reporting.style import BLUE, INK, ORANGE, PALE, SERIES, interactive
-from cylinder_friction.reporting.time_figure import compact, spread_evenly
+from cylinder_friction.reporting.page_figure import PageFigure, compact
+from cylinder_friction.reporting.style import BLUE, INK, ORANGE, PALE, SERIES
+from cylinder_friction.reporting.time_figure import spread_evenly
 
 CURVE_POINTS = 200
 MM_PER_M = 1e3
@@ -21,73 +21,64 @@ WIDE_SPAN = 10.0
 """From this ratio of speeds on, fewer of them are written at the axis."""
 
 
-def against_velocity(view: FrictionView, points: int) -> go.Figure:
+def against_velocity(view: FrictionView, points: int) -> PageFigure:
     """Return two panels: usable rows, ``points`` of them a direction, against velocity, and steady sliding against
     speed on a log scale.
     """
-    figure = make_subplots(
-        rows=1,
-        cols=2,
-        column_widths=[0.55, 0.45],
-        horizontal_spacing=0.1,
-        subplot_titles=["every usable row, thinned", "steady sliding, both directions"],
-    )
+    titles = "every usable row, thinned", "steady sliding, both directions"
+    figure = PageFigure((0.55, 0.45), titles=titles)
     velocity = view.signals.velocity_m_s
     for name, colour, rows in ways(view):
         rows = spread_evenly(rows, points)
-        figure.add_trace(
-            _cloud(name, colour, MM_PER_M * velocity[rows], view.friction_n[rows]),
-            row=1,
-            col=1,
-        )
+        figure.add(**_cloud(name, colour, MM_PER_M * velocity[rows], view.friction_n[rows]))
     _points(figure, view.points)
     if view.curve is not None:
         _curve(figure, view, view.curve)
-    figure.update_xaxes(title_text="velocity [mm/s]", row=1, col=1)
-    figure.update_xaxes(title_text="speed [mm/s]", type="log", tickvals=_speed_ticks(view), row=1, col=2)
-    figure.update_yaxes(title_text=f"{view.friction_name} [N]", row=1, col=1)
-    figure.update_yaxes(title_text="against the motion [N]", row=1, col=2)
-    return interactive(figure, 480, legend_rows=2)
+    figure.x_axis(1, "velocity [mm/s]")
+    figure.x_axis(2, "speed [mm/s]", type="log", tickvals=_speed_ticks(view))
+    figure.y_axis(1, f"{view.friction_name} [N]")
+    figure.y_axis(2, "against the motion [N]")
+    return figure.look(480, legend_rows=2)
 
 
-def against_position(view: FrictionView, position_m: Array, points: int) -> go.Figure:
+def against_position(view: FrictionView, position_m: Array, points: int) -> PageFigure:
     """Return the force against position: its middle is load, half its width is friction."""
-    figure = go.Figure()
+    figure = PageFigure()
     for name, colour, rows in ways(view):
         if name != "standstill":
             rows = spread_evenly(rows, points)
-            figure.add_trace(_cloud(name, colour, MM_PER_M * position_m[rows], view.force_n[rows]))
-    figure.update_xaxes(title_text="position [mm]")
-    figure.update_yaxes(title_text=f"{view.force_name} [N]")
-    return interactive(figure, 360)
+            figure.add(**_cloud(name, colour, MM_PER_M * position_m[rows], view.force_n[rows]))
+    figure.x_axis(title="position [mm]")
+    figure.y_axis(title=f"{view.force_name} [N]")
+    return figure.look(360)
 
 
-def of_files(friction: Sequence[tuple[str, Mapping[str, MeanFriction]]]) -> go.Figure | None:
+def of_files(friction: Sequence[tuple[str, Mapping[str, MeanFriction]]]) -> PageFigure | None:
     """Return the friction of every file, by title and direction, with its interval; None for fewer than two."""
-    figure = go.Figure()
+    figure = PageFigure()
     for way, (colour, symbol) in zip(WAYS, ((BLUE, "circle"), (ORANGE, "square")), strict=True):
         known = [(number, title, each[way]) for number, (title, each) in enumerate(friction, start=1) if way in each]
-        figure.add_scatter(
+        figure.add(
             x=[number + (-0.1, 0.1)[way == "retracting"] for number, _, _ in known],
             y=[each.mean_n for _, _, each in known],
-            error_y={"type": "data", "array": [each.half_width_n for _, _, each in known], "thickness": 1.2},
+            error_y={"type": "data", "array": np.array([each.half_width_n for _, _, each in known]), "thickness": 1.2},
             customdata=[f"{title}: {each} N" for _, title, each in known],
             mode="markers",
             name=way,
             marker={"color": colour, "size": 8, "symbol": symbol},
             hovertemplate="%{customdata}<extra></extra>",
         )
-    if max(len(trace.x) for trace in figure.data) < 2:
+    if max(len(trace["x"]) for trace in figure.data) < 2:
         return None
     count = len(friction)
-    figure.update_xaxes(title_text="number of the file", range=[0.4, count + 0.6], tick0=1, dtick=-(-count // 12))
-    figure.update_yaxes(title_text="friction against the motion [N]", rangemode="tozero")
-    return interactive(figure, 340)
+    figure.x_axis(title="number of the file", range=[0.4, count + 0.6], tick0=1, dtick=-(-count // 12))
+    figure.y_axis(title="friction against the motion [N]", rangemode="tozero")
+    return figure.look(340)
 
 
-def compared(recordings: Mapping[str, Sequence[SteadyPoint]]) -> go.Figure | None:
+def compared(recordings: Mapping[str, Sequence[SteadyPoint]]) -> PageFigure | None:
     """Return friction in steady sliding against velocity, one line per recording; None for fewer than two."""
-    figure = go.Figure()
+    figure = PageFigure()
     for number, (title, found) in enumerate(recordings.items()):
         points = sorted(found, key=lambda point: point.velocity_m_s)
         if not points:
@@ -96,7 +87,7 @@ def compared(recordings: Mapping[str, Sequence[SteadyPoint]]) -> go.Figure | Non
             np.array([getattr(point, key) for point in points]) for key in ("velocity_m_s", "friction_n")
         )
         middle = int(np.searchsorted(velocity, 0.0))  # nothing was seen in between, so no line is drawn there
-        figure.add_scatter(
+        figure.add(
             x=np.insert(MM_PER_M * velocity, middle, 0.0),
             y=np.insert(friction, middle, np.nan),
             mode="lines+markers",
@@ -107,9 +98,9 @@ def compared(recordings: Mapping[str, Sequence[SteadyPoint]]) -> go.Figure | Non
         )
     if len(figure.data) < 2:
         return None
-    figure.update_xaxes(title_text="velocity [mm/s]").update_yaxes(title_text="friction in steady sliding [N]")
-    figure.update_layout(hovermode="closest")
-    return interactive(figure, 420, legend_rows=0).update_layout(showlegend=False)
+    figure.x_axis(title="velocity [mm/s]")
+    figure.y_axis(title="friction in steady sliding [N]")
+    return figure.look(420, legend_rows=0, hovermode="closest", showlegend=False)
 
 
 def ways(view: FrictionView) -> list[tuple[str, str, NDArray[np.intp]]]:
@@ -124,32 +115,19 @@ def _speed_ticks(view: FrictionView) -> list[float]:
     return [step * 10.0**power for power in range(-3, 5) for step in steps]
 
 
-def _cloud(name: str, colour: str, x: Array, y: Array) -> go.Scatter:
-    return go.Scatter(
-        x=compact(x),
-        y=compact(y),
-        mode="markers",
-        name=name,
-        legendgroup=name,
-        marker={"color": colour, "size": 3, "opacity": 0.35},
-        hovertemplate="%{x:.4~g}, %{y:.4~g} N<extra>" + name + "</extra>",
-    )
+def _cloud(name: str, colour: str, x: Array, y: Array) -> dict[str, Any]:
+    return {
+        "x": compact(x),
+        "y": compact(y),
+        "mode": "markers",
+        "name": name,
+        "legendgroup": name,
+        "marker": {"color": colour, "size": 3, "opacity": 0.35},
+        "hovertemplate": "%{x:.4~g}, %{y:.4~g} N<extra>" + name + "</extra>",
+    }
 
 
-def _line(name: str, x: Array, y: Array, in_legend: bool) -> go.Scatter:
-    return go.Scatter(
-        x=np.float32(x),
-        y=np.float32(y),
-        mode="lines",
-        name=name,
-        legendgroup=name,
-        showlegend=in_legend,
-        line={"color": INK, "width": 2},
-        hoverinfo="skip",
-    )
-
-
-def _curve(figure: go.Figure, view: FrictionView, curve: StribeckCurve) -> None:
+def _curve(figure: PageFigure, view: FrictionView, curve: StribeckCurve) -> None:
     """Add the curve to both panels, over the speeds that were seen and no further."""
     for way, dash in ((1.0, "solid"), (-1.0, "dash")):
         speeds = [abs(point.velocity_m_s) for point in view.points if point.velocity_m_s * way > 0.0]
@@ -157,14 +135,14 @@ def _curve(figure: go.Figure, view: FrictionView, curve: StribeckCurve) -> None:
             continue
         seen = np.geomspace(min(speeds), max(speeds), CURVE_POINTS)
         friction = curve.friction(way * seen)
-        known = any(trace.name == "Stribeck curve" for trace in figure.data)
-        line = _line("Stribeck curve", MM_PER_M * way * seen, friction, not known)
-        figure.add_trace(line, row=1, col=1)
-        line = _line("Stribeck curve", MM_PER_M * seen, way * friction, False)
-        figure.add_trace(line.update(line_dash=dash), row=1, col=2)
+        name, line = "Stribeck curve", {"color": INK, "width": 2}
+        both: dict[str, Any] = {"mode": "lines", "name": name, "legendgroup": name, "hoverinfo": "skip"}
+        x, known = MM_PER_M * seen, figure.shows(name)
+        figure.add(1, x=way * x, y=friction, showlegend=not known, line=line, **both)
+        figure.add(2, x=x, y=way * friction, showlegend=False, line=line | {"dash": dash}, **both)
 
 
-def _points(figure: go.Figure, points: tuple[StribeckPoint, ...]) -> None:
+def _points(figure: PageFigure, points: tuple[StribeckPoint, ...]) -> None:
     """Add the steady points with their intervals to both panels."""
     for way, colour, symbol in ((1.0, BLUE, "circle"), (-1.0, ORANGE, "square")):
         chosen = [point for point in points if point.velocity_m_s * way > 0.0]
@@ -176,19 +154,16 @@ def _points(figure: go.Figure, points: tuple[StribeckPoint, ...]) -> None:
         rows = [point.rows for point in chosen]
         name = "steady sliding (median, 95 % interval): " + ("extending" if way > 0.0 else "retracting")
         for column, (x, y) in enumerate(((velocity, middle), (way * velocity, way * middle)), start=1):
-            figure.add_trace(
-                go.Scatter(
-                    x=np.float32(x),
-                    y=np.float32(y),
-                    error_y={"type": "data", "array": half_n, "thickness": 1.2},
-                    customdata=rows,
-                    mode="markers",
-                    name=name,
-                    legendgroup=name,
-                    showlegend=column == 1,
-                    marker={"color": colour, "size": 9, "symbol": symbol, "line": {"color": INK, "width": 1}},
-                    hovertemplate="%{x:.4~g} mm/s, %{y:.4~g} N<br>%{customdata} rows<extra></extra>",
-                ),
-                row=1,
-                col=column,
+            figure.add(
+                column,
+                x=x,
+                y=y,
+                error_y={"type": "data", "array": half_n, "thickness": 1.2},
+                customdata=rows,
+                mode="markers",
+                name=name,
+                legendgroup=name,
+                showlegend=column == 1,
+                marker={"color": colour, "size": 9, "symbol": symbol, "line": {"color": INK, "width": 1}},
+                hovertemplate="%{x:.4~g} mm/s, %{y:.4~g} N<br>%{customdata} rows<extra></extra>",
             )

@@ -1,0 +1,147 @@
+"""Figures of pages as the plain data that Plotly's library takes in the browser, in one look."""
+
+import base64
+import json
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Self
+
+import numpy as np
+
+from cylinder_friction.arrays import Array
+from cylinder_friction.reporting.style import FONT, GRID, INK, PALE, SERIES
+
+_AXIS = {"gridcolor": GRID, "linecolor": PALE, "showline": True, "zeroline": False, "automargin": True}
+_LEGEND = {
+    "orientation": "h",
+    "yref": "container",
+    "y": 1.0,
+    "yanchor": "top",
+    "xref": "container",
+    "x": 0.0,
+    "itemsizing": "constant",
+}
+
+
+class PageFigure:
+    """Panels side by side, or one below the other with a common axis below, and what they show.
+
+    Args:
+        shares: Each panel's share of the width, or of the height where ``below`` is true.
+        gap: Share of the whole between two panels.
+        below: Whether panels stand one below the other.
+        titles: Of the panels.
+
+    Attributes:
+        data: The traces, and ``layout`` all else, as Plotly names them.
+    """
+
+    def __init__(
+        self, shares: Sequence[float] = (1.0,), gap: float = 0.1, below: bool = False, titles: Sequence[str] = ()
+    ) -> None:
+        self.data: list[dict[str, Any]] = []
+        self.layout: dict[str, Any] = {"annotations": [], "shapes": []}
+        self.panels = len(shares)
+        width = (1.0 - gap * (self.panels - 1)) / sum(shares)
+        for number, share in enumerate(shares, start=1):
+            start = sum(shares[: number - 1]) * width + (number - 1) * gap
+            ends = [start, start + share * width]
+            x, y = ([0.0, 1.0], [1.0 - ends[1], 1.0 - ends[0]]) if below else (ends, [0.0, 1.0])
+            self.layout[f"xaxis{_of(number)}"] = {"domain": x, "anchor": f"y{_of(number)}", "ticks": "outside"}
+            self.layout[f"xaxis{_of(number)}"] |= {"tickcolor": PALE, **_AXIS}
+            self.layout[f"yaxis{_of(number)}"] = {"domain": y, "anchor": f"x{_of(number)}", **_AXIS}
+            if below and number < self.panels:
+                self.x_axis(number, matches=f"x{_of(self.panels)}", showticklabels=False)
+        for number, title in enumerate(titles, start=1):
+            ends = self.layout[f"xaxis{_of(number)}"]["domain"]
+            self.note(title, xref="paper", x=sum(ends) / 2.0, yref="paper", y=1.0, xanchor="center", yanchor="bottom")
+
+    @classmethod
+    def of(cls, figure: Any) -> Self:
+        """Return what a figure of Plotly's own library draws, without its look."""
+        drawn, plain = cls(), json.loads(figure.to_json())
+        own = {name: value for name, value in plain["layout"].items() if name not in ("template", "title")}
+        drawn.data, drawn.layout = plain["data"], {"annotations": [], **own}
+        for name in [each for each in own if each[1:].startswith("axis")]:
+            drawn.layout[name] |= {"ticks": "outside", "tickcolor": PALE, **_AXIS} if name[0] == "x" else _AXIS
+        return drawn
+
+    def add(self, panel: int = 1, **trace: Any) -> None:
+        """Add a scatter trace to a panel."""
+        self.data.append({"type": "scatter", **trace, "xaxis": f"x{_of(panel)}", "yaxis": f"y{_of(panel)}"})
+
+    def shows(self, name: str) -> bool:
+        """Return whether a trace of this name is there already."""
+        return any(trace.get("name") == name for trace in self.data)
+
+    def x_axis(self, panel: int = 1, title: str = "", **settings: Any) -> None:
+        """Set what the x axis of a panel is."""
+        self._axis("x", panel, title, settings)
+
+    def y_axis(self, panel: int = 1, title: str = "", **settings: Any) -> None:
+        """Set what the y axis of a panel is."""
+        self._axis("y", panel, title, settings)
+
+    def note(self, text: str, **place: Any) -> None:
+        """Add words at a place."""
+        self.layout["annotations"].append({"text": text, "showarrow": False, "font": {"size": 13}, **place})
+
+    def band(self, axis: str, low: float, high: float, colour: str, opacity: float = 1.0) -> None:
+        """Shade what lies between two values of an axis, ``x`` or ``y``, below all else."""
+        across = "y" if axis == "x" else "x"
+        ends = {f"{axis}0": low, f"{axis}1": high, f"{axis}ref": axis}
+        ends |= {f"{across}0": 0, f"{across}1": 1, f"{across}ref": f"{across} domain"}
+        fill = {"fillcolor": colour, "opacity": opacity, "line": {"width": 0}, "layer": "below"}
+        self.layout["shapes"].append({"type": "rect", **ends, **fill})
+
+    def upright(self, x: float, line: Mapping[str, Any]) -> None:
+        """Add a line from bottom to top."""
+        ends = {"x0": x, "x1": x, "xref": "x", "y0": 0, "y1": 1, "yref": "y domain"}
+        self.layout["shapes"].append({"type": "line", **ends, "line": dict(line)})
+
+    def look(self, height: int, legend_rows: int = 1, **layout: Any) -> Self:
+        """Return this figure in the look that all share; ``legend_rows`` are kept free above it."""
+        self.layout |= {
+            "height": height,
+            "font": {"family": FONT, "size": 13, "color": INK},
+            "margin": {"l": 62, "r": 16, "t": 22 + 20 * legend_rows, "b": 48},
+            "legend": _LEGEND,
+            "hoverlabel": {"font": {"family": FONT}},
+            "plot_bgcolor": "rgba(0,0,0,0)",
+            "paper_bgcolor": "rgba(0,0,0,0)",
+            "colorway": list(SERIES),
+            **layout,
+        }
+        return self
+
+    def to_json(self) -> str:
+        """Return the figure as JSON that cannot end the script element it stands in."""
+        figure = {"data": self.data, "layout": self.layout}
+        text = json.dumps(figure, separators=(",", ":"), default=_packed, allow_nan=False, ensure_ascii=False)
+        return text.replace("<", "\\u003c")
+
+    def _axis(self, which: str, panel: int, title: str, settings: Mapping[str, Any]) -> None:
+        named = {"title": {"text": title}} if title else {}
+        self.layout[f"{which}axis{_of(panel)}"] |= {**named, **settings}
+
+
+def compact(values: Array) -> Array:
+    """Return values to a thousandth of their span or better, finer than a pixel, so that they deflate well.
+
+    They are multiples of a power of two, and end in zeros as the single-precision numbers that a page holds.
+    """
+    known = values[np.isfinite(values)]
+    span = float(np.ptp(known)) if len(known) else 0.0
+    step = 2.0 ** math.floor(math.log2(span / 1000.0)) if span > 0.0 else 2.0**-20
+    return step * np.round(values / step)
+
+
+def _of(panel: int) -> str:
+    return "" if panel == 1 else str(panel)
+
+
+def _packed(values: Any) -> Any:
+    """Return an array as its bytes; they are nothing but single precision, which is finer than a pixel."""
+    if not isinstance(values, np.ndarray) or values.ndim != 1:
+        return values.item() if isinstance(values, np.generic) else values.tolist()
+    return {"dtype": "f4", "bdata": base64.b64encode(values.astype("<f4").tobytes()).decode()}
