@@ -2,8 +2,8 @@
 
 import argparse
 
-from cylinder_friction.params.checking import load_params
-
 
 def run(_options: argparse.Namespace) -> None:
+    from cylinder_friction.params.checking import load_params
+
     load_params()

@@ -162,7 +162,7 @@ def _add_completion(top: argparse.ArgumentParser) -> None:
 def refusals() -> tuple[type[Exception], ...]:
     """Return the errors whose message is all that the user of any command needs."""
     from cylinder_friction.execution.workers import WorkersError
-    from cylinder_friction.params.checking import ParamsError
+    from cylinder_friction.params.file import ParamsError
     from cylinder_friction.recordings.recording import RecordingError
     from cylinder_friction.tracking.repository import TrackingError
 

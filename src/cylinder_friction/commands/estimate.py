@@ -1,4 +1,9 @@
-"""The command ``estimate``: from logger files to files of friction and a page, with or without a trained model."""
+"""The command ``estimate``: from logger files to files of friction and a page, with or without a trained model.
+
+What work needs is imported when it begins, so that help and mistyped options are answered at once.
+"""
+
+from __future__ import annotations
 
 import argparse
 import json
@@ -9,19 +14,13 @@ from contextlib import ExitStack
 from dataclasses import fields
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar, get_args
-
-import yaml
+from typing import TYPE_CHECKING, TypeVar
 
 from cylinder_friction.commands._model import model_folder
-from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.from_logs import PAGE_FILE, FileFormat, FrictionOfLogs, estimate_logs, remarks
-from cylinder_friction.execution.selection import workers_from_environment
-from cylinder_friction.params.checking import IN_A_PROJECT, PARAMS_FILE, ParamsError, load_params
-from cylinder_friction.recordings.checks.limits import LoadMode
-from cylinder_friction.recordings.files import read_yaml
 
 if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.estimation.from_logs import FrictionOfLogs
     from cylinder_friction.estimation.identification import FrictionModels
 
 EXPECTED = (ValueError, OSError)
@@ -35,13 +34,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     words = "use a model that was trained for a cylinder of other areas; without: refused"
     parser.add_argument("--other-cylinder", action="store_true", help=words)
-    parser.add_argument("--format", choices=get_args(FileFormat), default="parquet")
+    parser.add_argument("--format", choices=("parquet", "csv"), default="parquet")
 
 
 def add_log_arguments(parser: argparse.ArgumentParser, folder: str) -> None:
     """Add what every command on logger files takes; without ``--output`` it writes ``folder``."""
     parser.add_argument("logs", nargs="+", metavar="LOGS", help="files, folders or patterns, of any supported format")
-    parser.add_argument("--cylinder", help=f"its YAML file, or bore_diameter_m=0.063,... ; without: {PARAMS_FILE}")
+    parser.add_argument("--cylinder", help="its YAML file, or bore_diameter_m=0.063,... ; without: params.yaml")
     parser.add_argument("--channels", type=Path, help="which channel is what (`ingest init`); without: guessed")
     words = "unit of a quantity that the files do not state: pressure=bar, length=mm, time=ms, ...; repeat as needed"
     parser.add_argument("--unit", action="append", default=[], metavar="QUANTITY=UNIT", help=words)
@@ -49,7 +48,9 @@ def add_log_arguments(parser: argparse.ArgumentParser, folder: str) -> None:
         "accuracy of the pressure sensors, ± %% of full scale, where none is stated; 0.5 is typical; without: unknown"
     )
     parser.add_argument("--sensor-class", type=float, metavar="PERCENT", help=words)
-    parser.add_argument("--load", choices=get_args(LoadMode), help="what the cylinder carries; without: as mapped")
+    parser.add_argument(
+        "--load", choices=("none", "measured", "position"), help="what the cylinder carries; without: as mapped"
+    )
     parser.add_argument("--names", help="expression on a file's path with the groups condition and session")
     parser.add_argument("--output", type=Path, default=Path(folder), help=f"folder to write; default: {folder}")
     parser.add_argument("--json", action="store_true", help="print the summary as JSON instead of lines")
@@ -61,6 +62,8 @@ def units_of(given: Sequence[str]) -> dict[str, str]:
     Raises:
         ParamsError: An entry is no ``QUANTITY=UNIT``, or a quantity has two.
     """
+    from cylinder_friction.params.file import ParamsError
+
     units: dict[str, str] = {}
     for entry in given:
         quantity, equals, unit = (part.strip() for part in entry.partition("="))
@@ -70,6 +73,9 @@ def units_of(given: Sequence[str]) -> dict[str, str]:
 
 
 def run(options: argparse.Namespace) -> int:
+    from cylinder_friction.estimation.from_logs import PAGE_FILE, estimate_logs
+    from cylinder_friction.execution.selection import workers_from_environment
+
     with ExitStack() as stack:
         if model := options.model:
             model, _ = model_folder(model, Path(stack.enter_context(tempfile.TemporaryDirectory())))
@@ -100,7 +106,7 @@ def run_on_logs(function: Callable[..., Result], options: argparse.Namespace) ->
 
 
 def print_result(
-    result: "FrictionOfLogs | FrictionModels",
+    result: FrictionOfLogs | FrictionModels,
     notes: Sequence[str],
     as_json: bool,
     lines: Sequence[str],
@@ -122,25 +128,36 @@ def cylinder_of(given: str | None) -> Cylinder:
     Raises:
         ParamsError: A key is missing or unknown, or there is no ``params.yaml``.
     """
+    import yaml
+
+    from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.params.file import IN_A_PROJECT, PARAMS_FILE, ParamsError
+    from cylinder_friction.recordings.files import read_yaml
+
     if given is None and not PARAMS_FILE.is_file():
         raise ParamsError(
             f"no {PARAMS_FILE} in {Path.cwd()} to take the cylinder from; give --cylinder, or {IN_A_PROJECT}"
         )
     if given is None:
-        return load_params().cylinder
-    content = yaml.safe_load("{" + given.replace("=", ": ") + "}") if "=" in given else read_yaml(Path(given))
+        params = read_yaml(PARAMS_FILE)
+        where, content = f"{PARAMS_FILE}, cylinder", params.get("cylinder", {}) if isinstance(params, dict) else {}
+    else:
+        where = f"--cylinder {given}"
+        content = yaml.safe_load("{" + given.replace("=", ": ") + "}") if "=" in given else read_yaml(Path(given))
     known = [each.name for each in fields(Cylinder)]
-    wrong = sorted(set(content if isinstance(content, dict) else {given: None}) - set(known))
+    wrong = sorted(set(content if isinstance(content, dict) else {str(given): None}) - set(known))
     missing = sorted(set(known[1:]) - set(content)) if not wrong else []
     if wrong or missing:
         raise ParamsError(
-            f"--cylinder {given}: {'unknown' if wrong else 'missing'} {', '.join(wrong or missing)}; expected "
+            f"{where}: {'unknown' if wrong else 'missing'} {', '.join(wrong or missing)}; expected "
             f"{', '.join(known[1:])}, and if you like {known[0]}"
         )
     return Cylinder(**content)
 
 
 def _lines(result: FrictionOfLogs) -> list[str]:
+    from cylinder_friction.estimation.from_logs import remarks
+
     lines = []
     for each in result.recordings:
         friction = "friction unknown" if each.friction_n is None else f"friction {each.friction_n:.0f} N"

@@ -1,22 +1,29 @@
 """The command ``identify``: from logger files to a Stribeck curve, LuGre parameters, and files for simulators."""
 
+from __future__ import annotations
+
 import argparse
 from functools import partial
+from typing import TYPE_CHECKING
 
 from cylinder_friction.commands.estimate import add_log_arguments, print_result, run_on_logs
-from cylinder_friction.estimation.identification import GENERATIONS, PAGE_FILE, FrictionModels, identify_logs
-from cylinder_friction.estimation.identified_model import IdentifiedParameter
+
+if TYPE_CHECKING:
+    from cylinder_friction.estimation.identification import FrictionModels
+    from cylinder_friction.estimation.identified_model import IdentifiedParameter
 
 EXPECTED = (ValueError, OSError)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_log_arguments(parser, "friction_models")
-    words = f"greatest number of generations of the global search; default: {GENERATIONS}"
-    parser.add_argument("--generations", type=int, default=GENERATIONS, help=words)
+    words = "greatest number of generations of the global search; default: 50"
+    parser.add_argument("--generations", type=int, default=50, help=words)
 
 
 def run(options: argparse.Namespace) -> int:
+    from cylinder_friction.estimation.identification import PAGE_FILE, identify_logs
+
     result, notes = run_on_logs(partial(identify_logs, generations=options.generations), options)
     print_result(result, notes, options.json, _lines(result), PAGE_FILE)
     return 1 if result.refused or all(model.found is None for model in result.models) else 0

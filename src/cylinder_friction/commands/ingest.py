@@ -3,11 +3,6 @@
 import argparse
 from pathlib import Path
 
-from cylinder_friction.recordings.files import write_text
-from cylinder_friction.recordings.formats.reading import read_logged_file
-from cylinder_friction.recordings.mapping.guessing import guess_mapping
-from cylinder_friction.recordings.mapping.mapping_text import mapping_yaml
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parts = parser.add_subparsers(dest="what", required=True)
@@ -17,6 +12,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
+    from cylinder_friction.recordings.files import write_text
+    from cylinder_friction.recordings.formats.reading import read_logged_file
+    from cylinder_friction.recordings.mapping.guessing import guess_mapping
+    from cylinder_friction.recordings.mapping.mapping_text import mapping_yaml
+
     if not options.file.is_file():
         raise FileNotFoundError(f"{options.file}: no such file; name a logger's file")
     text = mapping_yaml(guess_mapping(read_logged_file(options.file), options.file))

@@ -3,14 +3,13 @@
 import argparse
 from pathlib import Path
 
-from cylinder_friction.params.checking import load_params
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model", nargs="?", help="models:/NAME@champion or models:/NAME/VERSION; default: the champion")
 
 
 def run(options: argparse.Namespace) -> int:
+    from cylinder_friction.params.checking import load_params
     from cylinder_friction.tracking.lineage import lineage
 
     report = lineage(options.model or f"models:/{load_params().registered_name}@champion", Path.cwd())

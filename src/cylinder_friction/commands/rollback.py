@@ -3,8 +3,6 @@
 import argparse
 from pathlib import Path
 
-from cylinder_friction.params.checking import load_params
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model_name", nargs="?", help="name in the registry; default: that of params.yaml")
@@ -12,6 +10,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
+    from cylinder_friction.params.checking import load_params
     from cylinder_friction.tracking.registry import rollback
 
     print(rollback(Path.cwd(), options.model_name or load_params().registered_name, options.to))

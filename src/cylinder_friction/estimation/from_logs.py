@@ -1,5 +1,7 @@
 """Logger files become files of friction and one page; memory holds one recording, or one part of a long one."""
 
+from __future__ import annotations
+
 import math
 import shutil
 from collections import Counter
@@ -7,13 +9,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimators.base import FrictionEstimator
-from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.evaluation.inspection.friction_view import view_of_labelled
 from cylinder_friction.execution.workers import Died, Work, Workers
 from cylinder_friction.labelling.known_offset import (
@@ -44,6 +44,9 @@ from cylinder_friction.reporting.page import PLOTTED
 from cylinder_friction.signals.methods import default_filter, warn_of_rates
 from cylinder_friction.signals.noise import noise_deviation
 from cylinder_friction.signals.smooth_signals import SignalFilter, filtered, has_pressures, smooth_recording
+
+if TYPE_CHECKING:
+    from cylinder_friction.estimators.base import FrictionEstimator
 
 FileFormat = Literal["parquet", "csv"]
 TYPICAL_CLASS = 0.5
@@ -150,7 +153,7 @@ def estimate_logs(
     """
     into = Path(into)
     files = files if isinstance(files, str | Path) else list(files)
-    estimator = load_estimator(model) if isinstance(model, str | Path) else model
+    estimator = _loaded_once(Path(model)) if isinstance(model, str | Path) else model
     if estimator is not None and estimator.trained_for is not None and not other_cylinder:
         estimator.trained_for.refuse(cylinder)
     rate_hz = None if estimator is None or estimator.sample_time_s is None else 1.0 / estimator.sample_time_s
@@ -250,7 +253,7 @@ class RecordingFriction:
         bounds = {"lower_n": friction_n - half_n, "upper_n": friction_n + half_n}
         return recording.with_columns(friction_n=friction_n, **bounds).without_columns(UNCERTAINTY_COLUMN)
 
-    def entry(self, excerpt: Sequence[Recording], load: str, counts: "RowCounts | None" = None) -> FrictionOfRecording:
+    def entry(self, excerpt: Sequence[Recording], load: str, counts: RowCounts | None = None) -> FrictionOfRecording:
         """Return what became of a recording.
 
         Args:
@@ -310,6 +313,8 @@ class RecordingFriction:
 
 @lru_cache(maxsize=1)
 def _loaded_once(folder: Path) -> FrictionEstimator:
+    from cylinder_friction.estimators.loading import load_estimator  # what only labels need not wait for it
+
     return load_estimator(folder)
 
 
@@ -381,7 +386,7 @@ class LabelledLogs:
             self.offsets = {each.session: each for each in known}
         return labelled
 
-    def _pieces(self, given: list["_Given"], refused: dict[int, Quarantined]) -> Iterator[Work]:
+    def _pieces(self, given: list[_Given], refused: dict[int, Quarantined]) -> Iterator[Work]:
         """Yield the work on each recording as it is added to ``given``; those before it are added to ``refused``."""
         sessions: dict[str, list[tuple[int, LongRecording]]] = {}
         sample_times_s: set[float] = set()
@@ -448,7 +453,7 @@ class RowCounts:
     bounded: bool = False  # Whether any row has bounds
 
     @classmethod
-    def of(cls, parts: Iterable[Recording]) -> "RowCounts":
+    def of(cls, parts: Iterable[Recording]) -> RowCounts:
         counts = cls()
         for part in parts:
             counts.add(part)

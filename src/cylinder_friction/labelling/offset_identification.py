@@ -34,7 +34,7 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.polynomial import legendre
-from scipy.optimize import minimize
+from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
@@ -63,6 +63,8 @@ POSITION_ORDER = 12
 PASSES = 2
 """The second pass knows the level of friction of each block, to which scale and asymmetry are relative."""
 
+MOST_SEARCHED = 100
+"""Standard deviations of what sessions have of their own are sought with at most so many sessions, evenly spread."""
 LEAST_NARROWING = 0.75
 """Strokes that leave a larger share of the stated uncertainty than this have determined nothing."""
 _OFFSET = 0
@@ -166,10 +168,10 @@ class OffsetModel:
                 f"session {session.session!r}: column {missing[0]!r} is missing; the offset model was fitted to "
                 f"recordings with {', '.join(self.inputs)}; fit it without that column"
             )
-        part = self._evidence(session).reduced(self.noise_n, self.stroke_n, self._own_deviations(session))
+        part = self._evidence([session]).reduced(self.noise_n, self.stroke_n, self._own_deviations([session]))
         precision = np.array(self.precision)
-        posterior = solved(precision, precision @ np.array(self.coefficients), [part])
-        return _session_offset(posterior, part, session, self.common_uncertainty_n)
+        posterior = solved(precision, precision @ np.array(self.coefficients), part)
+        return _session_offsets(posterior, part, [session], self.common_uncertainty_n)[0]
 
     def corrected(self, recordings: Sequence[Recording]) -> list[Recording]:
         """Return labelled recordings whose labels are free of their session's offset, as sure as it is known.
@@ -227,7 +229,11 @@ class OffsetModel:
     def _warm_known(self) -> bool:
         return OIL_TEMPERATURE in self.inputs
 
-    def _evidence(self, session: SlidingBlocks) -> Evidence:
+    def _evidence(self, sessions: Sequence[SlidingBlocks]) -> Evidence:
+        return Evidence.of([self._columns(session) for session in sessions])
+
+    def _columns(self, session: SlidingBlocks) -> tuple[Array, Array, Array, NDArray[np.int64]]:
+        """Return common columns, those of the session's own effects, the label [N] and the stroke of each block."""
         level_n = self._level_n(session)
         # A level that varies would seem to separate asymmetry from offset, though by no more than friction's model is
         # right; and, with strokes in one direction alone, scale from offset.
@@ -239,12 +245,12 @@ class OffsetModel:
             place = self.speed_place
             speed = (np.abs(session.columns["velocity_m_s"]) - self.means[place]) / self.deviations[place]
             own.append(scaled_n * speed)
-        return Evidence.of(self._design(session), np.column_stack(own), session.label_n, session.stroke)
+        return self._design(session), np.column_stack(own), session.label_n, session.stroke
 
-    def _own_deviations(self, session: SlidingBlocks) -> Array:
-        """Return prior standard deviations of what a session has of its own: offset [N], asymmetry, scale, slope."""
+    def _own_deviations(self, sessions: Sequence[SlidingBlocks]) -> Array:
+        """Return prior standard deviations of what sessions have of their own: offset [N], asymmetry, scale, slope."""
         known = [self.scale] if self._warm_known else [self.scale, self.slope]
-        return np.array([session.prior_n, 0.5 * self.plan.asymmetry_sd, *known])
+        return np.array([[each.prior_n, 0.5 * self.plan.asymmetry_sd, *known] for each in sessions])
 
     def _level_n(self, session: SlidingBlocks) -> Array:
         """Return the magnitude of friction [N], shape ``(blocks,)``; before it is known, the mean of all sessions."""
@@ -412,14 +418,16 @@ def _fitted(
 
     The search for these begins at ``guess``; they are expected near ``expected``.
     """
-    evidence = [model._evidence(each) for each in sessions]
-    size = evidence[0].size
+    from scipy.optimize import minimize  # what only estimates need not wait for it
+
+    evidence = model._evidence(sessions)
+    size = evidence.size
     even = len(model.even_places)
     counts = 1, size - even - 1 - POSITION_ORDER, POSITION_ORDER, even
     deviations = np.repeat([1.0, _QUANTITY, _RIPPLE, max(model.plan.asymmetry, 1e-6)], counts)
     precision = np.diag(1.0 / deviations**2)
 
-    def given(logarithms: Array) -> tuple[OffsetModel, Posterior, list[Reduced]]:
+    def given(logarithms: Array, some: slice) -> tuple[OffsetModel, Posterior, Reduced]:
         noise, stroke, asymmetry, scale, *slope = np.exp(logarithms).tolist()
         tried = replace(
             model,
@@ -429,27 +437,25 @@ def _fitted(
             scale=scale,
             slope=slope[0] if slope else 0.0,
         )
-        parts = [
-            each.reduced(tried.noise_n, tried.stroke_n, tried._own_deviations(session))
-            for each, session in zip(evidence, sessions, strict=True)
-        ]
+        parts = evidence.some(some).reduced(tried.noise_n, tried.stroke_n, tried._own_deviations(sessions[some]))
         return tried, solved(precision, np.zeros(size), parts), parts
 
     def objective(logarithms: Array) -> float:
         surprise = np.sum(((logarithms - expected) / _SURE[: len(logarithms)]) ** 2)
-        return given(logarithms)[1].minus_twice_likelihood + float(surprise)
+        return given(logarithms, spread)[1].minus_twice_likelihood + float(surprise)
 
+    spread = slice(None, None, -(-len(sessions) // MOST_SEARCHED))
     starts = [guess, *(np.concatenate([guess[:2], [math.log(own)], guess[3:]]) for own in _STARTS)]
     options = {"xatol": 0.02, "fatol": 0.02, "maxiter": 500}
     searches = [minimize(objective, start, method="Nelder-Mead", options=options) for start in starts]
     found = min(searches, key=lambda search: float(search.fun)).x
-    model, posterior, parts = given(found)
+    model, posterior, parts = given(found, slice(None))
     # The mean offset looks like an asymmetry, so that no data separate them: it stays 0, as uncertain as the zeros
     # leave it, unless those may be much larger than an asymmetry.
     weights = np.array([1.0 / max(session.prior_n, 1e-9) ** 2 for session in sessions])
     stated_n = 1.0 / math.sqrt(weights.sum())
     common_n = seen_n = 1.0 / math.hypot(1.0 / stated_n, 1.0 / max(model.plan.asymmetry * model.level_n, 1e-9))
-    offsets = [_session_offset(posterior, part, each, seen_n) for each, part in zip(sessions, parts, strict=True)]
+    offsets = _session_offsets(posterior, parts, sessions, seen_n)
     mean_n = 0.0
     if seen_n > LEAST_NARROWING * stated_n:
         common_n, mean_n = stated_n, float(weights @ [each.offset_n for each in offsets]) / float(weights.sum())
@@ -475,16 +481,13 @@ def _fitted(
     )
 
 
-def _session_offset(posterior: Posterior, part: Reduced, session: SlidingBlocks, common_n: float) -> SessionOffset:
-    offset_n, uncertainty_n = posterior.own_effect(part, _OFFSET)
-    extend, retract = (len(np.unique(session.stroke[session.direction == sign])) for sign in (1.0, -1.0))
-    return SessionOffset(
-        session.session,
-        offset_n,
-        uncertainty_n,
-        min(common_n, uncertainty_n),
-        session.prior_n,
-        extend,
-        retract,
-        session.sliding_s,
-    )
+def _session_offsets(
+    posterior: Posterior, parts: Reduced, sessions: Sequence[SlidingBlocks], common_n: float
+) -> list[SessionOffset]:
+    offsets_n, uncertainties_n = (each.tolist() for each in posterior.own_effect(parts, _OFFSET))
+    found = []
+    for session, offset_n, uncertainty_n in zip(sessions, offsets_n, uncertainties_n, strict=True):
+        extend, retract = (len(np.unique(session.stroke[session.direction == sign])) for sign in (1.0, -1.0))
+        common, prior = min(common_n, uncertainty_n), (session.prior_n, extend, retract, session.sliding_s)
+        found.append(SessionOffset(session.session, offset_n, uncertainty_n, common, *prior))
+    return found

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.stribeck import HUBER_NOISE_MULTIPLE
@@ -67,6 +66,8 @@ def clustered_half_widths(design: Array, fit: RobustFit, clusters: NDArray[np.in
     np.add.at(scores, clusters, weighted * fit.residuals[:, None])
     bread = np.linalg.pinv(weighted.T @ design, hermitian=True)
     covariance = bread @ (scores.T @ scores) @ bread * (count / free)
+    from scipy.special import stdtrit  # what only estimates need not wait for it
+
     quantile = float(stdtrit(free, 0.5 + 0.5 * confidence))
     return np.asarray(quantile * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
 

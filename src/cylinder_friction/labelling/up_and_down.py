@@ -29,13 +29,19 @@ def up_and_down(
         return float("nan"), float("nan")
     edges = np.linspace(float(position_m[usable].min()), float(position_m[usable].max()), POSITION_BINS + 1)
     numbers = np.clip(np.digitize(position_m, edges) - 1, 0, POSITION_BINS - 1)
-    halves = []
-    for number in range(POSITION_BINS):
-        here = numbers == number
-        if min((here & up).sum(), (here & down).sum()) >= LEAST_ROWS_A_BIN:
-            extending, retracting = np.median(friction_n[here & up]), np.median(friction_n[here & down])
-            halves.append((0.5 * (extending + retracting), 0.5 * (extending - retracting)))
+    extending, retracting = (_medians(numbers[rows], friction_n[rows]) for rows in (up, down))
+    both = extending.keys() & retracting.keys()
+    halves = [(0.5 * (extending[n] + retracting[n]), 0.5 * (extending[n] - retracting[n])) for n in sorted(both)]
     if not halves:
         return float("nan"), float("nan")
     load_n, half_difference_n = np.median(np.array(halves), axis=0)
     return float(load_n), float(half_difference_n)
+
+
+def _medians(numbers: NDArray[np.int64], values: Array) -> dict[int, float]:
+    """Return the median of the values of each bin that holds enough of them, by the bin's number."""
+    values = values[np.lexsort((values, numbers))]
+    counts = np.bincount(numbers, minlength=POSITION_BINS)
+    starts, enough = np.cumsum(counts) - counts, np.flatnonzero(counts >= LEAST_ROWS_A_BIN)
+    below, above = (values[starts[enough] + middle[enough]] for middle in ((counts - 1) // 2, counts // 2))
+    return dict(zip(enough.tolist(), (0.5 * (below + above)).tolist(), strict=True))

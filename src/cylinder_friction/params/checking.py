@@ -17,6 +17,7 @@ from cylinder_friction.params.data import (
     RecordParams,
     SplitParams,
 )
+from cylinder_friction.params.file import IN_A_PROJECT, PARAMS_FILE, ParamsError
 from cylinder_friction.params.learning import (
     BaselinesParams,
     CompareParams,
@@ -25,7 +26,7 @@ from cylinder_friction.params.learning import (
     SearchParams,
     TrainParams,
 )
-from cylinder_friction.params.section import PARAMS_FILE, ParamsError, Section, checked
+from cylinder_friction.params.section import Section, checked
 from cylinder_friction.recordings.files import read_yaml
 
 __all__ = [
@@ -40,7 +41,6 @@ __all__ = [
 ]
 REFERENCE_CYLINDER = "Bosch H160CA 63x28"
 """Cylinder of the simulated rig as shipped, whose models need no name of their own."""
-IN_A_PROJECT = "run this in a project's folder, which `cylinder-friction init FOLDER` makes"
 
 
 class Params(Section):

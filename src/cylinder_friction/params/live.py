@@ -6,7 +6,8 @@ from pathlib import Path
 
 from pydantic import Field, model_validator
 
-from cylinder_friction.params.section import ParamsError, Section, checked
+from cylinder_friction.params.file import ParamsError
+from cylinder_friction.params.section import Section, checked
 from cylinder_friction.recordings.files import read_yaml
 from cylinder_friction.service.access import LiveAccess
 from cylinder_friction.service.live.settings import (

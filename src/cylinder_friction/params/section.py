@@ -6,7 +6,8 @@ from typing import Annotated, Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-PARAMS_FILE = Path("params.yaml")
+from cylinder_friction.params.file import PARAMS_FILE, ParamsError
+
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Fraction = Annotated[float, Field(ge=0.0, lt=1.0)]
@@ -21,10 +22,6 @@ class Section(BaseModel):
 
 
 Kind = TypeVar("Kind", bound=Section)
-
-
-class ParamsError(ValueError):
-    """A configuration that is refused; the message names the key."""
 
 
 def checked(kind: type[Kind], content: Any, where: str) -> Kind:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Self
 
@@ -14,6 +15,7 @@ from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
     SAMPLE_COLUMNS,
+    TIME,
     UNCERTAINTY_COLUMN,
     missing_column,
 )
@@ -194,16 +196,30 @@ class Recording:
 
     def with_columns(self, **columns: NDArray[Any]) -> Recording:
         """Return a copy with columns added or replaced; the recording itself stays as it was."""
-        table = pd.DataFrame({name: self.table[name] for name in self.table.columns} | columns, copy=False)
-        return replace(self, table=table)
+        table = self.table.copy(deep=False)
+        for name, values in columns.items():
+            table[name] = values
+        return replace(self, table=table) if _CHECKED & columns.keys() else self._derived(table)
 
     def rows(self, own: slice) -> Recording:
         """Return some rows, with the metadata of the whole recording; the values are not copied."""
-        return replace(self, table=self.table.iloc[own])
+        return self._derived(self.table.iloc[own])
 
     def without_columns(self, *names: str) -> Recording:
         """Return a copy without these columns; names that do not exist are ignored."""
-        return replace(self, table=self.table[[column for column in self.table.columns if column not in names]])
+        dropped = [name for name in names if name in self.table.columns]
+        table = self.table.drop(columns=dropped)
+        return replace(self, table=table) if _CHECKED & set(dropped) else self._derived(table)
+
+    def _derived(self, table: pd.DataFrame) -> Recording:
+        """Return a copy with another table, whose measured columns hold nothing that was not checked before."""
+        derived = copy(self)
+        object.__setattr__(derived, "table", table)
+        return derived
+
+
+_CHECKED = {*SAMPLE_COLUMNS, DRIVE_FORCE, TIME}
+"""Columns that a recording is checked for when it is made."""
 
 
 def refuse_not_finite(where: str, samples: Array, columns: Sequence[str] = SAMPLE_COLUMNS) -> None:

@@ -2,6 +2,7 @@
 
 import numba
 import numpy as np
+import pandas as pd
 
 from cylinder_friction.arrays import Array, Mask
 
@@ -51,11 +52,8 @@ def steady_rows(velocity_m_s: Array, sample_time_s: float, slowest_m_s: float, v
 
     ``variation`` is how much velocity may vary within ``STEADY_DURATION_S``, over its mean.
     """
-    from scipy.ndimage import maximum_filter1d, minimum_filter1d  # what only estimates need not wait for it
-
-    window = max(3, round(STEADY_DURATION_S / sample_time_s) | 1)
-    greatest = maximum_filter1d(velocity_m_s, window, mode="nearest")
-    least = minimum_filter1d(velocity_m_s, window, mode="nearest")
+    around = pd.Series(velocity_m_s).rolling(max(3, round(STEADY_DURATION_S / sample_time_s) | 1), 1, center=True)
+    greatest, least = around.max().to_numpy(), around.min().to_numpy()
     one_way = (least > slowest_m_s) | (greatest < -slowest_m_s)
     return np.asarray(one_way & (greatest - least <= variation * np.abs(0.5 * (greatest + least))))
 
@@ -67,8 +65,6 @@ def standstill_rows(position_m: Array, sample_time_s: float, around_rows: int = 
     less than ``CREEP_M_S`` would make it, for as long as that and ``around_rows`` to either side, a filter's support:
     rows whose filter saw motion are not at rest for it. The position is raw, shape ``(n,)``.
     """
-    from scipy.ndimage import uniform_filter1d
-
     half = max(2, round(0.5 * STANDSTILL_DURATION_S / sample_time_s))
     if len(position_m) < 4 * half:
         return np.zeros(len(position_m), dtype=np.bool_)
@@ -77,7 +73,7 @@ def standstill_rows(position_m: Array, sample_time_s: float, around_rows: int = 
     moving = np.ones(len(position_m), dtype=np.bool_)
     moving[half : half + len(slow)] = ~slow
     width = min(2 * (half + around_rows) + 1, 2 * len(moving) - 1)
-    return np.asarray(uniform_filter1d(moving.astype(np.float64), width, mode="nearest") <= 1e-9)
+    return pd.Series(moving.astype(np.float64)).rolling(width, 1, center=True).max().to_numpy() == 0.0
 
 
 def noise_rms(values: Array, rest: Mask) -> float:

@@ -1,6 +1,8 @@
 """Zero-phase filters, which look as far ahead as back: for labels, never for estimates."""
 
+import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -85,9 +87,26 @@ def _refuse_short(values: Array, window: int) -> None:
 
 
 def _fitted(values: Array, window: int, order: int, derivative: int = 0, sample_time_s: float = 1.0) -> Array:
-    from scipy.signal import savgol_filter  # half a second that most commands need not wait for
+    """Return a derivative of the polynomial around each sample, at the edges of that of the first or last window.
 
-    return savgol_filter(values, window, order, derivative, sample_time_s)
+    SciPy has the same in ``scipy.signal``, which takes longer to load than most logs take to label.
+    """
+    at, half = _derivatives(window, order, derivative), window // 2
+    rest, level = values - values[0], 0.0 if derivative else values[0]  # of a large constant, digits would be lost
+    inner = np.convolve(rest, at[half, ::-1], mode="valid")
+    fitted = [at[:half] @ rest[:window], inner, at[half + 1 :] @ rest[-window:]]
+    return level + np.concatenate(fitted) / sample_time_s**derivative
+
+
+@cache
+def _derivatives(window: int, order: int, derivative: int) -> Array:
+    """Return what gives the derivative at each sample of a window from its values, shape ``(window, window)``."""
+    half = max(window // 2, 1)
+    x = (np.arange(window) - window // 2) / half  # in halves of a window, for exactness
+    fit = np.linalg.pinv(np.vander(x, order + 1, increasing=True))
+    factors = [math.perm(power, derivative) for power in range(derivative, order + 1)]
+    powers = np.vander(x, order + 1 - derivative, increasing=True)
+    return np.asarray((powers * factors) @ fit[derivative:]) / half**derivative
 
 
 def centred_taps(taps: Array) -> Array:

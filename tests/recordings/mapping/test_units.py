@@ -4,8 +4,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cylinder_friction.recordings.columns import QUANTITIES
+from cylinder_friction.recordings.mapping import units
 from cylinder_friction.recordings.mapping.units import (
     COMMON,
+    SCALES,
+    USUAL,
     check_unit,
     column_scale,
     to_column_unit,
@@ -25,6 +28,18 @@ from cylinder_friction.recordings.recording import RecordingError
 def test_usual_units_are_one_exact_product(column: str, unit: str, scale: float) -> None:
     values = np.random.default_rng(1).normal(100.0, 30.0, 1000)
     np.testing.assert_array_equal(to_column_unit(values, unit, column), values * scale)
+
+
+@pytest.mark.parametrize(
+    ("quantity", "unit"),
+    [(quantity, unit) for quantity in USUAL for unit, known in USUAL[quantity].items() if known in SCALES],
+)
+def test_known_factors_are_those_of_pint(quantity: str, unit: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    column = next(name for name in QUANTITIES if QUANTITIES[name] == quantity)
+    ours = column_scale(column, unit)
+    monkeypatch.setattr(units, "SCALES", {})
+    units._conversion.cache_clear()
+    assert column_scale(column, unit) == ours
 
 
 @pytest.mark.parametrize("column", QUANTITIES)

@@ -4,7 +4,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import detrend, welch
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import DRIVE_FORCE, POSITION, PRESSURES
@@ -48,6 +47,8 @@ def signal_spectra(recording: Recording, velocity_m_s: Array) -> dict[str, Spect
 
 def spectrum(values: Array, sample_time_s: float) -> Spectrum:
     """Return the spectrum of a signal, shape ``(n,)``, from averaged segments (Welch 1967)."""
+    from scipy.signal import detrend, welch  # half a second that most commands need not wait for
+
     rate_hz = 1.0 / sample_time_s
     segment = min(len(values), 1 << math.ceil(math.log2(SEGMENT_S * rate_hz)))
     frequency_hz, power = welch(values, rate_hz, nperseg=segment, detrend=detrend)

@@ -84,7 +84,11 @@ def find_layout(lines: list[str], options: CsvOptions) -> Layout:
     delimiters = DELIMITERS if stated == "auto" else (stated,)
     lines = padded(lines, delimiters)
     decimal = None if options.decimal == "auto" else options.decimal
-    grids = [grid for delimiter in delimiters if (grid := _grid(lines, content, delimiter, decimal)) is not None]
+    # Of delimiters that occur in no line all make the same grid, of one column.
+    looked_at = "\n".join(lines[index] for index in content[-_LOOKED_AT:])
+    absent = [each for each in delimiters if each != "whitespace" and each not in looked_at]
+    tried = [each for each in delimiters if each not in absent[1:]]
+    grids = [grid for delimiter in tried if (grid := _grid(lines, content, delimiter, decimal)) is not None]
     if not grids:
         raise RecordingError(
             f"no rows of numbers were found in its first {len(content)} lines; expected a table: a line of names and "
