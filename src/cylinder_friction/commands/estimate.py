@@ -1,6 +1,6 @@
 """The command ``estimate``: from logger files to files of friction and a page, with or without a trained model.
 
-What work needs is imported when it begins, so that help and mistyped options are answered at once.
+What work needs is imported when it begins, so that help and mistyped options come at once.
 """
 
 from __future__ import annotations
