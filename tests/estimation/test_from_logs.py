@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import base64
 import copy
 import json
 import re
 import shutil
+import zlib
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -16,8 +18,10 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.from_logs import LABEL_BOUNDS, FileFormat, estimate_logs, remarks
+from cylinder_friction.estimation.earlier import PROCESSED_FILE
+from cylinder_friction.estimation.from_logs import LABEL_BOUNDS, FileFormat, estimate_logs
 from cylinder_friction.estimation.identification import identify_logs
+from cylinder_friction.estimation.results import remarks
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
 from cylinder_friction.realtime.position_load import PositionLoad
@@ -64,7 +68,8 @@ def test_without_a_model_friction_is_the_label(
     summary = json.loads((tmp_path / "out/summary.json").read_text())
     assert summary["recordings"][0]["friction_n"] == pytest.approx(300.0, rel=0.3)
     assert "condition1_session1" in (tmp_path / "out/friction.html").read_text()
-    assert sorted(path.suffix for path in (tmp_path / "out").iterdir()) == [".html", ".json", *4 * [".parquet"]]
+    expected = ["", "", ".html", ".json", *4 * [".parquet"]]  # panes, what the next run needs, page, summary, results
+    assert sorted(path.suffix for path in (tmp_path / "out").iterdir()) == expected
 
 
 def test_a_sensor_offset_is_taken_off_where_strokes_show_it(
@@ -232,7 +237,8 @@ def test_what_a_long_recording_shows_is_found_from_an_excerpt(
     (whole,), (parts,) = (run(tmp_path / f"{n}", rows_at_once=n).recordings for n in (1_000_000, 4_000))
     assert parts.friction_n == pytest.approx(whole.friction_n, rel=0.02)
     assert parts.rows == whole.rows
-    assert "The figures show " in (tmp_path / "4000/friction.html").read_text()
+    packed = re.findall(r'"([^"]*)"', (tmp_path / f"4000/panes/{parts.name}.js").read_text())[-1]
+    assert "The figures show " in zlib.decompress(base64.b64decode(packed)).decode()
 
 
 def test_a_bad_file_is_named_and_the_others_go_on(tmp_path: Path, logs: Path, cylinder: Cylinder) -> None:
@@ -282,16 +288,13 @@ def test_what_a_person_adds_to_the_results_stays(tmp_path: Path, logs: Path, cyl
     (tmp_path / "out/mine").mkdir()
     (tmp_path / "out/mine/notes.txt").write_text("looked at", encoding="utf-8")
     estimate_logs(first, cylinder, tmp_path / "out", channels=CHANNELS, file_format="csv")
-    names = {"friction.html", "summary.json", "mine/notes.txt", f"{first[0].stem}.csv"}
-    assert set(content(tmp_path / "out")) == names
+    names = {"friction.html", "summary.json", PROCESSED_FILE, "mine/notes.txt", f"{first[0].stem}.csv"}
+    assert set(content(tmp_path / "out")) == {*names, f"panes/{first[0].stem}.js"}
 
 
-def test_an_earlier_run_is_replaced_as_a_whole(tmp_path: Path, logs: Path, cylinder: Cylinder) -> None:
-    first = sorted(logs.glob("*.csv"))
-    estimate_logs(first[:2], cylinder, tmp_path / "out", channels=CHANNELS)
-    estimate_logs(first[2:3], cylinder, tmp_path / "out", channels=CHANNELS, file_format="csv")
-    files = sorted(path.name for path in (tmp_path / "out").iterdir())
-    assert files == [f"{first[2].stem}.csv", "friction.html", "summary.json"]
+def test_an_earlier_run_stays_where_nothing_is_found(tmp_path: Path, logs: Path, cylinder: Cylinder) -> None:
+    estimate_logs(sorted(logs.glob("*.csv"))[:1], cylinder, tmp_path / "out", channels=CHANNELS)
+    before = content(tmp_path / "out")
     with pytest.raises(RecordingError, match="no such file"):
         estimate_logs(tmp_path / "nothing/*.csv", cylinder, tmp_path / "out", channels=CHANNELS)
-    assert (tmp_path / "out/summary.json").is_file()
+    assert content(tmp_path / "out") == before

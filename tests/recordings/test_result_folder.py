@@ -1,12 +1,13 @@
 """A result folder: replaced where an earlier run listed it, refused where not, and nobody's files are removed."""
 
 import json
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from cylinder_friction.recordings.result_folder import ResultFolder
+from cylinder_friction.recordings.result_folder import PLAN, WHOLE, ResultFolder
 
 MARKER, COMMAND = "summary.json", "friction-tool run"
 
@@ -151,3 +152,53 @@ def test_a_lookalike_of_our_draft_folder_keeps_what_is_in_it(tmp_path: Path) -> 
     write(tmp_path / "out", "a")
     assert names(drafts) == ["mine/notes"]
     assert not (drafts / ("0" * 32)).exists()
+
+
+def test_what_the_new_marker_keeps_stays_and_what_nobody_listed_cannot_be_kept(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    write(out, "a", "b", "c")
+    (out / "mine").write_text("mine", encoding="utf-8")
+    with result_folder(out).written() as draft:
+        (draft / "c").write_text("new", encoding="utf-8")
+        (draft / MARKER).write_text(json.dumps({"kept": ["a", "mine", "../elsewhere"]}), encoding="utf-8")
+    assert names(out) == ["a", "c", "mine", MARKER]
+    assert json.loads((out / MARKER).read_text())["files"] == ["a", "c", MARKER]
+    assert (out / "c").read_text() == "new"
+
+
+@pytest.mark.parametrize("moved", range(4))
+def test_what_a_killed_run_had_not_moved_the_next_one_moves_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moved: int
+) -> None:
+    out, calls = tmp_path / "out", []
+    write(out, "a", "b")
+    replace = Path.replace
+
+    def until_killed(self: Path, target: Path) -> Path:
+        if self.parent.name == WHOLE:
+            calls.append(target)
+            if len(calls) > moved:
+                raise KeyboardInterrupt
+        return replace(self, target)
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt) if moved < 3 else nullcontext():
+        patch.setattr(Path, "replace", until_killed)
+        write(out, "b", "c", "d")
+    with pytest.raises(ZeroDivisionError), result_folder(out).written():
+        raise ZeroDivisionError
+    assert names(tmp_path) == ["out/b", "out/c", "out/d", f"out/{MARKER}"]
+    assert "unfinished" not in json.loads((out / MARKER).read_text())
+
+
+def test_a_plan_of_somebody_else_removes_nothing(tmp_path: Path) -> None:
+    out, victim = tmp_path / "out", tmp_path / "victim"
+    write(out, "a")
+    victim.write_text("mine", encoding="utf-8")
+    draft = tmp_path / ".out.draft" / WHOLE
+    draft.mkdir(parents=True)
+    content = {"written_by": COMMAND, "files": []}
+    (draft / PLAN).write_text(json.dumps({"old": ["../victim"], "new": [], "content": content}), encoding="utf-8")
+    with pytest.raises(FileExistsError, match="is no unfinished result of `friction-tool run`; remove it"):
+        write(out, "b")
+    assert victim.read_text() == "mine"
+    assert "a" in names(out)

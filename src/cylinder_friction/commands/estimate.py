@@ -20,8 +20,8 @@ from cylinder_friction.commands._model import model_folder
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimation.from_logs import FrictionOfLogs
     from cylinder_friction.estimation.identification import FrictionModels
+    from cylinder_friction.estimation.results import FrictionOfLogs
 
 EXPECTED = (ValueError, OSError)
 Result = TypeVar("Result")
@@ -84,7 +84,7 @@ def run(options: argparse.Namespace) -> int:
         function = partial(estimate_logs, **settings, workers=workers)
         result, notes = run_on_logs(function, options)
     print_result(result, notes, options.json, _lines(result), PAGE_FILE, [f"bounds   {result.bounds}"])
-    unusable = any(each.not_known for each in result.recordings)
+    unusable = any(each.not_known for each in result.recordings if each.name in result.new)
     return 1 if result.refused or not result.recordings or unusable else 0
 
 
@@ -156,11 +156,13 @@ def cylinder_of(given: str | None) -> Cylinder:
 
 
 def _lines(result: FrictionOfLogs) -> list[str]:
-    from cylinder_friction.estimation.from_logs import remarks
+    from cylinder_friction.estimation.results import remarks
 
     lines = []
     for each in result.recordings:
+        if each.name not in result.new:
+            continue
         friction = "friction unknown" if each.friction_n is None else f"friction {each.friction_n:.0f} N"
         beside = "".join(f"; {words}" for words in remarks(each))
         lines.append(f"{each.name}: {friction}, {each.duration_s:.0f} s, {each.usable_percent:.0f} % usable{beside}")
-    return lines
+    return [*lines, *([""] if lines and result.news else []), *result.news]

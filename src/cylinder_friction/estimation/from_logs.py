@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
+import hashlib
 import math
 import shutil
+import tempfile
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimation.earlier import (
+    Earlier,
+    Processed,
+    read_earlier,
+    result_files,
+    sort_logs,
+    write_earlier,
+)
+from cylinder_friction.estimation.results import FrictionOfLogs, FrictionOfRecording, known_number, table_rows
 from cylinder_friction.evaluation.inspection.friction_view import view_of_labelled
 from cylinder_friction.execution.workers import Died, Work, Workers
 from cylinder_friction.labelling.known_offset import (
@@ -29,9 +41,10 @@ from cylinder_friction.labelling.session import SessionIdentification
 from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan
 from cylinder_friction.labelling.up_and_down import holds_load, up_and_down
 from cylinder_friction.realtime.flags import Flag, unknown_in_words
+from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, DRIVE_FORCE, LOAD_FORCE, PRESSURES, UNCERTAINTY_COLUMN
-from cylinder_friction.recordings.files import whole_file, write_json
+from cylinder_friction.recordings.files import hash_of, whole_file, write_json, write_text
 from cylinder_friction.recordings.ingesting import Quarantined, convert_in_parts
 from cylinder_friction.recordings.long_logs import ROWS_AT_ONCE, LongRecording, on_disk
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertainty
@@ -39,7 +52,7 @@ from cylinder_friction.recordings.reading_logs import Logs, find_logs
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.recordings.result_folder import ResultFolder, existing
 from cylinder_friction.recordings.storage import write_parts, write_recording
-from cylinder_friction.reporting.friction_page import FrictionPane, friction_pane, write_friction_page
+from cylinder_friction.reporting.friction_page import friction_pane, pane_file, write_friction_page
 from cylinder_friction.reporting.page import PLOTTED
 from cylinder_friction.signals.methods import default_filter, warn_of_rates
 from cylinder_friction.signals.noise import noise_deviation
@@ -55,51 +68,6 @@ SUMMARY_FILE, PAGE_FILE = "summary.json", "friction.html"
 LABEL_BOUNDS = (
     "friction lies between them in about 95 % of the rows (k = 2: sensors as stated, smoothing, load, sensor offset)"
 )
-
-
-@dataclass(frozen=True)
-class FrictionOfRecording:
-    """What became of one recording; friction itself is in its file."""
-
-    name: str
-    source_file: str
-    session: str
-    rows: int
-    duration_s: float
-    usable_percent: float  # Of the rows; not near end stops or edges, where the force balance is not friction alone
-    # Half of extending less retracting at equal positions [N]; None where the piston did not pass any both ways
-    friction_n: float | None
-    flags_percent: dict[str, float] | None  # Of the rows, by name of the estimator's flag; None without an estimator
-    load: str  # Which load was taken off, in words
-    # Why the estimates are not to be used as they are, and what else is unlike training; empty where nothing
-    not_known: str
-    unlike_training: str
-    load_left_n: float | None  # A load that friction still holds, about [N]; None where nothing hints at one
-    repairs: tuple[str, ...]  # What reading had to repair
-
-
-@dataclass(frozen=True)
-class FrictionOfLogs:
-    """What became of the logs."""
-
-    folder: Path  # Where the files lie
-    bounds: str  # What ``lower_n`` and ``upper_n`` are
-    recordings: list[FrictionOfRecording] = field(default_factory=list)
-    refused: list[Quarantined] = field(default_factory=list)
-    offsets: list[KnownOffset] = field(default_factory=list)
-    # From which file channels and units were guessed, and each column's with its reasons; None with a mapping
-    guessed: dict[str, Any] | None = None
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return the content as JSON-compatible values; what is not known is None."""
-        return {
-            "folder": self.folder.as_posix(),
-            "bounds": self.bounds,
-            "recordings": [asdict(each) for each in self.recordings],
-            "refused": [asdict(each) for each in self.refused],
-            "offsets": [{name: _known(value) for name, value in asdict(each).items()} for each in self.offsets],
-            "guessed": self.guessed,
-        }
 
 
 def estimate_logs(
@@ -124,7 +92,7 @@ def estimate_logs(
     ``friction_n`` (positive when it opposes positive velocity), ``lower_n``, ``upper_n``, ``usable``, and
     ``load_force_n`` where a load was taken off. Without a model friction is the off-line label, which looks ahead, less
     the sensors' offset where strokes determine it. With one it is the real-time estimate; its ``flags`` and the label,
-    ``label_n``, stand beside it.
+    ``label_n``, stand beside it. A folder that an earlier call wrote is continued: only files that are new are processed.
 
     Args:
         files, channels, load, names, units, sensor_class: As in ``read_recordings``.
@@ -160,14 +128,29 @@ def estimate_logs(
     logs = find_logs(files, channels, cylinder, names=names, load=load, rate_hz=rate_hz, units=units)
     logs = logs.with_sensor_class(sensor_class)
     read = inputs(files, channels, model, logs)
+    depends_on = _depends_on(logs, cylinder, estimator, file_format)
     with ResultFolder(into, SUMMARY_FILE, "cylinder-friction estimate", read).written() as folder:
-        run = LabelledLogs(logs, cylinder, folder / ".scratch", estimator, rows_at_once, workers)
-        result, panes = _written(run, folder, file_format)
-        result = replace(result, folder=into, guessed=logs.guessed)
-        shutil.rmtree(run.scratch, ignore_errors=True)
-        rows = _table_rows(result)
-        write_friction_page(folder / PAGE_FILE, panes, result.offsets, rows, result.bounds, logs.guessed)
-        write_json(folder / SUMMARY_FILE, result.to_dict())
+        earlier = read_earlier(into, depends_on)
+        found = sort_logs(logs, earlier)
+        scratch = folder / ".scratch"
+        run = LabelledLogs(replace(logs, files=found.new), cylinder, scratch, estimator, rows_at_once, workers)
+        processed = _processed(run, folder, file_format, found.kept)
+        kept = {each.entry.name for each in found.kept}
+        new = tuple(each.entry.name for each in processed if each.entry.name not in kept)
+        offsets = {each.session: each for each in earlier.offsets} | run.offsets
+        sessions = {each.entry.session for each in processed}
+        known = [each for name, each in sorted(offsets.items()) if name in sessions]
+        bounds = _bounds_in_words(run, any(each.bounded for each in processed))
+        shutil.rmtree(scratch, ignore_errors=True)
+        entries = [each.entry for each in processed]
+        result = FrictionOfLogs(into, bounds, entries, run.refused, known, new, found.news, logs.guessed)
+        if found.same:
+            return result
+        write_earlier(folder, Earlier(depends_on, tuple(processed), tuple(known)))
+        rows = table_rows(result)
+        write_friction_page(folder / PAGE_FILE, rows, known, bounds, logs.guessed)
+        stays = [[*result_files(into, name), pane_file(name)] for name in sorted(kept)]
+        write_json(folder / SUMMARY_FILE, result.to_dict() | {"kept": list(chain(*stays))})
     return result
 
 
@@ -271,44 +254,51 @@ class RecordingFriction:
         return FrictionOfRecording(
             name=about.name,
             source_file=about.source_file,
+            source_sha256=about.source_sha256,
             session=about.session,
             rows=counts.rows,
             duration_s=counts.rows * about.sample_time_s,
             usable_percent=100.0 * counts.usable / counts.rows,
-            friction_n=_known(half_n),
+            friction_n=known_number(half_n),
             flags_percent=None if estimator is None else counts.flags_percent(),
             load=load or known,
             not_known=other or unknown_in_words(counts.rows, counts.flags),
             unlike_training=noisy,
-            load_left_n=_known(load_n) if holds_load(load_n, half_n) else None,
+            load_left_n=known_number(load_n) if holds_load(load_n, half_n) else None,
             repairs=tuple(about.repairs),
         )
 
     def written(
-        self, labelled: LongRecording, known: KnownOffset | None, load: str, into: Path
+        self,
+        labelled: LongRecording,
+        known: KnownOffset | None,
+        load: str,
+        folder: Path,
+        file_format: FileFormat,
+        detailed: bool,
     ) -> tuple[FrictionOfRecording, bool]:
-        """Write the file of one recording; return what became of it, and whether it has bounds.
+        """Write file and pane of one recording; return what became of it, and whether it has bounds.
 
         Args:
             labelled: The recording with its friction.
             known: What is known of the sensors' offset; None with an estimator.
             load: As in ``entry``.
-            into: The file.
+            folder: Where file and pane go.
+            file_format: Of the file.
+            detailed: Whether the pane shows friction against velocity, and the Stribeck curve.
         """
+        name = labelled.metadata.name
         counts = RowCounts()
         whole = [self.finished(part, known) for part in labelled.excerpt()] if len(labelled.paths) == 1 else []
         parts = iter(whole) if whole else (self.finished(part, known) for part, _ in labelled.parts())
-        _write(_counted(parts, counts), into)
+        _write(_counted(parts, counts), folder / f"{name}.{file_format}")
         excerpt = whole or [self.finished(part, known) for part in labelled.excerpt()]
+        view, first = None, excerpt[0]
+        if detailed:
+            view = view_of_labelled(first, smooth_recording(first, self.filter), self.labeller.cylinder, self.filter)
+        shown = "" if len(excerpt) == 1 else _shown(first, len(labelled))
+        write_text(folder / pane_file(name), friction_pane(first, view, shown))
         return self.entry(excerpt, load, counts), counts.bounded
-
-    def pane(self, labelled: LongRecording, known: KnownOffset | None) -> FrictionPane:
-        """Return what the page shows of a recording."""
-        excerpt = labelled.excerpt()
-        first = self.finished(excerpt[0], known)
-        signals = smooth_recording(first, self.filter)
-        pane = friction_pane(view_of_labelled(first, signals, self.labeller.cylinder, self.filter))
-        return pane if len(excerpt) == 1 else replace(pane, shown=_shown(first, len(labelled)))
 
 
 @lru_cache(maxsize=1)
@@ -333,6 +323,8 @@ class LabelledLogs:
         refused: Files and recordings that could not be used, once ``recordings`` has ended.
         offsets: What is known of the sensors' offset by session, from then on; empty with an estimator.
         loads: By recording, which load was taken off, in words.
+        evidence: By recording, what it shows of the sensors' offset.
+        seen: All recordings, by the hashes of their windows.
     """
 
     def __init__(
@@ -355,6 +347,8 @@ class LabelledLogs:
         self.refused: list[Quarantined] = []
         self.offsets: dict[str, KnownOffset] = {}
         self.loads: dict[str, str] = {}
+        self.evidence: dict[str, list[OffsetEvidence]] = {}
+        self.seen = DuplicateDetection()
 
     def recordings(self) -> Iterator[Recording]:
         """Yield each usable recording with friction, bounds, velocity and usable rows; of a long one an excerpt."""
@@ -365,10 +359,17 @@ class LabelledLogs:
                 part = replace(part, metadata=replace(part.metadata, name=name))
                 yield self.friction.finished(part, self.offsets.get(part.metadata.session))
 
-    def labelled(self) -> list[LongRecording]:
-        """Return each usable recording with its friction, on disk; what is read of it is yet to be ``finished``."""
+    def labelled(self, earlier: Sequence[Processed] = ()) -> list[LongRecording]:
+        """Return each usable recording with its friction, on disk; what is read of it is yet to be ``finished``.
+
+        Recordings of ``earlier`` runs are not worked on. New ones are compared with them, and offsets are identified
+        beside theirs.
+        """
+        about = [(each.entry, each.hashes) for each in earlier]
+        self.seen.remember((one.name, one.source_file, one.source_sha256, hashes) for one, hashes in about)
         labelled: list[LongRecording] = []
-        evidence: list[OffsetEvidence] = []
+        evidence = [own for each in earlier for own in each.evidence]
+        sessions: set[str] = set()
         given: list[_Given] = []
         refused: dict[int, Quarantined] = {}
         for place, result in enumerate(self.workers.in_order(self._pieces(given, refused))):
@@ -376,14 +377,16 @@ class LabelledLogs:
             if isinstance(result, tuple):
                 labelled.append(result[0])
                 evidence += result[1]
+                self.evidence[result[0].metadata.name] = result[1]
+                sessions |= {each.session for each in result[1]}
             else:
                 refused[source.number] = _refused(source.metadata, result)
             for path in source.paths:
                 path.unlink()
         self.refused = [refused[number] for number in sorted(refused)]
-        if self.friction.model is None:
+        if sessions:
             known = known_offsets(evidence, self.cylinder, self.friction.plan)
-            self.offsets = {each.session: each for each in known}
+            self.offsets = {each.session: each for each in known if each.session in sessions}
         return labelled
 
     def _pieces(self, given: list[_Given], refused: dict[int, Quarantined]) -> Iterator[Work]:
@@ -391,7 +394,9 @@ class LabelledLogs:
         sessions: dict[str, list[tuple[int, LongRecording]]] = {}
         sample_times_s: set[float] = set()
         folder, labeller = self.scratch / "converted", self.friction.labeller
-        outcomes = convert_in_parts(self.logs.files, self.logs.recipe, folder, self.rows_at_once, self.workers)
+        outcomes = convert_in_parts(
+            self.logs.files, self.logs.recipe, folder, self.rows_at_once, self.workers, self.seen
+        )
         for number, outcome in enumerate(outcomes):
             if isinstance(outcome, Quarantined):
                 refused[number] = outcome
@@ -510,33 +515,48 @@ def with_noise(recording: LongRecording, cylinder: Cylinder) -> LongRecording:
     return replace(recording, noise={name: noise_deviation(each) for name, each in values.items()})
 
 
-def _written(run: LabelledLogs, folder: Path, file_format: FileFormat) -> tuple[FrictionOfLogs, list[FrictionPane]]:
-    bounded = False
-    recordings: list[FrictionOfRecording] = []
-    panes: list[FrictionPane] = []
-    labelled = run.labelled()
+def _depends_on(
+    logs: Logs, cylinder: Cylinder, estimator: FrictionEstimator | None, file_format: FileFormat
+) -> dict[str, str]:
+    """Return what results depend on beside the logs: what was used before under another hash makes all of them new."""
+    table = logs.recipe.names.table
+    mapping = f"{replace(logs.recipe, cylinder='')}{'' if table is None else hash_of(table)}"
+    contents = {"cylinder": repr(cylinder), "mapping": mapping, "format": file_format}
+    hashes = {name: hashlib.sha256(content.encode()).hexdigest() for name, content in contents.items()}
+    hashes |= {"version of the code": hash_of(Path(__file__).parents[1]), "model": ""}
+    if estimator is not None:
+        with tempfile.TemporaryDirectory() as folder:
+            estimator.save(Path(folder) / "model")
+            hashes["model"] = hash_of(Path(folder) / "model")
+    return hashes
+
+
+def _processed(run: LabelledLogs, folder: Path, file_format: FileFormat, kept: Sequence[Processed]) -> list[Processed]:
+    """Write results and panes of the new recordings into a folder; return them and the kept ones by their files."""
+    labelled = run.labelled(kept)
+    detailed = len(labelled) <= PLOTTED
     pieces = [
         partial(
             run.friction.written,
             each,
             run.offsets.get(each.metadata.session),
             run.loads.get(each.metadata.name, ""),
-            folder / f"{each.metadata.name}.{file_format}",
+            folder,
+            file_format,
+            detailed,
         )
         for each in labelled
     ]
+    processed = list(kept)
     for each, result in zip(labelled, run.workers.in_order(pieces), strict=True):
         if isinstance(result, Died):
             run.refused.append(_refused(each.metadata, result))
             continue
-        recordings.append(result[0])
-        bounded |= result[1]
-        if len(panes) < PLOTTED:
-            panes.append(run.friction.pane(each, run.offsets.get(each.metadata.session)))
+        entry, bounded = result
+        name = each.metadata.name
+        processed.append(Processed(entry, bounded, run.seen.hashes[name], tuple(run.evidence.get(name, ()))))
         each.remove()
-    return FrictionOfLogs(
-        folder, _bounds_in_words(run, bounded), recordings, run.refused, list(run.offsets.values())
-    ), panes
+    return sorted(processed, key=lambda each: Path(each.entry.source_file))
 
 
 def _bounds_in_words(run: LabelledLogs, bounded: bool) -> str:
@@ -581,44 +601,3 @@ def _write(parts: Iterable[Recording], path: Path) -> None:
     with whole_file(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         for number, part in enumerate(parts):
             part.table.to_csv(file, index=False, header=number == 0, float_format="%.9g")
-
-
-def remarks(each: FrictionOfRecording) -> list[str]:
-    """Return what is worth knowing of a recording beside its numbers."""
-    flags = [f"{share:.1f} % {name}" for name, share in (each.flags_percent or {}).items()]
-    left = load_left(each)
-    unlike = [f"not to be used as it is: {each.not_known}"] if each.not_known else []
-    unlike += [each.unlike_training] if each.unlike_training else []
-    return [
-        *unlike,
-        *([left] if left else []),
-        *([] if each.load == "none" else [f"load: {each.load}"]),
-        *flags,
-        *each.repairs,
-    ]
-
-
-def load_left(each: FrictionOfRecording) -> str:
-    """Return what load friction still holds, and what to do; empty where nothing hints at one."""
-    if each.load_left_n is None:
-        return ""
-    return f"friction_n holds a load of about {each.load_left_n:.0f} N; map a load cell, or use --load position"
-
-
-def _table_rows(result: FrictionOfLogs) -> list[tuple[str, str, str, str]]:
-    """Return name, friction, usable share and remarks of every recording and refused file, as text."""
-    rows = [
-        (
-            each.name,
-            "–" if each.friction_n is None else f"{each.friction_n:.0f}",
-            f"{each.usable_percent:.0f}",
-            "; ".join(remarks(each)),
-        )
-        for each in result.recordings
-    ]
-    return rows + [(each.file, "–", "–", f"refused: {each.reason}") for each in result.refused]
-
-
-def _known(value: Any) -> Any:
-    """Return None for a number that is not known."""
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -123,6 +123,7 @@ def convert_in_parts(
     folder: Path | None = None,
     rows: int | None = None,
     workers: Workers | None = None,
+    seen: DuplicateDetection | None = None,
 ) -> Iterator[Recording | LongRecording | Quarantined]:
     """Yield the recordings of each file in turn, those of a long one in parts, and for what is unusable the reason.
 
@@ -135,34 +136,33 @@ def convert_in_parts(
         folder: Where the parts of long files are kept, and what workers elsewhere convert.
         rows: A longer file is processed in parts of about so many rows; None: every file is read whole.
         workers: Convert files side by side; None: one after the other, here.
+        seen: What was converted before; these are added to it.
     """
-    workers = workers or Workers()
+    workers, seen = workers or Workers(), seen or DuplicateDetection()
     zeros = {} if recipe.zero.method == "none" else session_zeros(files, recipe, rows, workers)
     kept = None if workers.here else folder
     pieces = [
         partial(convert_file, relative, path, recipe, _zero_of(relative, recipe, zeros), folder, rows, kept)
         for relative, path in files.items()
     ]
-    digests: dict[str, str] = {}
-    duplicates = DuplicateDetection()
     converted = workers.in_order(pieces)
     for relative, file in zip(files, tqdm(converted, "ingest", len(files), unit="file", disable=None), strict=True):
         if isinstance(file, Died):
             yield Quarantined(relative, file.reason)
             continue
         digest, outcomes = file
-        if digest in digests:
-            reason = f"holds the same bytes as {digests[digest]}; a copy would be counted twice"
+        if digest in seen.digests:
+            reason = f"holds the same bytes as {seen.digests[digest]}; a copy would be counted twice"
             yield Quarantined(relative, reason)
             continue
         if digest:
-            digests[digest] = relative
+            seen.digests[digest] = relative
         for outcome in outcomes:
             if isinstance(outcome, Quarantined):
                 yield outcome
                 continue
             try:
-                duplicates.refuse(outcome.recording.metadata.name, relative, outcome.hashes)
+                seen.refuse(outcome.recording.metadata.name, relative, outcome.hashes)
             except RecordingError as error:
                 yield Quarantined(relative, str(error), outcome.where)
             else:

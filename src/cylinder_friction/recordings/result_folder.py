@@ -18,6 +18,9 @@ from typing import Any
 from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.recordings.locks import locked
 
+WHOLE, PLAN = "whole", ".plan.json"
+"""Name of a draft whose results only have to be moved, and of the file in it that states where."""
+
 
 @dataclass(frozen=True)
 class ResultFolder:
@@ -48,9 +51,10 @@ class ResultFolder:
     def written(self) -> Iterator[Path]:
         """Yield an empty folder for the results, marker included; they are moved into place if the block succeeds.
 
-        Files of the earlier run are replaced or removed. Files that no earlier run listed stay where they are. Until
-        all files are in place, the marker lists old and new files together and is marked ``unfinished``, so that a
-        killed run leaves a folder that the next run can replace.
+        Files of the earlier run are replaced or removed, but for those that the new marker lists as ``kept``. Files
+        that no earlier run listed stay where they are. Until all files are in place, the marker lists old and new files
+        together and is marked ``unfinished``; what a killed run had not yet moved, the next one moves first. A block
+        that leaves no marker in its folder changes nothing.
 
         Raises:
             FileExistsError: As ``check``; or another run is writing the folder; or a result would overwrite a file
@@ -66,38 +70,58 @@ class ResultFolder:
                 )
             try:
                 _remove_drafts(drafts)
+                self._finish(drafts / WHOLE)
                 draft = drafts / uuid.uuid4().hex
                 draft.mkdir()
                 yield draft
-                self._move_into_place(draft)
+                if (draft / self.marker).exists():
+                    self._settle(draft)
+                    draft.rename(drafts / WHOLE)  # from here on the results are these
+                    self._finish(drafts / WHOLE)
             finally:
                 _remove_drafts(drafts)
                 lock.unlink()
                 with suppress(OSError):  # the next run has begun
                     drafts.rmdir()
 
-    def _move_into_place(self, draft: Path) -> None:
+    def _settle(self, draft: Path) -> None:
+        """Write into a draft what becomes of every file, old and new."""
         new = sorted(path.relative_to(draft).as_posix() for path in draft.rglob("*") if path.is_file())
-        content = {**read_json(draft / self.marker), "written_by": self.written_by, "files": new}
-        old = self._listed_before()
+        content, old = read_json(draft / self.marker), self._listed_before()
+        kept = set(content.pop("kept", ())) & set(old)
         for name in set(new) - set(old):
             if os.path.lexists(self.folder / name):
                 raise FileExistsError(
                     f"{self.folder / name}: is in the place of a result, but no earlier run wrote it; move it away, or "
                     "name a new folder"
                 )
-        both = {"written_by": self.written_by, "unfinished": True, "files": sorted({*old, *new})}
+        content |= {"written_by": self.written_by, "files": sorted({*new, *kept})}
+        write_json(draft / PLAN, {"new": new, "old": old, "content": content})
+
+    def _finish(self, draft: Path) -> None:
+        """Move the files of a whole draft into place; those of which a killed run has moved some, too."""
+        if not draft.is_dir():
+            return
+        plan = read_json(draft / PLAN)
+        names = [*plan["old"], *plan["new"], *plan["content"]["files"]]
+        if plan["content"]["written_by"] != self.written_by or not all(_inside(self.folder, name) for name in names):
+            raise FileExistsError(
+                f"{draft}: is no unfinished result of `{self.written_by}`; remove it, or find its owner"
+            )
+        both = sorted({*plan["old"], *plan["new"]})
         self.folder.mkdir(parents=True, exist_ok=True)
-        write_json(self.folder / self.marker, both)
-        for name in new:
-            if name != self.marker:
+        unfinished = {"written_by": self.written_by, "unfinished": True}
+        write_json(self.folder / self.marker, unfinished | {"files": sorted({*both, *plan["content"]["files"]})})
+        for name in plan["new"]:
+            if name != self.marker and (draft / name).exists():
                 (self.folder / name).parent.mkdir(parents=True, exist_ok=True)
                 (draft / name).replace(self.folder / name)
-        for name in set(old) - set(new):
+        for name in set(plan["old"]) - set(plan["content"]["files"]):
             (self.folder / name).unlink(missing_ok=True)
-        for name in sorted({*old, *new}, reverse=True):
+        for name in reversed(both):
             _remove_if_empty((self.folder / name).parent)
-        write_json(self.folder / self.marker, content)
+        write_json(self.folder / self.marker, plan["content"])
+        shutil.rmtree(draft)
 
     def _refuse_inputs(self) -> None:
         output = self.folder.resolve()

@@ -1,90 +1,90 @@
 """The page of a run over logs: every recording's friction over time and over velocity, and what was refused."""
 
+import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 import numpy as np
 
 from cylinder_friction.evaluation.inspection.friction_view import FrictionView
-from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
 from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.reporting.inspection.friction_figures import against_velocity, compared
+from cylinder_friction.reporting.inspection.friction_figures import MM_PER_M, against_velocity, of_recordings
 from cylinder_friction.reporting.inspection.recording_pane import (
-    calculated_panels,
     measured_panels,
     stribeck_table,
 )
 from cylinder_friction.reporting.offset_table import offset_table
-from cylinder_friction.reporting.page import Cell, Table, page_html
-from cylinder_friction.reporting.page_figure import PageFigure
-from cylinder_friction.reporting.style import GREEN, PALE, QUIET
+from cylinder_friction.reporting.page import Cell, Table, packed, page_html
+from cylinder_friction.reporting.style import BLUE, GREEN, PALE, QUIET
 from cylinder_friction.reporting.time_figure import Line, Panel, over_time
 
-POINTS = 1200
+POINTS = 1000
 
 
-@dataclass(frozen=True)
-class FrictionPane:
-    """One recording's part of the page."""
-
-    title: str
-    points: tuple[SteadyPoint, ...]  # Of steady sliding
-    figures: dict[str, PageFigure]  # ``time``, and ``velocity`` where the piston slides
-    table: Table | None  # Of the Stribeck curve, or of the points of steady sliding
-    seen: str  # What the curve comes from
-    no_curve: str  # Why no Stribeck curve is stated; empty where it is
-    shown: str = ""  # Which part of a long recording the figures show; empty for all of it
+def pane_file(name: str) -> str:
+    """Return the path of a recording's pane beside the page, which loads it once it is chosen."""
+    return f"panes/{name}.js"
 
 
-def friction_pane(view: FrictionView) -> FrictionPane:
-    """Return the pane of a recording.
+def friction_pane(recording: Recording, view: FrictionView | None, shown: str) -> str:
+    """Return the pane of a recording, a script that hands it to the page; equal input makes equal text.
 
     Args:
-        view: Of a recording with raw columns beside ``friction_n``, ``lower_n`` and ``upper_n`` [N], and with
+        recording: With raw columns beside ``velocity_m_s``, ``friction_n``, ``lower_n`` and ``upper_n`` [N], and with
             ``label_n`` where friction is an estimator's.
+        view: Of the recording, for friction against velocity; None for friction over time alone.
+        shown: Which part of a long recording this is; empty for all of it.
     """
-    recording = view.labelled
     friction = [
         Line("bounds", _usable(recording, "lower_n"), PALE, 1.0),
         Line("bounds", _usable(recording, "upper_n"), PALE, 1.0, in_legend=False),
         *([Line("label, off line", _usable(recording, "label_n"), QUIET, 1.0)] if "label_n" in recording.table else []),
         Line("friction", _usable(recording, "friction_n"), GREEN, 1.5),
     ]
-    velocity, _ = calculated_panels(view)
-    panels = [Panel("friction [N]", friction, 1.6), velocity, *measured_panels(recording)]
-    figures = {"time": over_time(recording.column("time_s"), panels, 2, POINTS)}
-    if view.points:
-        figures["velocity"] = against_velocity(view, POINTS)
-    return FrictionPane(recording.name, view.points, figures, *stribeck_table(view), view.no_curve)
+    velocity = Line("velocity, extending positive", MM_PER_M * recording.column("velocity_m_s"), BLUE)
+    panels = [Panel("friction [N]", friction, 1.6), Panel("velocity [mm/s]", [velocity]), *measured_panels(recording)]
+    html = page_html(
+        "templates/friction_pane.html.j2",
+        title=recording.name,
+        shown=shown,
+        time=over_time(recording.column("time_s"), panels, 2, POINTS),
+        velocity=against_velocity(view, POINTS) if view is not None and view.points else None,
+        curve=None if view is None else (*stribeck_table(view), view.no_curve),
+    )
+    return f"pane({json.dumps(recording.name)}, {json.dumps(packed(html))});\n"
 
 
 def write_friction_page(
     path: Path,
-    panes: Sequence[FrictionPane],
+    rows: Sequence[tuple[str, float | None, str, str]],
     offsets: Sequence[KnownOffset],
-    rows: Sequence[tuple[str, str, str, str]],
     bounds: str,
     guessed: Mapping[str, Any] | None = None,
 ) -> None:
-    """Write the page whole; equal input makes equal bytes.
+    """Write the page whole, beside which the panes lie; equal input makes equal bytes.
 
     Args:
         path: Of the HTML file.
-        panes: What is drawn, in this order.
+        rows: Name, friction [N], usable share and remarks of every recording, and of every refused file with an empty
+            share.
         offsets: What is known of the pressure sensors' offset in each session; none with an estimator.
-        rows: Name, friction, usable share and remarks of every recording and refused file.
         bounds: What the bounds hold, in words.
         guessed: From which file channels and units were guessed, and each column's; None if a mapping states them.
     """
-    titles = {pane.title: f"recording-{number}" for number, pane in enumerate(panes, start=1)}
     cells: list[list[str | Cell]] = [
-        [Cell(name, link=f"#{titles[name]}" if name in titles else ""), friction, usable, Cell(words, style="words")]
-        for name, friction, usable, words in rows
+        [
+            Cell(name, link=f"#pane={quote(name)}" if usable else ""),
+            Cell("–", style="none") if friction_n is None else Cell(f"{friction_n:.0f}", value=friction_n),
+            usable or Cell("–", style="none"),
+            Cell(words, style="words"),
+        ]
+        for name, friction_n, usable, words in rows
     ]
+    recordings = [(name, friction_n) for name, friction_n, usable, _ in rows if usable]
     head = (
         "recording",
         Cell("friction [N]", tip="half of extending less retracting at equal position"),
@@ -96,9 +96,8 @@ def write_friction_page(
         title="Friction",
         table_of_all=Table(head, cells, words=(3,), sortable=True),
         offsets=offset_table(offsets) if offsets else None,
-        comparison=compared({pane.title: pane.points for pane in panes}),
-        panes=[(titles[pane.title], pane) for pane in panes],
-        left_out=len(rows) - len(panes),
+        comparison=of_recordings(recordings),
+        recordings=[name for name, _ in recordings],
         bounds=bounds,
         guessed=None if guessed is None else (guessed["from"], guess_table(guessed)),
     )

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import base64
-import itertools
 import math
 import re
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +25,8 @@ if TYPE_CHECKING:
 
 PLOTTED = 12
 """How many recordings are drawn on a page that holds its figures as they are."""
+_DRAWN: list[str] = []
+"""What the pictures of the page being made show, which numbers them."""
 
 
 @dataclass(frozen=True)
@@ -97,20 +98,26 @@ def page_html(template: str, package: str = __package__, **context: Any) -> str:
         package: Where the template is.
         context: What the template shows; ``title`` at least.
     """
-    numbers = itertools.count(1)
+    _DRAWN.clear()
+    return _environment(package).get_template(template).render(context)
 
-    def svg(figure: Figure, words: str) -> Markup:
-        from cylinder_friction.reporting.print_figure import svg_text  # most pages need no Matplotlib
 
-        return Markup(svg_text(figure, f"figure{next(numbers)}", words))  # noqa: S704 - drawn by Matplotlib, which escapes
-
+@cache
+def _environment(package: str) -> jinja2.Environment:
     loaders = [jinja2.PackageLoader(package, ""), jinja2.PackageLoader(__package__, "templates/frame")]
     environment = jinja2.Environment(
         loader=jinja2.ChoiceLoader(loaders), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
     )
-    environment.filters |= {"svg": svg, "data": _data, "breakable": _breakable, "digits": four_digits}
+    environment.filters |= {"svg": _svg, "data": _data, "breakable": _breakable, "digits": four_digits}
     environment.globals |= {"static": static}
-    return environment.get_template(template).render(context)
+    return environment
+
+
+def _svg(figure: Figure, words: str) -> Markup:
+    from cylinder_friction.reporting.print_figure import svg_text  # most pages need no Matplotlib
+
+    _DRAWN.append(words)
+    return Markup(svg_text(figure, f"figure{len(_DRAWN)}", words))  # noqa: S704 - drawn by Matplotlib, which escapes
 
 
 def packed(html: str) -> str:

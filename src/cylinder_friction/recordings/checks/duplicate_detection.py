@@ -9,6 +9,7 @@ Schleimer, Wilkerson and Aiken 2003, SIGMOD, and its simpler forerunner, hashes 
 """
 
 import math
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -52,6 +53,8 @@ class DuplicateDetection:
 
     def __init__(self) -> None:
         self.files: dict[str, str] = {}  # The file of each recording
+        self.digests: dict[str, str] = {}  # The file of each SHA-256
+        self.hashes: dict[str, Mapping[int, Hashes]] = {}  # Of each recording's windows
         self._names: list[str] = []
         self._counts: list[dict[int, int]] = []
         self._hashes, self._owners = np.empty(0, dtype=np.uint64), np.empty(0, dtype=np.int32)
@@ -72,6 +75,19 @@ class DuplicateDetection:
             self._counts.append({exponent: len(hashes) for exponent, hashes in hashed.items()})
         return match
 
+    def remember(self, recordings: Iterable[tuple[str, str, str, Mapping[int, Hashes]]]) -> None:
+        """Remember recordings that were compared with each other before: name, file, SHA-256 of it, and hashes."""
+        known, owners = [self._hashes], [self._owners]
+        for name, file, digest, hashed in recordings:
+            self.files[name], self.digests[digest], self.hashes[name] = file, file, hashed
+            known += hashed.values()
+            owners.append(np.full(sum(map(len, hashed.values())), len(self._names), dtype=np.int32))
+            self._names.append(name)
+            self._counts.append({exponent: len(hashes) for exponent, hashes in hashed.items()})
+        hashes = np.concatenate(known)
+        order = np.argsort(hashes, kind="stable")
+        self._hashes, self._owners = hashes[order], np.concatenate(owners)[order]
+
     def refuse(self, name: str, file: str, hashed: dict[int, Hashes]) -> None:
         """Remember a recording and its file; raise ``RecordingError`` if its name or its measurement is known."""
         if name in self.files:
@@ -83,7 +99,7 @@ class DuplicateDetection:
                 "its windows are equal, noise and all); a model could be tested on its own training data; keep one of "
                 "them"
             )
-        self.files[name] = file
+        self.files[name], self.hashes[name] = file, hashed
 
     def _best_match(self, hashed: dict[int, Hashes]) -> Match | None:
         best: Match | None = None

@@ -12,10 +12,12 @@ from cylinder_friction.evaluation.inspection.sliding_friction import WAYS, MeanF
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, StribeckPoint
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.reporting.page_figure import PageFigure, compact
-from cylinder_friction.reporting.style import BLUE, INK, ORANGE, PALE, SERIES
+from cylinder_friction.reporting.style import BLUE, GREEN, INK, ORANGE, PALE, SERIES
 from cylinder_friction.reporting.time_figure import spread_evenly
 
 CURVE_POINTS = 200
+WIDE = 200
+"""From so many recordings on, their marks are small."""
 MM_PER_M = 1e3
 WIDE_SPAN = 10.0
 """From this ratio of speeds on, fewer of them are written at the axis."""
@@ -74,6 +76,25 @@ def of_files(friction: Sequence[tuple[str, Mapping[str, MeanFriction]]]) -> Page
     figure.x_axis(title="number of the file", range=[0.4, count + 0.6], tick0=1, dtick=-(-count // 12))
     figure.y_axis(title="friction against the motion [N]", rangemode="tozero")
     return figure.look(340)
+
+
+def of_recordings(friction: Sequence[tuple[str, float | None]]) -> PageFigure | None:
+    """Return the friction of recordings in their order, by title [N]; None where fewer than two are known."""
+    known = [(number, title, value) for number, (title, value) in enumerate(friction, start=1) if value is not None]
+    if len(known) < 2:
+        return None
+    figure = PageFigure()
+    figure.add(
+        x=[number for number, _, _ in known],
+        y=np.array([value for _, _, value in known]),
+        customdata=[title for _, title, _ in known],
+        mode="markers",
+        marker={"color": GREEN, "size": 7 if len(known) < WIDE else 4},
+        hovertemplate="%{customdata}: %{y:.4~g} N<extra></extra>",
+    )
+    figure.x_axis(title="number of the recording", range=[0.4, len(friction) + 0.6])
+    figure.y_axis(title="friction [N]", rangemode="tozero")
+    return figure.look(300, legend_rows=0, hovermode="closest", showlegend=False)
 
 
 def compared(recordings: Mapping[str, Sequence[SteadyPoint]]) -> PageFigure | None:

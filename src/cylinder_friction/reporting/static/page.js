@@ -53,15 +53,38 @@ async function unpack(section) {
   section.querySelectorAll('.plot').forEach(place => { inSight.observe(place); });
 }
 
+// Or it lies in a file of its own, panes/NAME.js, which is loaded once it is chosen and hands it over here.
+async function pane(name, text) {
+  const section = document.getElementById('pane');
+  if (section.dataset.name !== name) return;
+  const script = document.createElement('script');
+  script.type = 'text/plain';
+  script.textContent = text;
+  section.replaceChildren(script);
+  await unpack(section);
+}
+
+function load(section, name) {
+  section.dataset.name = name;
+  const script = document.createElement('script');
+  script.src = 'panes/' + encodeURIComponent(name) + '.js';
+  script.onerror = function () {
+    section.textContent = script.src + ' is not there: keep the folder "panes" beside this page.';
+  };
+  section.replaceChildren(script);
+}
+
 // Pages with panes (main > section) show one of them at a time, the first that is not a list if there is one file.
 function show() {
   const panes = document.querySelectorAll('main > section');
   if (!panes.length) return;
-  const chosen = document.getElementById(location.hash.slice(1)) || document.querySelector('section[data-first]') || panes[0];
+  const named = location.hash.startsWith('#pane=') && decodeURIComponent(location.hash.slice(6));
+  const chosen = document.getElementById(named ? 'pane' : location.hash.slice(1)) || document.querySelector('section[data-first]') || panes[0];
   panes.forEach(pane => { pane.hidden = pane !== chosen; });
-  unpack(chosen);
+  if (named || (chosen.id === 'pane' && chosen.dataset.name)) load(chosen, named || chosen.dataset.name);
+  else unpack(chosen);
   document.querySelectorAll('nav a').forEach(function (link) {
-    if (link.hash === '#' + chosen.id) link.setAttribute('aria-current', 'page');
+    if (link.hash === (named ? location.hash : '#' + chosen.id)) link.setAttribute('aria-current', 'page');
     else link.removeAttribute('aria-current');
   });
   window.scrollTo(0, 0);
@@ -85,6 +108,13 @@ function sort(head) {
   }).forEach(pair => { body.appendChild(pair[1]); });
 }
 
+function find(words) {
+  const rows = Array.from(document.querySelectorAll('#recordings table:first-of-type tbody tr'));
+  rows.forEach(row => { row.hidden = !row.textContent.toLowerCase().includes(words.toLowerCase()); });
+  const left = rows.filter(row => !row.hidden).length;
+  document.getElementById('found').textContent = words ? left + ' of ' + rows.length : '';
+}
+
 function only(button) {
   const was = button.getAttribute('aria-pressed') === 'true';
   document.querySelectorAll('.counts button').forEach(other => { other.setAttribute('aria-pressed', 'false'); });
@@ -100,6 +130,7 @@ document.addEventListener('click', function (event) {
   if (head) sort(head);
   if (button) only(button);
 });
+document.addEventListener('input', event => { if (event.target.id === 'find') find(event.target.value); });
 window.addEventListener('hashchange', show);
 window.addEventListener('DOMContentLoaded', function () {
   show();
