@@ -92,7 +92,8 @@ def estimate_logs(
     ``friction_n`` (positive when it opposes positive velocity), ``lower_n``, ``upper_n``, ``usable``, and
     ``load_force_n`` where a load was taken off. Without a model friction is the off-line label, which looks ahead, less
     the sensors' offset where strokes determine it. With one it is the real-time estimate; its ``flags`` and the label,
-    ``label_n``, stand beside it. A folder that an earlier call wrote is continued: only files that are new are processed.
+    ``label_n``, stand beside it. Of logs that an earlier call wrote into this folder only those are processed that are
+    new.
 
     Args:
         files, channels, load, names, units, sensor_class: As in ``read_recordings``.
