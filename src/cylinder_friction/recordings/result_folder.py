@@ -104,7 +104,7 @@ class ResultFolder:
             return
         plan = read_json(draft / PLAN)
         names = [*plan["old"], *plan["new"], *plan["content"]["files"]]
-        if plan["content"]["written_by"] != self.written_by or not all(_inside(self.folder, name) for name in names):
+        if plan["content"]["written_by"] != self.written_by or _outside(self.folder, names):
             raise FileExistsError(
                 f"{draft}: is no unfinished result of `{self.written_by}`; remove it, or find its owner"
             )
@@ -118,8 +118,8 @@ class ResultFolder:
                 (draft / name).replace(self.folder / name)
         for name in set(plan["old"]) - set(plan["content"]["files"]):
             (self.folder / name).unlink(missing_ok=True)
-        for name in reversed(both):
-            _remove_if_empty((self.folder / name).parent)
+        for folder in sorted({(self.folder / name).parent for name in both}, reverse=True):
+            _remove_if_empty(folder)
         write_json(self.folder / self.marker, plan["content"])
         shutil.rmtree(draft)
 
@@ -153,7 +153,7 @@ class ResultFolder:
                 f"{refusal}its {self.marker} does not list the files of an earlier `{self.written_by}`; "
                 "name a new folder"
             )
-        wrong = [name for name in files if not _inside(self.folder, name)]
+        wrong = _outside(self.folder, files)
         if wrong:
             raise FileExistsError(
                 f"{refusal}its {self.marker} lists {wrong[0]!r}, which is no file inside it; name a new folder"
@@ -161,14 +161,20 @@ class ResultFolder:
         return files
 
 
-def _inside(folder: Path, name: Any) -> bool:
-    """Whether a listed name is a plain relative path to a file, with no link on the way out of the folder."""
-    if not isinstance(name, str) or "\0" in name or "\\" in name:
-        return False
-    path = PurePosixPath(name)
-    if path.is_absolute() or not path.parts or ".." in path.parts or (folder / name).is_dir():
-        return False
-    return (folder / name).parent.resolve().is_relative_to(folder.resolve())
+def _outside(folder: Path, names: Iterable[Any]) -> list[Any]:
+    """Return the listed names that are no plain relative path to a file, with no link on the way out of the folder."""
+    root, inside = folder.resolve(), set[PurePosixPath]()  # folders on the way that were looked at
+    wrong = []
+    for name in names:
+        path = PurePosixPath(name) if isinstance(name, str) and not {"\0", "\\"} & set(name) else PurePosixPath("/")
+        if path.is_absolute() or not path.parts or ".." in path.parts or os.path.isdir(folder / path):  # noqa: PTH112
+            wrong.append(name)
+        elif path.parent not in inside:
+            if (folder / path.parent).resolve().is_relative_to(root):
+                inside.add(path.parent)
+            else:
+                wrong.append(name)
+    return wrong
 
 
 def _remove_drafts(drafts: Path) -> None:
