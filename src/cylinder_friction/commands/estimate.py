@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import tempfile
 import warnings
 from collections.abc import Callable, Sequence
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from cylinder_friction.estimation.results import FrictionOfLogs
 
 EXPECTED = (ValueError, OSError)
+FEW_FILES = 40
+"""Fewer logs are read before other processes would have begun."""
 Result = TypeVar("Result")
 
 
@@ -34,6 +37,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     words = "use a model that was trained for a cylinder of other areas; without: refused"
     parser.add_argument("--other-cylinder", action="store_true", help=words)
+    words = f"processes that work side by side; without: one per core, for {FEW_FILES} logs or more"
+    parser.add_argument("--workers", type=int, metavar="N", help=words)
     parser.add_argument("--format", choices=("parquet", "csv"), default="parquet")
 
 
@@ -79,7 +84,10 @@ def run(options: argparse.Namespace) -> int:
     with ExitStack() as stack:
         if model := options.model:
             model, _ = model_folder(model, Path(stack.enter_context(tempfile.TemporaryDirectory())))
-        workers = stack.enter_context(workers_from_environment())
+        if options.workers is not None and options.workers < 1:
+            raise ValueError(f"--workers: got {options.workers}, expected at least 1")
+        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+        workers = stack.enter_context(workers_from_environment(options.workers or cores, FEW_FILES))
         settings = {"model": model, "other_cylinder": options.other_cylinder, "file_format": options.format}
         function = partial(estimate_logs, **settings, workers=workers)
         result, notes = run_on_logs(function, options)

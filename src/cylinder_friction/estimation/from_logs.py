@@ -7,7 +7,7 @@ import math
 import shutil
 import tempfile
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from itertools import chain
@@ -27,7 +27,7 @@ from cylinder_friction.estimation.earlier import (
 )
 from cylinder_friction.estimation.results import FrictionOfLogs, FrictionOfRecording, known_number, table_rows
 from cylinder_friction.evaluation.inspection.friction_view import view_of_labelled
-from cylinder_friction.execution.workers import Died, Work, Workers
+from cylinder_friction.execution.workers import Died, Workers
 from cylinder_friction.labelling.known_offset import (
     STROKES,
     KnownOffset,
@@ -45,7 +45,7 @@ from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDet
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, DRIVE_FORCE, LOAD_FORCE, PRESSURES, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.files import hash_of, whole_file, write_json, write_text
-from cylinder_friction.recordings.ingesting import Quarantined, convert_in_parts
+from cylinder_friction.recordings.ingesting import ConvertedPiece, Quarantined, worked_on
 from cylinder_friction.recordings.long_logs import ROWS_AT_ONCE, LongRecording, on_disk
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertainty
 from cylinder_friction.recordings.reading_logs import Logs, find_logs
@@ -184,6 +184,26 @@ class RecordingFriction:
             return self.labeller.identify(smooth, self.filter)
         except ValueError as error:
             return str(error)
+
+    def kept(self, source: Recording | LongRecording) -> LongRecording:
+        """Return a recording as one that lies on disk, and knows its noise if it does so in parts."""
+        if isinstance(source, Recording):
+            return on_disk(source, self.scratch / "converted")
+        return with_noise(source, self.labeller.cylinder) if source.in_parts else source
+
+    def labelled_alone(self, source: Recording | LongRecording) -> tuple[LongRecording, list[OffsetEvidence]] | str:
+        """Return a recording ``labelled`` where nothing has to be identified; what is read is removed."""
+        kept = source if isinstance(source, Recording) else self.kept(source)
+        result = self.labelled(kept, None)
+        if isinstance(kept, LongRecording):
+            kept.remove()
+        return result
+
+    def labelled_in_session(
+        self, source: LongRecording, identified: SessionIdentification | Died | str
+    ) -> tuple[LongRecording, list[OffsetEvidence]] | Died | str:
+        """Return a recording ``labelled``, or why its session was not identified."""
+        return self.labelled(source, identified) if isinstance(identified, SessionIdentification) else identified
 
     def labelled(
         self, source: Recording | LongRecording, identified: SessionIdentification | None
@@ -368,74 +388,65 @@ class LabelledLogs:
         """
         about = [(each.entry, each.hashes) for each in earlier]
         self.seen.remember((one.name, one.source_file, one.source_sha256, hashes) for one, hashes in about)
-        labelled: list[LongRecording] = []
         evidence = [own for each in earlier for own in each.evidence]
+        labelled: list[LongRecording] = []
+        refused: list[Quarantined] = []
         sessions: set[str] = set()
-        given: list[_Given] = []
-        refused: dict[int, Quarantined] = {}
-        for place, result in enumerate(self.workers.in_order(self._pieces(given, refused))):
-            source = given[place]
-            if isinstance(result, tuple):
-                labelled.append(result[0])
-                evidence += result[1]
-                self.evidence[result[0].metadata.name] = result[1]
-                sessions |= {each.session for each in result[1]}
+        for outcome in self._by_session() if self.friction.labeller.needs_identification else self._at_once():
+            if isinstance(outcome, Quarantined):
+                refused.append(outcome)
+            elif not isinstance(outcome.result, tuple):
+                refused.append(_refused(outcome.metadata, outcome.result))
             else:
-                refused[source.number] = _refused(source.metadata, result)
-            for path in source.paths:
-                path.unlink()
-        self.refused = [refused[number] for number in sorted(refused)]
+                recording, own = outcome.result
+                labelled.append(recording)
+                evidence += own
+                self.evidence[recording.metadata.name] = own
+                sessions |= {each.session for each in own}
+        self.refused = refused
+        warn_of_rates(self.friction.filter, {each.metadata.sample_time_s for each in labelled})
         if sessions:
             known = known_offsets(evidence, self.cylinder, self.friction.plan)
             self.offsets = {each.session: each for each in known if each.session in sessions}
         return labelled
 
-    def _pieces(self, given: list[_Given], refused: dict[int, Quarantined]) -> Iterator[Work]:
-        """Yield the work on each recording as it is added to ``given``; those before it are added to ``refused``."""
-        sessions: dict[str, list[tuple[int, LongRecording]]] = {}
-        sample_times_s: set[float] = set()
-        folder, labeller = self.scratch / "converted", self.friction.labeller
-        outcomes = convert_in_parts(
-            self.logs.files, self.logs.recipe, folder, self.rows_at_once, self.workers, self.seen
-        )
-        for number, outcome in enumerate(outcomes):
-            if isinstance(outcome, Quarantined):
-                refused[number] = outcome
+    def _at_once(self) -> Iterator[ConvertedPiece | Quarantined]:
+        """Yield each recording, labelled where its file is converted."""
+        return self._worked_on(self.friction.labelled_alone)
+
+    def _by_session(self) -> Iterator[ConvertedPiece | Quarantined]:
+        """Yield each recording, labelled once load and mass of its session are known."""
+        outcomes = list(self._worked_on(self.friction.kept))
+        sessions: dict[str, list[LongRecording]] = {}
+        for each in outcomes:
+            if not isinstance(each, Quarantined):
+                sessions.setdefault(each.metadata.session, []).append(each.result)
+        work = [partial(self.friction.identified, own) for own in sessions.values()]
+        found = dict(zip(sessions, self.workers.in_order(work), strict=True))
+        pieces = [
+            partial(self.friction.labelled_in_session, each.result, found[each.metadata.session])
+            for each in outcomes
+            if not isinstance(each, Quarantined)
+        ]
+        results = self.workers.in_order(pieces)
+        for each in outcomes:
+            if isinstance(each, Quarantined):
+                yield each
                 continue
-            sample_times_s.add(outcome.metadata.sample_time_s)
-            source = outcome
-            if isinstance(outcome, LongRecording) and outcome.in_parts:
-                source = with_noise(outcome, self.cylinder)
-            if not labeller.needs_identification:
-                given.append(_Given(number, source.metadata, source.paths if isinstance(source, LongRecording) else ()))
-                yield partial(self.friction.labelled, source, None)
-                continue
-            kept = on_disk(source, folder) if isinstance(source, Recording) else source
-            sessions.setdefault(source.metadata.session, []).append((number, kept))
-        warn_of_rates(self.friction.filter, sample_times_s)
-        work = [partial(self.friction.identified, [each for _, each in own]) for own in sessions.values()]
-        for own, identified in zip(sessions.values(), self.workers.in_order(work), strict=True):
-            for number, source in own:
-                if not isinstance(identified, SessionIdentification):
-                    refused[number] = _refused(source.metadata, identified)
-                    continue
-                if identified.load is not None:
-                    self.loads[source.metadata.name] = identified.load.sentence()
-                given.append(_Given(number, source.metadata, source.paths))
-                yield partial(self.friction.labelled, source, identified)
+            identified = found[each.metadata.session]
+            if isinstance(identified, SessionIdentification) and identified.load is not None:
+                self.loads[each.metadata.name] = identified.load.sentence()
+            yield replace(each, result=next(results))
+            each.result.remove()
+
+    def _worked_on(self, work: Callable[[Recording | LongRecording], Any]) -> Iterator[ConvertedPiece | Quarantined]:
+        folder = self.scratch / "converted"
+        how = self.logs.recipe, folder, self.rows_at_once, self.workers, self.seen, work
+        return worked_on(self.logs.files, *how)
 
     def entry(self, excerpt: Sequence[Recording]) -> FrictionOfRecording:
         """Return what became of a recording; ``excerpt`` is all of it, or parts of it."""
         return self.friction.entry(excerpt, self.loads.get(excerpt[0].name, ""))
-
-
-@dataclass(frozen=True)
-class _Given:
-    """A recording that is being worked on."""
-
-    number: int  # Among all that the files held
-    metadata: RecordingMetadata
-    paths: tuple[Path, ...]  # Of its files, to be removed afterwards
 
 
 def _refused(about: RecordingMetadata, reason: str | Died) -> Quarantined:

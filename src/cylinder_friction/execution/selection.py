@@ -12,20 +12,22 @@ from pathlib import Path
 from cylinder_friction.execution.workers import VARIABLE, Processes, Workers, WorkersError
 
 
-def workers_from_environment(default: int = 1) -> Workers:
+def workers_from_environment(default: int = 1, least: int = 0) -> Workers:
     """Return the workers that ``CYLINDER_FRICTION_WORKERS`` names, to be used in a ``with`` statement.
 
     Args:
         default: Processes of this machine where the variable is unset; 1: no others than this one.
+        least: Of fewer pieces each is done here, where the variable is unset.
 
     Raises:
         WorkersError: Its value means nothing.
         MissingExtraError: It names a cluster, and Dask is not installed.
     """
     text = os.environ.get(VARIABLE, "").strip()
-    if not text or (text.isascii() and text.isdecimal() and int(text) > 0):
-        count = int(text or default)
-        return Processes(count) if count > 1 else Workers()
+    if not text:
+        return Processes(default, least) if default > 1 else Workers()
+    if text.isascii() and text.isdecimal() and int(text) > 0:
+        return Processes(int(text)) if int(text) > 1 else Workers()
     if re.fullmatch(r"(tcp|tls)://[^\s/]+:\d+", text) or Path(text).is_file():
         from cylinder_friction.execution.cluster import Cluster  # Dask: only where it is asked for
 

@@ -85,11 +85,13 @@ class ExecutorWorkers(Workers):
 
     Attributes:
         at_once: So many pieces are handed out at a time.
+        least: Of fewer pieces each is done here, for workers take longer to begin.
         lost: Raised for a piece whose worker died.
     """
 
     here = False
     at_once: int
+    least = 0
     lost: tuple[type[Exception], ...]
 
     def executor(self) -> Executor:
@@ -118,9 +120,13 @@ class ExecutorWorkers(Workers):
             yield from self._round([suspect])
 
     def in_order(self, pieces: Iterable[Work]) -> Iterator[Any]:
+        pieces = list(pieces)
+        if len(pieces) < self.least:
+            yield from super().in_order(pieces)
+            return
         finished: dict[int, Any] = {}
         following = 0
-        for number, result in self.do_all(list(pieces)):
+        for number, result in self.do_all(pieces):
             finished[number] = result
             while following in finished:
                 yield finished.pop(following)
@@ -152,12 +158,13 @@ class Processes(ExecutorWorkers):
 
     Args:
         count: How many.
+        least: As in ``ExecutorWorkers``.
     """
 
     lost = (BrokenProcessPool,)
 
-    def __init__(self, count: int) -> None:
-        self.at_once = count
+    def __init__(self, count: int, least: int = 0) -> None:
+        self.at_once, self.least = count, least
         self._processes: ProcessPoolExecutor | None = None
         self._children: list[BaseProcess] = []
 

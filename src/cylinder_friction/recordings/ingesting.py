@@ -1,12 +1,15 @@
 """A folder of logged files becomes a folder of recordings; what is unusable is set aside with the reason."""
 
+from __future__ import annotations
+
 import shutil
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
@@ -138,11 +141,27 @@ def convert_in_parts(
         workers: Convert files side by side; None: one after the other, here.
         seen: What was converted before; these are added to it.
     """
-    workers, seen = workers or Workers(), seen or DuplicateDetection()
+    for each in worked_on(files, recipe, folder, rows, workers or Workers(), seen or DuplicateDetection(), None):
+        yield each if isinstance(each, Quarantined) else each.result
+
+
+def worked_on(
+    files: Mapping[str, Path],
+    recipe: Recipe,
+    folder: Path | None,
+    rows: int | None,
+    workers: Workers,
+    seen: DuplicateDetection,
+    work: Callable[[Recording | LongRecording], Any] | None,
+) -> Iterator[ConvertedPiece | Quarantined]:
+    """Yield what ``work`` makes of each recording, beside the worker that converts its file.
+
+    Of a recording that is then refused nothing is yielded. The other arguments are those of ``convert_in_parts``.
+    """
     zeros = {} if recipe.zero.method == "none" else session_zeros(files, recipe, rows, workers)
     kept = None if workers.here else folder
     pieces = [
-        partial(convert_file, relative, path, recipe, _zero_of(relative, recipe, zeros), folder, rows, kept)
+        partial(convert_file, relative, path, recipe, _zero_of(relative, recipe, zeros), folder, rows, kept, work)
         for relative, path in files.items()
     ]
     converted = workers.in_order(pieces)
@@ -162,18 +181,19 @@ def convert_in_parts(
                 yield outcome
                 continue
             try:
-                seen.refuse(outcome.recording.metadata.name, relative, outcome.hashes)
+                seen.refuse(outcome.metadata.name, relative, outcome.hashes)
             except RecordingError as error:
                 yield Quarantined(relative, str(error), outcome.where)
             else:
-                yield outcome.recording
+                yield outcome
 
 
 @dataclass(frozen=True)
 class ConvertedPiece:
     """A piece of a file that is usable as far as the file itself shows."""
 
-    recording: Recording | LongRecording
+    metadata: RecordingMetadata
+    result: Any  # What was made of it; by default the recording
     hashes: dict[int, Hashes]  # Of its windows, by which a duplicate is known
     where: str  # Which piece of the file; empty where it is the only one
 
@@ -186,6 +206,7 @@ def convert_file(
     folder: Path | None,
     rows: int | None,
     kept: Path | None,
+    work: Callable[[Recording | LongRecording], Any] | None = None,
 ) -> tuple[str, list[ConvertedPiece | Quarantined]]:
     """Return the SHA-256 of a file, empty if it cannot be read, and what became of each piece, whatever others hold.
 
@@ -193,6 +214,7 @@ def convert_file(
         relative, path, recipe, folder, rows: As in ``convert_in_parts``.
         zero: What the pressure sensors of its session read while vented.
         kept: Recordings are written there rather than returned; None: they are returned.
+        work: What is made of each recording, instead.
     """
     digest = ""
     try:
@@ -212,9 +234,12 @@ def convert_file(
         except RecordingError as error:
             outcomes.append(Quarantined(relative, str(error), where))
             continue
-        if kept is not None and isinstance(recording, Recording):
-            recording = on_disk(recording, kept)
-        outcomes.append(ConvertedPiece(recording, window_hashes(piece.table), where))
+        result = recording
+        if work is not None:
+            result = work(recording)
+        elif kept is not None and isinstance(recording, Recording):
+            result = on_disk(recording, kept)
+        outcomes.append(ConvertedPiece(recording.metadata, result, window_hashes(piece.table), where))
     return digest, outcomes
 
 
