@@ -51,7 +51,7 @@ from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertai
 from cylinder_friction.recordings.reading_logs import Logs, find_logs
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.recordings.result_folder import ResultFolder, existing
-from cylinder_friction.recordings.storage import write_parts, write_recording
+from cylinder_friction.recordings.storage import write_parts, write_recording, write_scratch
 from cylinder_friction.reporting.friction_page import friction_pane, pane_file, write_friction_page
 from cylinder_friction.reporting.page import PLOTTED
 from cylinder_friction.signals.methods import default_filter, warn_of_rates
@@ -188,7 +188,7 @@ class RecordingFriction:
     def kept(self, source: Recording | LongRecording) -> LongRecording:
         """Return a recording as one that lies on disk, and knows its noise if it does so in parts."""
         if isinstance(source, Recording):
-            return on_disk(source, self.scratch / "converted")
+            return on_disk(source, self.scratch / "converted", write_scratch)
         return with_noise(source, self.labeller.cylinder) if source.in_parts else source
 
     def labelled_alone(self, source: Recording | LongRecording) -> tuple[LongRecording, list[OffsetEvidence]] | str:
@@ -222,7 +222,8 @@ class RecordingFriction:
                 labelled = self.labeller.labelled(filtered(recording, self.filter), self.filter, identified)
                 labelled = labelled.rows(own) if running is None else running.estimated(labelled, own)
                 stem = f"{recording.name}.{len(paths):06d}"
-                paths.append(write_recording(self.scratch / "labelled", labelled, stem))
+                write = write_scratch if isinstance(source, Recording) else write_recording
+                paths.append(write(self.scratch / "labelled", labelled, stem))
                 own_rows.append(slice(0, len(labelled)))
         except ValueError as error:  # shorter than the filter, or not what the estimator takes
             return str(error)

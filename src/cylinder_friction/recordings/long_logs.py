@@ -9,7 +9,7 @@ samples are too many at its end.
 import math
 import tempfile
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -279,9 +279,11 @@ class LongRecording:
         return recording.with_columns(**{name: recording.column(name) - zero for name, zero in self.zeros.items()})
 
 
-def on_disk(recording: Recording, folder: Path) -> LongRecording:
+def on_disk(
+    recording: Recording, folder: Path, write: Callable[[Path, Recording, str], Path] = write_recording
+) -> LongRecording:
     """Write a recording into a folder, under a name of its own; return it as one that lies there."""
-    path = write_recording(folder, recording, uuid.uuid4().hex)
+    path = write(folder, recording, uuid.uuid4().hex)
     return LongRecording(recording.metadata, (path,), (slice(0, len(recording)),), in_parts=False)
 
 

@@ -16,6 +16,7 @@ from cylinder_friction.recordings.recording import Recording, RecordingError, Re
 
 _METADATA_KEY = b"cylinder_friction"
 DRAWN_ROWS = 2048
+SCRATCH = ".arrow"
 
 
 def write_recording(folder: Path, recording: Recording, stem: str = "") -> Path:
@@ -67,13 +68,29 @@ def _arrow_table(recording: Recording) -> pa.Table:
     return pa.Table.from_arrays(arrays, schema=pa.schema(fields, {_METADATA_KEY: metadata}))
 
 
+def write_scratch(folder: Path, recording: Recording, stem: str) -> Path:
+    """Write a recording for this run alone, and return its path: many times as fast as Parquet, and as large."""
+    path = folder / f"{stem}{SCRATCH}"
+    folder.mkdir(parents=True, exist_ok=True)
+    table = _arrow_table(recording)
+    with pa.OSFile(str(path), "wb") as file, pa.ipc.new_file(file, table.schema) as writer:
+        writer.write_table(table)
+    return path
+
+
 def read_metadata(path: Path) -> RecordingMetadata:
     """Return the metadata of one file without reading its rows; refuse one not written by ``write_recording``."""
     return _metadata(path, pq.read_schema(path))
 
 
 def read_recording(path: Path) -> Recording:
-    """Read one file that ``write_recording`` wrote; its values are read-only, so copy the table to change them."""
+    """Read one file that ``write_recording`` or ``write_scratch`` wrote; its values are read-only, so copy the table to
+    change them.
+    """
+    if path.suffix == SCRATCH:
+        with pa.OSFile(str(path)) as source:
+            found = pa.ipc.open_file(source).read_all()
+        return Recording(_metadata(path, found.schema), found.to_pandas(split_blocks=True))
     with pq.ParquetFile(path) as file:
         metadata = _metadata(path, file.schema_arrow)
         # Each column stays where Parquet was unpacked to.

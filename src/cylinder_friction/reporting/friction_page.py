@@ -55,7 +55,7 @@ def friction_pane(recording: Recording, view: FrictionView | None, shown: str) -
         velocity=against_velocity(view, POINTS) if view is not None and view.points else None,
         curve=None if view is None else (*stribeck_table(view), view.no_curve),
     )
-    return f"pane({json.dumps(recording.name)}, {json.dumps(packed(html))});\n"
+    return f"pane({json.dumps(recording.name)}, {json.dumps(packed(html, 1))});\n"
 
 
 def write_friction_page(

@@ -120,9 +120,9 @@ def _svg(figure: Figure, words: str) -> Markup:
     return Markup(svg_text(figure, f"figure{len(_DRAWN)}", words))  # noqa: S704 - drawn by Matplotlib, which escapes
 
 
-def packed(html: str) -> str:
+def packed(html: str, level: int = 9) -> str:
     """Return a part of a page as text that ``page.js`` unpacks once its section is chosen: deflated, in base64."""
-    return base64.b64encode(zlib.compress(html.encode(), 9)).decode()
+    return base64.b64encode(zlib.compress(html.encode(), level)).decode()
 
 
 def static(name: str) -> Markup:

@@ -4,7 +4,7 @@ A user may state it; by default everything is detected.
 """
 
 import codecs
-from collections import Counter
+from collections import Counter, deque
 from dataclasses import dataclass
 from functools import cache
 
@@ -77,8 +77,44 @@ class _Grid:
         return values > 0 and values + missing == len(self.numeric)
 
 
+@dataclass(frozen=True)
+class _Found:
+    """A layout, and the lines above the rows of the file that it was found in."""
+
+    options: CsvOptions
+    head: list[str]
+    layout: Layout
+
+    def fits(self, lines: list[str], options: CsvOptions) -> bool:
+        """Return whether a file has the same head, and rows of as many cells with no other decimal sign."""
+        rows, layout = "".join(lines[len(self.head) :][:_LOOKED_AT]), self.layout
+        count = rows.count("\n")
+        if options != self.options or lines[: len(self.head)] != self.head or not self.head or count < _LOOKED_AT // 2:
+            return False
+        signs = {",", "."} - {layout.delimiter, layout.decimal}
+        width = len(layout.names) - 1
+        return (
+            layout.delimiter != "whitespace"
+            and not any(sign in rows for sign in (*signs, '"'))
+            and all(line.count(layout.delimiter) == width for line in rows.splitlines())
+        )
+
+
+_FOUND: deque[_Found] = deque(maxlen=8)
+"""Layouts found last: thousands of logs are mostly of one logger."""
+
+
 def find_layout(lines: list[str], options: CsvOptions) -> Layout:
     """Return the layout of a table from its first whole lines; refuse lines with no layout, or with two."""
+    for found in _FOUND:
+        if found.fits(lines, options):
+            return found.layout
+    layout = _found_layout(lines, options)
+    _FOUND.appendleft(_Found(options, lines[: layout.first_row], layout))
+    return layout
+
+
+def _found_layout(lines: list[str], options: CsvOptions) -> Layout:
     content = [index for index, line in enumerate(lines) if line.strip()]
     stated = "whitespace" if options.delimiter == " " else options.delimiter
     delimiters = DELIMITERS if stated == "auto" else (stated,)
