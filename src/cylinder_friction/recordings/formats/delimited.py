@@ -36,6 +36,8 @@ from cylinder_friction.recordings.formats.time_groups import dated, repeated_nam
 from cylinder_friction.recordings.recording import RecordingError
 
 _FEWEST_LINES = 20
+LARGEST_STEP = 4.0
+"""From one row to the next a value changes by no more than so many times its largest change in the rows before."""
 _LARGEST_HEAD = 64 * HEAD_SIZE
 
 
@@ -164,7 +166,8 @@ def _tables(rows: "_Rows", wanted: Collection[str] | None) -> list[LoggedTable]:
         if names[index] or not pd.isna(values).all():
             columns.append((names[index] or f"column_{index + 1}", values))
     first, *others = split_groups(columns, units, repeated)
-    return [replace(first, unread=unread, notes=(*text.notes, *first.notes)), *others]
+    ended = (rows.ended,) if rows.ended else ()
+    return [replace(first, unread=unread, notes=(*text.notes, *ended, *first.notes)), *others]
 
 
 def _first_lines(text: Text, options: CsvOptions) -> tuple[list[bytes], Layout]:
@@ -192,6 +195,7 @@ class _Rows:
 
     def __init__(self, text: Text, layout: Layout, begin: int, first: int) -> None:
         self.text, self.layout, self.begin, self.first = text, layout, begin, first
+        self.ended = ""  # That channels end before others, in words
 
     def parsed(self, loaded: list[int]) -> tuple[Any, str]:
         """Return the columns of these numbers as a ``pyarrow.Table``, and the decimal sign they were read with."""
@@ -210,7 +214,7 @@ class _Rows:
         blanks = self.layout.delimiter == "whitespace"
         try:
             table = pa_csv.read_csv(
-                self._stream(),
+                self._padded_stream() if self.ended else self._stream(),
                 read_options=pa_csv.ReadOptions(use_threads=False, column_names=[str(index) for index in range(width)]),
                 parse_options=pa_csv.ParseOptions(
                     delimiter="\t" if blanks else self.layout.delimiter, ignore_empty_lines=width > 1
@@ -223,6 +227,9 @@ class _Rows:
                 ),
             )
         except pa.ArrowInvalid as error:
+            if self.layout.names[0] == SCOPE_TIME and not self.ended and (ended := self._ended_early()):
+                self.ended = ended
+                return self._parsed(loaded, decimal)
             self._refuse_ragged_line()
             raise RecordingError(f"cannot be read as a text table: {error}") from None
         if any(pa.types.is_binary(column.type) for column in table.columns):
@@ -241,6 +248,38 @@ class _Rows:
         for outside, end in ((b"\n\t", b"\n"), (b"\r\t", b"\r"), (b"\t\n", b"\n"), (b"\t\r", b"\r")):
             content = content.replace(outside, end)
         return pa.BufferReader(content.strip(b"\t"))
+
+    def _padded_stream(self) -> Any:
+        return pa.BufferReader(self._padded(self.text.file.read_at(self.text.end - self.begin, self.begin)))
+
+    def _ended_early(self) -> str:
+        """Return that the last rows lack the last channels, which ended before the others; empty where they may not.
+
+        A scope leaves out the cells of channels that have ended. Those left must go on where the row before ended, or
+        they would be taken for other channels.
+        """
+        names, delimiter = self.layout.names, self.layout.delimiter
+        rows = [split_cells(line, delimiter) for _, line in self._lines()]
+        whole = next((place for place, row in enumerate(rows) if len(row) != len(names)), len(rows))
+        short = rows[whole:]
+        widths = [len(row) for row in short]
+        if whole < _FEWEST_LINES or not short or widths != sorted(widths, reverse=True) or widths[0] > len(names):
+            return ""
+        try:
+            before = np.array(
+                [[float(cell) for cell in row[: widths[0]]] for row in rows[whole - _FEWEST_LINES : whole]]
+            )
+            after, *_ = [np.array(row, dtype=np.float64) for row in short]
+        except ValueError:
+            return ""
+        steps = np.abs(np.diff(before, axis=0)).max(axis=0)
+        if (np.abs(after - before[-1]) > LARGEST_STEP * steps + 1e-6 * np.abs(before[-1])).any():
+            return ""
+        first = names[min(widths)]
+        return (
+            f"the last {len(short)} rows hold {min(widths)} of {len(names)} values: {first!r} and the channels behind "
+            "it end before the others"
+        )
 
     def _padded(self, content: bytes) -> bytes:
         """Pad every row to as many cells as there are names, for a group may end before the others."""
