@@ -3,9 +3,12 @@
     python performance/log_throughput.py [--gigabytes 2] [--logs data/raw/rig] [--model models/hybrid] [--folder FOLDER]
 
 One file, 1,000 small ones, and one large one at two sizes, made of the rig's recordings, as CSV. Every run is a process
-of its own on one core: rows per second are rows over its seconds of CPU, imports included; memory is its peak. Ratios
-are those of time and memory to pandas. The two large files show whether memory grows with the file; the larger one's
-time and memory are extrapolated to ten times its size. Large files are removed at the end; run it after `dvc repro`.
+of its own, on one core but for the sides named `cores`: rows per second are rows over its seconds of CPU, imports
+included; memory is its peak. Ratios are those of CPU time, time on the clock and memory to pandas. Of the 1,000 files
+it prints the time of a second run with nothing new and of one with ten new files as well, and the size of the page;
+before all, that of `--help` beside the import of NumPy. The two large files show whether memory grows with the file;
+the larger one's time and memory are extrapolated to ten times its size. Large files are removed at the end; needs a
+finished `dvc repro`.
 """
 
 from __future__ import annotations
@@ -16,6 +19,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -30,6 +34,8 @@ RATE_HZ, STROKE_MM, NOISE_BAR = 200.0, 250.0, 0.05
 SMALL_FILES, SMALL_ROWS = 1000, 6000
 NAMES = r"(?P<session>(?P<condition>[a-z]+)[0-9]*)"
 READ = "import sys, pathlib, pandas\nfor each in pathlib.Path(sys.argv[1]).glob('*'):\n    pandas.read_csv(each)"
+NEW_FILES = 10
+COMMAND = [sys.executable, "-m", "cylinder_friction.commands.cli"]
 FLAT = 1.05
 """Memory is flat if it grows by no more than this from a quarter of the file to the whole."""
 
@@ -39,6 +45,7 @@ class Cost:
     """Of one process."""
 
     cpu_s: float
+    clock_s: float
     peak_mb: float
 
 
@@ -48,11 +55,19 @@ def main() -> int:
     parser.add_argument("--gigabytes", type=float, default=2.0, help="of the large file")
     parser.add_argument("--logs", type=Path, default=Path("data/raw/rig"), help="folder of the rig's recordings")
     parser.add_argument("--model", type=Path, default=Path("models/hybrid"))
+    parser.add_argument("--no-large", action="store_true", help="leave the large files out")
     parser.add_argument("--folder", type=Path, help="where to put a folder to work in; it is removed at the end")
     arguments = parser.parse_args()
     recordings = [pd.read_csv(path) for path in sorted(arguments.logs.glob("*.csv"))]
     sizes = {"a quarter": 0.25e9 * arguments.gigabytes, "large": 1e9 * arguments.gigabytes}
-    sys.stdout.write(f"{'':16}{'rows':>12}{'MB':>8}  {'':8}{'rows/s':>12}{'time':>7}{'MB':>8}{'memory':>8}\n")
+    sizes = {} if arguments.no_large else sizes
+    numpy = timed([sys.executable, "-c", "import numpy"])
+    for given in (["--help"], ["--version"], ["estimate", "--mistyped"]):
+        beside = timed([*COMMAND, *given], 2).cpu_s / numpy.cpu_s
+        sys.stdout.write(f"{' '.join(given)}: {beside:.2f} of the CPU time of `import numpy`\n")
+    sys.stdout.write(
+        f"{'':16}{'rows':>12}{'MB':>8}  {'':14}{'rows/s':>12}{'CPU':>7}{'clock':>7}{'MB':>8}{'memory':>8}\n"
+    )
     peaks: dict[tuple[str, str], Cost] = {}
     with tempfile.TemporaryDirectory(prefix="log-throughput-", dir=arguments.folder) as name:
         work = Path(name)
@@ -61,14 +76,19 @@ def main() -> int:
             folder.mkdir()
             rows = written(case, folder, recordings, sizes)
             size_mb = sum(path.stat().st_size for path in folder.iterdir()) / 1e6
-            costs = {side: cost(side, folder, work / "out", arguments.model) for side in ("pandas", "label", "model")}
-            for side, each in costs.items():
-                peaks[case, side] = each
-                sys.stdout.write(line(case, rows, size_mb, side, each, costs["pandas"]))
+            pandas = peaks[case, "pandas"] = cost("pandas", folder, work / "out", arguments.model)
+            sys.stdout.write(line(case, rows, size_mb, "pandas", pandas, pandas))
+            many = case not in ("one file", *sizes)
+            for side in ("label", "label, cores", "model", "model, cores") if many else ("label", "model"):
+                shutil.rmtree(work / "out", ignore_errors=True)
+                peaks[case, side] = cost(side, folder, work / "out", arguments.model)
+                sys.stdout.write(line(case, rows, size_mb, side, peaks[case, side], pandas))
+            if many:
+                again(folder, work, arguments.model, pandas)
             shutil.rmtree(folder)
             shutil.rmtree(work / "out")
     flat = True
-    for side in ("pandas", "label", "model"):
+    for side in ("pandas", "label", "model") if sizes else ():
         small, large = peaks["a quarter", side], peaks["large", side]
         grows = large.peak_mb / small.peak_mb
         flat &= side == "pandas" or grows <= FLAT
@@ -106,29 +126,59 @@ def written(case: str, folder: Path, recordings: list[pd.DataFrame], sizes: dict
     return rows
 
 
+def again(folder: Path, work: Path, model: Path, pandas: Cost) -> None:
+    """Print what further runs over the same files cost, and the size of the page."""
+    later = sorted(folder.iterdir())[:NEW_FILES]
+    (work / "later").mkdir()
+    for path in later:
+        path.rename(work / "later" / path.name)
+    shutil.rmtree(work / "out")
+    cost("label", folder, work / "out", model)
+    nothing = cost("label", folder, work / "out", model)
+    for path in later:
+        (work / "later" / path.name).rename(path)
+    ten = cost("label", folder, work / "out", model)
+    for words, each in (("nothing new", nothing), (f"{NEW_FILES} new files", ten)):
+        sys.stdout.write(f"{words}: {each.clock_s:.1f} s, {each.clock_s / pandas.clock_s:.2f} of pandas' time\n")
+    sys.stdout.write(f"page: {(work / 'out/friction.html').stat().st_size / 1e6:.2f} MB\n")
+
+
 def cost(side: str, folder: Path, out: Path, model: Path) -> Cost:
     """Run one side over a folder in a process of its own, for the second time where something is compiled first."""
-    command = [sys.executable, "-c", READ, str(folder)]
-    if side != "pandas":
-        command = [sys.executable, "-m", "cylinder_friction.commands.cli", "estimate", str(folder)]
-        command += ["--channels", "conf/ingest/rig.yaml", "--names", NAMES, "--output", str(out)]
-        command += ["--model", str(model)] if side == "model" else []
+    if side == "pandas":
+        return timed([sys.executable, "-c", READ, str(folder)])
+    given = ["--channels", "conf/ingest/rig.yaml", "--names", NAMES, "--output", str(out)]
+    given += ["--model", str(model)] if side.startswith("model") else []
+    given += [] if side.endswith("cores") else ["--workers", "1"]
+    used = timed([*COMMAND, "estimate", str(folder), *given], 1)  # 1: a recording holds what the model does not know
+    if not (out / "friction.html").is_file():
+        raise RuntimeError(f"{side} over {folder} wrote no page")
+    return used
+
+
+def timed(command: list[str], *allowed: int) -> Cost:
+    """Return what a process costs, workers included; it may end with a status of 0, or those ``allowed``.
+
+    Raises:
+        RuntimeError: It failed.
+    """
     environment = {**os.environ, **dict.fromkeys(ONE_THREAD, "1")}
     with tempfile.TemporaryFile("w+") as log:
+        started = time.monotonic()
         child = subprocess.Popen(command, env=environment, stdout=log, stderr=subprocess.STDOUT)
         _, status, used = os.wait4(child.pid, 0)
-        child.returncode = os.waitstatus_to_exitcode(status)
-        if child.returncode:
+        clock_s, child.returncode = time.monotonic() - started, os.waitstatus_to_exitcode(status)
+        if child.returncode not in (0, *allowed):
             log.seek(0)
-            raise RuntimeError(f"{side} over {folder} failed with status {child.returncode}: {log.read()[-2000:]}")
-    return Cost(used.ru_utime + used.ru_stime, used.ru_maxrss / 1024.0)
+            raise RuntimeError(f"{command} failed with status {child.returncode}: {log.read()[-2000:]}")
+    return Cost(used.ru_utime + used.ru_stime, clock_s, used.ru_maxrss / 1024.0)
 
 
 def line(case: str, rows: int, size_mb: float, side: str, own: Cost, pandas: Cost) -> str:
     """Return a line of the table."""
     about = f"{case:16}{rows:12d}{size_mb:8.0f}" if side == "pandas" else " " * 36
-    times, memory = own.cpu_s / pandas.cpu_s, own.peak_mb / pandas.peak_mb
-    return f"{about}  {side:8}{rows / own.cpu_s:12.0f}{times:7.2f}{own.peak_mb:8.0f}{memory:8.2f}\n"
+    cpu, clock, memory = own.cpu_s / pandas.cpu_s, own.clock_s / pandas.clock_s, own.peak_mb / pandas.peak_mb
+    return f"{about}  {side:14}{rows / own.cpu_s:12.0f}{cpu:7.2f}{clock:7.2f}{own.peak_mb:8.0f}{memory:8.2f}\n"
 
 
 if __name__ == "__main__":

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -48,6 +50,53 @@ def test_json_is_all_that_is_printed(log: Path, tmp_path: Path, capsys: pytest.C
     content = json.loads(capsys.readouterr().out)
     assert [each["name"] for each in content["recordings"]] == ["stroke"]
     assert content["refused"][0]["file"] == "bad.csv"
+
+
+def test_results_are_the_same_whoever_works(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("cylinder_friction.commands.estimate.FEW_FILES", 1)
+    written = []
+    for count in ("1", "2"):
+        arguments = ["estimate", str(log), "--cylinder", GEOMETRY, "--output", str(tmp_path / count)]
+        assert main([*arguments, "--workers", count]) == 0
+        written.append((tmp_path / count / "stroke.parquet").read_bytes())
+    assert written[0] == written[1]
+    assert main([*arguments, "--workers", "0"]) == 1
+    assert "--workers: got 0, expected at least 1" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "status", "without"),
+    [
+        (["--help"], 0, ("numpy",)),
+        (["--mistyped"], 2, ("numpy",)),
+        (["LOG"], 0, ("scipy.signal", "matplotlib", "plotly", "onnx", "pint", "pydantic", "torch")),
+    ],
+    ids=["help", "a mistyped option", "a label"],
+)
+def test_a_run_imports_what_it_uses(
+    log: Path, tmp_path: Path, arguments: list[str], status: int, without: tuple[str, ...]
+) -> None:
+    given = ["estimate", *arguments, *(["--cylinder", GEOMETRY, "--output", str(tmp_path / "out")] * (status == 0))]
+    given = [str(log) if each == "LOG" else each for each in given]
+    code = (
+        "import sys\nfrom cylinder_friction.commands.cli import main\n"
+        f"try:\n    status = main({given!r})\nexcept SystemExit as ended:\n    status = ended.code\n"
+        f"print(*sorted({set(without)!r} & set(sys.modules)), file=sys.stderr)\nsys.exit(status)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr.splitlines()[-1:]) == (status, [""])
+
+
+def test_a_second_run_names_what_is_new(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    arguments = ["estimate", str(log), "--cylinder", GEOMETRY, "--output", str(tmp_path / "out")]
+    assert main(arguments) == 0
+    capsys.readouterr()
+    assert main(arguments) == 0
+    printed = capsys.readouterr().out
+    assert "1 file as before\n" in printed
+    assert "stroke: friction" not in printed
 
 
 def test_a_cylinder_is_stated_as_pairs_or_as_a_file(tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from cylinder_friction.estimation.results import FrictionOfLogs
 
 EXPECTED = (ValueError, OSError)
-FEW_FILES = 40
+FEW_FILES = 200
 """Fewer logs are read before other processes would have begun."""
 Result = TypeVar("Result")
 

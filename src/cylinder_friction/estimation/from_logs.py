@@ -37,6 +37,7 @@ from cylinder_friction.labelling.known_offset import (
 )
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.load import pooled_load
+from cylinder_friction.labelling.offset_identification import MOST_SEARCHED
 from cylinder_friction.labelling.session import SessionIdentification
 from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan
 from cylinder_friction.labelling.up_and_down import holds_load, up_and_down
@@ -385,11 +386,14 @@ class LabelledLogs:
         """Return each usable recording with its friction, on disk; what is read of it is yet to be ``finished``.
 
         Recordings of ``earlier`` runs are not worked on. New ones are compared with them, and offsets are identified
-        beside theirs.
+        beside those of at most ``MOST_SEARCHED`` of their sessions, evenly spread.
         """
         about = [(each.entry, each.hashes) for each in earlier]
         self.seen.remember((one.name, one.source_file, one.source_sha256, hashes) for one, hashes in about)
-        evidence = [own for each in earlier for own in each.evidence]
+        shown = [own for each in earlier for own in each.evidence]
+        spread = sorted({each.session for each in shown})
+        spread = spread[:: -(-len(spread) // MOST_SEARCHED) or 1]
+        evidence = [each for each in shown if each.session in set(spread)]
         labelled: list[LongRecording] = []
         refused: list[Quarantined] = []
         sessions: set[str] = set()

@@ -1,0 +1,53 @@
+"""The page of a run over logs in a browser: it finds a recording, loads its pane, and states what is missing."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page
+
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.reporting.friction_page import friction_pane, pane_file, write_friction_page
+
+pytestmark = pytest.mark.extended
+NAMES = ("press 1 é", "lift#2", "<b>3</b>")
+
+
+@pytest.fixture
+def page_file(tmp_path: Path, labelled_recordings: list[Recording]) -> Path:
+    label = labelled_recordings[0]
+    friction_n = label.column("friction_n")
+    recording = label.with_columns(lower_n=friction_n - 20.0, upper_n=friction_n + 20.0)
+    (tmp_path / "panes").mkdir()
+    for name in NAMES[:2]:
+        recording = replace(recording, metadata=replace(recording.metadata, name=name))
+        (tmp_path / pane_file(name)).write_text(friction_pane(recording, None, f"pane of {name}"), encoding="utf-8")
+    rows = [(name, 300.0 + place, "99", f"remark {place}") for place, name in enumerate(NAMES)]
+    rows.append(("bad.csv", None, "", "refused: no rows"))  # type: ignore[arg-type]
+    write_friction_page(tmp_path / "friction.html", rows, [], "friction in 90 %")
+    return tmp_path / "friction.html"
+
+
+@pytest.mark.parametrize("width", [1400, 400])
+def test_a_recording_is_found_and_drawn(page_file: Path, new_page: Callable[..., Page], width: int) -> None:
+    page, errors = new_page(width, 900), list[str]()
+    page.on("pageerror", lambda error: errors.append(str(error)))
+    page.goto(page_file.as_uri())
+    page.locator("#recordings .plot .main-svg").first.wait_for()
+    assert page.locator("#recordings tbody tr:visible").count() == 4
+    page.locator("#find").fill("REFUSED")
+    assert page.locator("#recordings tbody tr:visible").inner_text().startswith("bad.csv")
+    assert page.locator("#found").inner_text() == "1 of 4"
+    page.locator("#find").fill("lift")
+    page.locator("#recordings tbody a:visible").click()
+    page.locator("#pane .plot .main-svg").first.wait_for()
+    assert page.locator("#pane").get_by_text("pane of lift#2").is_visible()
+    assert page.evaluate("document.documentElement.scrollWidth") == width
+    page.goto(f"{page_file.as_uri()}#pane=press%201%20%C3%A9")
+    page.locator("#pane .plot .main-svg").first.wait_for()
+    page.goto(f"{page_file.as_uri()}#pane=%3Cb%3E3%3C/b%3E")
+    page.get_by_text('is not there: keep the folder "panes" beside this page').wait_for()
+    assert errors == []
