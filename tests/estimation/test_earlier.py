@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import shutil
 import signal
@@ -81,6 +82,9 @@ def test_new_files_leave_the_results_of_the_others_and_the_page_shows_all(run: R
     deliver(folder, 5, 6)
     result = run()
     assert result.new == ("log05", "log06")
+    digest = hashlib.sha256((folder / "log05.csv").read_bytes()).hexdigest()
+    assert result.recordings[5].source_sha256 == digest
+    assert {"cylinder", "mapping", "model"} <= result.to_dict()["depends_on"].keys()
     assert result.news == ("2 files new or refused until now", "5 files as before")
     assert names(result) == [f"log{number:02d}" for number in range(7)]
     after = content(folder.with_name("out"))

@@ -145,7 +145,7 @@ def estimate_logs(
         bounds = _bounds_in_words(run, any(each.bounded for each in processed))
         shutil.rmtree(scratch, ignore_errors=True)
         entries = [each.entry for each in processed]
-        result = FrictionOfLogs(into, bounds, entries, run.refused, known, new, found.news, logs.guessed)
+        result = FrictionOfLogs(into, bounds, entries, run.refused, known, new, found.news, depends_on, logs.guessed)
         if found.same:
             return result
         write_earlier(folder, Earlier(depends_on, tuple(processed), tuple(known)))

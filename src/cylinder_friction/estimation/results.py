@@ -1,6 +1,7 @@
 """What became of logs: of each recording, of each refused file, and of all of them."""
 
 import math
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,8 @@ class FrictionOfLogs:
     offsets: list[KnownOffset] = field(default_factory=list)
     new: tuple[str, ...] = ()  # Names of the recordings that this call processed; the others are of earlier ones
     news: tuple[str, ...] = ()  # What is new, gone or left for the next run, where an earlier one was continued
+    # By what the results depend on beside the logs (cylinder, mapping, model, version of the code): its SHA-256
+    depends_on: Mapping[str, str] = field(default_factory=dict)
     # From which file channels and units were guessed, and each column's with its reasons; None with a mapping
     guessed: dict[str, Any] | None = None
 
@@ -55,6 +58,7 @@ class FrictionOfLogs:
             "refused": [asdict(each) for each in self.refused],
             "offsets": [{name: known_number(value) for name, value in asdict(each).items()} for each in self.offsets],
             "new": list(self.new),
+            "depends_on": dict(self.depends_on),
             "news": list(self.news),
             "guessed": self.guessed,
         }

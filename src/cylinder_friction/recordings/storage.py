@@ -70,10 +70,8 @@ def _arrow_table(recording: Recording) -> pa.Table:
 
 def write_scratch(folder: Path, recording: Recording, stem: str) -> Path:
     """Write a recording for this run alone, and return its path: many times as fast as Parquet, and as large."""
-    path = folder / f"{stem}{SCRATCH}"
-    folder.mkdir(parents=True, exist_ok=True)
-    table = _arrow_table(recording)
-    with pa.OSFile(str(path), "wb") as file, pa.ipc.new_file(file, table.schema) as writer:
+    path, table = folder / f"{stem}{SCRATCH}", _arrow_table(recording)
+    with whole_file(path) as draft, pa.OSFile(str(draft), "wb") as file, pa.ipc.new_file(file, table.schema) as writer:
         writer.write_table(table)
     return path
 
