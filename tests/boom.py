@@ -1,5 +1,7 @@
 """Strokes of a cylinder that carries a boom, with load and friction known in closed form."""
 
+from collections.abc import Callable
+
 import numpy as np
 
 from cylinder_friction.arrays import Array
@@ -13,6 +15,11 @@ def boom_load(position_m: Array) -> Array:
     """Gravity on a boom that the cylinder lifts at a changing lever arm [N]."""
     angle = 0.2 + 4.0 * (position_m - 0.05)
     return np.asarray(6000.0 * np.cos(angle) / np.sqrt(1.0 - 0.5 * np.sin(angle) ** 2))
+
+
+def load_at_angle(position_m: Array, other_m: Array) -> Array:
+    """Return the same where another cylinder has raised what the boom is mounted on [N]."""
+    return np.asarray(boom_load(position_m) * np.cos(3.0 * (np.asarray(other_m) - 0.5)))
 
 
 def motion(seconds: float = 120.0, reach_m: float = 0.08) -> tuple[Array, Array, Array]:
@@ -30,15 +37,22 @@ def boom_points(
     asymmetry_n: float = 0.0,
     seconds: float = 120.0,
     plan: LoadPlan | None = None,
+    other_m: Callable[[Array, Array], Array] | None = None,
 ) -> StrokePoints:
-    """Return strokes with slowly wandering noise of about 12 N; retraction has ``2 * asymmetry_n`` more friction."""
+    """Return strokes with slowly wandering noise of about 12 N; retraction has ``2 * asymmetry_n`` more friction.
+
+    ``other_m`` gives the position of another cylinder from time and position; None: it stands at 0.5 m, unknown.
+    """
     plan = plan or LoadPlan()
     generator = np.random.default_rng(seed)
     position_m, velocity, acceleration = motion(seconds)
     wander = np.convolve(generator.normal(0.0, 12.0, len(position_m) + 99), np.full(100, 0.1), mode="valid")
     friction_n = coulomb_n * np.sign(velocity) - asymmetry_n + viscous_n_s_m * velocity
-    force_n = boom_load(position_m) + friction_n + wander
+    time_s = STEP_S * np.arange(len(position_m))
+    others_m = np.full(len(position_m), 0.5) if other_m is None else other_m(time_s, position_m)
+    force_n = load_at_angle(position_m, others_m) + friction_n + wander
     usable = np.ones(len(position_m), dtype=np.bool_)
+    how = usable, STEP_S, plan.slowest_m_s, plan.settling_travel_m
     return stroke_points(
-        force_n, position_m, velocity, acceleration, usable, STEP_S, plan.slowest_m_s, plan.settling_travel_m
+        force_n, position_m, velocity, acceleration, *how, None if other_m is None else others_m[:, None]
     )

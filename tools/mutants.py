@@ -226,8 +226,8 @@ MUTANTS = (
     Mutant(
         "range of a known load not cut",
         "realtime/guard.py",
-        "max(lowest[place], load.first_m), min(highest[place], load.last_m)",
-        "min(lowest[place], load.first_m), max(highest[place], load.last_m)",
+        "max(lowest[place], axis.first_m), min(highest[place], axis.last_m)",
+        "min(lowest[place], axis.first_m), max(highest[place], axis.last_m)",
         ("realtime",),
     ),
     # The live service and HTTP

@@ -13,6 +13,7 @@ from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
     LOAD_FORCE,
     OIL_TEMPERATURE,
+    OTHER_POSITIONS,
     POSITION,
     PRESSURE_1,
     PRESSURE_2,
@@ -28,6 +29,7 @@ MEANINGS = {
     LOAD_FORCE: "external load, positive when it resists extension",
     DRIVE_FORCE: "force on the piston, positive when it pushes towards extension",
     OIL_TEMPERATURE: "oil temperature",
+    **dict.fromkeys(OTHER_POSITIONS, "position of another cylinder, on which the load depends"),
 }
 
 

@@ -215,7 +215,8 @@ class FrictionEstimator(ABC):
         """Return samples, shape ``(n, inputs)``, as channels, ``(n, channels)``."""
         if self.position_load is None:
             return samples
-        return np.column_stack([samples, self.position_load.at(samples[:, self.inputs.index(POSITION)])])
+        places = [self.inputs.index(column) for column in self.position_load.columns]
+        return np.column_stack([samples, self.position_load.at(samples[:, places])])
 
     def stream(self) -> EstimatorStream | StrictStream:
         """Return a fresh stream; streams of one estimator do not touch each other."""
@@ -377,7 +378,7 @@ class FrictionEstimator(ABC):
         """Return a recording with the load that position decides, where one is known."""
         if self.position_load is None:
             return recording
-        return recording.with_columns(**{LOAD_FORCE: self.position_load.at(recording.column(POSITION))})
+        return recording.with_columns(**{LOAD_FORCE: self.position_load.of(recording)})
 
     def _take_over(self, other: FrictionEstimator) -> None:
         """Take over what another fitted estimator knows of samples, guard, sensor offset, load and lag."""

@@ -19,7 +19,7 @@ from cylinder_friction.labelling.strokes import stroke_points
 from cylinder_friction.labelling.uncertainty import label_uncertainty, smoothing_deviation
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.recordings.checks.limits import LoadMode
-from cylinder_friction.recordings.columns import LOAD_FORCE, POSITION, UNCERTAINTY_COLUMN
+from cylinder_friction.recordings.columns import LOAD_FORCE, OTHER_POSITIONS, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.recording import Recording, RecordingError, SensorUncertainty
 from cylinder_friction.signals.methods import default_filter, warn_of_rates
 from cylinder_friction.signals.motion import widened
@@ -85,7 +85,7 @@ class Labeller:
         Raises:
             RecordingError: The strokes do not determine the load, or the session hardly moves.
         """
-        strokes, blocks = [], []
+        strokes, blocks, others = [], [], tuple[str, ...]()
         for recording in recordings:
             signals, position_m = signals_of(recording), recording.column("position_m")
             load_n = self._load(recording, None, partial(recording.column, SMOOTH_LOAD))
@@ -98,8 +98,10 @@ class Labeller:
             )
             motion = (force_n, position_m, signals.velocity_m_s, signals.acceleration_m_s2)
             if self.load == "position":
-                plan = self.load_plan
-                strokes.append(stroke_points(*motion, usable, step_s, plan.slowest_m_s, plan.settling_travel_m))
+                plan, others = self.load_plan, other_positions(recording)
+                limits = step_s, plan.slowest_m_s, plan.settling_travel_m
+                others_m = recording.samples(others) if others else None
+                strokes.append(stroke_points(*motion, usable, *limits, others_m))
             if self.inertia == "identified":
                 blocks.append(motion_points(*motion, step_s, self.motion_plan, usable))
         return identify_session(
@@ -108,6 +110,7 @@ class Labeller:
             self.cylinder.moving_mass_kg,
             self.load_plan if self.load == "position" else None,
             self.motion_plan if self.inertia == "identified" else None,
+            others,
         )
 
     def identify_sessions(
@@ -145,7 +148,7 @@ class Labeller:
         load_uncertainty_n: Array | float = 0.0
         if self.load == "position" and identified is not None and identified.load is not None:
             columns[LOAD_FORCE] = np.asarray(load_n)
-            load_uncertainty_n = identified.load.uncertainty_n(recording.column("position_m"))
+            load_uncertainty_n = identified.load.uncertainty_n(recording.samples(identified.load.columns))
         smoothing_n = smoothing_deviation(recording, self.cylinder, signal_filter)
         uncertainty_n = label_uncertainty(recording, self.cylinder, load_uncertainty_n, smoothing_n)
         if uncertainty_n is not None:
@@ -206,7 +209,7 @@ class Labeller:
         friction_n = friction_label(signals, position_m, load_n, cylinder, self.stiffness)
         usable = usable_rows(position_m, cylinder.stroke_m, self.end_stop_margin_m, support)
         if self.load == "position" and identified is not None and identified.load is not None:
-            usable &= identified.load.coverage.holds(position_m)
+            usable &= identified.load.knows(recording.samples(identified.load.columns))
         return friction_n, usable
 
     def _load(
@@ -226,7 +229,7 @@ class Labeller:
             return load_n
         if self.load == "position" and identified is not None:
             assert identified.load is not None
-            return identified.load.load_n(recording.column("position_m"))
+            return identified.load.load_n(recording.samples(identified.load.columns))
         return 0.0
 
 
@@ -304,16 +307,21 @@ def with_common_load(recording: Recording, load: PositionLoad) -> Recording:
     Its own session's load has absorbed its sensors' offset and whatever in its friction is uneven; a common one leaves
     both in friction, where they belong. Rows where the common load is not known are not usable.
     """
-    position_m, load_n = recording.column(POSITION), load.at(recording.column(POSITION))
+    load_n = load.of(recording)
     own_n = recording.column(LOAD_FORCE) if LOAD_FORCE in recording.table.columns else 0.0
     changed = recording.with_columns(
         load_force_n=load_n,
         friction_n=recording.column("friction_n") + own_n - load_n,
-        usable=recording.usable() & (position_m >= load.first_m) & (position_m <= load.last_m),
+        usable=recording.usable() & load.knows(recording),
     )
     who = changed.metadata
     known = {**who.uncertainty, LOAD_FORCE: SensorUncertainty(zero=0.0, span=0.0)} if who.uncertainty else {}
     return replace(changed, metadata=replace(who, uncertainty=known))
+
+
+def other_positions(recording: Recording) -> tuple[str, ...]:
+    """Return the columns of other cylinders' positions that a recording has."""
+    return tuple(column for column in OTHER_POSITIONS if column in recording.table.columns)
 
 
 def by_session(recordings: Iterable[Recording]) -> dict[str, list[Recording]]:

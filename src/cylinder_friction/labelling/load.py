@@ -1,11 +1,12 @@
-"""The load as a smooth function of position, identified from the symmetry of strokes up and down.
+"""The load as a smooth function of positions, identified from the symmetry of strokes up and down.
 
 What drives the piston less inertia is load plus friction, and friction turns its sign with the direction where the
 load at a position does not:
 
     F_drive - m·a = L(x) + F_C·sgn(v) + s_2·v
 
-L is a polynomial in position, whose order cross-validation chooses; friction is Coulomb and viscous, the same in
+L is a polynomial in position, and in those of other cylinders where it depends on them, whose orders cross-validation
+chooses; friction is Coulomb and viscous, the same in
 both directions, over rows that clearly move. **A difference of friction between the directions that does not depend
 on position is indistinguishable from load**: half of it goes into L. How large it may be is therefore stated, as a
 share of Coulomb friction, and enters the load's uncertainty beside the scatter of the strokes.
@@ -13,29 +14,39 @@ share of Coulomb friction, and enters the load's uncertainty beside the scatter 
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Self
 
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
 
-from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.labelling.robust import (
     bootstrap_coefficients,
+    clustered_covariance,
     quantile_interval,
     refuse_no_probability,
     robust_fit,
 )
-from cylinder_friction.labelling.strokes import StrokePoints, TravelCovered, coverage_of
-from cylinder_friction.realtime.position_load import PositionLoad
-from cylinder_friction.recordings.columns import COVERAGE_FACTOR
+from cylinder_friction.labelling.strokes import OthersCovered, StrokePoints, TravelCovered, coverage_of, others_covered
+from cylinder_friction.realtime.position_load import LoadAxis, PositionLoad
+from cylinder_friction.recordings.columns import COVERAGE_FACTOR, POSITION
 from cylinder_friction.recordings.recording import RecordingError
 
 GRID = 51
 """Positions at which the uncertainty is kept."""
 POOLED_PLACES = 129
 """Positions at which the mean load of several sessions is kept."""
+OTHER_REACH_M = 0.01
+"""How far off another position may be from where strokes went, for the load that they show [m]."""
+GREATEST_OTHER_ORDER = 1
+MOST_OTHER_PLACES = 33
+MOST_SCATTER = 0.2
+"""Where strokes leave the load uncertain by more than this share of Coulomb friction, it counts as unknown."""
+LEAST_SPREAD = 0.25
+"""Least root mean square distance, over ``OTHER_REACH_M``, of another position from what the piston's own decides, for
+the load to be identified against it: else lag between the two, which turns with the direction, would pass for load."""
 
 _FOLDS = 5
 _BLOCKS_PER_DIRECTION = 10
@@ -99,34 +110,66 @@ class LoadIdentification:
     strokes_retract: int
     residual_n: float  # Median absolute residual of the points [N]
     confidence: float  # Probability of the intervals
+    others: tuple[str, ...] = ()  # Columns of the other positions that the load depends on
+    other_order: int = 0  # Greatest order in each of these
+    around: OthersCovered | None = None  # Where strokes of both directions went, in these
 
     @property
     def order(self) -> int:
-        """Order of the polynomial."""
-        return len(self.coefficients_n) - 1
+        """Order of the polynomial in position."""
+        return int(len(self.coefficients_n) / (self.other_order + 1) ** len(self.others)) - 1
 
-    def load_n(self, position_m: Array) -> Array:
-        """Return the load [N], of the positions' shape; outside the coverage's range that of its nearer end."""
-        return np.asarray(legendre.legval(_scaled(position_m, self.coverage), np.array(self.coefficients_n)))
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns of all positions that the load depends on."""
+        return (POSITION, *self.others)
 
-    def uncertainty_n(self, position_m: Array) -> Array:
-        """Return the load's standard uncertainty (k = 1) [N], of the positions' shape: scatter and asymmetry."""
-        scatter = np.interp(_scaled(position_m, self.coverage), np.linspace(-1.0, 1.0, GRID), np.array(self.scatter_n))
-        return np.hypot(scatter, self.asymmetry_n)
+    def load_n(self, positions_m: Array) -> Array:
+        """Return the load [N], shape ``(n,)``; outside the coverage's range that of its nearer end.
+
+        ``positions_m`` has shape ``(n, positions)``, or ``(n,)`` where the load depends on one.
+        """
+        if self.around is None:
+            return np.asarray(
+                legendre.legval(_scaled(np.ravel(positions_m), self.coverage.range_m), np.array(self.coefficients_n))
+            )
+        return _polynomials(positions_m, self.coverage, self.around, self.order, self.other_order) @ np.array(
+            self.coefficients_n
+        )
+
+    def uncertainty_n(self, positions_m: Array) -> Array:
+        """Return the load's standard uncertainty (k = 1) [N], shape ``(n,)``: scatter and asymmetry."""
+        place = _scaled(np.reshape(positions_m, (len(positions_m), -1))[:, 0], self.coverage.range_m)
+        return np.hypot(np.interp(place, np.linspace(-1.0, 1.0, GRID), np.array(self.scatter_n)), self.asymmetry_n)
+
+    def knows(self, positions_m: Array) -> Mask:
+        """Return where strokes of both directions went, shape ``(n,)``; positions as for ``load_n``."""
+        rows = np.reshape(positions_m, (len(positions_m), -1))
+        known = self.coverage.holds(rows[:, 0])
+        return known if self.around is None else known & self.around.holds(rows)
 
     def sentence(self) -> str:
         """Return the result in words."""
         (low_n, high_n), (from_m, to_m) = self.load_range_n, self.coverage.range_m
         return (
-            f"the load is {low_n:.0f} to {high_n:.0f} N between {from_m:.3g} and {to_m:.3g} m, from strokes "
-            f"({self.strokes_extend} out, {self.strokes_retract} in); Coulomb friction {self.coulomb_n:.4g} N "
+            f"the load is {low_n:.0f} to {high_n:.0f} N between {from_m:.3g} and {to_m:.3g} m{self._elsewhere()}, from "
+            f"strokes ({self.strokes_extend} out, {self.strokes_retract} in); Coulomb friction {self.coulomb_n:.4g} N "
             f"({self.coulomb_interval_n[0]:.4g} to {self.coulomb_interval_n[1]:.4g}), "
             f"{self.coulomb_extend_n:.4g} extending and {self.coulomb_retract_n:.4g} retracting"
         )
 
+    def _elsewhere(self) -> str:
+        ranges_m = [] if self.around is None else self.around.ranges_m
+        between = (
+            f"{name} from {low:.3g} to {high:.3g} m" for name, (low, high) in zip(self.others, ranges_m, strict=True)
+        )
+        return "".join(f", {words}" for words in between)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible values."""
         content = asdict(self)
+        if self.around is None:
+            del content["others"], content["other_order"], content["around"]
         content["range_m"], content["order"] = list(self.coverage.range_m), self.order
         content["stretches_m"] = [list(each) for each in content.pop("coverage")["stretches_m"]]
         return {key: list(value) if isinstance(value, tuple) else value for key, value in sorted(content.items())}
@@ -138,17 +181,24 @@ class LoadIdentification:
             key: tuple(value) if isinstance(value, list) else value for key, value in content.items()
         }
         del kept["range_m"], kept["order"]
+        if around := kept.pop("around", None):
+            listed: dict[str, Any] = {name: tuple(each) for name, each in around.items() if isinstance(each, list)}
+            kept["around"] = OthersCovered(**around | listed)
         return cls(coverage=TravelCovered(tuple(map(tuple, kept.pop("stretches_m")))), **kept)
 
 
-def identify_load(points: StrokePoints, plan: LoadPlan) -> LoadIdentification:
+def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] = ()) -> LoadIdentification:
     """Return the load identified from the strokes of one session, their force less inertia.
+
+    ``others`` are the columns of the other positions of the points.
 
     Raises:
         RecordingError: Strokes of both directions do not overlap, or there are too few points.
     """
     coverage = coverage_of(points)
-    points = points.where(coverage.holds(points.position_m))
+    around = others_covered(points, OTHER_REACH_M) if others else None
+    known = coverage.holds(points.position_m)
+    points = points.where(known if around is None else known & around.holds(_positions(points)))
     if len(points) < _LEAST_POINTS_PER_COEFFICIENT * 3:
         raise RecordingError(
             f"load and friction cannot be separated: got {len(points)} points of 0.1 s where strokes of both "
@@ -157,8 +207,9 @@ def identify_load(points: StrokePoints, plan: LoadPlan) -> LoadIdentification:
         )
     direction = np.sign(points.velocity_m_s)
     blocks, groups = _blocks(points, direction)
-    order = _order(points, coverage, blocks, plan)
-    shape = _polynomials(points.position_m, coverage, order)
+    order, other_order = _orders(points, coverage, around, blocks, plan)
+    shape = _polynomials(_positions(points), coverage, around, order, other_order)
+    of_load = shape.shape[1]
     design = np.column_stack([shape, direction, points.velocity_m_s])
     fit = robust_fit(design, points.force_n)
     drawn = bootstrap_coefficients(design, fit, points.force_n, blocks, groups, plan.repeats, plan.seed)
@@ -167,24 +218,45 @@ def identify_load(points: StrokePoints, plan: LoadPlan) -> LoadIdentification:
         design, viscous_interval = design[:, :-1], (0.0, 0.0)
         fit = robust_fit(design, points.force_n)
         drawn = bootstrap_coefficients(design, fit, points.force_n, blocks, groups, plan.repeats, plan.seed)
-    viscous = float(fit.coefficients[order + 2]) if design.shape[1] > order + 2 else 0.0
-    coulomb = float(fit.coefficients[order + 1])
+    viscous = float(fit.coefficients[of_load + 1]) if design.shape[1] > of_load + 1 else 0.0
+    coulomb = float(fit.coefficients[of_load])
+    coulomb_interval_n = quantile_interval(drawn[:, of_load], plan.confidence)
+    if coulomb > 0.0 and coulomb_interval_n[0] <= 0.0:
+        raise RecordingError(
+            f"load and friction cannot be separated: Coulomb friction would be {coulomb:.4g} N, but may be "
+            f"{coulomb_interval_n[0]:.4g} to {coulomb_interval_n[1]:.4g} N; record more strokes at slow, steady speed"
+        )
     if coulomb <= 0.0:
         raise RecordingError(
             f"load and friction cannot be separated: Coulomb friction would be {coulomb:.4g} N, which drives the "
             "motion; check the sign of position and of the forces in the mapping"
         )
     grid = np.linspace(*coverage.range_m, GRID)
-    along = _polynomials(grid, coverage, order)
-    dry_n = points.force_n - shape @ fit.coefficients[: order + 1] - viscous * points.velocity_m_s
-    loads = (along @ fit.coefficients[: order + 1])[coverage.holds(grid)]
+    dry_n = points.force_n - shape @ fit.coefficients[:of_load] - viscous * points.velocity_m_s
+    if around is None:
+        along = _polynomials(grid[:, None], coverage, None, order, 0)
+        scatter_n = np.std(drawn[:, :of_load] @ along.T, axis=0)
+        loads = (along @ fit.coefficients[:of_load])[coverage.holds(grid)]
+    else:
+        along = _polynomials(around.middles_m, coverage, around, order, other_order)
+        # A draw may leave a place without strokes of one direction, where then nothing would be known.
+        covariance = clustered_covariance(design, fit, blocks)[:of_load, :of_load]
+        of_cells_n = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", along, covariance, along), 0.0))
+        sure = of_cells_n < MOST_SCATTER * coulomb
+        if not sure.any():
+            raise RecordingError(
+                f"the load is nowhere known to {MOST_SCATTER * coulomb:.0f} N, half of Coulomb friction, from "
+                f"{len(np.unique(points.stroke))} strokes; record more strokes with the other cylinders at rest"
+            )
+        loads = along[sure] @ fit.coefficients[:of_load]
+        scatter_n = _worst_along(grid, around.middles_m[sure, 0], of_cells_n[sure])
     return LoadIdentification(
-        coefficients_n=tuple(float(value) for value in fit.coefficients[: order + 1]),
+        coefficients_n=tuple(float(value) for value in fit.coefficients[:of_load]),
         coverage=coverage,
-        scatter_n=tuple(float(value) for value in np.std(drawn[:, : order + 1] @ along.T, axis=0)),
+        scatter_n=tuple(map(float, scatter_n)),
         asymmetry_n=plan.asymmetry * coulomb,
         coulomb_n=coulomb,
-        coulomb_interval_n=quantile_interval(drawn[:, order + 1], plan.confidence),
+        coulomb_interval_n=coulomb_interval_n,
         coulomb_extend_n=float(np.median(dry_n[direction > 0.0])),
         coulomb_retract_n=float(-np.median(dry_n[direction < 0.0])),
         viscous_n_s_m=viscous,
@@ -194,11 +266,16 @@ def identify_load(points: StrokePoints, plan: LoadPlan) -> LoadIdentification:
         strokes_retract=len(np.unique(points.stroke[direction < 0.0])),
         residual_n=float(np.median(np.abs(fit.residuals))),
         confidence=plan.confidence,
+        others=others,
+        other_order=other_order,
+        around=around if around is None else replace(around, known=tuple(np.array(around.known)[sure].tolist())),
     )
 
 
 def pooled_load(sessions: Sequence[LoadIdentification]) -> PositionLoad:
-    """Return the mean load of sessions, over the positions that all of them know: what an estimator takes off.
+    """Return the mean load of sessions: what an estimator takes off.
+
+    A load of one position is known where all sessions know it; one of several wherever a session does.
 
     Its uncertainty is that of one more session: the spread between sessions (of two or more) and what each session's
     load is uncertain by itself.
@@ -208,6 +285,8 @@ def pooled_load(sessions: Sequence[LoadIdentification]) -> PositionLoad:
     """
     if not sessions:
         raise RecordingError("a load that depends on position cannot be pooled: got no session; expected at least one")
+    if sessions[0].others:
+        return _pooled_over_several(sessions)
     firsts, lasts = zip(*(each.coverage.range_m for each in sessions), strict=True)
     first_m, last_m = max(firsts), min(lasts)
     if not first_m < last_m:
@@ -228,9 +307,12 @@ def refuse_unlike_loads(sessions: Mapping[str, LoadIdentification], common: Posi
     Raises:
         RecordingError: The load of a session is further from it than twice its own standard uncertainty.
     """
-    position_m = np.linspace(common.first_m, common.last_m, POOLED_PLACES)
+    positions_m = _places(common)
     for name, each in sessions.items():
-        off_n, known_n = each.load_n(position_m) - common.at(position_m), each.uncertainty_n(position_m)
+        own_m = positions_m[each.knows(positions_m)] if each.others else positions_m
+        if not len(own_m):
+            continue
+        off_n, known_n = each.load_n(own_m) - common.at(own_m), each.uncertainty_n(own_m)
         if np.sqrt(np.mean(np.square(off_n / known_n))) > COVERAGE_FACTOR:
             raise RecordingError(
                 f"sessions carry different loads: that of {name} is {np.sqrt(np.mean(off_n**2)):.3g} N from the mean "
@@ -239,13 +321,71 @@ def refuse_unlike_loads(sessions: Mapping[str, LoadIdentification], common: Posi
             )
 
 
-def _scaled(position_m: Array, coverage: TravelCovered) -> Array:
-    first, last = coverage.range_m
+def _worst_along(grid: Array, position_m: Array, values: Array) -> Array:
+    """Return the largest of the values nearest to each place of the grid, in straight lines where there is none."""
+    nearest = np.rint((position_m - grid[0]) / (grid[1] - grid[0])).astype(np.int64)
+    worst = np.full(len(grid), np.nan)
+    np.fmax.at(worst, np.clip(nearest, 0, len(grid) - 1), values)
+    known = np.isfinite(worst)
+    return np.asarray(np.interp(grid, grid[known], worst[known]))
+
+
+def _pooled_over_several(sessions: Sequence[LoadIdentification]) -> PositionLoad:
+    """Return the mean over the sessions that know a place."""
+    from scipy.ndimage import distance_transform_edt  # what a load of one position need not wait for
+
+    ranges_m = [(each.coverage.range_m, *(each.around.ranges_m if each.around else ())) for each in sessions]
+    axes = []
+    for number, column in enumerate(sessions[0].columns):
+        first_m, last_m = min(own[number][0] for own in ranges_m), max(own[number][1] for own in ranges_m)
+        axes.append(LoadAxis(column, first_m, last_m))
+    most = MOST_OTHER_PLACES if len(axes) == 2 else MOST_OTHER_PLACES // 2
+    counts = [min(most, math.ceil((each.last_m - each.first_m) / OTHER_REACH_M) + 1) for each in axes[1:]]
+    shape = (POOLED_PLACES, *counts)
+    empty = PositionLoad(*axes[0][1:], np.zeros(shape), np.zeros(shape), tuple(axes[1:]))
+    positions_m = _places(empty)
+    known = np.array([each.knows(positions_m) for each in sessions])
+    loads_n = np.array([each.load_n(positions_m) for each in sessions])
+    own_n = np.array([each.uncertainty_n(positions_m) for each in sessions])
+    everywhere: Mask = np.reshape(known.any(axis=0), shape)
+    nearest = distance_transform_edt(~everywhere, return_distances=False, return_indices=True)
+    # Between a known place and an unknown one too, the load is that of the sessions that know the known one.
+    goes_on = known[:, np.ravel_multi_index(tuple(nearest), shape).ravel()]
+    count = goes_on.sum(axis=0)
+    mean_n = np.where(goes_on, loads_n, 0.0).sum(axis=0) / count
+    several = known & (known.sum(axis=0) > 1)
+    free = several.sum() - several.any(axis=0).sum()
+    off_n = np.where(several, loads_n - mean_n, 0.0)
+    spread_n = math.sqrt(float((off_n**2).sum()) / free) if free else 0.0  # of sessions where they know the same places
+    half_n = np.hypot(np.sqrt(np.where(goes_on, own_n**2, 0.0).sum(axis=0) / count), spread_n)
+    tables = [np.reshape(each, shape) for each in (mean_n, half_n)]
+    return PositionLoad(axes[0].first_m, axes[0].last_m, tables[0], tables[1], tuple(axes[1:]), everywhere)
+
+
+def _places(load: PositionLoad) -> Array:
+    """Return the positions of a load's table, shape ``(places, positions)``."""
+    along = [np.linspace(*axis[1:], count) for axis, count in zip(load.axes, load.load_n.shape, strict=True)]
+    return np.stack([each.ravel() for each in np.meshgrid(*along, indexing="ij")], axis=1)
+
+
+def _positions(points: StrokePoints) -> Array:
+    return np.column_stack([points.position_m, points.others_m])
+
+
+def _scaled(position_m: Array, range_m: tuple[float, float]) -> Array:
+    first, last = range_m
     return np.clip(2.0 * (np.asarray(position_m) - first) / (last - first) - 1.0, -1.0, 1.0)
 
 
-def _polynomials(position_m: Array, coverage: TravelCovered, order: int) -> Array:
-    return np.asarray(legendre.legvander(_scaled(position_m, coverage), order))
+def _polynomials(
+    positions_m: Array, coverage: TravelCovered, around: OthersCovered | None, order: int, other_order: int
+) -> Array:
+    """Return every product of Legendre polynomials in the positions, shape ``(n, products)``."""
+    products = legendre.legvander(_scaled(positions_m[:, 0], coverage.range_m), order)
+    for other_m, range_m in zip(positions_m.T[1:], [] if around is None else around.extents_m, strict=True):
+        along = legendre.legvander(_scaled(other_m, range_m), other_order)
+        products = (products[:, :, None] * along[:, None, :]).reshape(len(products), -1)
+    return np.asarray(products)
 
 
 def _own_share(design: Array) -> float:
@@ -276,19 +416,45 @@ def _blocks(points: StrokePoints, direction: Array) -> tuple[NDArray[np.int64], 
     return blocks.astype(np.int64).ravel(), direction[first]
 
 
-def _order(points: StrokePoints, coverage: TravelCovered, blocks: NDArray[np.int64], plan: LoadPlan) -> int:
-    """Return the least order that predicts left-out blocks as well as the best one does, within a hundredth."""
+def _vary_by_themselves(points: StrokePoints, coverage: TravelCovered) -> bool:
+    """Return whether each of the other positions varies where the piston's own does not."""
+    along = legendre.legvander(_scaled(points.position_m, coverage.range_m), _FOLDS)
+    left_m = points.others_m - along @ np.linalg.lstsq(along, points.others_m, rcond=None)[0]
+    return bool((np.sqrt(np.mean(left_m**2, axis=0)) >= LEAST_SPREAD * OTHER_REACH_M).all())
+
+
+def _orders(
+    points: StrokePoints,
+    coverage: TravelCovered,
+    around: OthersCovered | None,
+    blocks: NDArray[np.int64],
+    plan: LoadPlan,
+) -> tuple[int, int]:
+    """Return the orders in position and in the others that predict left-out blocks best, within a hundredth.
+
+    Of those the ones with the fewest coefficients.
+    """
     direction = np.sign(points.velocity_m_s)
-    greatest = min(plan.greatest_order, len(points) // _LEAST_POINTS_PER_COEFFICIENT - 2)
+    others = points.others_m.shape[1]
+    greatest_other = GREATEST_OTHER_ORDER if others and _vary_by_themselves(points, coverage) else 0
+    greatest = len(points) // _LEAST_POINTS_PER_COEFFICIENT - 2
+    sizes = {
+        (order, other_order): (order + 1) * (other_order + 1) ** others
+        for order in range(plan.greatest_order + 1)
+        for other_order in range(greatest_other + 1)
+    }
     fold = blocks % _FOLDS
-    errors = []
-    for order in range(max(greatest, 0) + 1):
-        design = np.column_stack([_polynomials(points.position_m, coverage, order), direction, points.velocity_m_s])
+    errors: dict[tuple[int, int], float] = {}
+    for orders in sorted(sizes, key=lambda each: (sizes[each], each)):
+        if sizes[orders] > max(greatest, 0) + 1:
+            break
+        shape = _polynomials(_positions(points), coverage, around, *orders)
+        design = np.column_stack([shape, direction, points.velocity_m_s])
         total = 0.0
         for each in range(_FOLDS):
             out = fold == each
             if out.any() and not out.all():
                 fit = robust_fit(design[~out], points.force_n[~out])
                 total += float(np.abs(points.force_n[out] - design[out] @ fit.coefficients).sum())
-        errors.append(total)
-    return next(order for order, error in enumerate(errors) if error <= _AS_GOOD * min(errors))
+        errors[orders] = total
+    return next(orders for orders, error in errors.items() if error <= _AS_GOOD * min(errors.values()))

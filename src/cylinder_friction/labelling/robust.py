@@ -49,23 +49,34 @@ def robust_fit(design: Array, target: Array, multiple: float = HUBER_NOISE_MULTI
     return RobustFit(coefficients / scale, weights, residuals)
 
 
-def clustered_half_widths(design: Array, fit: RobustFit, clusters: NDArray[np.int64], confidence: float) -> Array:
-    """Return half the width of each coefficient's confidence interval, shape ``(k,)``; infinite with too few clusters.
+def clustered_covariance(design: Array, fit: RobustFit, clusters: NDArray[np.int64]) -> Array:
+    """Return the coefficients' covariance, shape ``(k, k)``; infinite unless there are more clusters than coefficients.
 
     Residuals of one cluster may be correlated, those of two clusters must not be.
 
-    Source: sandwich covariance by clusters, Liang and Zeger 1986, with Student's t of as many degrees of freedom as
-    there are clusters beyond coefficients.
+    Source: sandwich covariance by clusters, Liang and Zeger 1986.
     """
     count = int(clusters.max()) + 1
     free = count - design.shape[1]
     if free < 1:
-        return np.full(design.shape[1], np.inf)
+        return np.full((design.shape[1],) * 2, np.inf)
     weighted = design * fit.weights[:, None]
     scores = np.zeros((count, design.shape[1]))
     np.add.at(scores, clusters, weighted * fit.residuals[:, None])
     bread = np.linalg.pinv(weighted.T @ design, hermitian=True)
-    covariance = bread @ (scores.T @ scores) @ bread * (count / free)
+    return np.asarray(bread @ (scores.T @ scores) @ bread * (count / free))
+
+
+def clustered_half_widths(design: Array, fit: RobustFit, clusters: NDArray[np.int64], confidence: float) -> Array:
+    """Return half the width of each coefficient's confidence interval, shape ``(k,)``; infinite with too few clusters.
+
+    Source: ``clustered_covariance``, with Student's t of as many degrees of freedom as there are clusters beyond
+    coefficients.
+    """
+    free = int(clusters.max()) + 1 - design.shape[1]
+    if free < 1:
+        return np.full(design.shape[1], np.inf)
+    covariance = clustered_covariance(design, fit, clusters)
     from scipy.special import stdtrit  # what only estimates need not wait for it
 
     quantile = float(stdtrit(free, 0.5 + 0.5 * confidence))

@@ -7,6 +7,7 @@ from typing import Any
 from cylinder_friction.labelling.load import LoadIdentification, LoadPlan, identify_load
 from cylinder_friction.labelling.mass import MotionIdentification, MotionPlan, MotionPoints, identify_motion
 from cylinder_friction.labelling.strokes import StrokePoints
+from cylinder_friction.recordings.recording import RecordingError
 
 _LOAD_ORDER = 4
 """Order of the polynomial that represents the load while the mass is identified."""
@@ -35,16 +36,22 @@ def identify_session(
     given_mass_kg: float,
     load_plan: LoadPlan | None,
     motion_plan: MotionPlan | None,
+    others: tuple[str, ...] = (),
 ) -> SessionIdentification:
     """Return the load and moving mass of one session.
 
     The mass is identified first, beside a load of any smooth shape; then the load, after subtracting the inertia of
     that mass if the motion determines it, else of the given one.
-    A plan is None where its quantity is not to be identified. The force of the strokes includes inertia.
+    A plan is None where its quantity is not to be identified. The force of the strokes includes inertia. ``others`` are
+    the columns of the other positions that the load depends on.
 
     Raises:
         RecordingError: The strokes do not determine the load, or the session hardly moves.
     """
+    if motion_plan is not None and others:
+        raise RecordingError(
+            "the moving mass cannot be identified beside a load of several positions; state it (label.inertia: given)"
+        )
     mass_kg, load, motion = given_mass_kg, None, None
     if motion_plan is not None:
         order = 0 if load_plan is None else _LOAD_ORDER
@@ -52,5 +59,6 @@ def identify_session(
         mass_kg = motion.mass_kg if motion.mass_known else mass_kg
     if load_plan is not None:
         points = StrokePoints.joined(strokes)
-        load = identify_load(replace(points, force_n=points.force_n - mass_kg * points.acceleration_m_s2), load_plan)
+        static = replace(points, force_n=points.force_n - mass_kg * points.acceleration_m_s2)
+        load = identify_load(static, load_plan, others)
     return SessionIdentification(mass_kg, load, motion)

@@ -14,6 +14,7 @@ POINT_DURATION_S = 0.1
 """A point is the mean over this much of a stroke."""
 
 BINS = 100
+CELLS_PER_REACH = 2
 LEAST_SHARE = 0.1
 """Least share of the travel of all strokes that must be common to both directions."""
 
@@ -27,6 +28,7 @@ class StrokePoints(Averages):
     # Position where the piece begins and ends [m]
     first_m: Array
     last_m: Array
+    others_m: Array  # Mean of each of the other positions that the load depends on, shape ``(points, others)`` [m]
     stroke: NDArray[np.int64]  # Which stroke the piece belongs to, counted from 0
 
 
@@ -58,17 +60,20 @@ def stroke_points(
     sample_time_s: float,
     slowest_m_s: float,
     settling_travel_m: float,
+    others_m: Array | None = None,
 ) -> StrokePoints:
     """Return the strokes of one recording as points.
 
     A stroke is an unbroken run of usable rows that move one way at ``slowest_m_s`` or faster; its first
     ``settling_travel_m``, in which bristles bend and the rig takes up its backlash, is left out. All arrays have shape
-    ``(n,)``; velocity and acceleration are smooth, and the drive force is meaningful where ``usable``.
+    ``(n,)``; velocity and acceleration are smooth, and the drive force is meaningful where ``usable``. ``others_m`` are
+    the other positions that the load depends on, shape ``(n, others)``.
     """
     direction = np.where(usable, direction_of_motion(velocity_m_s, slowest_m_s), 0.0)
     path_m = np.cumsum(np.abs(velocity_m_s)) * sample_time_s
     pieces = stroke_pieces(direction, path_m, settling_travel_m, max(1, round(POINT_DURATION_S / sample_time_s)))
     mean = pieces.mean
+    others = [] if others_m is None else [mean(values) for values in others_m.T]
     return StrokePoints(
         force_n=mean(force_n),
         position_m=mean(position_m),
@@ -76,6 +81,7 @@ def stroke_points(
         acceleration_m_s2=mean(acceleration_m_s2),
         first_m=position_m[pieces.rows[pieces.begins]],
         last_m=position_m[pieces.rows[pieces.begins + pieces.counts - 1]],
+        others_m=np.reshape(others, (len(others), len(pieces.begins))).T,
         stroke=pieces.stroke,
     )
 
@@ -144,6 +150,79 @@ def coverage_of(points: StrokePoints) -> TravelCovered:
     return TravelCovered(
         tuple((float(edges[a]), float(edges[b])) for a, b in zip(change[::2], change[1::2], strict=True))
     )
+
+
+@dataclass(frozen=True)
+class OthersCovered:
+    """At which values of the other positions strokes of both directions passed each section of the travel."""
+
+    range_m: tuple[float, float]  # The travel, in ``BINS`` sections [m]
+    cell_m: float  # Width of a cell of another position [m]
+    # Of each other position: where its first cell begins [m], and how many there are
+    first_m: tuple[float, ...]
+    counts: tuple[int, ...]
+    known: tuple[int, ...]  # Cells that strokes passed, by section, then cell of each position, numbered row by row
+
+    def holds(self, positions_m: Array) -> Mask:
+        """Return at which positions, shape ``(n, 1 + others)``, strokes of both directions passed, ``(n,)``."""
+        cells = np.floor((positions_m[:, 1:] - self.first_m) / self.cell_m).astype(np.int64)
+        inside = ((cells >= 0) & (cells < self.counts)).all(axis=1)
+        section = _sections(positions_m[:, 0], self.range_m)
+        place = np.column_stack([section, np.clip(cells, 0, np.array(self.counts) - 1)])
+        return np.asarray(inside & np.isin(np.ravel_multi_index(tuple(place.T), (BINS, *self.counts)), self.known))
+
+    @property
+    def middles_m(self) -> Array:
+        """The middle of each known cell, shape ``(cells, 1 + others)``."""
+        section, *cells = np.unravel_index(np.array(self.known), (BINS, *self.counts))
+        along = self.range_m[0] + (section + 0.5) / BINS * (self.range_m[1] - self.range_m[0])
+        others = [first + self.cell_m * (own + 0.5) for first, own in zip(self.first_m, cells, strict=True)]
+        return np.column_stack([along, *others])
+
+    @property
+    def extents_m(self) -> list[tuple[float, float]]:
+        """Between which values the cells of each other position lie, known or not [m]."""
+        of_each = zip(self.first_m, self.counts, strict=True)
+        return [(first_m, first_m + count * self.cell_m) for first_m, count in of_each]
+
+    @property
+    def ranges_m(self) -> list[tuple[float, float]]:
+        """Lowest and highest known value of each other position [m]."""
+        others_m, half_m = self.middles_m[:, 1:], 0.5 * self.cell_m
+        return [(float(own.min() - half_m), float(own.max() + half_m)) for own in others_m.T]
+
+
+def _sections(position_m: Array, range_m: tuple[float, float]) -> NDArray[np.int64]:
+    share = (np.asarray(position_m) - range_m[0]) / (range_m[1] - range_m[0])
+    return np.clip(BINS * share, 0, BINS - 1).astype(np.int64)
+
+
+def others_covered(points: StrokePoints, reach_m: float) -> OthersCovered:
+    """Return at which other positions strokes of both directions passed, or within ``reach_m`` of these.
+
+    Raises:
+        RecordingError: Nowhere did strokes of both directions pass with the other positions within ``2 * reach_m``.
+    """
+    cell_m = reach_m / CELLS_PER_REACH
+    first_m = points.others_m.min(axis=0) - reach_m
+    cells = np.floor((points.others_m - first_m) / cell_m).astype(np.int64)
+    counts = tuple(int(each) for each in cells.max(axis=0) + CELLS_PER_REACH + 1)
+    ends_m = np.stack([points.first_m, points.last_m])
+    range_m = float(ends_m.min()), float(ends_m.max())
+    begins, ends = (_sections(each, range_m) for each in (ends_m.min(axis=0), ends_m.max(axis=0)))
+    piece = np.repeat(np.arange(len(points)), ends - begins + 1)
+    section = np.arange(len(piece)) - np.repeat(np.cumsum(ends - begins + 1) - (ends + 1), ends - begins + 1)
+    passed = np.zeros((2, BINS, *counts), dtype=np.bool_)
+    way = (points.velocity_m_s > 0.0).astype(np.int64)[piece]
+    for off in np.ndindex(*(2 * CELLS_PER_REACH + 1,) * len(counts)):
+        passed[(way, section, *(cells[piece] + off - CELLS_PER_REACH).T)] = True
+    known = np.flatnonzero(passed.all(axis=0))
+    if not len(known):
+        raise RecordingError(
+            "load and friction cannot be separated: nowhere did strokes of both directions pass with the other "
+            f"positions within {1e3 * reach_m:g} mm; record slow strokes up and down with the other cylinders at rest"
+        )
+    return OthersCovered(range_m, cell_m, tuple(map(float, first_m)), counts, tuple(known.tolist()))
 
 
 def _visited(firsts_m: Array, lasts_m: Array, low: float, high: float) -> Mask:

@@ -58,13 +58,14 @@ class TrainingRange:
         )
 
     def trusted(self, load: PositionLoad | None) -> Self:
-        """Return the range with its margin, cut to the positions where a load that position decides is known."""
+        """Return the range with its margin, cut to the positions between which a load that they decide is known."""
         wide = self.widened()
         if load is None:
             return wide
-        place = wide.columns.index(POSITION)
         lowest, highest = list(wide.lower), list(wide.upper)
-        lowest[place], highest[place] = max(lowest[place], load.first_m), min(highest[place], load.last_m)
+        for axis in load.axes:
+            place = wide.columns.index(axis.column)
+            lowest[place], highest[place] = max(lowest[place], axis.first_m), min(highest[place], axis.last_m)
         return type(self)(wide.columns, tuple(lowest), tuple(highest))
 
     def holds(self, samples: Array) -> NDArray[np.bool_]:

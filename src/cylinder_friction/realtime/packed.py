@@ -160,7 +160,7 @@ def packed_model(model: StepModel) -> Model:
             invalid_flags=np.array([int(invalid_flag(name)) for name in model.inputs]),
             pressures=np.array(model.pressures, dtype=np.int64),
             position=model.position,
-            load=np.zeros(0) if model.position_load is None else model.position_load.packed(),
+            load=np.zeros(0) if model.position_load is None else model.position_load.packed(model.inputs),
         ),
         guard=PackedGuard(
             freeze_travel_m=float(guard.freeze_travel_m),

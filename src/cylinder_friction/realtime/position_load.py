@@ -1,18 +1,31 @@
-"""A load that position decides: a table over position, looked up in each step as if a load cell had measured it."""
+"""A load that positions decide: a table over them, looked up in each step as if a load cell had measured it."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numba
 import numpy as np
 
-from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.columns import LOAD_FORCE
+from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.recordings.columns import LOAD_FORCE, POSITION
+from cylinder_friction.recordings.recording import Recording
 
-FIRST, PER_METRE, TABLE = range(3)
-"""In what a step takes: the first position [m], places of the table a metre, then the loads [N]."""
+COLUMN, FIRST, PER_METRE, PLACES, NUMBERS = range(5)
+"""In what a step takes, of each axis: the sample's place of its position, the first one [m], places a metre, places."""
+TABLE = 1 + 3 * NUMBERS
+"""In what a step takes: the number of axes, three times ``NUMBERS`` numbers of an axis, then the loads [N]."""
+MOST_AXES = 3
+
+
+class LoadAxis(NamedTuple):
+    """One position that a load depends on, and between which positions it is known."""
+
+    column: str
+    first_m: float
+    last_m: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,56 +33,103 @@ class PositionLoad:
     """The load at evenly spaced positions; in straight lines between them, held beyond the ends.
 
     Raises:
-        ValueError: The positions are not in order, or there are fewer than two loads, or one is not finite.
+        ValueError: The positions are not in order, or there are fewer than two loads along one, or one is not finite.
     """
 
     # Where the load is known: first and last position [m]
     first_m: float
     last_m: float
-    load_n: Array  # Positive where it resists extension, shape ``(places,)`` [N]
-    uncertainty_n: Array  # Standard uncertainty of each (k = 1), shape ``(places,)`` [N]
+    # Positive where it resists extension [N], shape ``(places,)``, and with ``others`` one more axis for each of them
+    load_n: Array
+    uncertainty_n: Array  # Standard uncertainty of each (k = 1), of the loads' shape [N]
+    others: tuple[LoadAxis, ...] = ()  # Further positions that the load depends on, at most two
+    known: Mask | None = None  # Where the load is known, of the loads' shape; None: everywhere
 
     def __post_init__(self) -> None:
-        if not self.first_m < self.last_m:
-            raise ValueError(f"expected positions in order, but got {self.first_m!r} and {self.last_m!r} m")
-        if self.load_n.ndim != 1 or len(self.load_n) < 2 or self.load_n.shape != self.uncertainty_n.shape:
+        for axis in self.axes:
+            if not axis.first_m < axis.last_m:
+                raise ValueError(f"expected positions in order, but got {axis.first_m!r} and {axis.last_m!r} m")
+        shape = self.load_n.shape
+        fits = len(shape) == len(self.axes) <= MOST_AXES and min(shape) >= 2
+        if not fits or not shape == self.uncertainty_n.shape == (shape if self.known is None else self.known.shape):
             raise ValueError(
-                "expected at least two loads and as many uncertainties, but got shapes "
-                f"{self.load_n.shape} and {self.uncertainty_n.shape}"
+                f"expected at least two loads along each of {len(self.axes)} positions (at most {MOST_AXES}) and as "
+                f"many uncertainties, but got shapes {shape} and {self.uncertainty_n.shape}"
             )
         if not (np.isfinite(self.load_n).all() and np.isfinite(self.uncertainty_n).all()):
             raise ValueError("expected finite loads and uncertainties, but got NaN or infinity")
 
-    def packed(self) -> Array:
-        """Return what a step takes, see ``FIRST``, ``PER_METRE`` and ``TABLE``."""
-        per_metre = (len(self.load_n) - 1) / (self.last_m - self.first_m)
-        return np.concatenate([[self.first_m, per_metre], self.load_n])
+    @property
+    def axes(self) -> tuple[LoadAxis, ...]:
+        """All positions that the load depends on, that of the piston first."""
+        return (LoadAxis(POSITION, self.first_m, self.last_m), *self.others)
 
-    def at(self, position_m: Array) -> Array:
-        """Return the load at positions [N], both of shape ``(n,)``: bit for bit what a step takes."""
-        return np.asarray(_loads_at(self.packed(), np.ascontiguousarray(position_m, dtype=np.float64)))
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The columns of these positions in a recording."""
+        return tuple(axis.column for axis in self.axes)
+
+    def packed(self, columns: Sequence[str] | None = None) -> Array:
+        """Return what a step takes of a sample with these columns, by default those of the positions alone.
+
+        Behind the loads stand ones and zeros where a load is unknown or known, if it is unknown anywhere.
+        """
+        columns, numbers = self.columns if columns is None else columns, np.zeros(3 * NUMBERS)
+        for number, (axis, places) in enumerate(zip(self.axes, self.load_n.shape, strict=True)):
+            per_metre = (places - 1) / (axis.last_m - axis.first_m)
+            of_axis = columns.index(axis.column), axis.first_m, per_metre, places
+            numbers[NUMBERS * number : NUMBERS * number + len(of_axis)] = of_axis
+        unknown = [] if self.known is None or self.known.all() else [~self.known.ravel()]
+        return np.concatenate([[len(self.axes)], numbers, self.load_n.ravel(), *unknown])
+
+    def at(self, positions_m: Array) -> Array:
+        """Return the load at positions [N], shape ``(n,)``: bit for bit what a step takes.
+
+        ``positions_m`` has shape ``(n, positions)``, or ``(n,)`` where the load depends on one.
+        """
+        rows = np.ascontiguousarray(np.reshape(positions_m, (len(positions_m), -1)), dtype=np.float64)
+        return np.asarray(_loads_at(self.packed(), rows))
+
+    def of(self, recording: Recording) -> Array:
+        """Return the load at each row of a recording [N], shape ``(n,)``."""
+        return self.at(recording.samples(self.columns))
+
+    def knows(self, recording: Recording) -> Mask:
+        """Return at which rows of a recording the load is known, shape ``(n,)``."""
+        rows = recording.samples(self.columns)
+        inside = [(rows[:, k] >= axis.first_m) & (rows[:, k] <= axis.last_m) for k, axis in enumerate(self.axes)]
+        return np.asarray(np.logical_and.reduce(inside) & ~_unknown_at(self.packed(), rows))
 
     def in_words(self) -> str:
         """Return the load in one sentence, for whoever reads an exported model."""
+        known = np.ones(self.load_n.shape, dtype=np.bool_) if self.known is None else self.known
+        load_n, between = self.load_n[known], f"{self.first_m:.4g} and {self.last_m:.4g} m"
+        for axis in self.others:
+            between += f", and {axis.column} between {axis.first_m:.4g} and {axis.last_m:.4g} m"
+        part = "" if known.all() else f" (in {100.0 * known.mean():.0f} % of that area; elsewhere it is not known)"
         return (
-            f"a load of {self.load_n.min():.0f} to {self.load_n.max():.0f} N, which position decides between "
-            f"{self.first_m:.4g} and {self.last_m:.4g} m, known to {self.uncertainty_n.max():.3g} N (standard "
-            "uncertainty), is taken off"
+            f"a load of {load_n.min():.0f} to {load_n.max():.0f} N, which position decides between {between}{part}, "
+            f"known to {self.uncertainty_n[known].max():.3g} N (standard uncertainty), is taken off"
         )
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible values."""
-        return {
+        content: dict[str, Any] = {
             "range_m": [self.first_m, self.last_m],
             "load_n": self.load_n.tolist(),
             "standard_uncertainty_n": self.uncertainty_n.tolist(),
         }
+        content |= {"others": [list(axis) for axis in self.others]} if self.others else {}
+        return content | ({} if self.known is None else {"known": self.known.tolist()})
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Self:
         """Return what ``to_dict`` gave."""
         first_m, last_m = content["range_m"]
-        return cls(first_m, last_m, np.array(content["load_n"]), np.array(content["standard_uncertainty_n"]))
+        loads = np.array(content["load_n"]), np.array(content["standard_uncertainty_n"])
+        others, known = content.get("others", ()), content.get("known")
+        known = None if known is None else np.array(known, dtype=np.bool_)
+        return cls(first_m, last_m, *loads, tuple(LoadAxis(*axis) for axis in others), known)
 
 
 def channel_names(inputs: tuple[str, ...], load: PositionLoad | None) -> tuple[str, ...]:
@@ -78,18 +138,80 @@ def channel_names(inputs: tuple[str, ...], load: PositionLoad | None) -> tuple[s
 
 
 @numba.njit(cache=True)
-def load_at(packed: Array, position_m: float) -> float:
-    """Return the load at a position [N] of ``PositionLoad.packed``."""
-    last = packed.shape[0] - TABLE - 1
-    place = min(max((position_m - packed[FIRST]) * packed[PER_METRE], 0.0), float(last))
-    index = min(int(place), last - 1)
-    below = packed[TABLE + index]
-    return float(below + (place - index) * (packed[TABLE + index + 1] - below))
+def _place(packed: Array, axis: int, sample: Array) -> tuple[int, float]:
+    """Return the place below a position along an axis, and which part of the way to the next it is."""
+    at = 1 + axis * NUMBERS
+    last = packed[at + PLACES] - 1.0
+    place = min(max((sample[int(packed[at + COLUMN])] - packed[at + FIRST]) * packed[at + PER_METRE], 0.0), last)
+    index = min(int(place), int(last) - 1)
+    return index, place - index
 
 
 @numba.njit(cache=True)
-def _loads_at(packed: Array, position_m: Array) -> Array:
-    loads_n = np.empty(position_m.shape[0])
-    for row in range(position_m.shape[0]):
-        loads_n[row] = load_at(packed, position_m[row])
+def _between(table: Array, at: int, part: float) -> float:
+    below = table[at]
+    return float(below + part * (table[at + 1] - below))
+
+
+@numba.njit(cache=True)
+def _on_plane(table: Array, at: int, width: int, part: float, further: int, rest: float) -> float:
+    """Return the value between four of a plane, ``part`` of the way from row to row, ``rest`` from column to column."""
+    below = _between(table, at + further, rest)
+    return float(below + part * (_between(table, at + width + further, rest) - below))
+
+
+@numba.njit(cache=True)
+def table_at(packed: Array, sample: Array, start: int) -> float:
+    """Return the value at a sample's positions of the table that begins at ``start`` of ``PositionLoad.packed``."""
+    axes = int(packed[0])
+    index, part = _place(packed, 0, sample)
+    if axes == 1:
+        return _between(packed, start + index, part)
+    second, second_part = _place(packed, 1, sample)
+    width = int(packed[1 + NUMBERS + PLACES])
+    if axes == 2:
+        return _on_plane(packed, start + index * width, width, part, second, second_part)
+    third, third_part = _place(packed, 2, sample)
+    depth = int(packed[1 + 2 * NUMBERS + PLACES])
+    at = start + index * width * depth + second * depth
+    below = _on_plane(packed, at, depth, second_part, third, third_part)
+    above = _on_plane(packed, at + width * depth, depth, second_part, third, third_part)
+    return float(below + part * (above - below))
+
+
+@numba.njit(cache=True)
+def places_of(packed: Array) -> int:
+    """Return how many loads ``PositionLoad.packed`` holds."""
+    count = 1
+    for axis in range(int(packed[0])):
+        count *= int(packed[1 + axis * NUMBERS + PLACES])
+    return count
+
+
+@numba.njit(cache=True)
+def load_at(packed: Array, sample: Array) -> float:
+    """Return the load at a sample's positions [N] of ``PositionLoad.packed``."""
+    return table_at(packed, sample, TABLE)
+
+
+@numba.njit(cache=True)
+def load_unknown(packed: Array, sample: Array) -> bool:
+    """Return whether the load is unknown: more than half of what lies around a sample's positions in the table."""
+    start = TABLE + places_of(packed)
+    return packed.shape[0] > start and table_at(packed, sample, start) > 0.5
+
+
+@numba.njit(cache=True)
+def _loads_at(packed: Array, samples: Array) -> Array:
+    loads_n = np.empty(samples.shape[0])
+    for row in range(samples.shape[0]):
+        loads_n[row] = load_at(packed, samples[row])
     return loads_n
+
+
+@numba.njit(cache=True)
+def _unknown_at(packed: Array, samples: Array) -> Mask:
+    unknown = np.empty(samples.shape[0], dtype=np.bool_)
+    for row in range(samples.shape[0]):
+        unknown[row] = load_unknown(packed, samples[row])
+    return unknown

@@ -38,7 +38,7 @@ from cylinder_friction.realtime.packed import (
     Trees,
     Whole,
 )
-from cylinder_friction.realtime.position_load import load_at
+from cylinder_friction.realtime.position_load import load_at, load_unknown
 from cylinder_friction.realtime.sensor_offset import DEVIATION, EXTENDED, OFFSET, RETRACTED, offset_step, supported
 from cylinder_friction.realtime.unmodelled_force import unmodelled_force
 
@@ -59,7 +59,7 @@ def step(model: Model, state: State, sample: Array) -> tuple[float, float, float
     if state.counters[READY] == 0 and bad:
         return 0.0, 0.0, 0.0, FLAG_NOT_READY | flags
     if model.inputs.load.shape[0] > 0:
-        state.now[sample.shape[0]] = load_at(model.inputs.load, state.now[model.inputs.position])
+        state.now[sample.shape[0]] = load_at(model.inputs.load, state.now)
     if state.counters[READY] == 0:
         _begin(model, state)
     _filter(model.taps, state)
@@ -141,7 +141,7 @@ def _outside(inputs: Inputs, now: Array) -> bool:
     for channel in range(inputs.trained_lower.shape[0]):
         if now[channel] < inputs.trained_lower[channel] or now[channel] > inputs.trained_upper[channel]:
             return True
-    return False
+    return inputs.load.shape[0] > 0 and load_unknown(inputs.load, now)
 
 
 @_part

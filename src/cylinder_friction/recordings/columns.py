@@ -8,6 +8,8 @@ PRESSURE_2 = "pressure_2_pa"  # Rod side, gauge [Pa]
 POSITION = "position_m"  # Extension positive [m]
 LOAD_FORCE = "load_force_n"  # Positive when it resists extension [N]
 OIL_TEMPERATURE = "oil_temperature_c"
+OTHER_POSITIONS = ("other_position_1_m", "other_position_2_m")
+"""Positions of other cylinders, on which the load may depend as well [m]."""
 DRIVE_FORCE = "drive_force_n"
 """Force on the piston or rod, measured directly (load cell, motor current): stands in for P1·A1 - P2·A2 where a
 cylinder has no pressure sensors. Positive when it pushes towards extension [N]."""
@@ -35,6 +37,7 @@ QUANTITIES = {
     LOAD_FORCE: "force",
     DRIVE_FORCE: "force",
     OIL_TEMPERATURE: "temperature",
+    **dict.fromkeys(OTHER_POSITIONS, "length"),
 }
 """What each measured column holds; its unit is the SI unit of that quantity, temperatures in °C."""
 

@@ -378,17 +378,35 @@ static real estimate(estimator_state *state, const real filtered[ROWS])
 #endif
 
 #if HAS_LOAD
-/* The load at evenly spaced positions [N]; in straight lines between them, held beyond the ends. */
-static real load_at(real position_m)
+/* The value of a table over positions; in straight lines between its places, held beyond the ends. */
+static real table_at(const real *table, const real sample[CHANNELS])
 {
-    const real last = (real)(LOAD_PLACES - 1);
-    real place = (position_m - LOAD_FIRST_M) * LOAD_PER_METRE;
-    int index;
-    place = place > R(0.0) ? place : R(0.0);
-    place = place < last ? place : last;
-    index = (int)place;
-    index = index < LOAD_PLACES - 2 ? index : LOAD_PLACES - 2;
-    return LOAD_N[index] + (place - (real)index) * (LOAD_N[index + 1] - LOAD_N[index]);
+    real part[LOAD_AXES], corner[1 << LOAD_AXES];
+    int axis, at, begin = 0;
+    for (axis = 0; axis < LOAD_AXES; ++axis) {
+        const real last = (real)(LOAD_PLACES[axis] - 1);
+        real place = (sample[LOAD_COLUMN[axis]] - LOAD_FIRST_M[axis]) * LOAD_PER_METRE[axis];
+        int index;
+        place = place > R(0.0) ? place : R(0.0);
+        place = place < last ? place : last;
+        index = (int)place;
+        index = index < LOAD_PLACES[axis] - 2 ? index : LOAD_PLACES[axis] - 2;
+        part[axis] = place - (real)index;
+        begin += index * LOAD_STRIDE[axis];
+    }
+    for (at = 0; at < 1 << LOAD_AXES; ++at) { /* the last axis is the lowest bit */
+        int place = begin;
+        for (axis = 0; axis < LOAD_AXES; ++axis) {
+            place += ((at >> (LOAD_AXES - 1 - axis)) & 1) * LOAD_STRIDE[axis];
+        }
+        corner[at] = table[place];
+    }
+    for (axis = LOAD_AXES - 1; axis >= 0; --axis) {
+        for (at = 0; at < 1 << axis; ++at) {
+            corner[at] = corner[2 * at] + part[axis] * (corner[2 * at + 1] - corner[2 * at]);
+        }
+    }
+    return corner[0];
 }
 #endif
 
@@ -804,7 +822,10 @@ void NAMED(step)(estimator_state *state, SAMPLE_PARAMETERS, estimator_output *ou
         outside |= (uint32_t)(sample[channel] < TRAINED_LOWER[channel] || sample[channel] > TRAINED_UPPER[channel]);
     }
 #if HAS_LOAD
-    sample[INPUTS] = load_at(sample[POSITION]);
+    sample[INPUTS] = table_at(LOAD_N, sample);
+#if LOAD_IS_UNKNOWN
+    outside |= (uint32_t)(table_at(LOAD_UNKNOWN, sample) > R(0.5));
+#endif
 #endif
     if (first) {
         begin(state, sample);

@@ -4,7 +4,7 @@ Numbers that Python squares, sums or divides once are squared, summed or divided
 """
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +22,7 @@ from cylinder_friction.realtime.guard import UNKNOWN_FORCE_N
 from cylinder_friction.realtime.history import TOLERANCE_M, History
 from cylinder_friction.realtime.lstm import LstmWeights
 from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.position_load import COLUMN, FIRST, NUMBERS, PER_METRE, PLACES, TABLE, PositionLoad
 from cylinder_friction.realtime.unmodelled_force import force_limits
 from cylinder_friction.recordings.columns import POSITION
 from cylinder_friction.signals.causal import one_sided_savitzky_golay_taps
@@ -157,9 +158,7 @@ def model_data(model: StepModel | LugreModel, forest: FlatForest | None, real: T
     if forest is not None:
         data |= _forest(step, forest)
     if load is not None:
-        first_m, per_metre = load.packed()[:2].tolist()
-        data |= {"LOAD_PLACES": len(load.load_n), "LOAD_FIRST_M": first_m, "LOAD_PER_METRE": per_metre}
-        data["LOAD_N"] = load.load_n
+        data |= _load(load, step.inputs)
     if forces.size:
         data |= {"FORCE_OF": forces[0][:-3], "SUMMED": forces[1][:-3], "LINE_N": forces[0][-3:]}
         data["LINE_SLOPE"] = forces[1][-3:]
@@ -196,7 +195,7 @@ def operations(model: StepModel | LugreModel, forest: FlatForest | None) -> int:
         total += network.layers * network.nodes * (5 * ACTIVATION_OPERATIONS + 3)
         total += network.nodes if has_head(step) else 0
     total += 0 if forest is None else forest.operations()
-    total += 0 if step.position_load is None else LOAD_OPERATIONS
+    total += 0 if step.position_load is None else LOAD_OPERATIONS * 2 ** (2 * len(step.position_load.axes) - 2)
     total += FORCE_OPERATIONS + 2 * channels if step.guard.force_weights else 0
     total += 0 if step.offset is None else BLOCK_OPERATIONS + 5 * channels + 2 * len(bank.rows)
     return total
@@ -229,6 +228,20 @@ def _literal(value: object, real: Type) -> str:
         text = number(value, real)
         return f"({text})" if text.startswith("-") else text
     return str(int(value)) if isinstance(value, bool) else str(value)
+
+
+def _load(load: PositionLoad, inputs: Sequence[str]) -> Data:
+    axes = load.packed(inputs)[1:TABLE].reshape(-1, NUMBERS)[: len(load.axes)]
+    strides = np.cumprod([1, *load.load_n.shape[:0:-1]])[::-1]
+    whole = {"LOAD_COLUMN": axes[:, COLUMN], "LOAD_PLACES": axes[:, PLACES], "LOAD_STRIDE": strides}
+    data: Data = {name: values.astype(np.int32) for name, values in whole.items()}
+    data |= {"LOAD_AXES": len(axes), "LOAD_FIRST_M": axes[:, FIRST], "LOAD_PER_METRE": axes[:, PER_METRE]}
+    unknown = np.empty(0) if load.known is None or load.known.all() else ~load.known.ravel()
+    return data | {
+        "LOAD_N": load.load_n.ravel(),
+        "LOAD_UNKNOWN": unknown.astype(np.float64),
+        "LOAD_IS_UNKNOWN": unknown.size > 0,
+    }
 
 
 def _filters(bank: FilterBank, real: Type) -> Data:

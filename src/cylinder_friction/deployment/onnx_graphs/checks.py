@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from onnx import TensorProto
 
 from cylinder_friction.deployment.onnx_graphs.graph import Graph
+from cylinder_friction.deployment.onnx_graphs.position_load import KNOWN, knows_all
 from cylinder_friction.deployment.onnx_graphs.rows import CHANGED_AT, HAPPENED_AT, TURNED_AT, UNMODELLED, Rows
 from cylinder_friction.realtime.bounds import REVERSAL
 from cylinder_friction.realtime.flags import Flag, invalid_flag
@@ -98,12 +99,14 @@ def checked(graph: Graph, model: StepModel, rows: Rows, constant: str, unmodelle
     guard, inputs = model.guard, len(model.inputs)
     frozen = _frozen(graph, model, constant)
     _inside(graph, rows.sample, "trained", guard.trained_lower, guard.trained_upper)
-    graph.add("Concat", "trained", frozen, rows.accepted, to="troubles", axis=1)
+    known = [] if knows_all(model) else [KNOWN]
+    ranges = inputs + len(known)
+    graph.add("Concat", "trained", *known, frozen, rows.accepted, to="troubles", axis=1)
     graph.cast("troubles", "trouble_number", TensorProto.DOUBLE)
     outside, any_frozen, bad = np.eye(3)
-    columns = np.stack([-outside] * inputs + [any_frozen + bad] * (len(model.pressures) + 1) + [-bad] * inputs)
+    columns = np.stack([-outside] * ranges + [any_frozen + bad] * (len(model.pressures) + 1) + [-bad] * inputs)
     graph.add("MatMul", "trouble_number", graph.constant(columns), to="trouble_counts")
-    limits = graph.constant([[-float(inputs), 0.0, -float(inputs)]])
+    limits = graph.constant([[-float(ranges), 0.0, -float(inputs)]])
     graph.add("Greater", "trouble_counts", limits, to="outside_frozen_bad")
     graph.add("Gather", "outside_frozen_bad", graph.indices(2), to="bad", axis=1)
     graph.add("Concat", "bad", rows.never, to="happened", axis=1)
