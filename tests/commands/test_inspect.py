@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from cylinder_friction.commands.cli import main
 from cylinder_friction.commands.inspect import inspect_path
 from cylinder_friction.commands.params import compose_params
 from cylinder_friction.params.checking import Params, check_params
@@ -66,7 +67,7 @@ REFUSED: dict[str, tuple[Damage, str]] = {
     "position inverted": (lambda log: log.assign(**{POSITION: 250.0 - log[POSITION]}), "direction"),
     "pressures the same": (lambda log: log.assign(**{P2: log[P1]}), "pressures_differ"),
     "pressure beyond the sensor": (lambda log: held_at(log, P1, 1000, 1200, 400.0), "file"),
-    "position stuck": (lambda log: stuck(log, POSITION, 500, 1100), "position_stuck"),
+    "position stuck early on": (lambda log: stuck(log, POSITION, 500, 1100), "length"),  # of what lies before
     "too short for the filters": (lambda log: log.iloc[:20], "length"),
     "a few rows": (lambda log: log.iloc[:4], "length"),
     "rate too low": (lambda log: log.iloc[::20], "rate"),
@@ -163,3 +164,27 @@ def test_a_load_that_position_decides_is_told_and_taken_off(tmp_path: Path) -> N
     page = unpacked((tmp_path / "page.html").read_text(encoding="utf-8"))
     assert "No curve is stated: speeds of steady sliding run from 6.2 to 16 mm/s" in page
     assert "viscous coefficient" not in page
+
+
+CYLINDER = "bore_diameter_m=0.063,rod_diameter_m=0.028,stroke_m=0.25,moving_mass_kg=6.0"
+
+
+def test_without_a_project_logs_are_inspected_as_estimate_reads_them(
+    tmp_path: Path, log: pd.DataFrame, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    log.to_csv("press.csv", index=False)
+    assert main(["inspect", "press.csv"]) == 1
+    assert "no params.yaml in" in (words := capsys.readouterr().err)
+    assert "give --cylinder" in words
+    assert main(["inspect", "press.csv", "--cylinder", CYLINDER, "--output", "guessed.html"]) == 0
+    words = capsys.readouterr().out
+    assert words.startswith("note     no mapping was given; guessed from press.csv")
+    assert "press.csv: usable" in words
+    assert '<div class="plot"' in unpacked(Path("guessed.html").read_text(encoding="utf-8"))
+    assert main(["ingest", "init", "press.csv", "--output", "press.yaml"]) == 0
+    swapped(log).to_csv("swapped.csv", index=False)
+    assert main(["inspect", "swapped.csv", "--cylinder", CYLINDER, "--channels", "press.yaml"]) == 1
+    assert "the pressures are swapped" in capsys.readouterr().out
+    assert main(["inspect", "press.csv", "ingest=own", "--cylinder", CYLINDER]) == 1
+    assert "expected overrides such as 'ingest=own' in a project alone" in capsys.readouterr().err

@@ -1,6 +1,7 @@
 """The MLflow UI as a process: it is ended with whoever started it, at the worst moments too."""
 
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -12,8 +13,9 @@ from typing import Any
 
 import pytest
 
-from cylinder_friction.deployment.mlflow_ui import run_ui
+from cylinder_friction.deployment.mlflow_ui import run_ui, served_ui
 from cylinder_friction.execution.ports import free_port
+from cylinder_friction.tracking.repository import TrackingError
 
 pytestmark = pytest.mark.extended
 
@@ -79,3 +81,16 @@ def test_two_kills_at_the_worst_moments_leave_neither_the_server_nor_its_worker(
         for number, handler in handlers.items():
             signal.signal(number, handler)
     assert comes_true(lambda: not runs(worker), 120.0), "the server or its worker still runs"
+
+
+def test_a_port_that_is_taken_is_named(champion_root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with (
+            pytest.raises(TrackingError, match=rf"port {port}: .*in use; name another one, or leave --port out"),
+            served_ui(champion_root, port),
+        ):
+            pass

@@ -1,44 +1,92 @@
-"""Not a stage, but beside ``ingest``: the same files by the same rules, looked at instead of written."""
+"""Not a stage, but beside ``ingest``: the same files by the same rules, looked at instead of written.
+
+In a project the rules are those of ``params.yaml`` and overrides; with ``--cylinder`` or ``--channels``, and outside a
+project, those of ``estimate``.
+"""
+
+from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from cylinder_friction.commands.params import CONF, composed
+from cylinder_friction.commands.estimate import add_reading_arguments, cylinder_of, reported, units_of
 from cylinder_friction.evaluation.inspection.files import inspect_files
 from cylinder_friction.labelling.known_offset import known_offsets
-from cylinder_friction.labelling.sliding_blocks import LOADED
-from cylinder_friction.params.checking import Params, ParamsError, check_params, load_params
+from cylinder_friction.labelling.label import Labeller
+from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan
+from cylinder_friction.params.file import PARAMS_FILE, ParamsError
+from cylinder_friction.recordings.conversion import Recipe
+from cylinder_friction.recordings.reading_logs import find_logs
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.reporting.inspection.page import write_page
 from cylinder_friction.reporting.inspection.recording_pane import Panes
 from cylinder_friction.reporting.inspection.text import text_report
-from cylinder_friction.signals.methods import filters_by_method
-from cylinder_friction.stages.ingest import recipe_from
-from cylinder_friction.stages.label import labeller_from
-from cylinder_friction.stages.offset import plan_from
+from cylinder_friction.signals.methods import default_filter, filters_by_method
+from cylinder_friction.signals.rts import RtsSmoother
+from cylinder_friction.signals.smooth_signals import SignalFilter
+from cylinder_friction.signals.zero_phase import SavitzkyGolay
+
+if TYPE_CHECKING:
+    from cylinder_friction.params.checking import Params
 
 
 def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
-    """Write the page of a file, or of the files of a folder; returns the report and whether anything was refused.
+    """Write the page of a file, or of the files of a folder, by the rules of a project.
 
     Files of a folder are those that ``ingest.pattern`` matches. Memory holds the signals of one file at a time.
+
+    Returns:
+        The report, and whether anything was refused.
 
     Raises:
         RecordingError: The folder holds no such file.
         FileNotFoundError: There is neither file nor folder.
     """
+    from cylinder_friction.stages.ingest import recipe_from
+    from cylinder_friction.stages.label import labeller_from
+    from cylinder_friction.stages.offset import plan_from
+
     recipe = recipe_from(params, Path(params.ingest.source))
     files = _files(path, params, recipe.names.table)
     labeller, plan = labeller_from(params, params.ingest.load), plan_from(params.offset)
     filters = filters_by_method(labeller.cylinder, **params.filter.model_dump(exclude={"method"}))
     making = Panes(labeller, filters, params.filter.method, len(files), plan, LOADED.get(params.ingest.load, ""))
+    return _inspected(files, recipe, making, page)
+
+
+def _inspected(files: Mapping[str, Path], recipe: Recipe, making: Panes, page: Path) -> tuple[str, bool]:
     panes = [making.pane(number, each) for number, each in enumerate(inspect_files(files, recipe), start=1)]
     evidence = [pane.offset for pane in panes if pane.offset is not None]
-    offsets = known_offsets(evidence, labeller.cylinder, plan)
+    offsets = known_offsets(evidence, making.labeller.cylinder, making.plan)
     write_page(page, panes, making, offsets)
     subjects = [pane.subject for pane in panes]
     return text_report(subjects, offsets).rstrip("\n"), any(each.outcome == "refused" for each in subjects)
+
+
+def _without_project(options: argparse.Namespace) -> tuple[str, bool]:
+    """Inspect logs as ``estimate`` reads them; the warnings of a guessed mapping stand before the report."""
+    if options.overrides:
+        raise ParamsError(
+            f"expected overrides such as {options.overrides[0]!r} in a project alone; leave them out, or leave out "
+            "--cylinder, --channels, --load, --unit, --names, --sensor-class and --dbc"
+        )
+    cylinder = cylinder_of(options.cylinder)
+    given = {"load": options.load, "names": options.names, "units": units_of(options.unit), "database": options.dbc}
+    logs, notes = reported(lambda: find_logs(options.path, options.channels, cylinder, **given))
+    logs = logs.with_sensor_class(options.sensor_class)
+    load = logs.recipe.limits.load
+    filters: dict[str, SignalFilter] = {
+        "adaptive": default_filter(cylinder),
+        "savitzky_golay": SavitzkyGolay(),
+        "rts": RtsSmoother(),
+    }
+    making = Panes(
+        Labeller(cylinder, load=load), filters, "adaptive", len(logs.files), OffsetPlan(), LOADED.get(load, "")
+    )
+    report, refused = _inspected(logs.files, logs.recipe, making, options.output)
+    return "\n".join([*(f"note     {note}" for note in notes), report]), refused
 
 
 def _files(path: Path, params: Params, names_table: Path | None) -> dict[str, Path]:
@@ -65,17 +113,25 @@ def _shown(path: Path, *folders: Path) -> str:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("path", type=Path, help="a logger's file, or a folder of them")
-    parser.add_argument("overrides", nargs="*", help="for example ingest=own cylinder=press; without: params.yaml")
+    parser.add_argument("overrides", nargs="*", help="in a project, for example ingest=own cylinder=press")
+    add_reading_arguments(parser)
     parser.add_argument("--output", type=Path, default=Path("reports/inspection.html"))
 
 
 def run(options: argparse.Namespace) -> int:
-    report, refused = inspect_path(options.path, _params(options.path, options.overrides), options.output)
+    stated = any(getattr(options, name) for name in ("cylinder", "channels", "load", "unit", "names", "dbc"))
+    if stated or options.sensor_class is not None or not (PARAMS_FILE.is_file() or options.overrides):
+        report, refused = _without_project(options)
+    else:
+        report, refused = inspect_path(options.path, _params(options.path, options.overrides), options.output)
     print(f"{report}\n\npage     {options.output}")
     return 1 if refused else 0
 
 
 def _params(path: Path, overrides: Sequence[str]) -> Params:
+    from cylinder_friction.commands.params import CONF, composed
+    from cylinder_friction.params.checking import check_params, load_params
+
     if not overrides:
         return load_params()
     for entry in overrides:

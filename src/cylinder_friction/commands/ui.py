@@ -6,5 +6,9 @@ from pathlib import Path
 from cylinder_friction.deployment.mlflow_ui import run_ui
 
 
-def run(_options: argparse.Namespace) -> int:
-    return run_ui(Path.cwd())
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--port", type=int, help="on this machine; without: a free one")
+
+
+def run(options: argparse.Namespace) -> int:
+    return run_ui(Path.cwd(), options.port)

@@ -23,10 +23,10 @@ _WITHOUT_JOBS = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
 """Spares the UI half a dozen processes that wait for evaluation jobs of language models."""
 
 
-def run_ui(root: Path) -> int:
-    """Open the MLflow UI on the repository's runs until interrupted."""
+def run_ui(root: Path, port: int | None = None) -> int:
+    """Open the MLflow UI on the repository's runs until interrupted, on this port or a free one."""
     _end_on_a_polite_kill()
-    with served_ui(root) as url:
+    with served_ui(root, port) as url:
         sys.stdout.write(
             f"MLflow UI (stop with Ctrl-C)\n  runs of the pipeline   {runs_page(url, root)}\n"
             f"  registered models      {url}/#/models?workflowType=machine_learning\n"
@@ -36,8 +36,12 @@ def run_ui(root: Path) -> int:
 
 
 @contextmanager
-def served_ui(root: Path) -> Iterator[str]:
-    """Yield the URL of the MLflow UI on a free port, once it is ready."""
+def served_ui(root: Path, port: int | None = None) -> Iterator[str]:
+    """Yield the URL of the MLflow UI, once it is ready; ``port`` None takes a free one.
+
+    Raises:
+        TrackingError: Something else listens there, or the server does not start.
+    """
     from cylinder_friction.tracking.store import artifact_folder, open_store, tracking_uri
 
     with open_store(root, create=False):  # the UI would make an empty one
@@ -46,7 +50,10 @@ def served_ui(root: Path) -> Iterator[str]:
     if uri.startswith(("http://", "https://")):  # a tracking server brings its own
         yield uri
         return
-    port = free_port()
+    try:
+        port = free_port(port or 0)
+    except (OSError, OverflowError) as error:
+        raise TrackingError(f"port {port}: {error}; name another one, or leave --port out") from error
     arguments = ["server", "--backend-store-uri", uri, "--default-artifact-root", artifact_folder(root).as_uri()]
     arguments += ["--host", _HOST, "--port", str(port), "--workers", "1"]
     with _mlflow(arguments, root, f"http://{_HOST}:{port}", "/health") as url:

@@ -3,8 +3,13 @@
 import socket
 
 
-def free_port() -> int:
-    """Return a port of this machine that nobody listens on just now."""
+def free_port(wanted: int = 0) -> int:
+    """Return a port of this machine that nobody listens on just now; any, or ``wanted``.
+
+    Raises:
+        OSError: Something listens on the wanted one.
+    """
     with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)  # a port that was just closed is free
+        probe.bind(("127.0.0.1", wanted))
         return int(probe.getsockname()[1])

@@ -7,8 +7,8 @@ import subprocess
 import sys
 import time
 import urllib.request
-from collections.abc import Callable
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from hashlib import sha256
 from pathlib import Path
 
@@ -70,6 +70,16 @@ def test_no_sample_is_lost_and_no_bit_changes_over_kills(
     np.testing.assert_array_equal(history["flags"], flags)
 
 
+@contextmanager
+def hang_ups(handler: signal.Handlers) -> Iterator[None]:
+    """Let processes that start meanwhile inherit what becomes of a hang-up."""
+    before = signal.signal(signal.SIGHUP, handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
 def stepped(port: int) -> int:
     """How many samples a service has stepped."""
     with urllib.request.urlopen(f"http://127.0.0.1:{port}/metrics") as reply:
@@ -85,6 +95,7 @@ def test_an_end_keeps_all_that_came_and_waits_for_no_client_that_reads_nothing(
 ) -> None:
     url = f"ws://127.0.0.1:{port}/stream"
     with (
+        hang_ups(signal.SIG_DFL),  # where the tests run under nohup the service would ignore them
         running(model, tmp_path, port) as process,
         stalled_client(url, samples),
         Client(url, "press", 0.005) as client,
@@ -111,16 +122,12 @@ def test_an_end_keeps_all_that_came_and_waits_for_no_client_that_reads_nothing(
 
 @pytest.mark.extended
 def test_a_hang_up_that_is_ignored_as_by_nohup_ends_nothing(model: Path, tmp_path: Path, port: int) -> None:
-    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    try:
-        with running(model, tmp_path, port) as process:
-            process.send_signal(signal.SIGHUP)
-            with Client(f"ws://127.0.0.1:{port}/stream", "press", 0.005) as client:
-                client.send(np.zeros((10, 3)))
-                client.wait_until_kept()
-            assert process.poll() is None
-    finally:
-        signal.signal(signal.SIGHUP, before)
+    with hang_ups(signal.SIG_IGN), running(model, tmp_path, port) as process:
+        process.send_signal(signal.SIGHUP)
+        with Client(f"ws://127.0.0.1:{port}/stream", "press", 0.005) as client:
+            client.send(np.zeros((10, 3)))
+            client.wait_until_kept()
+        assert process.poll() is None
 
 
 def test_a_folder_is_that_of_one_service(model: Path, tmp_path: Path, port: int) -> None:

@@ -64,7 +64,7 @@ def _inspect_file(
         if not pieces:
             yield None, Inspected(name, findings)
     for number, piece in enumerate(pieces, start=1):
-        metadata = metadata_of(piece, names, number, len(pieces), name, "", recipe.cylinder)
+        metadata = metadata_of(piece, names, number, len(pieces), name, "", recipe)
         found, recording = _checked(piece, metadata, recipe, zeros.get(names.session))
         yield piece, Inspected(name, [*findings, *found], recording, number if len(pieces) > 1 else 0)
 
