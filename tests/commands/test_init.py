@@ -87,7 +87,7 @@ def test_a_folder_with_something_in_it_is_left_alone(project: Path, capsys: pyte
     [
         ("params", f"HERE/conf: no such folder; {IN_A_PROJECT}"),
         ("inspect log.csv ingest=own", f"HERE/conf: no such folder; {IN_A_PROJECT}"),
-        ("inspect log.csv", f"HERE/params.yaml: not there; {IN_A_PROJECT}"),
+        ("inspect log.csv", f"no params.yaml in HERE to take the cylinder from; give --cylinder, or {IN_A_PROJECT}"),
         ("check", f"HERE/params.yaml: not there; {IN_A_PROJECT}"),
         ("code", f"HERE/dvc.yaml: not there; {IN_A_PROJECT}"),
         ("stage record", f"HERE/params.yaml: not there; {IN_A_PROJECT}"),

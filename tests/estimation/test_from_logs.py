@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import base64
 import copy
 import json
 import re
 import shutil
-import zlib
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -17,6 +15,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+import format_writers
+import packed_pages
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.earlier import PROCESSED_FILE
 from cylinder_friction.estimation.from_logs import LABEL_BOUNDS, FileFormat, estimate_logs
@@ -27,6 +27,7 @@ from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.realtime.trained_for import OtherCylinderError
 from cylinder_friction.recordings.checks.limits import LoadMode
+from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_recording
 from logger_files import CHANNELS, made_log, write_log
@@ -237,8 +238,7 @@ def test_what_a_long_recording_shows_is_found_from_an_excerpt(
     (whole,), (parts,) = (run(tmp_path / f"{n}", rows_at_once=n).recordings for n in (1_000_000, 4_000))
     assert parts.friction_n == pytest.approx(whole.friction_n, rel=0.02)
     assert parts.rows == whole.rows
-    packed = re.findall(r'"([^"]*)"', (tmp_path / f"4000/panes/{parts.name}.js").read_text())[-1]
-    assert "The figures show " in zlib.decompress(base64.b64decode(packed)).decode()
+    assert "The figures show " in packed_pages.unpacked_pane(tmp_path / f"4000/panes/{parts.name}.js")
 
 
 def test_a_bad_file_is_named_and_the_others_go_on(tmp_path: Path, logs: Path, cylinder: Cylinder) -> None:
@@ -298,3 +298,47 @@ def test_an_earlier_run_stays_where_nothing_is_found(tmp_path: Path, logs: Path,
     with pytest.raises(RecordingError, match="no such file"):
         estimate_logs(tmp_path / "nothing/*.csv", cylinder, tmp_path / "out", channels=CHANNELS)
     assert content(tmp_path / "out") == before
+
+
+def test_results_state_their_origin(tmp_path: Path, cylinder: Cylinder) -> None:
+    sensor = {"range": [0, 250], "unit": "bar", "serial": 4711, "calibrated": "2026-01-31"}
+    channels = CHANNELS | {"pressure_1_pa": CHANNELS["pressure_1_pa"] | {"sensor": sensor}}
+    pattern = r"(?P<year>\d{4})-(?P<month>\d\d)-(?P<day>\d\d)"
+    made_log(4000).to_csv(tmp_path / "press_2026-03-27.csv", index=False)
+    made_log(2000).to_csv(tmp_path / "press.csv", index=False)
+    mapping = {"channels": channels, "start": {"pattern": pattern}, "asset": "press 3"}
+    estimate_logs(tmp_path / "press*.csv", cylinder, tmp_path / "out", channels=mapping)
+    summary = json.loads((tmp_path / "out/summary.json").read_text())
+    unknown, known = summary["recordings"]
+    assert (unknown["start"], unknown["start_source"]) == ("", "")
+    assert (known["start"], known["start_source"]) == ("2026-03-27", "file name, a date without a time of day")
+    assert known["asset"] == "press 3"
+    assert known["sensors"] == {"pressure_1_pa": {"serial": "4711", "calibrated": "2026-01-31"}}
+    about = read_recording(tmp_path / "out/press_2026-03-27.parquet").metadata
+    assert about.depends_on == summary["depends_on"]
+    assert (about.start, about.asset, about.sensors) == (known["start"], known["asset"], known["sensors"])
+    pane = packed_pages.unpacked_pane(tmp_path / "out/panes/press_2026-03-27.js")
+    assert "2026-03-27 (file name, a date without a time of day)" in pane
+    assert "serial 4711, calibrated 2026-01-31" in pane
+    assert about.depends_on["mapping"][:12] in pane
+
+
+def test_results_go_into_the_measurement_file(tmp_path: Path, cylinder: Cylinder) -> None:
+    table = made_log(4000)
+    format_writers.write_mdf4(tmp_path / "press.mf4", table.rename(columns={"t": "time"}), {"p1": "bar", "x": "mm"})
+    mapping = CHANNELS | {"time_s": {"channel": "time", "unit": "s"}}
+    before = (tmp_path / "press.mf4").read_bytes()
+    for into in ("one", "other"):
+        estimate_logs(tmp_path / "press.mf4", cylinder, tmp_path / into, channels=mapping, file_format="mdf")
+    assert (tmp_path / "press.mf4").read_bytes() == before
+    written = (tmp_path / "one/press.mf4").read_bytes()
+    assert written == (tmp_path / "other/press.mf4").read_bytes()
+    measured, results = read_logged_file(tmp_path / "one/press.mf4")
+    np.testing.assert_array_equal(measured.channels["p1"], table["p1"])
+    assert set(results.channels) >= {"time", "friction_n", "lower_n", "upper_n", "usable"}
+    estimate_logs(tmp_path / "press.mf4", cylinder, tmp_path / "again", channels=mapping, file_format="csv")
+    friction_n = pd.read_csv(tmp_path / "again/press.csv")["friction_n"]
+    np.testing.assert_allclose(results.channels["friction_n"], friction_n, rtol=1e-8)
+    assert estimate_logs(
+        tmp_path / "press.mf4", cylinder, tmp_path / "one", channels=mapping, file_format="mdf"
+    ).news == ("1 file as before",)

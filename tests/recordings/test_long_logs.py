@@ -189,10 +189,10 @@ def test_what_is_wrong_far_down_is_named(tmp_path: Path, cylinder: Cylinder) -> 
 
 def test_checks_are_those_of_the_whole(tmp_path: Path, cylinder: Cylinder) -> None:
     def resting(log: pd.DataFrame) -> pd.DataFrame:
-        return log.assign(x=log["x"].where(log.index > 30_000, 120.0 + 1e-3 * (log.index % 7)))
+        return log.assign(x=log["x"].where(log.index > 30_000, log["x"].iloc[30_000] + 1e-3 * (log.index % 7)))
 
     def far(log: pd.DataFrame) -> pd.DataFrame:
-        return log.assign(x=log["x"].where(log.index < 50_000, log["x"] + 200.0))
+        return log.assign(x=log["x"] + 200.0 * np.clip((log.index - 50_000) / 4000.0, 0.0, 1.0))
 
     path = written(tmp_path / "rest.csv", resting)
     (recording,) = convert_in_parts({"rest.csv": path}, recipe(cylinder), tmp_path / "parts", 5_000)

@@ -28,6 +28,15 @@ def test_a_plot_shows_label_truth_estimate_and_bounds(strokes):
     assert drawn["estimate"] == pytest.approx(label_n + 1.0)
 
 
+def test_the_scale_is_that_of_usable_rows(strokes):
+    recording = strokes[0]
+    estimate_n = recording.column("friction_n").copy()
+    estimate_n[~recording.usable()] = -15_000.0  # as at an end stop
+    lowest_n, highest_n = plot(recording, estimate_n).axes[0].get_ylim()
+    assert lowest_n > -1000.0
+    assert highest_n > estimate_n.max()
+
+
 def test_an_estimate_alone_is_drawn_and_shown_in_a_notebook(strokes):
     recording = strokes[0]
     figure = plot(recording, recording.column("friction_n"))

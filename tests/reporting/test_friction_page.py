@@ -25,8 +25,10 @@ def page_file(tmp_path: Path, labelled_recordings: list[Recording]) -> Path:
     for name in NAMES[:2]:
         recording = replace(recording, metadata=replace(recording.metadata, name=name))
         (tmp_path / pane_file(name)).write_text(friction_pane(recording, None, f"pane of {name}"), encoding="utf-8")
-    rows = [(name, 300.0 + place, "99", f"remark {place}") for place, name in enumerate(NAMES)]
-    rows.append(("bad.csv", None, "", "refused: no rows"))  # type: ignore[arg-type]
+    rows = [
+        (name, "2026-03-27T09:15:00.000Z", 300.0 + place, "99", f"remark {place}") for place, name in enumerate(NAMES)
+    ]
+    rows.append(("bad.csv", "", None, "", "refused: no rows"))  # type: ignore[arg-type]
     write_friction_page(tmp_path / "friction.html", rows, [], "friction in 90 %")
     return tmp_path / "friction.html"
 

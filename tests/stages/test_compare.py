@@ -110,6 +110,11 @@ def test_the_stage_leaves_everything_whole_and_others_files_alone(finished, labe
     folder, record = finished
     monkeypatch.chdir(folder)
     metrics = json.loads(compare.METRICS_FILE.read_text())
+    headline = json.loads(compare.HEADLINE_FILE.read_text())
+    assert {name: len(group) for name, group in headline.items()} == {"error_percent_of_truth": 5, "hybrid_percent": 2}
+    errors = [each["truth_percent"] for each in metrics["hybrid"].values()]
+    assert headline["error_percent_of_truth"]["hybrid"] == pytest.approx(np.mean(errors), abs=1e-3)
+    assert headline["hybrid_percent"]["worst_condition"] == pytest.approx(max(errors), abs=1e-3)
     assert list(compare.load_estimators()) == [
         "lugre",
         "pressure_lugre",
@@ -161,7 +166,7 @@ def test_without_truth_there_is_no_truth_anywhere_and_figures_are_of_the_estimat
     record = compare.run(tiny_params(main="paper_hybrid", truth=""))
     report = compare.REPORT_FILE.read_text()
     assert "true friction is unknown here" in report
-    assert "truth_" not in compare.METRICS_FILE.read_text()
+    assert "truth" not in compare.METRICS_FILE.read_text() + compare.HEADLINE_FILE.read_text()
     assert "True friction is not known" in compare.TABLE_FILE.read_text()
     assert "the mean absolute error of the hybrid as published is" in record.note
     assert "Figure 8: the hybrid as published against the label." in report
@@ -210,6 +215,7 @@ def test_truth_of_another_run_is_refused(workplace, labelled_recordings):
     with pytest.raises(RecordingError, match="has 2 rows, but recording 'condition1_session2' has 4000"):
         compare.run(tiny_params())
     assert not Path("reports/metrics.json").exists()
+    assert not Path("metrics.json").exists()
 
 
 def test_a_model_that_is_missing_is_named(tmp_path, monkeypatch):

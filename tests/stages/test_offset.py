@@ -38,7 +38,7 @@ def workplace(
     """Five sessions for training, of which every other one has an offset, and one for each other role."""
     monkeypatch.chdir(tmp_path)
     names = [recording.name for recording in labelled_recordings]
-    write_json(INGESTED_FILE, {"load": "none", "oil_temperature": "recorded"})
+    write_json(INGESTED_FILE, {"load": "none", "oil_temperature": "recorded", "other_positions": []})
     write_json(SPLIT_FILE, {"train": names[:5], "validation": names[5:6], "calibration": names[6:7], "test": names[7:]})
     for number, recording in enumerate(labelled_recordings):
         shift = OFFSET_N * (number % 2)
@@ -52,7 +52,7 @@ def workplace(
 
 
 def run(load: str = "none", identify: str = "auto", *, common_load: bool = False, oil: str = "recorded") -> RunRecord:
-    write_json(INGESTED_FILE, {"load": load, "oil_temperature": oil})
+    write_json(INGESTED_FILE, {"load": load, "oil_temperature": oil, "other_positions": []})
     return offset.run(shipped(offset={"identify": identify, "common_load": common_load}))
 
 

@@ -169,7 +169,7 @@ def _labelled(logged: RigRecording, recipe: Recipe, labeller: Labeller) -> Itera
     pieces = align(signals, recipe.time)
     truth, signal_filter = logged.truth, default_filter(labeller.cylinder)
     for number, piece in enumerate(pieces, start=1):
-        metadata = metadata_of(piece, recipe.names.names(file), number, len(pieces), file, "", recipe.cylinder)
+        metadata = metadata_of(piece, recipe.names.names(file), number, len(pieces), file, "", recipe)
         raw = checked(piece, metadata, recipe)
         rows = np.rint(raw.column("time_s") / raw.sample_time_s).astype(np.int64)
         load_n = truth["load_force_n"].to_numpy() if "load_force_n" in truth.columns else np.zeros(len(truth))

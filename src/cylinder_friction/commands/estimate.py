@@ -39,12 +39,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--other-cylinder", action="store_true", help=words)
     words = f"processes that work side by side; without: one per core, for {FEW_FILES} logs or more"
     parser.add_argument("--workers", type=int, metavar="N", help=words)
-    parser.add_argument("--format", choices=("parquet", "csv"), default="parquet")
+    words = "of the results; mdf: what was measured, as it was measured, and beside it the results; default: parquet"
+    parser.add_argument("--format", choices=("parquet", "csv", "mdf"), default="parquet", help=words)
 
 
 def add_log_arguments(parser: argparse.ArgumentParser, folder: str) -> None:
     """Add what every command on logger files takes; without ``--output`` it writes ``folder``."""
     parser.add_argument("logs", nargs="+", metavar="LOGS", help="files, folders or patterns, of any supported format")
+    add_reading_arguments(parser)
+    parser.add_argument("--output", type=Path, default=Path(folder), help=f"folder to write; default: {folder}")
+    parser.add_argument("--json", action="store_true", help="print the summary as JSON instead of lines")
+
+
+def add_reading_arguments(parser: argparse.ArgumentParser) -> None:
+    """Add what states how logger files are read, and whose they are."""
     parser.add_argument("--cylinder", help="its YAML file, or bore_diameter_m=0.063,... ; without: params.yaml")
     parser.add_argument("--channels", type=Path, help="which channel is what (`ingest init`); without: guessed")
     words = "unit of a quantity that the files do not state: pressure=bar, length=mm, time=ms, ...; repeat as needed"
@@ -56,9 +64,8 @@ def add_log_arguments(parser: argparse.ArgumentParser, folder: str) -> None:
     parser.add_argument(
         "--load", choices=("none", "measured", "position"), help="what the cylinder carries; without: as mapped"
     )
+    parser.add_argument("--dbc", type=Path, help="database of the bus, for MDF files of CAN frames")
     parser.add_argument("--names", help="expression on a file's path with the groups condition and session")
-    parser.add_argument("--output", type=Path, default=Path(folder), help=f"folder to write; default: {folder}")
-    parser.add_argument("--json", action="store_true", help="print the summary as JSON instead of lines")
 
 
 def units_of(given: Sequence[str]) -> dict[str, str]:
@@ -98,9 +105,8 @@ def run(options: argparse.Namespace) -> int:
 
 def run_on_logs(function: Callable[..., Result], options: argparse.Namespace) -> tuple[Result, list[str]]:
     """Return what a function makes of the logs that ``add_log_arguments`` names, and the warnings it gave."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", UserWarning)
-        result = function(
+    return reported(
+        lambda: function(
             options.logs,
             cylinder_of(options.cylinder),
             options.output,
@@ -109,7 +115,16 @@ def run_on_logs(function: Callable[..., Result], options: argparse.Namespace) ->
             names=options.names,
             units=units_of(options.unit),
             sensor_class=options.sensor_class,
+            database=options.dbc,
         )
+    )
+
+
+def reported(function: Callable[[], Result]) -> tuple[Result, list[str]]:
+    """Return what a function returns, and the warnings it gave."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        result = function()
     return result, [str(each.message) for each in caught]
 
 

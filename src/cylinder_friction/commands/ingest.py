@@ -8,6 +8,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parts = parser.add_subparsers(dest="what", required=True)
     init = parts.add_parser("init", help="write a first mapping", description="Write a first mapping.")
     init.add_argument("file", type=Path, help="a logger's file, in any format that ingest reads")
+    init.add_argument("--dbc", type=Path, help="database of the bus, for an MDF file of CAN frames")
     init.add_argument("--output", type=Path, help="for example conf/ingest/press.yaml; without it, it is printed")
 
 
@@ -19,7 +20,8 @@ def run(options: argparse.Namespace) -> None:
 
     if not options.file.is_file():
         raise FileNotFoundError(f"{options.file}: no such file; name a logger's file")
-    text = mapping_yaml(guess_mapping(read_logged_file(options.file), options.file))
+    guess = guess_mapping(read_logged_file(options.file, database=options.dbc), options.file)
+    text = mapping_yaml(guess, options.dbc)
     if options.output is None:
         print(text, end="")
         return

@@ -125,7 +125,7 @@ def sort_logs(logs: Logs, earlier: Earlier, now_s: float | None = None) -> Sorte
 
 def result_files(folder: Path, name: str) -> list[str]:
     """Return the names of a recording's files in a folder of results: one, or none if somebody removed it."""
-    return [each for each in (f"{name}.parquet", f"{name}.csv") if (folder / each).is_file()]
+    return [each for each in (f"{name}.parquet", f"{name}.csv", f"{name}.mf4") if (folder / each).is_file()]
 
 
 def read_earlier(folder: Path, depends_on: Mapping[str, str]) -> Earlier:

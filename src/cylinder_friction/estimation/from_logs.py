@@ -50,7 +50,7 @@ from cylinder_friction.recordings.ingesting import ConvertedPiece, Quarantined, 
 from cylinder_friction.recordings.long_logs import ROWS_AT_ONCE, LongRecording, on_disk
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertainty
 from cylinder_friction.recordings.reading_logs import Logs, find_logs
-from cylinder_friction.recordings.recording import Recording, RecordingMetadata
+from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 from cylinder_friction.recordings.result_folder import ResultFolder, existing
 from cylinder_friction.recordings.storage import write_parts, write_recording, write_scratch
 from cylinder_friction.reporting.friction_page import friction_pane, pane_file, write_friction_page
@@ -62,7 +62,8 @@ from cylinder_friction.signals.smooth_signals import SignalFilter, filtered, has
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
 
-FileFormat = Literal["parquet", "csv"]
+FileFormat = Literal["parquet", "csv", "mdf"]
+SUFFIXES = {"parquet": ".parquet", "csv": ".csv", "mdf": ".mf4"}
 TYPICAL_CLASS = 0.5
 """Accuracy of most pressure sensors of machines, ± percent of full scale."""
 SUMMARY_FILE, PAGE_FILE = "summary.json", "friction.html"
@@ -82,6 +83,7 @@ def estimate_logs(
     names: str | None = None,
     units: Mapping[str, str] | None = None,
     sensor_class: float | None = None,
+    database: str | Path | None = None,
     other_cylinder: bool = False,
     file_format: FileFormat = "parquet",
     rows_at_once: int = ROWS_AT_ONCE,
@@ -98,11 +100,12 @@ def estimate_logs(
 
     Args:
         files, channels, load, names, units, sensor_class: As in ``read_recordings``.
+        database: Of a bus (DBC), for measurement files of CAN frames.
         cylinder: Whose recordings they are.
         into: A new folder, or one that an earlier call wrote. Files that no earlier call wrote stay in it.
         model: An estimator or the folder of a saved one; logs are resampled to its rate. None: the off-line label.
         other_cylinder: Whether a model may be of a cylinder of other areas.
-        file_format: ``parquet`` or ``csv``.
+        file_format: ``parquet``, ``csv`` or ``mdf``: all that a measurement file holds, with the results beside it.
         rows_at_once: A log of more rows is processed in parts of about so many, so that memory holds one of them.
         workers: Work on recordings side by side; None: one after the other, here.
 
@@ -127,15 +130,17 @@ def estimate_logs(
     if estimator is not None and estimator.trained_for is not None and not other_cylinder:
         estimator.trained_for.refuse(cylinder)
     rate_hz = None if estimator is None or estimator.sample_time_s is None else 1.0 / estimator.sample_time_s
-    logs = find_logs(files, channels, cylinder, names=names, load=load, rate_hz=rate_hz, units=units)
-    logs = logs.with_sensor_class(sensor_class)
+    given: dict[str, Any] = {"names": names, "load": load, "rate_hz": rate_hz, "units": units, "database": database}
+    logs = find_logs(files, channels, cylinder, **given).with_sensor_class(sensor_class)
     read = inputs(files, channels, model, logs)
     depends_on = _depends_on(logs, cylinder, estimator, file_format)
     with ResultFolder(into, SUMMARY_FILE, "cylinder-friction estimate", read).written() as folder:
         earlier = read_earlier(into, depends_on)
         found = sort_logs(logs, earlier)
         scratch = folder / ".scratch"
-        run = LabelledLogs(replace(logs, files=found.new), cylinder, scratch, estimator, rows_at_once, workers)
+        run = LabelledLogs(
+            replace(logs, files=found.new), cylinder, scratch, estimator, rows_at_once, workers, depends_on
+        )
         processed = _processed(run, folder, file_format, found.kept)
         kept = {each.entry.name for each in found.kept}
         new = tuple(each.entry.name for each in processed if each.entry.name not in kept)
@@ -173,6 +178,8 @@ class RecordingFriction:
     scratch: Path  # A folder that may be removed afterwards
     # What friction comes from, or where it is saved; None: the label, less the sensors' offset where it is known
     model: FrictionEstimator | Path | None
+    # SHA-256 of what results depend on beside the logs, for their metadata
+    depends_on: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def estimator(self) -> FrictionEstimator | None:
@@ -279,6 +286,11 @@ class RecordingFriction:
             source_file=about.source_file,
             source_sha256=about.source_sha256,
             session=about.session,
+            condition=about.condition,
+            asset=about.asset,
+            start=about.start,
+            start_source=about.start_source,
+            sensors=dict(about.sensors),
             rows=counts.rows,
             duration_s=counts.rows * about.sample_time_s,
             usable_percent=100.0 * counts.usable / counts.rows,
@@ -299,8 +311,9 @@ class RecordingFriction:
         folder: Path,
         file_format: FileFormat,
         detailed: bool,
-    ) -> tuple[FrictionOfRecording, bool]:
-        """Write file and pane of one recording; return what became of it, and whether it has bounds.
+        log: Path,
+    ) -> tuple[FrictionOfRecording, bool] | str:
+        """Write file and pane of one recording; return what became of it and whether it has bounds, or what failed.
 
         Args:
             labelled: The recording with its friction.
@@ -309,12 +322,17 @@ class RecordingFriction:
             folder: Where file and pane go.
             file_format: Of the file.
             detailed: Whether the pane shows friction against velocity, and the Stribeck curve.
+            log: What the recording was read from.
         """
-        name = labelled.metadata.name
+        name, path = labelled.metadata.name, folder / f"{labelled.metadata.name}{SUFFIXES[file_format]}"
+        labelled = replace(labelled, metadata=replace(labelled.metadata, depends_on=self.depends_on))
         counts = RowCounts()
         whole = [self.finished(part, known) for part in labelled.excerpt()] if len(labelled.paths) == 1 else []
         parts = iter(whole) if whole else (self.finished(part, known) for part, _ in labelled.parts())
-        _write(_counted(parts, counts), folder / f"{name}.{file_format}")
+        try:
+            _write(_counted(parts, counts), path, log)
+        except RecordingError as error:
+            return f"its results cannot be written as {file_format}: {error}"
         excerpt = whole or [self.finished(part, known) for part in labelled.excerpt()]
         view, first = None, excerpt[0]
         if detailed:
@@ -341,6 +359,7 @@ class LabelledLogs:
         estimator: What friction comes from; None: the off-line label, less the sensors' offset where it is known.
         rows_at_once: A log of more rows is processed in parts of about so many, so that memory holds one of them.
         workers: Work on recordings side by side; None: one after the other, here.
+        depends_on: SHA-256 of what results depend on beside the logs, for their metadata.
 
     Attributes:
         refused: Files and recordings that could not be used, once ``recordings`` has ended.
@@ -358,6 +377,7 @@ class LabelledLogs:
         estimator: FrictionEstimator | None,
         rows_at_once: int = ROWS_AT_ONCE,
         workers: Workers | None = None,
+        depends_on: Mapping[str, str] | None = None,
     ) -> None:
         self.logs, self.cylinder, self.scratch = logs, cylinder, scratch
         self.rows_at_once, self.workers = rows_at_once, workers or Workers()
@@ -366,7 +386,9 @@ class LabelledLogs:
             model = scratch / "model"  # read once by each worker
             estimator.save(model)
         labeller = Labeller(cylinder, load=logs.recipe.limits.load)
-        self.friction = RecordingFriction(labeller, default_filter(cylinder), OffsetPlan(), scratch, model)
+        self.friction = RecordingFriction(
+            labeller, default_filter(cylinder), OffsetPlan(), scratch, model, depends_on or {}
+        )
         self.refused: list[Quarantined] = []
         self.offsets: dict[str, KnownOffset] = {}
         self.loads: dict[str, str] = {}
@@ -537,7 +559,8 @@ def _depends_on(
 ) -> dict[str, str]:
     """Return what results depend on beside the logs: what was used before under another hash makes all of them new."""
     table = logs.recipe.names.table
-    mapping = f"{replace(logs.recipe, cylinder='')}{'' if table is None else hash_of(table)}"
+    given = [path for path in (table, logs.recipe.database) if path is not None and path.is_file()]
+    mapping = f"{replace(logs.recipe, cylinder='')}{''.join(map(hash_of, given))}"
     contents = {"cylinder": repr(cylinder), "mapping": mapping, "format": file_format}
     hashes = {name: hashlib.sha256(content.encode()).hexdigest() for name, content in contents.items()}
     hashes |= {"version of the code": hash_of(Path(__file__).parents[1]), "model": ""}
@@ -561,12 +584,13 @@ def _processed(run: LabelledLogs, folder: Path, file_format: FileFormat, kept: S
             folder,
             file_format,
             detailed,
+            run.logs.files[each.metadata.source_file],
         )
         for each in labelled
     ]
     processed = list(kept)
     for each, result in zip(labelled, run.workers.in_order(pieces), strict=True):
-        if isinstance(result, Died):
+        if isinstance(result, Died | str):
             run.refused.append(_refused(each.metadata, result))
             continue
         entry, bounded = result
@@ -611,9 +635,14 @@ def _shown(part: Recording, rows: int) -> str:
     )
 
 
-def _write(parts: Iterable[Recording], path: Path) -> None:
+def _write(parts: Iterable[Recording], path: Path, log: Path) -> None:
     if path.suffix == ".parquet":
         write_parts(path, parts)
+        return
+    if path.suffix == ".mf4":
+        from cylinder_friction.recordings.formats.mdf_results import write_mdf  # what no other format needs
+
+        write_mdf(path, parts, log)
         return
     with whole_file(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:
         for number, part in enumerate(parts):

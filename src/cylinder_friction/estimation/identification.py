@@ -91,6 +91,7 @@ def identify_logs(
     names: str | None = None,
     units: Mapping[str, str] | None = None,
     sensor_class: float | None = None,
+    database: str | Path | None = None,
     generations: int = GENERATIONS,
     seed: int = 0,
 ) -> FrictionModels:
@@ -103,6 +104,7 @@ def identify_logs(
 
     Args:
         files, channels, load, names, units, sensor_class: As in ``read_recordings``.
+        database: Of a bus (DBC), for measurement files of CAN frames.
         cylinder: Whose recordings they are.
         into: A new folder, or one that an earlier call wrote. Files that no earlier call wrote stay in it.
         generations: Greatest number of generations of the global search.
@@ -127,7 +129,8 @@ def identify_logs(
     if generations < 1:
         raise ValueError(f"generations: got {generations}, but expected at least 1")
     files = files if isinstance(files, str | Path) else list(files)
-    logs = find_logs(files, channels, cylinder, names=names, load=load, units=units).with_sensor_class(sensor_class)
+    given: dict[str, Any] = {"names": names, "load": load, "units": units, "database": database}
+    logs = find_logs(files, channels, cylinder, **given).with_sensor_class(sensor_class)
     read = inputs(files, channels, None, logs)
     with ResultFolder(into, MODELS_FILE, "cylinder-friction identify", read).written() as folder:
         run = LabelledLogs(logs, cylinder, folder / ".scratch", None)

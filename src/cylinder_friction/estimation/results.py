@@ -30,6 +30,13 @@ class FrictionOfRecording:
     unlike_training: str
     load_left_n: float | None  # A load that friction still holds, about [N]; None where nothing hints at one
     repairs: tuple[str, ...]  # What reading had to repair
+    condition: str = ""
+    asset: str = ""  # The machine, where it is stated
+    # When its first sample was taken, as in ``RecordingMetadata``, and what states that; empty where nothing does
+    start: str = ""
+    start_source: str = ""
+    # Serial number and day of calibration of the sensor behind a column, where they are stated
+    sensors: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     gone: str = ""  # That its file was not among the logs of the last run, in words; empty where it was
 
 
@@ -88,13 +95,13 @@ def load_left(each: FrictionOfRecording) -> str:
     return f"friction_n holds a load of about {each.load_left_n:.0f} N; map a load cell, or use --load position"
 
 
-def table_rows(result: FrictionOfLogs) -> list[tuple[str, float | None, str, str]]:
-    """Return name, friction [N], usable share and remarks of every recording and refused file."""
+def table_rows(result: FrictionOfLogs) -> list[tuple[str, str, float | None, str, str]]:
+    """Return name, start, friction [N], usable share and remarks of every recording and refused file."""
     rows = [
-        (each.name, each.friction_n, f"{each.usable_percent:.0f}", "; ".join(remarks(each)))
+        (each.name, each.start, each.friction_n, f"{each.usable_percent:.0f}", "; ".join(remarks(each)))
         for each in result.recordings
     ]
-    return rows + [(each.where, None, "", f"refused: {each.reason}") for each in result.refused]
+    return rows + [(each.where, "", None, "", f"refused: {each.reason}") for each in result.refused]
 
 
 def known_number(value: Any) -> Any:

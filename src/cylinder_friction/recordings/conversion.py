@@ -12,8 +12,10 @@ import pandas as pd
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits, LoadMode
+from cylinder_friction.recordings.checks.position_faults import without_position_faults
 from cylinder_friction.recordings.checks.recording_checks import check_recording
 from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
+from cylinder_friction.recordings.columns import TIME
 from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
 from cylinder_friction.recordings.formats.reading import open_logged_file
@@ -23,6 +25,7 @@ from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping,
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.path_names import NameRules, PathNames
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata, RecordingPiece
+from cylinder_friction.recordings.start_rules import StartRules
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
@@ -44,13 +47,17 @@ class Recipe:
     screen: ScreenRules = field(default_factory=ScreenRules)
     time: TimeRules = field(default_factory=TimeRules)
     zero: ZeroRules = field(default_factory=ZeroRules)
+    start: StartRules = field(default_factory=StartRules)
+    asset: str = ""  # The machine, where the files' names do not state it
+    database: Path | None = None  # Of a bus (DBC), which files of its frames are decoded with
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any], names: NameRules, cylinder: Cylinder, load: LoadMode) -> Recipe:
         """Return the recipe of an ingest configuration, ``conf/ingest/*.yaml`` as nested dictionaries.
 
         ``settings`` holds ``channels``, and where they differ from the defaults ``format``, ``csv``, ``time``,
-        ``screen``, ``zero`` and ``checks``. Recordings are checked against the cylinder's stroke and areas.
+        ``screen``, ``zero``, ``start``, ``asset``, ``database`` and ``checks``. Recordings are checked against the
+        cylinder's stroke and areas.
         """
         channels = {
             column: entry if isinstance(entry, ChannelMapping) else ChannelMapping.from_dict(entry)
@@ -67,6 +74,9 @@ class Recipe:
             screen=ScreenRules(**settings.get("screen", {})),
             time=TimeRules(**settings.get("time", {})),
             zero=ZeroRules(**settings.get("zero", {})),
+            start=StartRules(**settings.get("start", {})),
+            asset=settings.get("asset") or "",
+            database=Path(settings["database"]) if settings.get("database") else None,
         )
 
 
@@ -75,7 +85,7 @@ def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> LongTabl
 
     If a stated rate takes the place of time, what is called time is read too, for it must not contradict that rate.
     """
-    read = partial(open_logged_file, path, rows, recipe.file_format, recipe.csv)
+    read = partial(open_logged_file, path, rows, recipe.file_format, recipe.csv, database=recipe.database)
     wanted = wanted_channels(recipe.channels)
     tables = read(wanted)
     if recipe.channels["time_s"].rate_hz is None:
@@ -102,24 +112,33 @@ def pieces_from(tables: Sequence[LoggedTable], recipe: Recipe, *, screened: bool
     if screened:
         limits = sensor_limits(recipe.channels)
         signals, bad = screen_signals(signals, limits, recipe.screen, recipe.limits.stroke_m)
-        notes = (*mapped.notes, *bad)
-    return [replace(piece, repairs=(*notes, *piece.repairs)) for piece in align(signals, recipe.time)]
+        signals, faults = without_position_faults(signals, recipe.limits.stroke_m)
+        notes = (*mapped.notes, *bad, *faults)
+    pieces = align(signals, recipe.time)
+    return [replace(piece, repairs=(*notes, *piece.repairs), start=mapped.start) for piece in pieces]
 
 
 def metadata_of(
-    piece: RecordingPiece, names: PathNames, number: int, pieces: int, source_file: str, digest: str, cylinder: str
+    piece: RecordingPiece, names: PathNames, number: int, pieces: int, source_file: str, digest: str, recipe: Recipe
 ) -> RecordingMetadata:
     """Return the metadata of one piece. If a file was split, the names of its pieces are numbered from 1."""
     suffix = f"_part{number}" if pieces > 1 else ""
+    stated = piece.start if piece.start is None or piece.segment == 0 or piece.start.dated_rows else None
+    start = recipe.start.of(stated, source_file)
+    sensors = {column: each.sensor.identity for column, each in recipe.channels.items() if each.sensor is not None}
     return RecordingMetadata(
         name=f"{names.name}{suffix}",
         condition=names.condition,
         session=names.session,
         sample_time_s=piece.sample_time_s,
-        cylinder=cylinder,
+        cylinder=recipe.cylinder,
         load=names.load,
         source_file=source_file,
         source_sha256=digest,
+        start="" if start is None else start.after(float(piece.table[TIME].iloc[0])).text(),
+        start_source="" if start is None else start.source,
+        asset=names.asset or recipe.asset,
+        sensors={column: known for column, known in sensors.items() if known},
         repairs=piece.repairs,
     )
 

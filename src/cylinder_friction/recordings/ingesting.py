@@ -226,7 +226,7 @@ def convert_file(
     outcomes: list[ConvertedPiece | Quarantined] = []
     for number, found in enumerate(pieces, start=1):
         piece = found.first() if isinstance(found, Draft) else found
-        metadata = metadata_of(piece, names, number, len(pieces), relative, digest, recipe.cylinder)
+        metadata = metadata_of(piece, names, number, len(pieces), relative, digest, recipe)
         finish = found.checked if isinstance(found, Draft) else partial(checked, piece)
         where = f"piece {number} of {len(pieces)}" if len(pieces) > 1 else ""
         try:

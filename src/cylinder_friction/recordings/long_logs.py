@@ -20,6 +20,7 @@ from tqdm import tqdm
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.checks.finding import Finding
+from cylinder_friction.recordings.checks.position_faults import without_position_faults
 from cylinder_friction.recordings.checks.recording_checks import (
     checked_recording,
     findings_of_parts,
@@ -33,9 +34,10 @@ from cylinder_friction.recordings.mapping.calibration import ZeroReading, apply_
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_limits
 from cylinder_friction.recordings.mapping.mapped_file import map_signals, take_delays
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, RecordingPiece, Signal
+from cylinder_friction.recordings.start import Start
 from cylinder_friction.recordings.storage import read_recording, write_recording
 from cylinder_friction.recordings.timeline.aligning import align
-from cylinder_friction.recordings.timeline.timestamps import stamps_to_seconds
+from cylinder_friction.recordings.timeline.timestamps import stamps_to_datetimes, stamps_to_seconds
 
 ROWS_AT_ONCE = 1 << 19
 """A longer log is processed in parts of about so many rows."""
@@ -88,7 +90,9 @@ def parts_of(table: LongTable, recipe: Recipe, rows: int, name: str) -> Iterator
             follows = piece.segment == 0 and abs((time_s[own.start] - last_s) / step_s - 1.0) <= SAME_STEP
             last_s = float(time_s[own.stop - 1])
             repairs = (*notes, *piece.repairs)
-            yield LogPart(replace(piece, sample_time_s=step_s, repairs=repairs), own, follows, of_file)
+            yield LogPart(
+                replace(piece, sample_time_s=step_s, repairs=repairs, start=mapped.start), own, follows, of_file
+            )
 
 
 class _Mapped:
@@ -102,12 +106,14 @@ class _Mapped:
         }
         self.rows = 0
         self.origin: pd.Timestamp | None = None
+        self.start: Start | None = None  # When its clock was at 0 s
         self._notes: list[str] = []
 
     def of(self, table: LoggedTable) -> pd.DataFrame:
         """Return time and columns of the next chunk, which share one clock."""
         try:
             mapped = map_signals([self._since_start(table)], self.channels)
+            self.start = self.start or mapped.start
         except RecordingError as error:
             where = f"below row {self.rows}, from which rows count here: " if self.rows else ""
             raise RecordingError(f"{where}{error}") from None
@@ -131,7 +137,10 @@ class _Mapped:
         dates = table.channels.select_dtypes(["datetime", "datetimetz"])
         if not len(dates.columns):
             return table
-        self.origin = self.origin or dates.min().min()
+        if self.origin is None:
+            self.origin = dates.min().min()
+            at, utc = stamps_to_datetimes(pd.Series([self.origin]))[0], table.utc or self.origin.tzinfo is not None
+            self.start = Start(at, utc, f"time stamps of {dates.columns[0]!r}", dated_rows=True)
         seconds = {str(name): stamps_to_seconds(dates[name], self.origin) for name in dates.columns}
         units = {**table.units, **dict.fromkeys(seconds, "s")}
         return replace(table, channels=table.channels.assign(**seconds), units=units)
@@ -216,7 +225,8 @@ def _aligned(section: _Section, screen: Screen, recipe: Recipe, origin_s: float 
     signals = {str(column): Signal(time_s, values.to_numpy()) for column, values in columns}
     try:
         signals = screen.screened(signals, own, section.before)
-        notes = take_delays(signals, recipe.channels)
+        signals, faults = without_position_faults(signals, recipe.limits.stroke_m)
+        notes = [*faults, *take_delays(signals, recipe.channels)]
         pieces = align(signals, recipe.time, origin_s)
     except RecordingError as error:
         first, last = section.before + own.start + 1, section.before + own.stop
@@ -297,10 +307,13 @@ class Draft:
         self.findings: list[tuple[float, list[Finding]]] = []
         self.zeros: list[ZeroReading] = []
         self.repairs: list[str] = []
+        self.start: Start | None = None
+        self.segment = 0
 
     def add(self, part: LogPart, recipe: Recipe) -> None:
         """Keep a part on disk."""
         table, step_s = part.piece.table.iloc[part.own], part.piece.sample_time_s
+        self.start, self.segment = part.piece.start, part.piece.segment if not self.paths else self.segment
         found = inspect_recording(table, recipe.limits, step_s)
         self.findings.append((float(table["time_s"].iloc[0]), [each for each in found if each.check != "length"]))
         self.zeros.append(find_zero(table, recipe.zero, recipe.channels))
@@ -315,7 +328,7 @@ class Draft:
         repairs, more = self.repairs[:MOST_REPAIRS], len(self.repairs) - MOST_REPAIRS
         if more > 0:
             repairs.append(f"{more} more repairs in other parts of the file")
-        return RecordingPiece(recording.table, recording.sample_time_s, tuple(repairs))
+        return RecordingPiece(recording.table, recording.sample_time_s, tuple(repairs), self.segment, start=self.start)
 
     def checked(self, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | None) -> LongRecording:
         """Return the recording, with what ``conversion.checked`` does; of its zeros that of the longest stretch counts.

@@ -20,23 +20,25 @@ _WILD = frozenset("*?[")
 
 @dataclass(frozen=True)
 class PathNames:
-    """What is known of a file: the recording's name, condition, session and load."""
+    """What is known of a file: the recording's name, condition, session, load and machine."""
 
     name: str
     condition: str
     session: str
     load: str
+    asset: str = ""
 
 
 @dataclass(frozen=True)
 class NameRules:
     """Where condition, session and load of a file come from: exactly one of the three."""
 
-    # Regular expression on the path below the source, with groups ``condition``, ``session``, optionally ``load``
+    # Regular expression on the path below the source, with groups ``condition``, ``session``, optionally ``load`` and
+    # ``asset``
     pattern: str | None = None
-    # CSV file with the columns ``file``, ``condition``, ``session``, optionally ``load``. ``file`` is a path below the
-    # source, with ``/``, or a glob, where ``*`` also stands for ``/``; a path that is written out takes precedence over
-    # any glob.
+    # CSV file with the columns ``file``, ``condition``, ``session``, optionally ``load`` and ``asset``. ``file`` is a
+    # path below the source, with ``/``, or a glob, where ``*`` also stands for ``/``; a path that is written out takes
+    # precedence over any glob.
     table: Path | None = None
     # The condition of every file; each is then a session of its own, named as its recording
     condition: str | None = None
@@ -70,7 +72,7 @@ class NameRules:
                     f"path {relative_path!r} does not give condition and session: the pattern {self.pattern!r} finds "
                     f"{'nothing in it' if match is None else groups}; rename the file or change ingest.name_pattern"
                 )
-            return PathNames(name, groups["condition"], groups["session"], groups.get("load") or "")
+            return PathNames(name, *(groups.get(each) or "" for each in ("condition", "session", "load", "asset")))
         if self.condition is not None:
             return PathNames(name, self.condition, name, "")
         fitting = {number: line for number, line in self._lines.items() if line.name == relative_path}
@@ -161,7 +163,7 @@ def read_names_table(path: Path) -> dict[int, PathNames]:
         if columns.count(column) != 1:
             raise RecordingError(
                 f"table of names {path.name!r}: expected one column {column!r} in its header, but got "
-                f"{', '.join(map(repr, columns)) or 'nothing'}; write file,condition,session and, if you like, load"
+                f"{', '.join(map(repr, columns)) or 'nothing'}; write file,condition,session (and perhaps load, asset)"
             )
     lines: dict[int, PathNames] = {}
     numbers: dict[str, int] = {}
@@ -180,5 +182,6 @@ def read_names_table(path: Path) -> dict[int, PathNames]:
             raise RecordingError(
                 f"{where} is for {file!r}, which line {numbers[file]} is for already; expected one line per file"
             )
-        lines[number] = PathNames(file, cells["condition"], cells["session"], cells.get("load", ""))
+        more = (cells.get(name, "") for name in ("load", "asset"))
+        lines[number] = PathNames(file, cells["condition"], cells["session"], *more)
     return lines

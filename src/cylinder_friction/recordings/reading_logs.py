@@ -121,24 +121,26 @@ def find_logs(
     load: LoadMode | None = None,
     rate_hz: float | None = None,
     units: Mapping[str, str] | None = None,
+    database: str | Path | None = None,
 ) -> Logs:
     """Find the files and how to read them. Only to guess a mapping is a file read, the first one.
 
     Arguments and errors are those of ``read_logs``. ``rate_hz`` is the rate of the recordings [Hz], by default as
-    ``channels`` has it, or each file's own.
+    ``channels`` has it, or each file's own; ``database`` (DBC) that of the bus whose frames measurement files hold.
     """
     paths = _paths([files] if isinstance(files, str | Path) else list(files))
     try:
         if channels is None:
-            guess = _guessed(paths[0], cylinder, units or {})
-            settings = {"channels": yaml.safe_load("\n".join(channel_lines(guess)))}
+            guess = _guessed(paths[0], cylinder, units or {}, None if database is None else Path(database))
+            settings = {"channels": yaml.safe_load("\n".join(channel_lines(guess))), "database": database}
             logs = _logs(paths, settings, cylinder, names, load, rate_hz)
             return replace(logs, guessed={"from": paths[0].name, "columns": guess.to_dict()})
         if units:
             raise RecordingError(
                 f"units: got {dict(units)} beside a mapping; state them in the mapping, or leave it out"
             )
-        return _logs(paths, _settings(channels), cylinder, names, load, rate_hz)
+        settings = dict(_settings(channels)) | ({"database": database} if database else {})
+        return _logs(paths, settings, cylinder, names, load, rate_hz)
     except (TypeError, AttributeError) as error:
         where = channels if isinstance(channels, str | Path) else "channels"
         raise RecordingError(
@@ -239,7 +241,7 @@ def _merge(settings: dict[str, Any], more: Mapping[str, Any]) -> None:
             settings[key] = value
 
 
-def _guessed(path: Path, cylinder: Cylinder, units: Mapping[str, str]) -> GuessedMapping:
+def _guessed(path: Path, cylinder: Cylinder, units: Mapping[str, str], database: Path | None) -> GuessedMapping:
     """Guess a mapping and warn of every guess. Refuse a column, a sensor's range or a unit that cannot be guessed."""
     for quantity, unit in units.items():
         if quantity not in QUANTITIES.values():
@@ -247,7 +249,7 @@ def _guessed(path: Path, cylinder: Cylinder, units: Mapping[str, str]) -> Guesse
             raise RecordingError(f"units: got {quantity!r}, expected one of {known}, such as pressure=bar")
         check_unit(next(column for column in QUANTITIES if QUANTITIES[column] == quantity), unit)
     try:
-        tables = open_logged_file(path, ROWS_AT_ONCE)
+        tables = open_logged_file(path, ROWS_AT_ONCE, database=database)
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
     guess = guess_mapping([next(tables.chunks())] if isinstance(tables, LongTable) else tables, path, cylinder, units)

@@ -19,6 +19,7 @@ from cylinder_friction.recordings.columns import (
     UNCERTAINTY_COLUMN,
     missing_column,
 )
+from cylinder_friction.recordings.start import Start
 
 
 class RecordingError(ValueError):
@@ -61,6 +62,15 @@ class RecordingMetadata:
     load: str = ""  # What the cylinder carried or worked against, in words
     source_file: str = ""  # Where the recording came from, relative to the folder that was ingested
     source_sha256: str = ""  # Hash of that file's bytes
+    # When its first sample was taken, in ISO 8601: with Z if that is UTC, else by the logger's clock, whose time zone
+    # is not stated; a day alone where only that is known; empty where nothing is
+    start: str = ""
+    start_source: str = ""  # What states that
+    asset: str = ""  # The machine that the cylinder belongs to
+    # Serial number and day of calibration of the sensor behind a column, where they are stated
+    sensors: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    # SHA-256 of what its friction depends on beside its file: cylinder, mapping, model, version of the code
+    depends_on: Mapping[str, str] = field(default_factory=dict)
     # What was taken off a column as its sensor's reading at zero, in the column's unit
     zero_offset: Mapping[str, float] = field(default_factory=dict)
     # Of the sensor behind a column; absent where nobody stated it
@@ -257,3 +267,4 @@ class RecordingPiece:
     repairs: tuple[str, ...] = ()
     segment: int = 0  # How often the clock had restarted
     origin_s: float = 0.0  # Where that clock, and with it the sample grid, started [s]
+    start: Start | None = None  # When the file's clock was at 0 s; None if that is not known

@@ -67,6 +67,8 @@ class BoundedEstimate(Protocol):
 def plot(recording: Recording, estimate: Array | BoundedEstimate | None = None, truth_n: Array | None = None) -> Figure:
     """Return friction over time: the label where there is one, the truth where known, the estimate and its bounds.
 
+    The scale is that of the usable rows: at end stops an estimate may be many times as large.
+
     Args:
         recording: What was estimated; its column ``friction_n`` is the label, drawn where it is usable.
         estimate: Estimated friction [N], shape ``(n,)``, alone or with its bounds.
@@ -105,6 +107,12 @@ def _plot(recording: Recording, estimate: Array | BoundedEstimate | None, truth_
     _friction_lines(axis, time_s, lines)
     axis.set(title=recording.name, xlabel="time [s]", ylabel="friction [N]")
     axis.margins(y=0.12)
+    usable = recording.usable()
+    shown_n = np.concatenate([np.empty(0), *(np.asarray(values)[usable] for values in lines.values())])
+    if np.isfinite(shown_n).any():
+        lowest_n, highest_n = np.nanmin(shown_n), np.nanmax(shown_n)
+        slack_n = 0.12 * (highest_n - lowest_n) or 1.0
+        axis.set_ylim(lowest_n - slack_n, highest_n + slack_n)
     if lines:
         axis.legend(ncols=4, loc="lower right", bbox_to_anchor=(1.0, 1.0), borderaxespad=0.2)
     return figure

@@ -11,7 +11,7 @@ import numpy as np
 from cylinder_friction.evaluation.inspection.friction_view import FrictionView
 from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.recordings.files import write_text
-from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.reporting.inspection.friction_figures import MM_PER_M, against_velocity, of_recordings
 from cylinder_friction.reporting.inspection.recording_pane import (
     measured_panels,
@@ -51,6 +51,7 @@ def friction_pane(recording: Recording, view: FrictionView | None, shown: str) -
         "templates/friction_pane.html.j2",
         title=recording.name,
         shown=shown,
+        origin=_origin(recording.metadata),
         time=over_time(recording.column("time_s"), panels, 2, POINTS),
         velocity=against_velocity(view, POINTS) if view is not None and view.points else None,
         curve=None if view is None else (*stribeck_table(view), view.no_curve),
@@ -60,7 +61,7 @@ def friction_pane(recording: Recording, view: FrictionView | None, shown: str) -
 
 def write_friction_page(
     path: Path,
-    rows: Sequence[tuple[str, float | None, str, str]],
+    rows: Sequence[tuple[str, str, float | None, str, str]],
     offsets: Sequence[KnownOffset],
     bounds: str,
     guessed: Mapping[str, Any] | None = None,
@@ -69,8 +70,8 @@ def write_friction_page(
 
     Args:
         path: Of the HTML file.
-        rows: Name, friction [N], usable share and remarks of every recording, and of every refused file with an empty
-            share.
+        rows: Name, start, friction [N], usable share and remarks of every recording, and of every refused file with an
+            empty share.
         offsets: What is known of the pressure sensors' offset in each session; none with an estimator.
         bounds: What the bounds hold, in words.
         guessed: From which file channels and units were guessed, and each column's; None if a mapping states them.
@@ -78,15 +79,17 @@ def write_friction_page(
     cells: list[list[str | Cell]] = [
         [
             Cell(name, link=f"#pane={quote(name)}" if usable else ""),
+            Cell(start[:16].replace("T", " ") + "Z" * start.endswith("Z")) if start else Cell("–", style="none"),
             Cell("–", style="none") if friction_n is None else Cell(f"{friction_n:.0f}", value=friction_n),
             usable or Cell("–", style="none"),
             Cell(words, style="words"),
         ]
-        for name, friction_n, usable, words in rows
+        for name, start, friction_n, usable, words in rows
     ]
-    recordings = [(name, friction_n) for name, friction_n, usable, _ in rows if usable]
+    recordings = [(name, friction_n) for name, _, friction_n, usable, _ in rows if usable]
     head = (
         "recording",
+        Cell("start", tip="of the first sample; without Z by the logger's clock, whose time zone is not stated"),
         Cell("friction [N]", tip="half of extending less retracting at equal position"),
         "usable rows [%]",
         "remarks",
@@ -94,7 +97,7 @@ def write_friction_page(
     html = page_html(
         "templates/friction.html.j2",
         title="Friction",
-        table_of_all=Table(head, cells, words=(3,), sortable=True),
+        table_of_all=Table(head, cells, words=(4,), sortable=True),
         offsets=offset_table(offsets) if offsets else None,
         comparison=of_recordings(recordings),
         recordings=[name for name, _ in recordings],
@@ -102,6 +105,23 @@ def write_friction_page(
         guessed=None if guessed is None else (guessed["from"], guess_table(guessed)),
     )
     write_text(path, html)
+
+
+def _origin(about: RecordingMetadata) -> list[tuple[str, str]]:
+    """Return what is known of a recording's origin: a name and its value."""
+    start = f"{about.start} ({about.start_source})" if about.start else "not known"
+    sensors = [
+        (f"sensor of {column}", ", ".join(f"{name} {value}" for name, value in known.items()))
+        for column, known in about.sensors.items()
+    ]
+    hashes = {about.source_file or "its file": about.source_sha256} | dict(about.depends_on)
+    return [
+        ("start", start),
+        *[(name, value) for name, value in (("machine", about.asset), ("cylinder", about.cylinder)) if value],
+        ("condition, session", f"{about.condition}, {about.session}"),
+        *sensors,
+        ("SHA-256", ", ".join(f"{name} {value[:12]}" for name, value in hashes.items() if value)),
+    ]
 
 
 def guess_table(guessed: Mapping[str, Any]) -> Table:

@@ -28,6 +28,8 @@ LUGRE_FOLDER = Path("models/lugre")
 REPORTS_FOLDER = Path("reports")
 AUDIT_FILE = AUDIT_FOLDER / "audit.json"
 METRICS_FILE = REPORTS_FOLDER / "metrics.json"
+HEADLINE_FILE = Path("metrics.json")
+"""The ten figures that DVC shows and compares; it lies in Git, so that a fresh clone has those of every commit."""
 COVERAGE_FILE = REPORTS_FOLDER / "coverage.json"
 
 # What an earlier stage decided, for the later ones: nobody looks into another stage's section of the parameters.

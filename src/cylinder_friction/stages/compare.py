@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields, replace
 from typing import TYPE_CHECKING
@@ -43,6 +44,7 @@ from cylinder_friction.stages._stage import (
     COVERAGE_FILE,
     FILTERS_FILE,
     FINALS_FILE,
+    HEADLINE_FILE,
     HYBRID_FOLDER,
     INGESTED_FILE,
     LSTM_FOLDER,
@@ -73,6 +75,8 @@ WRITTEN = (*FILES, FIGURES_FOLDER, PLOTS_FOLDER)
 COMPARED_BY = {field.name for field in fields(ComparisonSettings)}
 LEARNING_CURVE_FILE = "learning_curve.json"
 RIVAL = "lugre"
+HEADLINERS = ("paper_hybrid", "ridge", "force_balance_low_pass", "lugre", "pressure_lugre_all")
+"""Estimators whose errors stand beside the main one's in ``metrics.json``."""
 LABEL_NOTES = {"moving_average": "off line, late: causal moving averages"}  # Every other method looks ahead
 DESIGNED = ("hybrid", "lstm")
 DESIGN_NOTES = {"force_balance": "corrects the force balance", "paper": "of the published design"}
@@ -107,6 +111,7 @@ def run(params: Params) -> RunRecord:
     held = coverage(estimators[main], recordings, truth_n, settings.reversal_window_s)
     begun = starts(estimators[main], recordings, truth_n)
     _write(analysis, times, tree, begun, held, estimators[main].bounds)
+    write_json(HEADLINE_FILE, headline(tree, held, main))
     return RunRecord(
         name="compare",
         params=flat(settings) | {"reference": reference},
@@ -116,6 +121,39 @@ def run(params: Params) -> RunRecord:
         artifacts=artifacts(*WRITTEN),
         datasets=datasets({"test": PROCESSED_FOLDERS["test"]}),
     )
+
+
+def headline(
+    tree: Mapping[str, Mapping[str, Mapping[str, float]]], held: Sequence[Coverage], main: str
+) -> dict[str, dict[str, float]]:
+    """Return about ten figures of a comparison, for DVC: percentages, means over the conditions.
+
+    Args:
+        tree: Numbers by estimator, condition and name.
+        held: How often the main estimator's bounds hold.
+        main: Its name.
+    """
+    reference, errors = reported_errors(tree[main])
+    shown = [name for name in (main, *HEADLINERS) if name in tree]
+    means = {name: float(np.mean(list(reported_errors(tree[name])[1].values()))) for name in dict.fromkeys(shown)}
+    own = [each for each in held if each.reference == reference]
+    bounds = {
+        "mean": float(np.mean([each.held_percent for each in own])) if own else math.nan,
+        "worst_session": min((each.worst_session_percent for each in own), default=math.nan),
+    }
+    content = {
+        f"error_percent_of_{reference}": means,
+        f"{main}_percent": {
+            "worst_condition": max(errors.values()),
+            "of_label": float(np.mean([each["label_percent"] for each in tree[main].values()])),
+        },
+        f"bounds_hold_{reference}_percent": bounds,
+    }
+    known = {
+        group: {name: round(value, 3) for name, value in numbers.items() if math.isfinite(value)}
+        for group, numbers in content.items()
+    }
+    return {group: numbers for group, numbers in known.items() if numbers}
 
 
 def notes_of(

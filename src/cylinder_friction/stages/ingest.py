@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from cylinder_friction.execution.selection import workers_from_environment
-from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE
+from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, OTHER_POSITIONS
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.files import write_json
 from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_folder
@@ -39,7 +39,9 @@ def run(params: Params) -> RunRecord:
     source = Source(folder, params.ingest.pattern, recipe_from(params, folder))
     with workers_from_environment() as workers:
         ingested = ingest_folder(source, RECORDINGS_FOLDER, QUARANTINE_FILE, workers)
-    write_json(INGESTED_FILE, params.ingest.model_dump(include={"source", "truth", "load", "oil_temperature"}))
+    content = params.ingest.model_dump(include={"source", "truth", "load", "oil_temperature"})
+    others = [column for column in OTHER_POSITIONS if column in params.ingest.channels]
+    write_json(INGESTED_FILE, content | {"other_positions": others if params.ingest.load == "position" else []})
     tqdm.write(f"ingest: {ingested.summary()}")
     return RunRecord(
         name="ingest",

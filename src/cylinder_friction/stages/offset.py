@@ -118,7 +118,7 @@ def _not_shown(model: OffsetModel, plan: OffsetPlan) -> str:
 
 def estimator_inputs(ingested: Mapping[str, Any]) -> tuple[str, ...]:
     """Return the columns of a sample: what the label knows and can be measured in real time."""
-    load = [LOAD_FORCE] if ingested["load"] == "measured" else []
+    load = [LOAD_FORCE] if ingested["load"] == "measured" else ingested["other_positions"]
     return (*SAMPLE_COLUMNS, *load, *([OIL_TEMPERATURE] if ingested["oil_temperature"] == "input" else []))
 
 

@@ -1,3 +1,4 @@
+from datetime import UTC, datetime
 from pathlib import Path
 
 import numpy as np
@@ -93,7 +94,65 @@ def bus_log(path: Path, signals: bool) -> Path:
 
 
 def test_frames_of_a_bus_are_no_signals(tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match=r"holds frames of a bus \(CAN, LIN\), .* decode them with the bus's data"):
+    with pytest.raises(
+        RecordingError, match=r"holds frames of a bus \(CAN, LIN\), .* give the bus's database \(--dbc FILE"
+    ):
         read_logged_file(bus_log(tmp_path, signals=False))
     (table,) = read_logged_file(bus_log(tmp_path, signals=True))
     assert list(table.channels) == ["time", "P1"]
+
+
+DBC = """VERSION ""
+BU_: LOGGER
+BO_ 256 PRESSURES: 8 LOGGER
+ SG_ P1 : 0|16@1+ (0.01,0) [0|400] "bar" LOGGER
+ SG_ P2 : 16|16@1+ (0.01,0) [0|400] "bar" LOGGER
+"""
+
+
+def test_frames_of_a_bus_are_decoded_with_its_database(tmp_path: Path) -> None:
+    bar = np.array([[20.0, 30.0], [20.5, 31.0], [21.0, 29.99]])
+    kinds = [("BusChannel", "u1"), ("ID", "<u4"), ("IDE", "u1"), ("DLC", "u1"), ("DataLength", "u1")]
+    names = [(f"CAN_DataFrame.{name}", kind) for name, kind in [*kinds, ("DataBytes", "(8,)u1")]]
+    frames = np.zeros(3, np.dtype(names))
+    for name, value in (("BusChannel", 1), ("ID", 256), ("DLC", 8), ("DataLength", 8)):
+        frames[f"CAN_DataFrame.{name}"] = value
+    frames["CAN_DataFrame.DataBytes"][:, :4] = np.rint(100.0 * bar).astype("<u2").view("u1")
+    source = Source("CAN", "CAN", "", v4.SOURCE_BUS, v4.BUS_TYPE_CAN)
+    file = MDF(version="4.10")
+    file.start_time = datetime(2026, 3, 27, 9, 15, tzinfo=UTC)
+    file.append([Signal(frames, T[:3], name="CAN_DataFrame", source=source)], acq_source=source)
+    file.groups[0].channel_group.flags |= v4.FLAG_CG_BUS_EVENT | v4.FLAG_CG_PLAIN_BUS_EVENT
+    path = saved(file, tmp_path)
+    database = tmp_path / "bus.dbc"
+    database.write_text(DBC)
+    (table,) = read_logged_file(path, database=database)
+    np.testing.assert_allclose(table.channels[["P1", "P2"]].to_numpy(), bar)
+    assert table.units == {"time": "s", "P1": "bar", "P2": "bar"}
+    assert table.start is not None
+    assert table.start.text() == "2026-03-27T09:15:00.000Z"
+    database.write_text(DBC.replace("BO_ 256", "BO_ 512"))
+    with pytest.raises(
+        RecordingError, match=r"none of its bus frames is described in .*bus\.dbc; state the one of this"
+    ):
+        read_logged_file(path, database=database)
+    with pytest.raises(RecordingError, match=r"database .*gone\.dbc: no such file"):
+        read_logged_file(path, database=tmp_path / "gone.dbc")
+    (tmp_path / "bus.yaml").write_text("a: 1")
+    with pytest.raises(RecordingError, match=r"bus\.yaml: cannot be read as one of a CAN bus; expected a \.dbc file"):
+        read_logged_file(path, database=tmp_path / "bus.yaml")
+    (tmp_path / "log.csv").write_text("t,p\n" + "1,2\n" * 30)
+    with pytest.raises(RecordingError, match="is for an MDF file of bus frames, not for a text table"):
+        read_logged_file(tmp_path / "log.csv", database=database)
+
+
+@pytest.mark.parametrize(("version", "utc"), [("3.30", False), ("4.10", True)])
+def test_the_header_states_the_start(tmp_path: Path, version: str, utc: bool) -> None:
+    file = MDF(version=version)
+    file.start_time = datetime(2026, 3, 27, 9, 15, tzinfo=UTC)
+    file.append([Signal(np.arange(6.0), T, name="P1", unit="bar")])
+    (table,) = read_logged_file(saved(file, tmp_path))
+    assert table.start is not None
+    assert table.start.text().removesuffix("Z") == "2026-03-27T09:15:00.000"
+    assert table.start.utc is utc
+    assert table.start.source == f"header of MDF {version}"

@@ -72,6 +72,7 @@ _YEAR_FIRST = r"^(?P<Y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})" + _REST
 _DOTS = r"^(?P<d>\d{1,2})\.(?P<m>\d{1,2})\.(?P<Y>\d{4})" + _REST
 _EITHER = r"^(?P<d>\d{1,2})[-/](?P<m>\d{1,2})[-/](?P<Y>\d{4})" + _REST
 _NAMED_MONTH = r"^(?P<d>\d{1,2})-(?P<m>[A-Za-z]{3})-(?P<Y>\d{4})" + _REST
+_ZONED = r"\d:\d{2}(?:[.,:]\d+)?\s*(?:[AaPp][Mm])?\s*(?:Z|[+-]\d{2}:?\d{2})\s*$"
 _MONTHS = pa.array(["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"])
 _HALF_DAYS = pa.array([f"{hour or 12:02d}{half}" for half in ("am", "pm") for hour in range(12)])
 
@@ -96,6 +97,15 @@ def plain_values(column: Any) -> NDArray[Any] | None:
     elif not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
         return None
     return np.asarray(column.to_numpy())
+
+
+def states_zone(column: Any) -> bool:
+    """Return whether every cell of a column is a time stamp with its time zone."""
+    if pa.types.is_timestamp(column.type):
+        return column.type.tz is not None
+    if not pa.types.is_string(column.type) or column.null_count == len(column):
+        return False
+    return bool(pc.all(pc.match_substring_regex(column, _ZONED)).as_py())
 
 
 def text_values(column: Any, decimal: str, name: str) -> tuple[NDArray[Any], bool]:

@@ -18,6 +18,7 @@ from cylinder_friction.recordings.formats.cells import (
     holds_decimal_commas,
     plain_values,
     split_cells,
+    states_zone,
     text_values,
 )
 from cylinder_friction.recordings.formats.format import Format
@@ -34,6 +35,7 @@ from cylinder_friction.recordings.formats.source import HEAD_SIZE, FileSource
 from cylinder_friction.recordings.formats.text import Text, convert_text, open_text
 from cylinder_friction.recordings.formats.time_groups import dated, repeated_names, split_groups
 from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.start import Start, start_in_header
 
 _FEWEST_LINES = 20
 LARGEST_STEP = 4.0
@@ -85,14 +87,15 @@ def long_delimited(
     begin = text.start + sum(map(len, lines[: layout.first_row]))
     if text.end - begin <= step:
         return None
+    start = _start(lines, layout)
 
     def read(first: int, last: int) -> LoggedTable:
         part = replace(text, end=last, notes=text.notes if first == begin else ())
         try:
-            return _tables(_Rows(part, layout, first, begin), wanted)[0]
+            return _tables(_Rows(part, layout, first, begin, start), wanted)[0]
         except UnicodeDecodeError:
             part = replace(part, file=_Repaired(text.file, source.head.isascii()))
-            return _tables(_Rows(part, layout, first, begin), wanted)[0]
+            return _tables(_Rows(part, layout, first, begin, start), wanted)[0]
 
     def chunks() -> Iterator[LoggedTable]:
         first = begin
@@ -139,7 +142,11 @@ class _Repaired:
 def _read(text: Text, options: CsvOptions, wanted: Collection[str] | None) -> list[LoggedTable]:
     lines, layout = _first_lines(text, options)
     begin = text.start + sum(map(len, lines[: layout.first_row]))
-    return _tables(_Rows(text, layout, begin, begin), wanted)
+    return _tables(_Rows(text, layout, begin, begin, _start(lines, layout)), wanted)
+
+
+def _start(lines: list[bytes], layout: Layout) -> Start | None:
+    return start_in_header([line.decode() for line in lines[: layout.first_row]], layout.delimiter)
 
 
 def _tables(rows: "_Rows", wanted: Collection[str] | None) -> list[LoggedTable]:
@@ -153,21 +160,23 @@ def _tables(rows: "_Rows", wanted: Collection[str] | None) -> list[LoggedTable]:
     loaded = [index for index, name in enumerate(names) if name in asked]
     table, decimal = rows.parsed(loaded)
     columns: list[tuple[str, NDArray[Any]]] = []
-    units = dict(layout.units)
+    units, utc = dict(layout.units), False
     for index, column in zip(loaded, table.columns, strict=True):
         values, clock = plain_values(column), pa.types.is_time(column.type)
+        utc |= states_zone(column)
         if values is None:
             rows.refuse_second_header(column, names[index])
             values, clock = text_values(column, decimal, names[index])
         if clock:
             units[names[index]] = "s"
         if names[index] == SCOPE_TIME and (stamps := dated(values)) is not None:
-            values, units[SCOPE_TIME] = stamps, ""
+            values, units[SCOPE_TIME], utc = stamps, "", True
         if names[index] or not pd.isna(values).all():
             columns.append((names[index] or f"column_{index + 1}", values))
     first, *others = split_groups(columns, units, repeated)
     ended = (rows.ended,) if rows.ended else ()
-    return [replace(first, unread=unread, notes=(*text.notes, *ended, *first.notes)), *others]
+    first = replace(first, unread=unread, notes=(*text.notes, *ended, *first.notes))
+    return [replace(each, start=rows.start, utc=utc) for each in (first, *others)]
 
 
 def _first_lines(text: Text, options: CsvOptions) -> tuple[list[bytes], Layout]:
@@ -190,11 +199,11 @@ def _first_lines(text: Text, options: CsvOptions) -> tuple[list[bytes], Layout]:
 class _Rows:
     """The rows of a text table from byte ``begin`` on. It can name the line of a row that is wrong.
 
-    ``first`` is the byte where the first row of all begins.
+    ``first`` is the byte where the first row of all begins, ``start`` what the lines above it state.
     """
 
-    def __init__(self, text: Text, layout: Layout, begin: int, first: int) -> None:
-        self.text, self.layout, self.begin, self.first = text, layout, begin, first
+    def __init__(self, text: Text, layout: Layout, begin: int, first: int, start: Start | None) -> None:
+        self.text, self.layout, self.begin, self.first, self.start = text, layout, begin, first, start
         self.ended = ""  # That channels end before others, in words
 
     def parsed(self, loaded: list[int]) -> tuple[Any, str]:

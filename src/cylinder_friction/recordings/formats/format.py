@@ -43,6 +43,7 @@ class Format:
     # Reads a file of more rows than its last argument in parts; None if it has fewer. Other arguments as for ``read``.
     read_long: Callable[..., LongTable | None] | None = None
     options: bool = False
+    databases: bool = False  # Whether ``read`` takes the path of a bus's database, or None, as its last argument
     # What crashes over a damaged file, in messages. Such a format is read in an isolated process; others are not.
     crashes: str = ""
 

@@ -31,6 +31,7 @@ from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.formats.registry import FORMATS
 from cylinder_friction.recordings.formats.source import open_source
 from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.start import Start
 
 if sys.platform != "win32":
     import resource
@@ -48,14 +49,16 @@ serve()
 """
 
 
-def read_isolated(path: Path, of: Format, wanted: Collection[str] | None) -> list[LoggedTable]:
+def read_isolated(
+    path: Path, of: Format, wanted: Collection[str] | None, database: Path | None = None
+) -> list[LoggedTable]:
     """Return a file's tables, read in a process that is started for the first file and kept for the next ones.
 
     Raises:
         RecordingError: The file is damaged; reading it crashed the library or took too long.
         RuntimeError: The process does not start.
     """
-    return _READER.read(path, of, wanted)
+    return _READER.read(path, of, wanted, database)
 
 
 class _Reader:
@@ -65,13 +68,14 @@ class _Reader:
         self._process: subprocess.Popen[bytes] | None = None
         self._lock = threading.Lock()
 
-    def read(self, path: Path, of: Format, wanted: Collection[str] | None) -> list[LoggedTable]:
+    def read(self, path: Path, of: Format, wanted: Collection[str] | None, database: Path | None) -> list[LoggedTable]:
         size = path.stat().st_size
         limit_s = LIMIT_S + LIMIT_PER_BYTE_S * size
         request = {
             "path": str(path.absolute()),
             "format": of.name,
             "wanted": None if wanted is None else list(wanted),
+            "database": None if database is None else str(database.absolute()),
             "limit_s": limit_s,
             "limit_bytes": LIMIT_BYTES + LIMIT_BYTES_PER_BYTE * size,
         }
@@ -180,7 +184,8 @@ def _read(request: dict[str, Any]) -> tuple[list[LoggedTable], str | None]:
     of = FORMATS[request["format"]]
     try:
         with guarded(of.what):
-            return of.read(open_source(Path(request["path"])), request["wanted"]), None
+            more = [request["database"]] if of.databases else []
+            return of.read(open_source(Path(request["path"])), request["wanted"], *more), None
     except RecordingError as error:
         return [], str(error)
 
@@ -217,6 +222,8 @@ def write_tables(stream: IO[bytes], tables: Sequence[LoggedTable]) -> None:
             "names": list(table.channels.columns),
             "text": {number: column.tolist() for number, column in columns.items() if number not in plain},
             "about": {"units": dict(table.units), "name": table.name, "unread": table.unread, "notes": table.notes},
+            "start": table.start and [str(table.start.at), table.start.utc, table.start.source],
+            "utc": table.utc,
         }
         batch = pa.record_batch(list(plain.values()), names=list(plain))
         batch = batch.replace_schema_metadata({"table": json.dumps(described, default=str)})
@@ -240,8 +247,16 @@ def _table(table: Any) -> LoggedTable:
     columns |= {int(number): np.array(cells, dtype=object) for number, cells in described["text"].items()}
     channels = pd.DataFrame(dict(sorted(columns.items())), index=pd.RangeIndex(described["rows"]), copy=False)
     channels.columns = pd.Index(described["names"], dtype=object)
-    about = described["about"]
-    return LoggedTable(channels, about["units"], about["name"], tuple(about["unread"]), tuple(about["notes"]))
+    about, start = described["about"], described["start"]
+    return LoggedTable(
+        channels,
+        about["units"],
+        about["name"],
+        tuple(about["unread"]),
+        tuple(about["notes"]),
+        start and Start(np.datetime64(start[0]), *start[1:]),
+        described["utc"],
+    )
 
 
 _READER = _Reader()

@@ -9,6 +9,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.start import Start
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,8 @@ class LoggedTable:
     name: str = ""  # Of the table or group within the file; empty where the file has only one
     unread: tuple[str, ...] = ()  # Names of channels that were there but not asked for
     notes: tuple[str, ...] = ()  # What the reader repaired, one sentence each, for example a last line that was cut off
+    start: Start | None = None  # When its clock was at 0 s, as the file states it beside the rows
+    utc: bool = False  # Whether its time stamps are in UTC; if not, their time zone is not stated
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,9 @@
 """MDF 3 and 4 (CANape, INCA, vector loggers) through asammdf."""
 
 import io
-from collections.abc import Collection
+from collections.abc import Collection, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,16 +13,40 @@ from cylinder_friction.recordings.formats.format import MOST_UNPACKED, Format, L
 from cylinder_friction.recordings.formats.logged_table import LoggedTable, named_columns, numeric
 from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.start import Start
 
+_LOCAL_TIME = 1  # Bit of a header's time flags (ASAM MDF 4.1)
 _PLAIN_BUS_EVENT = 4  # Bit of a channel group's flags (ASAM MDF 4.1)
 
 
-def read_mdf(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
+def read_mdf(source: FileSource, wanted: Collection[str] | None, database: str | None = None) -> list[LoggedTable]:
     """Return one table a channel group, its master (time) first; conversions are applied, text stays text.
 
-    A sample that the file marks as invalid is NaN. Groups of raw bus frames are left out; a file of nothing else is
-    refused, and so is one that claims what it cannot hold.
+    A sample that the file marks as invalid is NaN. Groups of raw bus frames are decoded with the bus's ``database``, a
+    DBC file, and left out without one; a file of nothing else is then refused, and so is one that claims what it cannot
+    hold.
     """
+    with opened_mdf(source) as file:
+        for group in file.groups:
+            _refuse_absurd_records(group, source.size)
+        signals = [index for index, group in enumerate(file.groups) if not _holds_bus_frames(group)]
+        if database is not None:
+            return _decoded(file, database, wanted)
+        if file.groups and not signals:
+            raise RecordingError(
+                "holds frames of a bus (CAN, LIN), which are no signals yet; give the bus's database (--dbc "
+                "FILE, or database: in the mapping)"
+            )
+        tables = [_group(file, index, wanted) for index in signals]
+        start = _start(file)
+    if not any(len(table.channels.columns) or table.unread for table in tables):
+        raise RecordingError("holds no channel groups; expected at least one with samples")
+    return [replace(table, start=start) for table in tables]
+
+
+@contextmanager
+def opened_mdf(source: FileSource) -> Iterator[Any]:
+    """Open a measurement file with asammdf; the file itself stays as it is."""
     import asammdf
 
     open_mdf: Any = asammdf.MDF  # its types lack some arguments
@@ -30,18 +56,31 @@ def read_mdf(source: FileSource, wanted: Collection[str] | None) -> list[LoggedT
         io.BytesIO(source.all_bytes()) if unfinished else source.opened() as opened,
         open_mdf(opened, process_bus_logging=False) as file,
     ):
-        for group in file.groups:
-            _refuse_absurd_records(group, source.size)
-        signals = [index for index, group in enumerate(file.groups) if not _holds_bus_frames(group)]
-        if file.groups and not signals:
-            raise RecordingError(
-                "holds frames of a bus (CAN, LIN), which are no signals yet; decode them with the bus's database (DBC, "
-                "LDF), for example with asammdf's extract_bus_logging, and save the signals as MDF 4"
-            )
-        tables = [_group(file, index, wanted) for index in signals]
-    if not any(len(table.channels.columns) or table.unread for table in tables):
-        raise RecordingError("holds no channel groups; expected at least one with samples")
-    return tables
+        yield file
+
+
+def _decoded(file: Any, database: str, wanted: Collection[str] | None) -> list[LoggedTable]:
+    from asammdf.blocks.utils import load_can_database
+
+    start = _start(file)
+    # Of other suffixes some would be read as YAML that may hold code.
+    described = load_can_database(database) if database.lower().endswith(".dbc") else None
+    if described is None:
+        raise RecordingError(f"database {database}: cannot be read as one of a CAN bus; expected a .dbc file")
+    with file.extract_bus_logging({"CAN": [(described, 0)]}) as signals:
+        tables = [_group(signals, index, wanted) for index in range(len(signals.groups))]
+    if not tables:
+        raise RecordingError(f"none of its bus frames is described in {database}; state the one of this bus")
+    return [replace(table, start=start) for table in tables]
+
+
+def _start(file: Any) -> Start | None:
+    """Return when the measurement started: MDF 4 states UTC or local time, MDF 3 mostly local time."""
+    header = file.header
+    if not getattr(header, "abs_time", 0):
+        return None
+    local = file.version < "4" or header.time_flags & _LOCAL_TIME
+    return Start(np.datetime64(int(header.abs_time), "ns"), utc=not local, source=f"header of MDF {file.version}")
 
 
 def _holds_bus_frames(group: Any) -> bool:
@@ -125,4 +164,5 @@ FORMAT = Format(
     starts=(b"MDF     ", b"UnFinMF "),
     needs=Library("asammdf", "MDF4", "mdf"),
     crashes="the MDF library",
+    databases=True,
 )

@@ -7,7 +7,7 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from cylinder_friction.recordings.formats.cells import plain_values, text_objects
+from cylinder_friction.recordings.formats.cells import plain_values, states_zone, text_objects
 from cylinder_friction.recordings.formats.format import Format
 from cylinder_friction.recordings.formats.logged_table import (
     PLACES,
@@ -78,7 +78,8 @@ def _table(file: Any, table: Any, wanted: Collection[str] | None) -> LoggedTable
     units = {_name(each): unit for each in fields if not pa.types.is_nested(each.type) and (unit := _unit(each))}
     columns = [(_name(each), _values(column)) for each, column in zip(table.schema, table.columns, strict=True)]
     unread = tuple(_name(each) for each in fields if not _is_read(each, wanted))
-    return LoggedTable(named_columns(columns if len(unread) < len(fields) else []), units, unread=unread)
+    utc = any(states_zone(column) for column in table.columns if pa.types.is_timestamp(column.type))
+    return LoggedTable(named_columns(columns if len(unread) < len(fields) else []), units, unread=unread, utc=utc)
 
 
 def _is_row_number(field: Any) -> bool:

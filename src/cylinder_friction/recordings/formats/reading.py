@@ -18,7 +18,12 @@ MOST_WHOLE = 2 * 10**9
 
 
 def read_logged_file(
-    path: Path, file_format: str = "auto", csv: CsvOptions = AUTOMATIC, wanted: Collection[str] | None = None
+    path: Path,
+    file_format: str = "auto",
+    csv: CsvOptions = AUTOMATIC,
+    wanted: Collection[str] | None = None,
+    *,
+    database: Path | None = None,
 ) -> list[LoggedTable]:
     """Return what a logger's file holds, one table for channels that share their rows.
 
@@ -26,6 +31,7 @@ def read_logged_file(
         file_format: One of ``registry.SETTINGS``, or ``auto`` to go by the content.
         csv: How text is to be read; by default everything is found out.
         wanted: Names of the channels to load; the others are only named, as ``unread``. None loads all.
+        database: Of a bus (DBC), with which the frames in a measurement file are decoded.
 
     Raises:
         RecordingError: The file cannot be opened or read, is damaged, or holds no channels with rows.
@@ -33,8 +39,13 @@ def read_logged_file(
     """
     found = format_of(path, file_format)
     found.refuse_missing_library()
+    if database is not None and not (found.databases and database.is_file()):
+        raise RecordingError(
+            f"database {database}: "
+            + ("no such file" if found.databases else f"is for an MDF file of bus frames, not for {found.what}")
+        )
     if found.crashes:
-        tables = read_isolated(path, found, wanted)
+        tables = read_isolated(path, found, wanted, database)
     else:
         source = open_source(path)
         with guarded(found.what):
@@ -50,6 +61,8 @@ def open_logged_file(
     file_format: str = "auto",
     csv: CsvOptions = AUTOMATIC,
     wanted: Collection[str] | None = None,
+    *,
+    database: Path | None = None,
 ) -> LongTable | list[LoggedTable]:
     """Return what ``read_logged_file`` does, or one table of more rows than these, to be read in parts of so many.
 
@@ -57,7 +70,7 @@ def open_logged_file(
     read whole. Other arguments and errors are those of ``read_logged_file``.
     """
     if rows is None:
-        return read_logged_file(path, file_format, csv, wanted)
+        return read_logged_file(path, file_format, csv, wanted, database=database)
     found, size = format_of(path, file_format), path.stat().st_size
     if found.read_long is None and size > MOST_WHOLE:
         raise RecordingError(
@@ -70,7 +83,7 @@ def open_logged_file(
         if table is not None:
             guard = partial(_guarded, what=found.what)
             return replace(table, chunks=partial(guard, table.chunks), spread=partial(guard, table.spread))
-    tables = read_logged_file(path, file_format, csv, wanted)
+    tables = read_logged_file(path, file_format, csv, wanted, database=database)
     return _sliced(tables[0], rows) if len(tables) == 1 and len(tables[0].channels) > rows else tables
 
 

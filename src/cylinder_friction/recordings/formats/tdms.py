@@ -12,6 +12,7 @@ from cylinder_friction.recordings.formats.format import Format, Library
 from cylinder_friction.recordings.formats.logged_table import Channel, LoggedTable, numeric, table_of
 from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.start import Start
 
 
 def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
@@ -28,7 +29,8 @@ def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[Logged
         first = min((start for start in starts if start is not None), default=None)
         tables = [table for group in file.groups() for table in _tables(group, wanted, first, source.size)]
         cut = _cut_off(file)
-    return [replace(table, notes=(*table.notes, *cut)) for table in tables]
+    start = None if first is None else Start(first, utc=True, source="wf_start_time")
+    return [replace(table, notes=(*table.notes, *cut), start=start, utc=True) for table in tables]
 
 
 def _cut_off(file: Any) -> list[str]:

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.cells import is_value, split_cells
 from cylinder_friction.recordings.formats.logged_table import RISING_SHARE, LoggedTable, named_columns
+from cylinder_friction.recordings.start import FILETIME_OF_1970
 
 _FILETIME = (1.16e17, 1.7e17)
 """Ticks of 100 ns since 1601 that stand for the years 1969 to 2139: Windows' FILETIME."""
-_FILETIME_1970 = 116_444_736_000_000_000
 
 Column = tuple[str, NDArray[Any]]
 
@@ -57,7 +57,7 @@ def dated(values: NDArray[Any]) -> NDArray[Any] | None:
     if not finite.any() or not ((values[finite] > _FILETIME[0]) & (values[finite] < _FILETIME[1])).all():
         return None
     stamps = np.full(len(values), np.datetime64("NaT"), dtype="datetime64[ns]")
-    ticks = values[finite].astype(np.int64) - _FILETIME_1970
+    ticks = values[finite].astype(np.int64) - FILETIME_OF_1970
     stamps[finite] = (100 * ticks).astype("datetime64[ns]")
     return stamps
 

@@ -4,6 +4,7 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import date
 from typing import Any, Self, get_args
 
 import numpy as np
@@ -34,6 +35,8 @@ class SensorScale:
     zero_uncertainty: float | None = None
     # How late its signal is, for example by the filter of its amplifier [s]; taken off its time stamps
     delay_s: float = 0.0
+    serial: str = ""  # Serial number
+    calibrated: str = ""  # Day of its last calibration, 2026-03-27
 
     def __post_init__(self) -> None:
         for name in ("range", "signal"):
@@ -46,6 +49,11 @@ class SensorScale:
         expect(known, "sensor: accuracy_percent", "0 to 100 (of full scale)", accuracy)
         expect(zero is None or 0.0 <= zero < math.inf, "sensor: zero_uncertainty", "zero or a positive number", zero)
         expect(0.0 <= self.delay_s < math.inf, "sensor: delay_s", "zero or a positive number", self.delay_s)
+        if self.calibrated:
+            try:
+                date.fromisoformat(self.calibrated)
+            except ValueError:
+                expect(False, "sensor: calibrated", "a day such as 2026-03-27", self.calibrated)
         if zero is not None and accuracy is None:
             raise RecordingError("sensor: zero_uncertainty needs accuracy_percent beside it, which holds for the span")
 
@@ -53,7 +61,14 @@ class SensorScale:
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
         """Return the sensor of a dictionary, for example out of YAML, where pairs are lists."""
         pairs = {key: tuple(values[key]) for key in ("range", "signal") if values.get(key) is not None}
-        return cls(**{**values, **pairs})
+        texts = {key: str(values[key]) for key in ("serial", "calibrated") if values.get(key) is not None}
+        return cls(**{**values, **pairs, **texts})
+
+    @property
+    def identity(self) -> dict[str, str]:
+        """Serial number and day of calibration, as far as they are stated."""
+        stated = {"serial": self.serial, "calibrated": self.calibrated}
+        return {name: value for name, value in stated.items() if value}
 
     @property
     def full_scale(self) -> float:

@@ -17,11 +17,13 @@ from cylinder_friction.recordings.mapping import units
 from cylinder_friction.recordings.mapping.channel_facts import clocks_of
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.recording import RecordingError, Signal
-from cylinder_friction.recordings.timeline.timestamps import stamps_to_seconds
+from cylinder_friction.recordings.start import Start
+from cylinder_friction.recordings.timeline.timestamps import stamps_to_datetimes, stamps_to_seconds
 
 RATE_AGREES = 0.05  # a stated rate may be off that of a time channel by this share: stamps are rounded, samples lost
 TIME_UNITS_S = (1.0, 1e-3, 1e-6, 1e-7, 1e-9)  # what a time channel without a unit may count in [s]
 ENDS_TOGETHER = 0.95  # columns that end within this share of their rows are of one rate
+SINCE_1970_S = (9.4e8, 4.1e9)  # seconds that stand for a time between the years 2000 and 2100
 FEWEST_ROWS = 10  # in fewer no rate shows
 MOST_TIMES_SLOWER = 20  # an end at a smaller share of the rows may be chance
 MOST_NAMES = 40  # channels that a message lists; a measurement file may have thousands
@@ -100,6 +102,7 @@ class MappedFile(NamedTuple):
     # By column, in its own unit; those of one table share their time stamps, the same object
     signals: dict[str, Signal]
     notes: tuple[str, ...]  # What the reader repaired and what stays unknown, one sentence each
+    start: Start | None = None  # When its clock was at 0 s
 
 
 class _Clock(NamedTuple):
@@ -137,7 +140,23 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
         signals[column] = Signal(time_s, source.column_values(raw, column))
     _refuse_two_ends(signals, mapping)
     notes += take_delays(signals, mapping)
-    return MappedFile(signals, tuple(notes))
+    return MappedFile(signals, tuple(notes), _start(tables, stamps))
+
+
+def _start(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Array]) -> Start | None:
+    """Return when the clock of a file was at 0 s: as its time stamps state it, else as it states it beside its rows."""
+    for clock, time_s in stamps.items():
+        table = tables[clock.table]
+        raw = table.channels[clock.channel] if clock.channel else None
+        if raw is not None and pd.api.types.is_datetime64_any_dtype(raw.dtype) and (known := np.isfinite(time_s)).any():
+            row = int(known.argmax())
+            utc = table.utc or isinstance(raw.dtype, pd.DatetimeTZDtype)
+            at = stamps_to_datetimes(raw.iloc[row : row + 1])[0]
+            return Start(at, utc, f"time stamps of {clock.channel!r}", dated_rows=True).after(-float(time_s[row]))
+        if len(time_s) and SINCE_1970_S[0] < time_s[0] < SINCE_1970_S[1]:
+            counted = f"{clock.channel!r}, which counts from 1970"
+            return Start(np.datetime64(0, "ns"), utc=True, source=counted, dated_rows=True)
+    return next((tables[clock.table].start for clock in stamps if tables[clock.table].start is not None), None)
 
 
 def take_delays(signals: dict[str, Signal], mapping: Mapping[str, ChannelMapping]) -> list[str]:

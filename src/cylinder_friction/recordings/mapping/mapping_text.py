@@ -2,6 +2,7 @@
 
 import glob
 import re
+from pathlib import Path
 
 import yaml
 
@@ -27,20 +28,24 @@ pattern: {pattern}
 # guess: the name of the file is the session, what comes before its first _ the condition.
 name_pattern: {name_pattern}
 name_table: null
-channels:
+{database}channels:
 {channels}
 """
 """What cannot be guessed. The lines in place of ``{channels}`` are indented by two blanks."""
 
 
-def mapping_yaml(guess: GuessedMapping) -> str:
-    """Return the text of ``conf/ingest/<name>.yaml``, with the file's folder as the source."""
+def mapping_yaml(guess: GuessedMapping, database: Path | None = None) -> str:
+    """Return the text of ``conf/ingest/<name>.yaml``, with the file's folder as the source.
+
+    ``database`` (DBC) is that of the bus whose frames the file holds.
+    """
     suffix = _suffix(guess.path.name)
     filled = {
         "file": in_comment(guess.path.name),
         "source": quoted(guess.path.parent.as_posix()),
         "pattern": quoted(f"**/*{glob.escape(suffix)}"),
         "name_pattern": quoted(rf"(?P<session>(?P<condition>[^/]+?)(?:_[^/]*)?){re.escape(suffix)}$"),
+        "database": "" if database is None else f"database: {quoted(database.as_posix())}\n",
         "channels": "\n".join(f"  {line}" for line in channel_lines(guess)),
     }
     return re.sub(r"\{(\w+)\}", lambda match: filled[match[1]], TEMPLATE)

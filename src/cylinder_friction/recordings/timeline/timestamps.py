@@ -62,8 +62,6 @@ def stamps_to_seconds(stamps: pd.Series[Any] | NDArray[Any], origin: pd.Timestam
         origin: The date that is 0 s, by default the first stamp.
     """
     series = pd.Series(stamps, copy=False)
-    if isinstance(series.dtype, pd.DatetimeTZDtype):
-        series = series.dt.tz_convert(None)  # now in UTC
     if not pd.api.types.is_datetime64_any_dtype(series.dtype):
         if pd.api.types.is_numeric_dtype(series.dtype):
             return series.to_numpy(dtype=np.float64, na_value=np.nan)
@@ -71,7 +69,7 @@ def stamps_to_seconds(stamps: pd.Series[Any] | NDArray[Any], origin: pd.Timestam
             f"time stamps are of type {series.dtype} (first: {series.iloc[0] if len(series) else None!r}), expected "
             "numbers or dates; check the time channel and its unit or date format in the mapping"
         )
-    dates = series.to_numpy(dtype="datetime64[ns]")
+    dates = stamps_to_datetimes(series)
     missing = np.isnat(dates)
     if missing.all():
         return np.full(len(dates), np.nan)
@@ -82,6 +80,12 @@ def stamps_to_seconds(stamps: pd.Series[Any] | NDArray[Any], origin: pd.Timestam
     seconds: Array = (dates - start).astype(np.int64) / 1e9
     seconds[missing] = np.nan
     return seconds
+
+
+def stamps_to_datetimes(dates: pd.Series[Any]) -> NDArray[np.datetime64]:
+    """Return dates as ``datetime64[ns]``, in UTC where they have a time zone."""
+    plain = dates.dt.tz_convert(None) if isinstance(dates.dtype, pd.DatetimeTZDtype) else dates
+    return plain.to_numpy(dtype="datetime64[ns]")
 
 
 def whole_hertz(rate_hz: float, uncertainty: float = 0.0) -> float:

@@ -1,0 +1,108 @@
+"""Where a position sensor cannot be right: it jumps, holds its value while the piston moves on, or is disturbed.
+
+A piston has mass: from one sample to the next its velocity changes little. What changes more is the sensor's doing. It
+becomes missing samples, so that what lies on either side is used. ``screening`` takes single spikes out before.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cylinder_friction.arrays import Array
+from cylinder_friction.recordings.columns import POSITION
+from cylinder_friction.recordings.recording import Signal
+
+NOISE, STROKES = 12.0, 2e-3
+"""A second difference is a fault from so many times the usual one, and from this share of the stroke."""
+TOGETHER_S = 0.3
+"""Faults closer to each other than this are one."""
+LINE_S = 0.1
+"""A jump's height is that between straight lines over this long on either side."""
+FEWEST_HELD, FEWEST_LOST = 5, 3
+"""So many equal values before a jump are a held value; a jump loses so many samples, which splits the recording."""
+
+
+@dataclass(frozen=True)
+class PositionFault:
+    """One fault of a position sensor."""
+
+    # First row that is not to be used, and the one behind the last
+    begin: int
+    end: int
+    words: str  # What it is, with times
+
+
+def without_position_faults(signals: dict[str, Signal], stroke_m: float) -> tuple[dict[str, Signal], tuple[str, ...]]:
+    """Return the signals without the rows at which the position is faulty, and one sentence on each fault."""
+    signal = signals.get(POSITION)
+    if signal is None:
+        return signals, ()
+    faults = position_faults(signal.values, signal.time_s, stroke_m)
+    if not faults:
+        return signals, ()
+    values = signal.values.copy()
+    for fault in faults:
+        values[fault.begin : fault.end] = np.nan
+    changed: Mapping[str, Signal] = {POSITION: replace(signal, values=values)}
+    return signals | dict(changed), tuple(fault.words for fault in faults)
+
+
+def position_faults(position_m: Array, time_s: Array, stroke_m: float) -> list[PositionFault]:
+    """Return the faults of a position in order of time; missing samples are skipped.
+
+    Args:
+        position_m, time_s: As logged, shape ``(n,)``.
+        stroke_m: Of the cylinder [m].
+    """
+    rows = np.flatnonzero(np.isfinite(position_m) & np.isfinite(time_s))
+    if len(rows) < 4 * FEWEST_HELD:
+        return []
+    x_m, at_s = position_m[rows], time_s[rows]
+    steps_s = np.diff(at_s)
+    step_s = float(np.median(steps_s))
+    even = np.abs(steps_s - step_s) < 0.5 * step_s
+    bend_m = np.where(even[1:] & even[:-1], np.abs(x_m[2:] - 2.0 * x_m[1:-1] + x_m[:-2]), 0.0)
+    usual_m = float(np.quantile(bend_m[:: max(1, len(bend_m) // 4096)], 0.95))
+    found = np.flatnonzero(bend_m > max(NOISE * usual_m, STROKES * stroke_m)) + 1
+    if not len(found):
+        return []
+    groups = np.split(found, np.flatnonzero(np.diff(at_s[found]) > TOGETHER_S) + 1)
+    line = max(3, round(LINE_S / step_s))
+    faults = [_fault(x_m, at_s, int(group[0]), int(group[-1]), line, stroke_m) for group in groups]
+    return [replace(each, begin=int(rows[each.begin]), end=int(rows[each.end - 1]) + 1) for each in faults]
+
+
+def _fault(x_m: Array, at_s: Array, first: int, last: int, line: int, stroke_m: float) -> PositionFault:
+    """Return the fault that second differences from row ``first`` to ``last`` show."""
+    held = first
+    while held > 0 and x_m[held - 1] == x_m[first]:
+        held -= 1
+    if first - held >= FEWEST_HELD and abs(x_m[last + 1 if last < len(x_m) - 1 else last] - x_m[first]) > 0.0:
+        words = (
+            f"holds {1e3 * x_m[first]:.4g} mm from {at_s[held]:.2f} to {at_s[first]:.2f} s while the piston moves on"
+        )
+        return PositionFault(held + 1, max(last, first + 1), f"{POSITION} {words}; left out")
+    height_m = _height(x_m, at_s, first, last, line)
+    if last - first <= FEWEST_LOST and abs(height_m) > 0.5 * STROKES * stroke_m:
+        words = (
+            f"{POSITION} jumps by {1e3 * height_m:+.3g} mm at {at_s[first]:.2f} s; split there, and on one side it is "
+            "wrong by as much: check the sensor and whether it was exchanged"
+        )
+        return PositionFault(first, min(first + FEWEST_LOST, len(x_m)), words)
+    words = f"{POSITION} is disturbed from {at_s[first]:.2f} to {at_s[last]:.2f} s; left out"
+    return PositionFault(first, max(last + 1, min(first + FEWEST_LOST, len(x_m))), words)
+
+
+def _height(x_m: Array, at_s: Array, first: int, last: int, line: int) -> float:
+    """Return how much higher the line behind a fault is than that before it, in its middle [m]."""
+    middle_s = 0.5 * (at_s[first] + at_s[last])
+    sides = slice(max(0, first - line), first), slice(last + 1, last + 1 + line)
+    levels = []
+    for side in sides:
+        if len(x_m[side]) < 2:
+            return 0.0
+        levels.append(float(np.polyval(np.polyfit(at_s[side] - middle_s, x_m[side], 1), 0.0)))
+    return levels[1] - levels[0]

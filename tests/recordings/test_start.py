@@ -1,0 +1,118 @@
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.recordings.ingesting import convert_in_parts
+from cylinder_friction.recordings.long_logs import LongRecording
+from cylinder_friction.recordings.reading_logs import find_logs
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.start import Start, start_in_header
+from logger_files import CHANNELS, made_log
+
+
+@pytest.mark.parametrize(
+    ("lines", "text"),
+    [
+        (["Starttime of export\t133898780827320000\tonsdag"], "2025-04-23T10:34:42.732Z"),
+        (["Date\t2025/04/23", "Time\t10:14:03.1234567"], "2025-04-23T10:14:03.123"),
+        (["Datum:\t27.03.2026", "Uhrzeit:\t08:15:00,5"], "2026-03-27T08:15:00.500"),
+        (["# Start time: 2026-03-27T10:15:00+01:00"], "2026-03-27T09:15:00.000Z"),
+        (["Recording start = 2026-03-27 10:15:00 UTC"], "2026-03-27T10:15:00.000Z"),
+        (["Messbeginn\t27.03.2026"], "2026-03-27"),
+    ],
+)
+def test_a_header_states_the_start(lines: list[str], text: str) -> None:
+    start = start_in_header(lines, "\t")
+    assert start is not None
+    assert start.text() == text
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ["Date: 02/03/2026"],  # the day or the month first
+        ["Date: 2026-02-31"],
+        ["Calibration date: 2024-01-01", "Sample time: 0.005"],
+        ["Time [s]\tP1 [bar]", "time\t2026"],
+        [],
+    ],
+)
+def test_a_header_without_a_start_gives_none(lines: list[str]) -> None:
+    assert start_in_header(lines, "\t") is None
+
+
+def test_a_day_stays_a_day() -> None:
+    assert Start(np.datetime64("2026-03-27"), utc=False, source="file name").after(90.0).text() == "2026-03-27"
+    start = Start(np.datetime64("2026-03-27T23:59:59", "ns"), utc=True, source="header")
+    assert start.after(1.5).text() == "2026-03-28T00:00:00.500Z"
+
+
+BEGIN = pd.Timestamp("2026-03-27T09:15:00Z")
+
+
+def dated(log: pd.DataFrame, zone: str | None) -> pd.DataFrame:
+    stamps = BEGIN + pd.to_timedelta(log["t"], unit="s")
+    return log.assign(t=stamps if zone == "UTC" else stamps.dt.tz_localize(None))
+
+
+def with_header(log: pd.DataFrame) -> str:
+    return "Starttime of export,134190765000000000,fredag\n\n" + log.assign(t=log["t"] + 5.0).to_csv(index=False)
+
+
+LOGS: dict[str, tuple[Callable[[pd.DataFrame, Path], Any], dict[str, Any], str, str]] = {
+    "dates in UTC": (
+        lambda log, path: dated(log, "UTC").to_csv(path, index=False, date_format="%Y-%m-%dT%H:%M:%S.%fZ"),
+        {},
+        "2026-03-27T09:15:00.000Z",
+        "time stamps of 't'",
+    ),
+    "dates without a zone": (
+        lambda log, path: dated(log, None).to_csv(path, index=False, date_format="%d.%m.%Y %H:%M:%S.%f"),
+        {},
+        "2026-03-27T09:15:00.000",
+        "time stamps of 't'",
+    ),
+    "dates of a stated zone": (
+        lambda log, path: dated(log, None).to_csv(path, index=False, date_format="%d.%m.%Y %H:%M:%S.%f"),
+        {"zone": "Europe/Oslo"},
+        "2026-03-27T08:15:00.000Z",
+        "time stamps of 't', Europe/Oslo",
+    ),
+    "Parquet": (
+        lambda log, path: dated(log, "UTC").to_parquet(path),
+        {},
+        "2026-03-27T09:15:00.000Z",
+        "time stamps of 't'",
+    ),
+    "seconds since 1970": (
+        lambda log, path: log.assign(t=log["t"] + BEGIN.timestamp()).to_csv(path, index=False),
+        {},
+        "2026-03-27T09:15:00.000Z",
+        "'t', which counts from 1970",
+    ),
+    "a header, rows from 5 s on": (
+        lambda log, path: path.write_text(with_header(log)),
+        {},
+        "2026-03-27T09:15:05.000Z",
+        "FILETIME of the header",
+    ),
+    "nothing": (lambda log, path: log.to_csv(path, index=False), {}, "", ""),
+}
+
+
+@pytest.mark.parametrize("rows", [None, 1000])
+@pytest.mark.parametrize("kind", LOGS)
+def test_a_recording_knows_when_it_was_made(tmp_path: Path, cylinder: Cylinder, kind: str, rows: int | None) -> None:
+    write, rules, text, source = LOGS[kind]
+    write(made_log(4000), tmp_path / "log")
+    time = {"channel": "t"} | ({} if "dates" in kind or kind == "Parquet" else {"unit": "s"})
+    logs = find_logs(tmp_path / "log", {"channels": CHANNELS | {"time_s": time}, "start": rules}, cylinder)
+    (recording,) = convert_in_parts(logs.files, logs.recipe, tmp_path / "parts", rows)
+    assert isinstance(recording, LongRecording if rows else Recording), recording
+    assert recording.metadata.start == text
+    assert recording.metadata.start_source == source
