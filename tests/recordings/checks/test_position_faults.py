@@ -11,10 +11,11 @@ import pytest
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.checks.position_faults import position_faults
+from cylinder_friction.recordings.checks.position_faults import position_faults, without_position_faults
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.ingesting import convert_in_parts
 from cylinder_friction.recordings.reading_logs import find_logs
+from cylinder_friction.recordings.recording import Signal
 from logger_files import CHANNELS, made_log
 
 CRANE = Path(__file__).parents[3] / "../shared/data/crane/scope"
@@ -73,6 +74,33 @@ def test_a_fault_is_named_and_the_rest_is_used(
     repairs = " | ".join(first.metadata.repairs)  # type: ignore[union-attr]
     assert re.search(words, repairs), repairs
     assert len(first) + len(second) > 7600  # type: ignore[arg-type]
+
+
+def test_single_samples_that_are_off_split_nothing(tmp_path: Path, cylinder: Cylinder) -> None:
+    log = made_log(8000)
+    rows = np.array([2000, 2600, 2601, 3300, 4000, 5500])
+    log.loc[rows, "x"] += np.array([3.0, -3.0, -3.0, 3.0, -3.0, 3.0])  # below what a spike of the screening is [mm]
+    faults = position_faults(log["x"].to_numpy() / 1e3, log["t"].to_numpy(), 0.25)
+    assert np.concatenate([np.arange(each.begin, each.end) for each in faults]).tolist() == rows.tolist()
+    log.to_csv(tmp_path / "log.csv", index=False)
+    logs = find_logs(tmp_path / "log.csv", CHANNELS, cylinder)
+    (whole,) = convert_in_parts(logs.files, logs.recipe, tmp_path / "parts", None)
+    assert not isinstance(whole, Exception)
+    assert len(whole) == 8000  # type: ignore[arg-type]
+    repairs = " | ".join(whole.metadata.repairs)  # type: ignore[union-attr]
+    # The screening has taken the one at the end of a stroke.
+    assert "position_m: 5 single samples that no piston can follow left out (first at 10.00 s)" in repairs
+
+
+def test_a_sensor_with_many_faults_is_described_in_few_sentences() -> None:
+    log = made_log(8000)
+    x = log["x"].to_numpy() / 1e3
+    for row in range(500, 7500, 500):
+        x = lost(x, row, 5)
+    signals = {"position_m": Signal(log["t"].to_numpy(), x)}
+    _, sentences = without_position_faults(signals, 0.25)
+    assert len(sentences) == 6
+    assert sentences[-1] == "position_m: 9 more faults, the last at 34.99 s; left out"
 
 
 def test_a_sound_position_has_no_fault() -> None:

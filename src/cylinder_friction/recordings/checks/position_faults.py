@@ -23,6 +23,8 @@ LINE_S = 0.1
 """A jump's height is that between straight lines over this long on either side."""
 FEWEST_HELD, FEWEST_LOST = 5, 3
 """So many equal values before a jump are a held value; a jump loses so many samples, which splits the recording."""
+MOST_SINGLE, MOST_SENTENCES = 2, 5
+"""At most so many samples between others that fit each other are lost by themselves; so many faults are named."""
 
 
 @dataclass(frozen=True)
@@ -32,11 +34,11 @@ class PositionFault:
     # First row that is not to be used, and the one behind the last
     begin: int
     end: int
-    words: str  # What it is, with times
+    words: str  # What it is, with times; empty for single samples
 
 
 def without_position_faults(signals: dict[str, Signal], stroke_m: float) -> tuple[dict[str, Signal], tuple[str, ...]]:
-    """Return the signals without the rows at which the position is faulty, and one sentence on each fault."""
+    """Return the signals without the rows at which the position is faulty, and sentences on the faults."""
     signal = signals.get(POSITION)
     if signal is None:
         return signals, ()
@@ -47,7 +49,19 @@ def without_position_faults(signals: dict[str, Signal], stroke_m: float) -> tupl
     for fault in faults:
         values[fault.begin : fault.end] = np.nan
     changed: Mapping[str, Signal] = {POSITION: replace(signal, values=values)}
-    return signals | dict(changed), tuple(fault.words for fault in faults)
+    return signals | dict(changed), _sentences(faults, signal.time_s)
+
+
+def _sentences(faults: list[PositionFault], time_s: Array) -> tuple[str, ...]:
+    """Return one sentence on each of the first faults, one on those after them, and one on all single samples."""
+    named, single = [each for each in faults if each.words], [each for each in faults if not each.words]
+    words = [each.words for each in named[:MOST_SENTENCES]]
+    if more := named[MOST_SENTENCES:]:
+        words.append(f"{POSITION}: {len(more)} more faults, the last at {time_s[more[-1].begin]:.2f} s; left out")
+    if single:
+        rows, first_s = sum(each.end - each.begin for each in single), time_s[single[0].begin]
+        words.append(f"{POSITION}: {rows} single samples that no piston can follow left out (first at {first_s:.2f} s)")
+    return tuple(words)
 
 
 def position_faults(position_m: Array, time_s: Array, stroke_m: float) -> list[PositionFault]:
@@ -66,13 +80,32 @@ def position_faults(position_m: Array, time_s: Array, stroke_m: float) -> list[P
     even = np.abs(steps_s - step_s) < 0.5 * step_s
     bend_m = np.where(even[1:] & even[:-1], np.abs(x_m[2:] - 2.0 * x_m[1:-1] + x_m[:-2]), 0.0)
     usual_m = float(np.quantile(bend_m[:: max(1, len(bend_m) // 4096)], 0.95))
-    found = np.flatnonzero(bend_m > max(NOISE * usual_m, STROKES * stroke_m)) + 1
+    most_m = max(NOISE * usual_m, STROKES * stroke_m)
+    found = np.flatnonzero(bend_m > most_m) + 1
     if not len(found):
         return []
     groups = np.split(found, np.flatnonzero(np.diff(at_s[found]) > TOGETHER_S) + 1)
     line = max(3, round(LINE_S / step_s))
-    faults = [_fault(x_m, at_s, int(group[0]), int(group[-1]), line, stroke_m) for group in groups]
+    ends = [(int(group[0]), int(group[-1])) for group in groups]
+    faults = [_single(x_m, *each, most_m) or _fault(x_m, at_s, *each, line, stroke_m) for each in ends]
     return [replace(each, begin=int(rows[each.begin]), end=int(rows[each.end - 1]) + 1) for each in faults]
+
+
+def _single(x_m: Array, first: int, last: int, most_m: float) -> PositionFault | None:
+    """Return the one or two samples between ``first`` and ``last`` without which those around them fit each other."""
+    for count in range(1, MOST_SINGLE + 1):
+        begins = np.arange(max(2, last - count), min(first + 1, len(x_m) - count - 2) + 1)
+        if last - first > count + 1 or not len(begins):
+            continue
+        before_m, behind_m = x_m[begins - 1], x_m[begins + count]
+        across_m = (behind_m - before_m) / (count + 1)
+        bend_m = np.maximum(
+            np.abs(across_m - before_m + x_m[begins - 2]), np.abs(x_m[begins + count + 1] - behind_m - across_m)
+        )
+        best = int(np.argmin(bend_m))
+        if bend_m[best] <= most_m:
+            return PositionFault(int(begins[best]), int(begins[best]) + count, "")
+    return None
 
 
 def _fault(x_m: Array, at_s: Array, first: int, last: int, line: int, stroke_m: float) -> PositionFault:
