@@ -54,6 +54,14 @@ def test_a_result_never_overwrites_a_file_that_no_run_wrote(tmp_path: Path) -> N
     assert (out / "b").read_text() == "mine"
 
 
+def test_a_name_that_cannot_be_listed_leaves_nothing_that_blocks_the_next_run(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    with pytest.raises(FileExistsError, match=r"cannot be the name of a result; rename its input"):
+        write(out, "back\\slash")
+    assert names(tmp_path) == []
+    write(out, "a")
+
+
 @pytest.mark.parametrize(
     ("content", "expected"),
     [

@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
+from unicodedata import category
 
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -61,8 +62,14 @@ class NameRules:
         """Return what is known of a file, by its path relative to the source, with ``/``.
 
         Raises:
-            RecordingError: The pattern does not match, the table has no line for it, or more than one glob fits it.
+            RecordingError: The pattern does not match, the table has no line for it, more than one glob fits it, or
+                other systems cannot have a file of this name.
         """
+        if "\\" in relative_path or {"Cc", "Cs"} & set(map(category, relative_path)):
+            raise RecordingError(
+                f"path {relative_path!r} holds a backslash, a control character or bytes that are not UTF-8; rename "
+                "the file"
+            )
         name = name_of(relative_path)
         if self._compiled is not None:
             match = _search(self._compiled, relative_path)

@@ -95,6 +95,8 @@ class ResultFolder:
                     f"{self.folder / name}: is in the place of a result, but no earlier run wrote it; move it away, or "
                     "name a new folder"
                 )
+        if wrong := _outside(self.folder, new):
+            raise FileExistsError(f"{self.folder}: {wrong[0]!r} cannot be the name of a result; rename its input")
         content |= {"written_by": self.written_by, "files": sorted({*new, *kept})}
         write_json(draft / PLAN, {"new": new, "old": old, "content": content})
 
