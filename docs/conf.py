@@ -5,6 +5,8 @@ import warnings
 from importlib.metadata import version as installed_version
 from pathlib import Path
 
+from sphinx.application import Sphinx
+
 ROOT = Path(__file__).parent.parent
 os.environ["TQDM_DISABLE"] = "1"  # progress bars are no output of a tutorial
 for category in (RuntimeWarning, UserWarning):
@@ -43,3 +45,8 @@ sphinx_gallery_conf = {
     "show_signature": False,
     "write_computation_times": False,
 }
+
+
+def setup(app: Sphinx) -> None:
+    """Read the page of commands anew each time: Sphinx does not see the parser that it is made from."""
+    app.connect("env-get-outdated", lambda *_: ["commands"])

@@ -1,6 +1,6 @@
 """
-On a cluster
-============
+Two workers, one killed
+=======================
 
 The same project on one process and on two Dask workers, of which one is killed in
 the middle: the same bytes. The guide is :doc:`../cluster`.

@@ -1,6 +1,6 @@
 """
-A team
-======
+Two people, one server
+======================
 
 Two people, one MLflow server with logins, one store of data: what the one has run,
 the other pulls, and nothing runs twice. The server keeps its runs in SQLite and the

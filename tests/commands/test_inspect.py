@@ -187,4 +187,4 @@ def test_without_a_project_logs_are_inspected_as_estimate_reads_them(
     assert main(["inspect", "swapped.csv", "--cylinder", CYLINDER, "--channels", "press.yaml"]) == 1
     assert "the pressures are swapped" in capsys.readouterr().out
     assert main(["inspect", "press.csv", "ingest=own", "--cylinder", CYLINDER]) == 1
-    assert "expected overrides such as 'ingest=own' in a project alone" in capsys.readouterr().err
+    assert "overrides such as 'ingest=own' are for a project" in capsys.readouterr().err

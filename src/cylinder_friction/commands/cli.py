@@ -17,25 +17,25 @@ COMMANDS = {
     "code": "write code.yaml, the hashes of the code that the stages run (dvc.yaml calls this)",
     "params": "compose conf/ into params.yaml, with Hydra overrides",
     "check": "check params.yaml",
-    "ingest": "ingest init FILE: write a first mapping for a logger's file",
-    "estimate": "friction from a logger's files: a file per recording and a page",
-    "identify": "friction models from a logger's files: Stribeck curve, LuGre, files for Modelica and MATLAB",
-    "inspect": "check a logger's file or a folder of them, and draw a page",
+    "ingest": "write a first mapping for a logger's file: ingest init FILE",
+    "estimate": "estimate friction from log files: a result per recording and a page",
+    "identify": "identify friction models from log files: Stribeck curve, LuGre, files for Modelica and MATLAB",
+    "inspect": "check log files and draw a page",
     "track": "log every finished stage to MLflow, without duplicates",
-    "summary": "print the comparison table and where things lie",
+    "summary": "print the comparison table and where its files are",
     "readme": "put the latest table and picture into README.md",
-    "lineage": "print and check the way back from a model to its data",
-    "rollback": "make the previous champion the champion again, or any version with --to",
+    "lineage": "print and check where a model came from",
+    "rollback": "make the previous champion, or the version --to, the champion",
     "ui": "open the MLflow UI on the runs",
     "serve": "serve the champion and print a curl to try",
-    "live": "friction of many cylinders in real time, with a page; --replay LOGS to try it",
-    "switch": "let a running live service change to another model, watch it beside the present one, or go back",
-    "golden": "the trajectories that every real-time runtime must meet",
-    "export": "write a trained estimator in another form, for use elsewhere",
-    "latency": "measure the cost of one step in every runtime on this machine",
+    "live": "estimate friction of many cylinders in real time, with a page; try it with --replay LOGS",
+    "switch": "change the model of a running live service, run another beside it, or go back",
+    "golden": "train, record or check the trajectories that every real-time runtime must meet",
+    "export": "export a trained estimator to C, ONNX or an FMU",
+    "latency": "measure one step in every runtime on this machine",
 }
 COMPLETION, SHELLS = "--print-completion", ("bash", "zsh", "tcsh")
-COMPLETION_HELP = "print the completion script of a shell, to be kept in a file"
+COMPLETION_HELP = "print the completion script of a shell"
 EXTRAS = {
     "live": "live",
     "switch": "live",
@@ -44,7 +44,7 @@ EXTRAS = {
     **dict.fromkeys(("stage", "params", "track", "lineage", "rollback"), "pipeline"),
 }
 """Command to the extra that brings all it needs; the others need the core."""
-LOOK = "look whether the path is the one that was meant"
+LOOK = "check the path"
 ADVICE = {
     **dict.fromkeys((errno.EROFS, errno.EACCES, errno.EPERM), "choose a place where you may read and write"),
     **dict.fromkeys((errno.ENOSPC, errno.EDQUOT), "make room, then run the same command again"),

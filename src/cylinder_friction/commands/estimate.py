@@ -33,13 +33,13 @@ Result = TypeVar("Result")
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_log_arguments(parser, "friction")
     parser.add_argument(
-        "--model", help="a saved estimator's folder, or models:/NAME@ALIAS; without: the off-line label"
+        "--model", help="folder of a saved estimator, or models:/NAME@ALIAS; default: none, the off-line label"
     )
-    words = "use a model that was trained for a cylinder of other areas; without: refused"
+    words = "use a model that was trained for another cylinder, which is refused otherwise"
     parser.add_argument("--other-cylinder", action="store_true", help=words)
-    words = f"processes that work side by side; without: one per core, for {FEW_FILES} logs or more"
+    words = f"number of processes; default: one per core for {FEW_FILES} logs or more, else one"
     parser.add_argument("--workers", type=int, metavar="N", help=words)
-    words = "of the results; mdf: what was measured, as it was measured, and beside it the results; default: parquet"
+    words = "format of the results; mdf: an MDF 4 file with the log's channels and the results; default: parquet"
     parser.add_argument("--format", choices=("parquet", "csv", "mdf"), default="parquet", help=words)
 
 
@@ -54,18 +54,16 @@ def add_log_arguments(parser: argparse.ArgumentParser, folder: str) -> None:
 def add_reading_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what states how logger files are read, and whose they are."""
     parser.add_argument("--cylinder", help="its YAML file, or bore_diameter_m=0.063,... ; without: params.yaml")
-    parser.add_argument("--channels", type=Path, help="which channel is what (`ingest init`); without: guessed")
-    words = "unit of a quantity that the files do not state: pressure=bar, length=mm, time=ms, ...; repeat as needed"
+    parser.add_argument("--channels", type=Path, help="mapping, as `ingest init` writes it; default: guessed")
+    words = "unit that the files do not state: pressure=bar, length=mm, time=ms, ...; may be repeated"
     parser.add_argument("--unit", action="append", default=[], metavar="QUANTITY=UNIT", help=words)
-    words = (
-        "accuracy of the pressure sensors, ± %% of full scale, where none is stated; 0.5 is typical; without: unknown"
-    )
+    words = "accuracy of pressure sensors that state none, ± %% of full scale; 0.5 is typical; default: unknown"
     parser.add_argument("--sensor-class", type=float, metavar="PERCENT", help=words)
     parser.add_argument(
-        "--load", choices=("none", "measured", "position"), help="what the cylinder carries; without: as mapped"
+        "--load", choices=("none", "measured", "position"), help="what the cylinder carries; default: as mapped"
     )
-    parser.add_argument("--dbc", type=Path, help="database of the bus, for MDF files of CAN frames")
-    parser.add_argument("--names", help="expression on a file's path with the groups condition and session")
+    parser.add_argument("--dbc", type=Path, help="DBC file of the bus, for MDF files of CAN frames")
+    parser.add_argument("--names", help="regular expression on a file's path, with the groups condition and session")
 
 
 def units_of(given: Sequence[str]) -> dict[str, str]:

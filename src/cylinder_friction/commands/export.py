@@ -6,7 +6,7 @@ from pathlib import Path
 from cylinder_friction.deployment.c_export.compiled import NoCompilerError
 
 EXPECTED = (NoCompilerError, ValueError)
-PARTS = "lstm: without the forest; base: the filtered force balance alone"
+PARTS = "part to export; lstm: without the forest; base: only the filtered force balance"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

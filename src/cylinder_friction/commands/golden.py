@@ -79,14 +79,14 @@ def check_golden(folder: Path) -> tuple[str, bool]:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parts = parser.add_subparsers(dest="what", required=True)
     for name, words in (
-        ("train", "train their small model anew; record them afterwards"),
-        ("record", "record them anew from the test recordings"),
+        ("train", "train the trajectories' small model anew; afterwards run `record`"),
+        ("record", "record the trajectories anew from the test recordings"),
         ("check", "compare the outputs of the Python step with the recorded ones"),
     ):
         part = parts.add_parser(name, help=words, description=f"{words[0].upper()}{words[1:]}.")
         part.add_argument("--folder", type=Path, default=Path("tests/golden"))
         if name == "train":
-            part.add_argument("--inputs", nargs="+", help="columns of a sample; by default the pipeline's")
+            part.add_argument("--inputs", nargs="+", help="columns of a sample; default: the pipeline's")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -8,8 +8,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parts = parser.add_subparsers(dest="what", required=True)
     init = parts.add_parser("init", help="write a first mapping", description="Write a first mapping.")
     init.add_argument("file", type=Path, help="a logger's file, in any format that ingest reads")
-    init.add_argument("--dbc", type=Path, help="database of the bus, for an MDF file of CAN frames")
-    init.add_argument("--output", type=Path, help="for example conf/ingest/press.yaml; without it, it is printed")
+    init.add_argument("--dbc", type=Path, help="DBC file of the bus, for an MDF file of CAN frames")
+    init.add_argument("--output", type=Path, help="file to write, such as conf/ingest/press.yaml; default: print it")
 
 
 def run(options: argparse.Namespace) -> None:

@@ -69,7 +69,7 @@ def _without_project(options: argparse.Namespace) -> tuple[str, bool]:
     """Inspect logs as ``estimate`` reads them; the warnings of a guessed mapping stand before the report."""
     if options.overrides:
         raise ParamsError(
-            f"expected overrides such as {options.overrides[0]!r} in a project alone; leave them out, or leave out "
+            f"overrides such as {options.overrides[0]!r} are for a project; leave them out, or leave out "
             "--cylinder, --channels, --load, --unit, --names, --sensor-class and --dbc"
         )
     cylinder = cylinder_of(options.cylinder)
@@ -112,8 +112,8 @@ def _shown(path: Path, *folders: Path) -> str:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("path", type=Path, help="a logger's file, or a folder of them")
-    parser.add_argument("overrides", nargs="*", help="in a project, for example ingest=own cylinder=press")
+    parser.add_argument("path", type=Path, help="a log file or a folder of log files")
+    parser.add_argument("overrides", nargs="*", help="in a project: overrides such as ingest=own cylinder=press")
     add_reading_arguments(parser)
     parser.add_argument("--output", type=Path, default=Path("reports/inspection.html"))
 

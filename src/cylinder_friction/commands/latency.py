@@ -98,7 +98,7 @@ def _named(folders: Sequence[Path]) -> dict[str, Path]:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("models", nargs="*", type=Path, help="folders of estimators; without: the pipeline's own")
+    parser.add_argument("models", nargs="*", type=Path, help="folders of estimators; default: the pipeline's")
     parser.add_argument("--steps", type=int, default=100_000, help="timed steps per runtime, as far as time allows")
 
 

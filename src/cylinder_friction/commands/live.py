@@ -43,17 +43,17 @@ JOURNAL_FILE, LOCK_FILE = "journal.db", ".lock"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--config", type=Path, help=f"settings; default: {LIVE_FILE} where there is one")
-    parser.add_argument("--model", help="instead of the configured one: a folder, or models:/NAME@ALIAS")
-    parser.add_argument("--port", type=int, help="instead of the configured one; 0: a free one")
-    parser.add_argument("--folder", type=Path, help="instead of the configured one: journal and history")
-    parser.add_argument("--stribeck", type=Path, help="curves of `identify` or the stage lugre, to compare with")
-    parser.add_argument("--replay", nargs="+", metavar="LOGS", help="files, folders or patterns of logs to send")
-    parser.add_argument("--speed", type=float, default=1.0, help="of the replay; 0: as fast as possible; default: 1")
-    parser.add_argument("--cylinder", help="of the replayed logs; default: that of params.yaml")
-    parser.add_argument("--channels", type=Path, help="of the replayed logs; without: guessed")
-    parser.add_argument("--unit", action="append", default=[], help="of the replayed logs, as in `estimate`")
-    parser.add_argument("--names", help="of the replayed logs: expression with the groups condition and session")
+    parser.add_argument("--config", type=Path, help=f"file of settings; default: {LIVE_FILE}, if it exists")
+    parser.add_argument("--model", help="folder of a saved estimator, or models:/NAME@ALIAS; overrides the settings")
+    parser.add_argument("--port", type=int, help="port to listen on, 0 for a free one; overrides the settings")
+    parser.add_argument("--folder", type=Path, help="folder of journal and history; overrides the settings")
+    parser.add_argument("--stribeck", type=Path, help="Stribeck curves to draw, from `identify` or stage lugre")
+    parser.add_argument("--replay", nargs="+", metavar="LOGS", help="logs to send: files, folders or patterns")
+    parser.add_argument("--speed", type=float, default=1.0, help="speed of the replay; 0: unlimited; default: 1")
+    parser.add_argument("--cylinder", help="cylinder of the replayed logs; default: that of params.yaml")
+    parser.add_argument("--channels", type=Path, help="mapping of the replayed logs; default: guessed")
+    parser.add_argument("--unit", action="append", default=[], help="unit that they do not state, as in `estimate`")
+    parser.add_argument("--names", help="regular expression on a log's path, with the groups condition and session")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -61,11 +61,11 @@ def run(options: argparse.Namespace) -> int:
     given = {name: getattr(options, name) for name in ("model", "port", "folder", "stribeck")}
     params = configured.model_copy(update={name: value for name, value in given.items() if value is not None})
     if options.replay and (params.access.tokens or params.access.tls_key):
-        raise LiveError("--replay is to try the service without a machine; it needs one without tokens and TLS")
+        raise LiveError("--replay needs a service without tokens and TLS; use settings without `access`")
     with locked(params.folder / LOCK_FILE, wait=False) as held:
         if not held:
             raise LiveError(
-                f"{params.folder}: another live service keeps its sessions here; give this one another --folder, or "
+                f"{params.folder}: another live service uses this folder; give this one another --folder, or "
                 "end the other"
             )
         _run(options, params)

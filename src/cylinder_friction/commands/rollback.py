@@ -6,7 +6,7 @@ from pathlib import Path
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("model_name", nargs="?", help="name in the registry; default: that of params.yaml")
-    parser.add_argument("--to", metavar="VERSION", type=int, help="number of the version; default: the champion before")
+    parser.add_argument("--to", metavar="VERSION", type=int, help="version number; default: the previous champion")
 
 
 def run(options: argparse.Namespace) -> None:

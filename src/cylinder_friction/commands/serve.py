@@ -15,20 +15,20 @@ from cylinder_friction.service.scoring.settings import ServeSettings, ServingErr
 EXPECTED = (AccessError,)
 _OPTIONS = {
     "host": "name or address to listen on; beyond this machine only with tokens",
-    "port": "0 for a free one",
-    "workers": "processes that score",
-    "max_body_bytes": "largest body of a request",
+    "port": "port to listen on, 0 for a free one",
+    "workers": "number of processes that score",
+    "max_body_bytes": "largest request body",
     "max_rows": "most rows of a request",
-    "timeout_s": "longest time for a body to arrive, and for its rows to be scored",
-    "max_concurrent": "most requests of a worker at a time",
+    "timeout_s": "longest time for a body to arrive, and for its rows to be scored, each",
+    "max_concurrent": "most requests that a worker has at a time",
     "max_memory_bytes": "most memory of a worker",
     "tokens": "file with the SHA-256 of a token in each line; requests need one of them",
-    "without_tokens": "listen beyond this machine although there are no tokens",
-    "tls_certificate": "PEM file",
-    "tls_key": "PEM file",
+    "without_tokens": "listen beyond this machine without tokens",
+    "tls_certificate": "PEM file of the certificate",
+    "tls_key": "PEM file of its key",
     "access_log": "file that gets one JSON object per request",
-    "access_log_bytes": "size at which that file is rotated",
-    "access_log_files": "old files that are kept",
+    "access_log_bytes": "size at which the access log is rotated",
+    "access_log_files": "number of old access logs that are kept",
 }
 
 

@@ -14,8 +14,9 @@ _RESUMED = {"search": "finished trials", "train": "finished epochs", "baselines"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    parser.epilog = "stages, in the pipeline's order:\n" + "\n".join(f"  {name:<10}{_words(name)}" for name in STAGES)
-    parser.add_argument("what", metavar="STAGE", choices=STAGES, help="one of those below")
+    stages = "".join(f"\n- {name + ':':<11}{_words(name)}" for name in STAGES)
+    parser.epilog = f"Stages, in the pipeline's order:\n{stages}"
+    parser.add_argument("what", metavar="STAGE", choices=STAGES, help="one of the stages below")
 
 
 def run(options: argparse.Namespace) -> None:

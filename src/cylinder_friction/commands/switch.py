@@ -18,24 +18,24 @@ EXPECTED = (ValueError, OSError)
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     what = parser.add_mutually_exclusive_group(required=True)
-    what.add_argument("model", nargs="?", help="a saved estimator's folder, or models:/NAME@ALIAS")
-    what.add_argument("--take-over", action="store_true", help="the model that runs beside gives the newtons now")
-    what.add_argument("--back", action="store_true", help="the same: after a change the former model runs beside")
-    what.add_argument("--end", action="store_true", help="stop the model that runs beside")
-    what.add_argument("--status", action="store_true", help="which models run in how many sessions")
+    what.add_argument("model", nargs="?", help="folder of a saved estimator, or models:/NAME@ALIAS")
+    what.add_argument("--take-over", action="store_true", help="the second model gives the newtons from now on")
+    what.add_argument("--back", action="store_true", help="return to the former model, which still runs beside")
+    what.add_argument("--end", action="store_true", help="stop the second model")
+    what.add_argument("--status", action="store_true", help="show which models run in how many sessions")
     when = parser.add_mutually_exclusive_group()
     when.add_argument(
-        "--after-s", type=float, help="MODEL runs so long beside before it takes over [s]; default: warm_s"
+        "--after-s", type=float, help="time that MODEL runs beside before it takes over [s]; default: rules.warm_s"
     )
-    when.add_argument("--at-index", type=int, help="it takes over at this sample of every session")
+    when.add_argument("--at-index", type=int, help="sample index at which MODEL takes over, in every session")
     when.add_argument("--beside", action="store_true", help="MODEL does not take over until --take-over")
     parser.add_argument("--record", action="store_true", help="keep both models' newtons side by side in the history")
-    parser.add_argument("--session", nargs="+", metavar="NAME", help="in these alone; default: in all")
-    parser.add_argument("--config", type=Path, help="settings of the service; default: as `live` has it")
-    parser.add_argument("--folder", type=Path, help="of the service, instead of the configured one")
-    parser.add_argument("--url", help="of the service; default: as configured, on this machine")
+    parser.add_argument("--session", nargs="+", metavar="NAME", help="sessions to change; default: all")
+    parser.add_argument("--config", type=Path, help="file of the service's settings; default: that of `live`")
+    parser.add_argument("--folder", type=Path, help="folder of the service; overrides the settings")
+    parser.add_argument("--url", help="address of the service; default: this machine, port as in the settings")
     parser.add_argument("--token", type=Path, help="file with a token whose role is admin")
-    parser.add_argument("--ca", type=Path, help="PEM file that the service's certificate is checked with")
+    parser.add_argument("--ca", type=Path, help="PEM file to check the service's certificate with")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -55,7 +55,7 @@ def run(options: argparse.Namespace) -> int:
         if not options.beside and options.at_index is None:
             command["after_s"] = params.rules.warm_s if options.after_s is None else options.after_s
     done = _asked(url, command, options)
-    print(f"kept for {done['sessions']} open sessions: {_meaning(command)}; --status shows which models run")
+    print(f"open sessions: {done['sessions']}; {_meaning(command)}; --status shows which models run")
     return 0
 
 
@@ -65,19 +65,19 @@ def _refuse_what_does_not_apply(options: argparse.Namespace) -> None:
     of_sessions = {"--session": options.session is not None} if options.status else {}
     for name, is_given in ({} if options.model else of_model | of_change | of_sessions).items():
         if is_given:
-            raise LiveError(f"{name}: does not apply to what is asked for; see `cylinder-friction switch --help`")
+            raise LiveError(f"{name}: cannot be combined with these options; see `cylinder-friction switch --help`")
 
 
 def _meaning(command: dict[str, Any]) -> str:
-    """Return what a service that has kept a command does."""
+    """Return what the service does after this command."""
     if command["do"] == "end":
-        return "the second model is stopped"
+        return "the second model stops"
     at = "" if command["at_index"] is None else f" at sample {command['at_index']}"
     if command["do"] == "take-over":
-        return f"both models change places{at or ' in about a second'}"
+        return f"the second model takes over{at or ' in about a second'}"
     if command.get("after_s") is not None:
         at = f" after {command['after_s']:g} s"
-    return f"the model begins beside in about a second{at and ', and takes over'}{at}"
+    return f"the second model starts in about a second{at and ' and takes over'}{at}"
 
 
 def _asked(url: str, command: dict[str, Any] | None, options: argparse.Namespace) -> Any:
@@ -97,7 +97,7 @@ def _asked(url: str, command: dict[str, Any] | None, options: argparse.Namespace
         raise LiveError(f"{url}: {_reason(refused)}{more}") from None
     except OSError as error:  # also one that is killed while it replies
         reason = getattr(error, "reason", error)
-        raise LiveError(f"{url}: {reason}; is the service running? --url states where, --status what is kept") from None
+        raise LiveError(f"{url}: {reason}; is the service running? --url states its address") from None
 
 
 def _reason(refused: urllib.error.HTTPError) -> str:

@@ -135,7 +135,7 @@ def test_a_folder_is_that_of_one_service(model: Path, tmp_path: Path, port: int)
         command = [sys.executable, "-m", "cylinder_friction.commands.cli", "live", "--model", str(model), "--port", "0"]
         done = subprocess.run([*command, "--folder", str(tmp_path)], capture_output=True, text=True, check=False)
     assert done.returncode == 1
-    assert "another live service keeps its sessions here; give this one another --folder" in done.stderr
+    assert "another live service uses this folder; give this one another --folder" in done.stderr
 
 
 def test_by_hand_wrongly_and_from_elsewhere(samples: Array, model: Path, tmp_path: Path, port: int) -> None:

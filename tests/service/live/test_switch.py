@@ -54,7 +54,7 @@ def test_a_model_takes_over_at_its_sample_and_goes_back(
         assert (
             main(["switch", str(other_model), "--at-index", "700", "--record", "--folder", str(folder), *address]) == 0
         )
-        expected = "kept for 1 open sessions: the model begins beside in about a second, and takes over at sample 700;"
+        expected = "open sessions: 1; the second model starts in about a second and takes over at sample 700;"
         assert expected in capsys.readouterr().out
         client.send(samples[100:900])
         second = read(client, 800)
@@ -148,7 +148,7 @@ def test_a_change_that_is_taken_back_or_followed_by_a_kill_is_what_was_replied(
         assert capsys.readouterr().out.endswith("and takes over after 60 s; --status shows which models run\n")
         assert of_new_sessions() != before
         assert main(["switch", "--end", *address]) == 0
-        assert "kept for 1 open sessions: the second model is stopped;" in capsys.readouterr().out
+        assert "open sessions: 1; the second model stops;" in capsys.readouterr().out
         assert of_new_sessions() == before
         assert main([*switch, "--at-index", "700"]) == 0
         capsys.readouterr()
@@ -187,14 +187,14 @@ def test_what_cannot_be_switched_is_refused(model: Path, tmp_path: Path, capsys:
     port = free_port()
     url = f"http://127.0.0.1:{port}"
     assert main(["switch", "--back", "--url", url]) == 1
-    assert "is the service running? --url states where" in capsys.readouterr().err
+    assert "is the service running? --url states its address" in capsys.readouterr().err
     with running(model, tmp_path / "live", port), Client(f"ws://127.0.0.1:{port}/stream", "press", 0.005):
         for arguments, words in (
             (["--back"], "no second model runs in it"),
             (["--end", "--session", "nobody"], "session 'nobody': not open"),
             (["--end"], "no second model runs in any session that was asked for; nothing is changed"),
-            (["--back", "--after-s", "0"], "--after-s: does not apply to what is asked for"),
-            (["--end", "--at-index", "7"], "--at-index: does not apply"),
+            (["--back", "--after-s", "0"], "--after-s: cannot be combined with these options"),
+            (["--end", "--at-index", "7"], "--at-index: cannot be combined"),
             ([str(model), "--folder", str(tmp_path / "live")], "no session that was asked for has another one"),
             ([str(model), "--folder", str(tmp_path / "live"), "--at-index", "-1"], "at_index: Input should be greater"),
         ):
