@@ -12,6 +12,7 @@ the middle: the same bytes. The guide is :doc:`../cluster`.
 #
 # ``$`` is what you type; each command runs as a process of its own.
 
+import atexit
 import hashlib
 import os
 import shlex
@@ -26,6 +27,7 @@ from tempfile import mkdtemp
 from distributed import Client
 
 folder = Path(mkdtemp())
+atexit.register(shutil.rmtree, folder, ignore_errors=True)
 environment = {
     **os.environ,
     "PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}",
@@ -84,30 +86,35 @@ print(len(alone), "files")
 # ---------------------------
 #
 # On loopback here; elsewhere the workers are other machines, jobs of SLURM, or a
-# cloud's. They find their scheduler by a file.
+# cloud's. They find their scheduler by a file. ``--dashboard-address`` is needed as
+# well: without it Dask's HTTP server listens on all addresses, whatever ``--host``
+# is and although there is no dashboard. However this program ends, it ends them.
 
 
 def start(command):
     print("$", command, "&")
     log = (folder / "dask.log").open("a")
-    return subprocess.Popen(
-        shlex.split(command),
+    process = subprocess.Popen(
+        shlex.split(f"{command} {LOOPBACK}"),
         cwd=folder,
         env=environment,
         stdout=log,
         stderr=log,
         start_new_session=True,
     )
+    atexit.register(end, process)
+    return process
 
 
-scheduler = start(
-    "dask scheduler --host 127.0.0.1 --port 0 --no-dashboard"
-    " --scheduler-file scheduler.json"
-)
-worker = (
-    "dask worker --scheduler-file scheduler.json --host 127.0.0.1 --nthreads 1"
-    " --no-dashboard"
-)
+def end(process):
+    if process.poll() is None:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+
+
+LOOPBACK = "--host 127.0.0.1 --dashboard-address 127.0.0.1:0 --no-dashboard"
+scheduler = start("dask scheduler --port 0 --scheduler-file scheduler.json")
+worker = "dask worker --scheduler-file scheduler.json --nthreads 1"
 workers = [start(worker), start(worker)]
 
 # %%
@@ -124,19 +131,27 @@ first = subprocess.Popen(
     ["cylinder-friction", "stage", "ingest"],
     cwd=folder,
     env={**environment, **cluster},
-    stdout=subprocess.DEVNULL,
-    stderr=subprocess.DEVNULL,
+    stdout=(folder / "ingest.log").open("w"),
+    stderr=subprocess.STDOUT,
 )
+
+
+def why():
+    logs = [folder / "ingest.log", folder / "dask.log"]
+    return "\n".join(log.read_text()[-2000:] for log in logs)
+
+
 while not (folder / "scheduler.json").exists():
+    assert scheduler.poll() is None, why()
     time.sleep(0.05)
 with Client(scheduler_file=str(folder / "scheduler.json")) as client:
     while len([each for each in client.processing().values() if each]) < 2:
         assert first.poll() is None, (
-            "ingest was over before a worker could be killed"
+            f"ingest was over before a worker could be killed\n{why()}"
         )
         time.sleep(0.02)
-    os.killpg(workers[0].pid, signal.SIGKILL)
-    assert first.wait() == 0
+    end(workers[0])
+    assert first.wait() == 0, why()
     print(len(client.scheduler_info()["workers"]), "worker is left")
 for stage in STAGES[1:]:
     shell(f"cylinder-friction stage {stage}", **cluster)
@@ -147,8 +162,7 @@ for stage in STAGES[1:]:
 assert hashes() == alone
 print(len(alone), "files, the same byte for byte")
 for process in (scheduler, workers[1]):
-    os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
+    end(process)
 
 # %%
 # :doc:`../cluster` states what else is shared, what workers need, and what happens

@@ -60,7 +60,7 @@ class LoopbackCluster:
         }
         with (self.folder / f"{what}{len(self.processes)}.log").open("wb") as log:
             process = subprocess.Popen(
-                [sys.executable, "-m", "dask", what, "--no-dashboard", *options],
+                [sys.executable, "-m", "dask", what, "--no-dashboard", "--dashboard-address", "127.0.0.1:0", *options],
                 env={**os.environ, **given},
                 stdout=log,
                 stderr=subprocess.STDOUT,

@@ -16,6 +16,11 @@ from cylinder_friction.run_record import STAGES
 from cylinder_friction.tracking.repository import git
 
 CHECKOUT = Path(__file__).parents[2]
+NO_CYLINDER = (
+    "which cylinder? Give its dimensions, for example --cylinder bore_diameter_m=0.063,rod_diameter_m=0.028,"
+    "stroke_m=0.25,moving_mass_kg=6, or a YAML file with these keys; there is no params.yaml in HERE to take them "
+    "from\n"
+)
 IN_A_PROJECT = "run this in a project's folder, which `cylinder-friction init FOLDER` makes\n"
 
 
@@ -87,15 +92,15 @@ def test_a_folder_with_something_in_it_is_left_alone(project: Path, capsys: pyte
     [
         ("params", f"HERE/conf: no such folder; {IN_A_PROJECT}"),
         ("inspect log.csv ingest=own", f"HERE/conf: no such folder; {IN_A_PROJECT}"),
-        ("inspect log.csv", f"no params.yaml in HERE to take the cylinder from; give --cylinder, or {IN_A_PROJECT}"),
+        ("inspect log.csv", NO_CYLINDER),
         ("check", f"HERE/params.yaml: not there; {IN_A_PROJECT}"),
         ("code", f"HERE/dvc.yaml: not there; {IN_A_PROJECT}"),
         ("stage record", f"HERE/params.yaml: not there; {IN_A_PROJECT}"),
         ("lineage", f"HERE/params.yaml: not there; {IN_A_PROJECT}"),
         ("rollback", f"HERE/params.yaml: not there; {IN_A_PROJECT}"),
         ("serve", f"HERE/params.yaml: not there; {IN_A_PROJECT}"),
-        ("estimate log.csv", f"no params.yaml in HERE to take the cylinder from; give --cylinder, or {IN_A_PROJECT}"),
-        ("identify log.csv", f"no params.yaml in HERE to take the cylinder from; give --cylinder, or {IN_A_PROJECT}"),
+        ("estimate log.csv", NO_CYLINDER),
+        ("identify log.csv", NO_CYLINDER),
         ("summary", "HERE/reports/table.md: not there; run `dvc repro` first in a project's folder\n"),
         ("readme", "HERE/reports/table.md: not there; run `dvc repro` first\n"),
         ("track", "holds no run; run `dvc pull` or `dvc repro` first\n"),

@@ -175,8 +175,7 @@ def test_without_a_project_logs_are_inspected_as_estimate_reads_them(
     monkeypatch.chdir(tmp_path)
     log.to_csv("press.csv", index=False)
     assert main(["inspect", "press.csv"]) == 1
-    assert "no params.yaml in" in (words := capsys.readouterr().err)
-    assert "give --cylinder" in words
+    assert "Give its dimensions, for example --cylinder bore_diameter_m=" in capsys.readouterr().err
     assert main(["inspect", "press.csv", "--cylinder", CYLINDER, "--output", "guessed.html"]) == 0
     words = capsys.readouterr().out
     assert words.startswith("note     no mapping was given; guessed from press.csv")
@@ -186,5 +185,10 @@ def test_without_a_project_logs_are_inspected_as_estimate_reads_them(
     swapped(log).to_csv("swapped.csv", index=False)
     assert main(["inspect", "swapped.csv", "--cylinder", CYLINDER, "--channels", "press.yaml"]) == 1
     assert "the pressures are swapped" in capsys.readouterr().out
+    log.to_csv("again.csv", index=False)
+    assert main(["inspect", "press.csv", "again.csv", "--cylinder", CYLINDER]) == 1
+    words = capsys.readouterr().out
+    assert "again.csv: usable" in words
+    assert "press.csv: not usable" in words  # as it holds the same
     assert main(["inspect", "press.csv", "ingest=own", "--cylinder", CYLINDER]) == 1
     assert "overrides such as 'ingest=own' are for a project" in capsys.readouterr().err

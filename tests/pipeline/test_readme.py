@@ -92,11 +92,12 @@ def test_the_servers_answer(finished_pipeline: Path, target: str, sign: str) -> 
             assert any("uvicorn" in command for command in commands)
             assert not [command for command in commands if "mlflow.server.jobs" in command]
         if target == "serve":
-            while "}'" not in printed:
+            while "| tail" not in printed:
                 printed += process.stdout.readline()
-            curl = printed[printed.index("curl") : printed.index("}'") + 2]
+            curl = printed[printed.index("curl") :]
             answer = subprocess.run(["bash", "-c", curl], capture_output=True, text=True, check=True, timeout=120)
             assert '"friction_n"' in answer.stdout
+            assert "WARMING" not in answer.stdout
         if target == "live":
             address = printed.split("live at ")[1].split()[0]
             while not json.load(urllib.request.urlopen(f"{address}/readyz"))["sessions"]:

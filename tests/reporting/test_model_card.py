@@ -46,9 +46,9 @@ def test_it_states_training_errors_bounds_and_range() -> None:
     assert "**Errors on held-out recordings, against true friction**" in lines
     assert "| 1 | 1.40 | 0.98 to 1.81 | 5.0 | 96.8 |" in lines
     assert f"Bounds: {BOUNDS.in_words()}. They hold true friction in 94.6 % of all rows." in lines
-    assert "| pressure 1 [bar] | 1 | 60 |" in lines
-    assert "| position [mm] | 0 | 250 |" in lines
-    assert "| load force [N] | -10 | 10 |" in lines
+    assert "| pressure 1 [bar] | -1.95 | 62.95 | 1 to 60 |" in lines
+    assert "| position [mm] | -12.5 | 262.5 | 0 to 250 |" in lines
+    assert "| load force [N] | -11 | 11 | -10 to 10 |" in lines
 
 
 def test_what_is_not_known_is_left_empty() -> None:

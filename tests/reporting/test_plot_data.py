@@ -7,6 +7,7 @@ from pathlib import Path
 import yaml
 
 from cylinder_friction.evaluation.analysis import analyse
+from cylinder_friction.reporting.figures import all_figures
 from cylinder_friction.reporting.plot_data import plot_tables
 
 ROOT = Path(__file__).parents[2]
@@ -27,13 +28,11 @@ def test_tables_have_equal_columns_in_every_row(compared, curves, strokes):
     assert len(rest) == 11
 
 
-def test_dvc_draws_every_plot_from_a_column_that_is_written(compared, curves):
-    tables = plot_tables(analyse(compared(lugre=30.0, hybrid=3.0), "hybrid", "lugre", curves, 4.0, 50))
+def test_plots_of_dvc_are_pictures_of_the_report_and_need_no_network(compared, curves):
+    figures = all_figures(analyse(compared(lugre=30.0, hybrid=3.0), "hybrid", "lugre", curves, 4.0, 50))
     plots = yaml.safe_load((ROOT / "dvc.yaml").read_text(encoding="utf-8"))["plots"]
-    assert len(plots) == 2
-    for plot in plots:
-        (settings,) = plot.values()
-        for axis in ("x", "y"):
-            ((path, columns),) = settings[axis].items()
-            head = tables[path.removeprefix("reports/plots/")].splitlines()[0].split(",")
-            assert set([columns] if isinstance(columns, str) else columns) <= set(head)
+    assert {Path(path).stem for path in plots} <= set(figures)
+    assert {Path(path).parent.as_posix() for path in plots} == {"reports/figures"}
+    page = (ROOT / ".dvc/plots.html").read_text(encoding="utf-8")
+    assert "{plot_divs}" in page
+    assert "script" not in page

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from cylinder_friction.estimation.results import FrictionOfLogs
 
 EXPECTED = (ValueError, OSError)
+EXAMPLE_CYLINDER = "bore_diameter_m=0.063,rod_diameter_m=0.028,stroke_m=0.25,moving_mass_kg=6"
 FEW_FILES = 200
 """Fewer logs are read before other processes would have begun."""
 Result = TypeVar("Result")
@@ -53,7 +54,8 @@ def add_log_arguments(parser: argparse.ArgumentParser, folder: str) -> None:
 
 def add_reading_arguments(parser: argparse.ArgumentParser) -> None:
     """Add what states how logger files are read, and whose they are."""
-    parser.add_argument("--cylinder", help="its YAML file, or bore_diameter_m=0.063,... ; without: params.yaml")
+    words = f"its YAML file with the same keys, or {EXAMPLE_CYLINDER}; default: params.yaml of a project"
+    parser.add_argument("--cylinder", help=words)
     parser.add_argument("--channels", type=Path, help="mapping, as `ingest init` writes it; default: guessed")
     words = "unit that the files do not state: pressure=bar, length=mm, time=ms, ...; may be repeated"
     parser.add_argument("--unit", action="append", default=[], metavar="QUANTITY=UNIT", help=words)
@@ -152,12 +154,13 @@ def cylinder_of(given: str | None) -> Cylinder:
     import yaml
 
     from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.params.file import IN_A_PROJECT, PARAMS_FILE, ParamsError
+    from cylinder_friction.params.file import PARAMS_FILE, ParamsError
     from cylinder_friction.recordings.files import read_yaml
 
     if given is None and not PARAMS_FILE.is_file():
         raise ParamsError(
-            f"no {PARAMS_FILE} in {Path.cwd()} to take the cylinder from; give --cylinder, or {IN_A_PROJECT}"
+            f"which cylinder? Give its dimensions, for example --cylinder {EXAMPLE_CYLINDER}, or a YAML file with "
+            f"these keys; there is no {PARAMS_FILE} in {Path.cwd()} to take them from"
         )
     if given is None:
         params = read_yaml(PARAMS_FILE)

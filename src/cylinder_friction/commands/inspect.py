@@ -67,14 +67,15 @@ def _inspected(files: Mapping[str, Path], recipe: Recipe, making: Panes, page: P
 
 def _without_project(options: argparse.Namespace) -> tuple[str, bool]:
     """Inspect logs as ``estimate`` reads them; the warnings of a guessed mapping stand before the report."""
-    if options.overrides:
+    overrides = [each for each in options.overrides if "=" in each]
+    if overrides:
         raise ParamsError(
-            f"overrides such as {options.overrides[0]!r} are for a project; leave them out, or leave out "
+            f"overrides such as {overrides[0]!r} are for a project; leave them out, or leave out "
             "--cylinder, --channels, --load, --unit, --names, --sensor-class and --dbc"
         )
     cylinder = cylinder_of(options.cylinder)
     given = {"load": options.load, "names": options.names, "units": units_of(options.unit), "database": options.dbc}
-    logs, notes = reported(lambda: find_logs(options.path, options.channels, cylinder, **given))
+    logs, notes = reported(lambda: find_logs([options.path, *options.overrides], options.channels, cylinder, **given))
     logs = logs.with_sensor_class(options.sensor_class)
     load = logs.recipe.limits.load
     filters: dict[str, SignalFilter] = {
@@ -112,15 +113,17 @@ def _shown(path: Path, *folders: Path) -> str:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("path", type=Path, help="a log file or a folder of log files")
-    parser.add_argument("overrides", nargs="*", help="in a project: overrides such as ingest=own cylinder=press")
+    parser.add_argument("path", type=Path, metavar="LOGS", help="a log file or a folder of log files")
+    words = "further logs; or, by the rules of a project, overrides such as ingest=own cylinder=press"
+    parser.add_argument("overrides", nargs="*", metavar="MORE", help=words)
     add_reading_arguments(parser)
     parser.add_argument("--output", type=Path, default=Path("reports/inspection.html"))
 
 
 def run(options: argparse.Namespace) -> int:
     stated = any(getattr(options, name) for name in ("cylinder", "channels", "load", "unit", "names", "dbc"))
-    if stated or options.sensor_class is not None or not (PARAMS_FILE.is_file() or options.overrides):
+    in_project = PARAMS_FILE.is_file() or any("=" in each or each.startswith("~") for each in options.overrides)
+    if stated or options.sensor_class is not None or not in_project:
         report, refused = _without_project(options)
     else:
         report, refused = inspect_path(options.path, _params(options.path, options.overrides), options.output)

@@ -1,18 +1,18 @@
 """The command ``serve``: serve a registered model over HTTP and print a curl to try."""
 
 import argparse
-import json
 import logging
+import shlex
 import sys
 from pathlib import Path
-from typing import Any
 
-from cylinder_friction.recordings.files import read_json
+from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.service.access import AccessError
 from cylinder_friction.service.scoring.locating import LOCATED_FILE, locate
 from cylinder_friction.service.scoring.settings import ServeSettings, ServingError
 
 EXPECTED = (AccessError,)
+EXAMPLE_FILE, SHOWN = "example.json", 300  # The last bytes of what comes back
 _OPTIONS = {
     "host": "name or address to listen on; beyond this machine only with tokens",
     "port": "port to listen on, 0 for a free one",
@@ -78,18 +78,21 @@ def _locate(model: str | None, folder: Path) -> int:
 
 def _announce(url: str, folder: Path, settings: ServeSettings) -> None:
     located = read_json(folder / LOCATED_FILE)
+    rows = len(located["example"]["data"])
+    write_json(folder / EXAMPLE_FILE, {"dataframe_split": located["example"]})
     print(
         f"serving {located['name']} version {located['version']} at {url} (stop with Ctrl-C)\n\n"
-        f"try it in another terminal:\n\n{curl(url, located['example'], settings)}\n\n"
+        f"try it in another terminal:\n\n{curl(url, folder / EXAMPLE_FILE, settings)}\n\n"
+        f"It sends {rows} rows of a recording and shows the last one; rows of the first 3 s are flagged WARMING.\n"
         "friction_n is in newtons, positive when it opposes extension. Send the rows of a recording in order, at the\n"
         f"trained sample time. Bounds: {located['bounds']}.\nAll routes: {url}/docs",
         flush=True,
     )
 
 
-def curl(url: str, rows: dict[str, Any], settings: ServeSettings) -> str:
-    """Return a command that asks the served model about some rows and can be pasted into a shell."""
+def curl(url: str, rows: Path, settings: ServeSettings) -> str:
+    """Return a command that asks the served model about the rows of a file and can be pasted into a shell."""
     options = "" if settings.tls_certificate is None else f" --cacert {settings.tls_certificate}"
     options += ' -H "Authorization: Bearer $TOKEN"' if settings.tokens else ""
-    body = json.dumps({"dataframe_split": rows})
-    return f"curl -s{options} {url}/invocations -H 'Content-Type: application/json' \\\n  -d '{body}'"
+    place = shlex.quote(f"@{rows}")
+    return f"curl -s{options} {url}/invocations -H 'Content-Type: application/json' \\\n  -d {place} | tail -c {SHOWN}"

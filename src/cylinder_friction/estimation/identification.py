@@ -6,6 +6,8 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from tqdm import tqdm
+
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.from_logs import LabelledLogs, inputs
@@ -134,7 +136,8 @@ def identify_logs(
     read = inputs(files, channels, None, logs)
     with ResultFolder(into, MODELS_FILE, "cylinder-friction identify", read).written() as folder:
         run = LabelledLogs(logs, cylinder, folder / ".scratch", None)
-        labelled = list(run.recordings())
+        shown = tqdm(run.recordings(), "read and label", len(logs.files), unit="recording", disable=None)
+        labelled = list(shown)
         shutil.rmtree(run.scratch, ignore_errors=True)
         others = _loaded(run, labelled) | other_rates([recording.metadata for recording in labelled])
         refused = [*run.refused, *others.values()]

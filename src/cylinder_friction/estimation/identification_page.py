@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.estimation.identified_model import IdentifiedModel, IdentifiedParameter, meaning
+from cylinder_friction.estimation.identified_model import SYMBOLS, IdentifiedModel, IdentifiedParameter, meaning
 from cylinder_friction.estimation.stribeck_points import SLOW_PARAMETERS, IdentifiedCurve
 from cylinder_friction.friction_models.identification.steady_points import StribeckPoint
 from cylinder_friction.friction_models.parameters import RETRACT_RATIO, STRIBECK
@@ -19,7 +19,7 @@ from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.friction_page import guess_table
 from cylinder_friction.reporting.offset_table import offset_table
 from cylinder_friction.reporting.page import PLOTTED, Cell, Table, page_html
-from cylinder_friction.reporting.page_figure import PageFigure
+from cylinder_friction.reporting.page_figure import PageFigure, speed_ticks
 from cylinder_friction.reporting.style import BLUE, GREEN, ORANGE, SERIES
 from cylinder_friction.reporting.time_figure import Line, Panel, over_time
 from cylinder_friction.wording import four_digits
@@ -74,7 +74,8 @@ def write_identification_page(
 
 
 def _named(curve: IdentifiedCurve, curves: Sequence[IdentifiedCurve]) -> str:
-    return f"condition {curve.condition}" if len(curves) > 1 else "all recordings"
+    prefix = "" if curve.condition.lower().startswith("condition") else "condition "
+    return f"{prefix}{curve.condition}" if len(curves) > 1 else "all recordings"
 
 
 def _stribeck_figure(curves: Sequence[IdentifiedCurve]) -> PageFigure | None:
@@ -102,7 +103,8 @@ def _stribeck_figure(curves: Sequence[IdentifiedCurve]) -> PageFigure | None:
     if not figure.data:
         return None
     seen_n = [abs(point.friction_n) for each in curves for point in each.points]
-    figure.x_axis(title="speed [mm/s]", type="log", dtick="D2")
+    speeds = [point.velocity_m_s for each in curves for point in each.points]
+    figure.x_axis(title="speed [mm/s]", type="log", tickvals=speed_ticks(speeds))
     figure.y_axis(title="friction against the motion [N]", range=[0.0, HEADROOM * max(seen_n)])
     return figure.look(480, legend_rows=len(curves))
 
@@ -130,8 +132,9 @@ def _curve_table(each: IdentifiedCurve) -> Table | None:
         problem = each.why_not_slow if spec.name in SLOW_PARAMETERS else ""
         remark = Cell(f"{NOT_DETERMINED}: {problem}" if problem else "", style="words")
         value = Cell("–", style="none") if problem else four_digits(getattr(each.curve, spec.name))
-        rows.append([meaning(spec, pressure_scaled=False), value, spec.unit, remark])
-    return Table(("parameter of the curve", "value", "unit", "remark"), rows, words=(2, 3))
+        rows.append([meaning(spec, pressure_scaled=False), SYMBOLS[spec.name], value, spec.unit, remark])
+    head = ("parameter of the curve", "symbol", "value", "unit", "remark")
+    return Table(head, rows, words=(1, 3, 4), style="stacked")
 
 
 def _point_table(each: IdentifiedCurve) -> Table:
@@ -150,15 +153,15 @@ def _point_table(each: IdentifiedCurve) -> Table:
 
 
 def _parameter_table(model: IdentifiedModel) -> Table:
-    head = ("parameter", "symbol", "value", "interval", "unit", "remark")
-    return Table(head, [_parameter_row(each) for each in model.parameters], words=(1, 4, 5))
+    head = ("parameter", "value", "interval", "unit", "remark")
+    return Table(head, [_parameter_row(each) for each in model.parameters], words=(3, 4), style="stacked")
 
 
 def _parameter_row(each: IdentifiedParameter) -> list[str | Cell]:
     value = Cell("–", style="none") if each.value is None else four_digits(each.value)
     interval = "" if each.interval is None else " to ".join(four_digits(limit) for limit in each.interval)
     remark = f"{NOT_DETERMINED}: {each.note}" if each.value is None else each.note
-    return [each.meaning, each.symbol, value, interval, each.unit, Cell(remark, style="words")]
+    return [Cell(each.meaning, small=each.symbol), value, interval, each.unit, Cell(remark, style="words")]
 
 
 def _error_table(simulated: Sequence[tuple[Recording, Mapping[str, Array]]], titles: Sequence[str]) -> Table:

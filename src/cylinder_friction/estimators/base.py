@@ -14,6 +14,7 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.entry_points import GROUP, own_class, own_kinds
 from cylinder_friction.estimators.saved_folder import (
     DESCRIPTION_FILE,
     SavedModelError,
@@ -109,6 +110,9 @@ class FrictionEstimator(ABC):
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         if "kind" in cls.__dict__:
+            known = FrictionEstimator._kinds.get(cls.kind)
+            if known is not None and _is_ours(known) and not _is_ours(cls):
+                raise ValueError(f"{cls.__name__}: its kind {cls.kind!r} is that of {known.__name__}; choose another")
             FrictionEstimator._kinds[cls.kind] = cls
 
     def __repr__(self) -> str:
@@ -227,6 +231,11 @@ class FrictionEstimator(ABC):
             self.new_state, lambda state, samples: self.advance(state, self.channels_of(samples)), self.inputs
         )
 
+    @property
+    def has_step(self) -> bool:
+        """Whether its kind has a real-time step."""
+        return type(self).step_model is not FrictionEstimator.step_model
+
     def step_model(self) -> StepModel:
         """Return what one real-time step needs: the description from which every runtime is made.
 
@@ -283,6 +292,7 @@ class FrictionEstimator(ABC):
             folder,
             {
                 "kind": self.kind,
+                **self._defined_in(),
                 "sample_time_s": self.sample_time_s,
                 "input": list(self.inputs),
                 "output": "friction_n",
@@ -303,6 +313,11 @@ class FrictionEstimator(ABC):
             },
             self.files,
         )
+
+    def _defined_in(self) -> dict[str, str]:
+        """Return what states the class of an estimator that is not of this package."""
+        cls = type(self)
+        return {} if _is_ours(cls) else {"defined_in": f"{cls.__module__}.{cls.__qualname__}"}
 
     @classmethod
     def load(cls, folder: str | Path) -> FrictionEstimator:
@@ -327,8 +342,15 @@ class FrictionEstimator(ABC):
     @classmethod
     def _from_description(cls, folder: Path, description: dict[str, Any]) -> FrictionEstimator:
         known, kind = FrictionEstimator._kinds, description["kind"]
+        if kind not in known and kind in own_kinds():
+            own_class(own_kinds()[kind])  # importing it makes it known
         if kind not in known:
-            raise ValueError(f"kind is {kind!r}, but expected one of {sorted(known)}")
+            where = description.get("defined_in")
+            more = f"; it is {where}: import that module first" if isinstance(where, str) else ""
+            raise ValueError(
+                f"kind is {kind!r}, but expected one of {sorted(known)}{more}; a package can register its kinds as "
+                f"entry points of the group {GROUP}"
+            )
         sample_time_s, lag_s = description["sample_time_s"], description.get("lag_s", 0.0)
         check_timing(sample_time_s, lag_s)
         estimator = known[kind]._read(folder, description["parameters"])
@@ -349,7 +371,7 @@ class FrictionEstimator(ABC):
 
     def _checked_step(self) -> StepModel:
         """Return the step model that ``load`` checks; of a kind that has none, one with its guard and bounds alone."""
-        if type(self).step_model is not FrictionEstimator.step_model:
+        if self.has_step:
             return self.step_model()
         return self._step_model(base_taps=np.zeros((len(self.channels), 1)))
 
@@ -439,3 +461,7 @@ class FrictionEstimator(ABC):
     def _refuse_unfitted(self) -> None:
         if self.sample_time_s is None or self.training_range is None:
             raise NotFittedError(f"{self.kind}: not fitted yet; call fit or load first")
+
+
+def _is_ours(cls: type) -> bool:
+    return cls.__module__.startswith("cylinder_friction.")

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.estimators.entry_points import own_class, own_kinds
 from cylinder_friction.estimators.forest import ForestEstimator, ForestPlan
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.realtime.position_load import PositionLoad
@@ -17,7 +18,9 @@ def baselines(
     seed: int = 0,
     position_load: PositionLoad | None = None,
 ) -> dict[str, FrictionEstimator]:
-    """Return the baselines, not yet fitted.
+    """Return the baselines, not yet fitted, and after them the estimators that other packages register.
+
+    Those are made from the cylinder alone: ``Class(cylinder)``.
 
     Args:
         cylinder: Its areas and moving mass.
@@ -25,6 +28,9 @@ def baselines(
         forest_plan: The random forest; None for its defaults.
         seed: Seeds the random forest.
         position_load: The load that position decides; None: a load is among the inputs, or there is none.
+
+    Raises:
+        ValueError: A registered class cannot be imported or made, or has the name of a baseline.
     """
     estimators: dict[str, FrictionEstimator] = {
         "force_balance_unfiltered": ForceBalanceEstimator(cylinder, "none", inputs),
@@ -33,6 +39,10 @@ def baselines(
         "ridge": RidgeEstimator(inputs=inputs),
         "random_forest": ForestEstimator(cylinder, forest_plan, seed, inputs),
     }
+    for kind, entry in own_kinds().items():
+        if kind in estimators:
+            raise ValueError(f"{entry.value}: its kind {kind!r} is the name of a baseline; choose another")
+        estimators[kind] = own_class(entry)(cylinder)
     for estimator in estimators.values():
         estimator.position_load = position_load
     return estimators

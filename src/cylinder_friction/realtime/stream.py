@@ -159,12 +159,15 @@ class StrictStream(_CompiledStep):
 
     def step(self, *sample: float) -> float:
         """Return friction [N] at this sample; see ``EstimatorStream.step``."""
-        if not all(map(isfinite, sample)):
+        if len(sample) != len(self.inputs) or not all(map(isfinite, sample)):
             _refuse_other_length(sample, self.inputs)
             refuse_not_finite("stream", np.array([sample], dtype=np.float64), self.inputs)
         return self._take(sample)[0]
 
 
 def _refuse_other_length(sample: tuple[float, ...], inputs: tuple[str, ...]) -> None:
+    if len(sample) == 1 and isinstance(sample[0], list | tuple | np.ndarray):
+        kind = type(sample[0]).__name__
+        raise TypeError(f"got one {kind}, but expected {', '.join(inputs)}; give its numbers one by one: step(*sample)")
     if len(sample) != len(inputs):
         raise TypeError(f"expected {len(inputs)} numbers, {', '.join(inputs)}, but got {len(sample)}")

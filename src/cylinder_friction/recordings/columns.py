@@ -42,6 +42,16 @@ QUANTITIES = {
 """What each measured column holds; its unit is the SI unit of that quantity, temperatures in °C."""
 
 
+_SHOWN_IN = {"pa": ("bar", 1e-5), "m": ("mm", 1e3), "n": ("N", 1.0), "c": ("°C", 1.0)}
+
+
+def in_shown_unit(column: str, lowest: float, highest: float) -> tuple[str, str, str, str]:
+    """Return what a column is, the unit that people read, and two of its values in that unit, to four digits."""
+    words = column.rpartition("_")
+    unit, factor = _SHOWN_IN.get(words[2], ("", 1.0))
+    return words[0].replace("_", " "), unit, f"{factor * lowest:.4g}", f"{factor * highest:.4g}"
+
+
 def missing_columns(columns: Collection[str]) -> list[str]:
     """Return which required columns are missing; a drive force stands in for both pressures."""
     required = (TIME, POSITION) if DRIVE_FORCE in columns else REQUIRED_COLUMNS

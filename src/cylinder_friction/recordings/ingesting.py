@@ -251,7 +251,7 @@ def other_rates(metadata: Sequence[RecordingMetadata]) -> dict[str, Quarantined]
         entry.name: Quarantined(
             entry.source_file,
             f"has a sample time of {entry.sample_time_s:.9g} s, but {count} of {counts.total()} recordings have "
-            f"{common:.9g} s; name one rate for all as ingest.time.rate_hz, or ingest it on its own",
+            f"{common:.9g} s; name one rate for all as time.rate_hz in the mapping, or take it on its own",
         )
         for entry in metadata
         if entry.sample_time_s != common

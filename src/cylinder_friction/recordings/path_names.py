@@ -77,7 +77,8 @@ class NameRules:
             if not groups.get("condition") or not groups.get("session"):
                 raise RecordingError(
                     f"path {relative_path!r} does not give condition and session: the pattern {self.pattern!r} finds "
-                    f"{'nothing in it' if match is None else groups}; rename the file or change ingest.name_pattern"
+                    f"{'nothing in it' if match is None else groups}; rename the file, or change the "
+                    "pattern: name_pattern in the mapping, or --names"
                 )
             return PathNames(name, *(groups.get(each) or "" for each in ("condition", "session", "load", "asset")))
         if self.condition is not None:

@@ -92,6 +92,8 @@ def _plot(recording: Recording, estimate: Array | BoundedEstimate | None, truth_
         lines["label"] = np.where(recording.usable(), label_n, np.nan) if "usable" in recording.table else label_n
     if truth_n is not None:
         lines["truth"] = truth_n
+    if estimate is not None and not hasattr(estimate, "friction_n"):
+        estimate = np.asarray(estimate, dtype=np.float64)
     if estimate is not None:
         lines["estimate"] = getattr(estimate, "friction_n", estimate)
     figure, (axis,) = panels(1, 1, 9.5, 3.6)

@@ -6,14 +6,14 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from cylinder_friction.evaluation.reported import reported_errors
-from cylinder_friction.realtime.model import Bounds, from_json
-from cylinder_friction.recordings.columns import ALL_CONDITIONS
+from cylinder_friction.realtime.guard import TrainingRange
+from cylinder_friction.realtime.model import Bounds, Guard, from_json
+from cylinder_friction.recordings.columns import ALL_CONDITIONS, in_shown_unit
 from cylinder_friction.reporting.estimator_titles import title
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
 
-_UNITS = {"pa": ("bar", 1e-5), "m": ("mm", 1e3), "n": ("N", 1.0), "c": ("°C", 1.0)}
 _USES = (
     ("train", "{} recordings"),
     ("validation", "{} of other sessions stopped it"),
@@ -73,9 +73,13 @@ def model_card(
             ),
             "",
         ]
-    lines += ["**Valid range; what lies beyond is flagged**", "", "| input | from | to |", "|---|---|---|"]
-    lines += [_range_row(column, *limits) for column, limits in description["training_range"].items()]
-    return "\n".join(lines)
+    lines += [
+        "**Valid range; what lies beyond is flagged**",
+        "",
+        "| input | from | to | training |",
+        "|---|---|---|---|",
+    ]
+    return "\n".join([*lines, *_range_rows(description)])
 
 
 def _error_row(condition: str, reference: str, numbers: Mapping[str, float], shares: Mapping[str, float]) -> str:
@@ -91,8 +95,15 @@ def _rounded(value: float | None, decimals: int) -> str:
     return "" if value is None else f"{value:.{decimals}f}"
 
 
-def _range_row(column: str, lowest: float, highest: float) -> str:
-    """Return a row in bar and millimetres, as far as the column's name states its unit."""
-    words = column.rpartition("_")
-    unit, factor = _UNITS.get(words[2], ("", 1.0))
-    return f"| {words[0].replace('_', ' ')} [{unit}] | {factor * lowest:.4g} | {factor * highest:.4g} |"
+def _range_rows(description: Mapping[str, Any]) -> list[str]:
+    """Return a row per input: between which values no flag is raised, and which ones training had."""
+    trained = description["training_range"]
+    valid = TrainingRange(tuple(trained), *zip(*trained.values(), strict=True)).widened()
+    lower, upper = valid.lower, valid.upper
+    if guard := from_json(Guard, description.get("guard")):  # where position decides the load, the range ends with it
+        lower, upper = guard.trained_lower, guard.trained_upper
+    rows = []
+    for (column, limits), low, high in zip(trained.items(), lower, upper, strict=True):
+        what, unit, *from_to = in_shown_unit(column, low, high)
+        rows.append(f"| {what} [{unit}] | {' | '.join(from_to)} | {' to '.join(in_shown_unit(column, *limits)[2:])} |")
+    return rows

@@ -136,4 +136,4 @@ def _data(figure: PageFigure) -> Markup:
 
 def _breakable(words: str) -> Markup:
     """Return words that may be broken into lines behind the separators of a path."""
-    return Markup(re.sub(r"([/_-])", r"\1<wbr>", str(escape(words))))  # noqa: S704
+    return Markup(re.sub(r"(?<=\w)([/_-])(?=\w)", r"\1<wbr>", str(escape(words))))  # noqa: S704

@@ -12,6 +12,8 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.reporting.style import FONT, GRID, INK, PALE, SERIES
 
 _AXIS = {"gridcolor": GRID, "linecolor": PALE, "showline": True, "zeroline": False, "automargin": True}
+WIDE_SPAN = 10.0
+"""From this ratio of speeds on, fewer of them are written at the axis."""
 _LEGEND = {
     "orientation": "h",
     "yref": "container",
@@ -123,6 +125,13 @@ class PageFigure:
     def _axis(self, which: str, panel: int, title: str, settings: Mapping[str, Any]) -> None:
         named = {"title": {"text": title}} if title else {}
         self.layout[f"{which}axis{_of(panel)}"] |= {**named, **settings}
+
+
+def speed_ticks(velocities_m_s: Sequence[float]) -> list[float]:
+    """Return the numbers on a logarithmic axis of speeds [mm/s], so many that a narrow span has several."""
+    speeds = [abs(each) for each in velocities_m_s] or [1.0]
+    steps = (1, 2, 5) if max(speeds) >= WIDE_SPAN * min(speeds) else (1, 2, 3, 4, 5, 6, 8)
+    return [step * 10.0**power for power in range(-3, 5) for step in steps]
 
 
 def compact(values: Array) -> Array:

@@ -38,7 +38,9 @@ def run(params: Params) -> RunRecord:
         baselines(cylinder, data.inputs, trees, settings.seed, data.position_load)
     )
     for estimator in tqdm(named.values(), desc="train baselines", unit="estimator", disable=None):
-        estimator.fit(data.train).offset = data.tracker
+        estimator.fit(data.train)
+        if estimator.has_step:  # which is what learns the offset; an estimator of another package may have none
+            estimator.offset = data.tracker
     named["paper_lstm"] = paper.without_forest()
     for name in REAL_TIME:
         named[name].calibrate(data.train, data.calibrating, cylinder)

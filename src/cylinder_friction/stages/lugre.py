@@ -55,7 +55,7 @@ def run(params: Params) -> RunRecord:
             estimator.save(folder / name)
             assert estimator.identification is not None
             identified[name], ended_ms[name] = estimator.identification, now_ms()
-        write_json(folder / STRIBECK_FILE, _stribeck_content(identified["lugre"]))
+        write_json(folder / STRIBECK_FILE, _stribeck_content(identified["lugre"], settings.condition))
     return RunRecord(
         name="lugre",
         params=flat(params.lugre),
@@ -93,8 +93,9 @@ def _parameters(identified: Mapping[str, Identification]) -> Table:
     )
 
 
-def _stribeck_content(found: Identification) -> dict[str, Any]:
+def _stribeck_content(found: Identification, condition: str) -> dict[str, Any]:
     return {
+        "condition": condition,
         "points": [asdict(point) for point in found.points],
         "curve": asdict(found.curve),
         "units": {"velocity_m_s": "m/s", "friction_n": "N", "rows": "samples"},

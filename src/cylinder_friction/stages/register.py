@@ -40,7 +40,8 @@ if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
     from cylinder_friction.tracking.gate import Registered
 
-EXAMPLE_ROWS = 5
+EXAMPLE_S = 4.0
+"""So long that the last rows of the example are no longer flagged as settling."""
 COMPARE_RECORD = RUNS_FOLDER / "compare.json"
 _FOLDERS = {"hybrid": HYBRID_FOLDER, "paper_hybrid": PAPER_HYBRID_FOLDER}
 
@@ -154,4 +155,4 @@ def _example(model: Path) -> dict[str, list[float]]:
     if first is None:
         raise TrackingError(f"{PROCESSED_FOLDERS['test']}: holds no held-out recording; run the split stage")
     inputs = read_json(model / DESCRIPTION_FILE)["input"]
-    return {column: first.column(column)[:EXAMPLE_ROWS].tolist() for column in inputs}
+    return {column: first.column(column)[: round(EXAMPLE_S / first.sample_time_s)].tolist() for column in inputs}

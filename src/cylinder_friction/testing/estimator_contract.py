@@ -68,7 +68,12 @@ class Case:
 
     @cached_property
     def estimate(self) -> Array:
-        return self.estimator.estimate(self.recording)
+        found: Any = self.estimator.estimate(self.recording)
+        got = f"a {type(found).__name__}"
+        self.require(
+            isinstance(found, np.ndarray), f"estimate is {got}, but expected a NumPy array; let advance return one"
+        )
+        return np.asarray(found)
 
     def streamed(self, count: int) -> list[float]:
         """Return the first outputs of a fresh stream [N]."""
@@ -86,7 +91,8 @@ class Case:
         rows = np.flatnonzero(got != expected)
         if len(rows):
             row = rows[0]
-            self.require(False, f"{what}: row {row} is {got[row]!r} N, but expected {expected[row]!r} N")
+            one, other = got[row].tolist(), expected[row].tolist()  # plain numbers, to the last digit
+            self.require(False, f"{what}: row {row} is {one} N, but expected {other} N")
 
     def require_error(self, call: Callable[[], object], error: type[Exception], words: str, what: str) -> None:
         """Refuse a call that does not raise this error with these words."""

@@ -98,7 +98,7 @@ def code_at(root: Path, sha: str, stage: str) -> str | None:
     done = subprocess.run(command, capture_output=True, timeout=60, check=False)  # noqa: S603
     if done.returncode != 0:
         codes: dict[str, str] = yaml.safe_load(git(root, "show", f"{sha}:./{CODE_FILE}") or "") or {}
-        return codes.get(stage)
+        return str(codes[stage]).partition(" ")[0] if stage in codes else None  # own estimators follow
     with tempfile.TemporaryDirectory() as folder, tarfile.open(fileobj=io.BytesIO(done.stdout)) as archive:
         archive.extractall(folder, filter="data")
         return _stage_code(stage, Path(folder) / "src")

@@ -199,7 +199,7 @@ def test_the_page_shows_a_session(
         assert page.locator("#detail").is_hidden()
         newtons = np.concatenate([client.estimates(1.0)[1] for _ in range(7)])
     assert problems == []
-    assert series[-1] == "identified, new [N]"
+    assert series[-1] == "identified, condition new [N]"
     assert by_model == f"by {model}"
     assert overflow <= 0
     assert shown == [999, newtons[999, 0]]

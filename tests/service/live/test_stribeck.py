@@ -22,11 +22,16 @@ def test_curves_of_the_pipeline_and_of_identify_become_lines(tmp_path: Path) -> 
     (line,) = stribeck_lines(path).values()
     np.testing.assert_array_equal(line["friction_n"], StribeckCurve(**CURVE).friction(np.array(line["velocity_m_s"])))
     assert line["velocity_m_s"] == sorted(line["velocity_m_s"])
+    assert line["everywhere"]
+    write_json(path, {"curve": CURVE, "points": [], "condition": "1"})
+    assert not stribeck_lines(path)["1"]["everywhere"]  # one of several conditions
+    write_json(path, {"stribeck": {"only": {"curve": CURVE}}})
+    assert stribeck_lines(path)["only"]["everywhere"]
     found = {"cold": {"curve": CURVE}, "warm": {"curve": CURVE | {"coulomb_n": 250.0}}, "none": {"curve": None}}
     write_json(path, {"stribeck": found, "models": {}})
     lines = stribeck_lines(path)
     assert list(lines) == ["cold", "warm"]
-    assert lines["cold"] == line != lines["warm"]
+    assert lines["cold"] == line | {"everywhere": False} != lines["warm"]
 
 
 def test_where_slow_sliding_determined_nothing_the_line_does_not_rise(tmp_path: Path) -> None:

@@ -29,6 +29,10 @@ def test_the_description_is_whole_and_its_examples_are_scored(server: Any) -> No
     (row,) = scored[0].json()["predictions"]
     assert [*row] == [*schemas["Estimate"]["properties"]]
     assert {*schemas["Sample"]["required"]} == {"pressure_1_pa", "pressure_2_pa", "position_m"}
+    stated = schemas["Sample"]["properties"]["pressure_1_pa"]["description"]
+    assert re.fullmatch(
+        r"in the unit that its name states; valid from -?[\d.]+ to [\d.]+ bar, flagged beyond", stated
+    )  # in the words of the model card
     for path, methods in described["paths"].items():
         assert "get" not in methods or server.get(path).status == 200
 

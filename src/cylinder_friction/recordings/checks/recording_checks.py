@@ -158,7 +158,7 @@ def length_finding(rows: int, sample_time_s: float, limits: CheckLimits) -> Find
         duration_s >= limits.minimum_duration_s,
         text,
         f"{text}, expected at least {limits.minimum_duration_s:.3g} s; log longer or lower "
-        "ingest.checks.minimum_duration_s",
+        "checks.minimum_duration_s in the mapping",
     )
 
 

@@ -176,7 +176,7 @@ def find_zero(
         if rules.method == "window":
             raise RecordingError(
                 f"{problem} {where}, the stated window; expected both chambers vented there; correct "
-                "ingest.zero.window_s, or vent the cylinder at the start of a log"
+                "zero.window_s in the mapping, or vent the cylinder at the start of a log"
             )
         return _none(f"{problem} {where}, the longest steady stretch")
     readings = {column: signals[first:end, index] for index, column in enumerate(columns, start=1)}

@@ -20,10 +20,10 @@ TEMPLATE = """\
 # First mapping of {file}, made from its names, units and values.
 # Look at every line marked guess, CHECK, AMBIGUOUS or NOT FOUND; then take the remark away.
 defaults:
-  - rules@_here_: default  # time, spikes, zeros, limits: conf/ingest/rules/default.yaml
+  - rules@_here_: default  # usual rules of time, spikes, zeros, limits; in a project conf/ingest/rules/default.yaml
   - _self_
 source: {source}
-truth: data/raw/rig_truth  # nobody knows your true friction; without the rig this folder is empty
+truth: data/raw/rig_truth  # for the simulated rig alone: nobody knows your true friction
 pattern: {pattern}
 # guess: the name of the file is the session, what comes before its first _ the condition.
 name_pattern: {name_pattern}

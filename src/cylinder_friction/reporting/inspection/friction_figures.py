@@ -11,7 +11,7 @@ from cylinder_friction.evaluation.inspection.friction_view import FrictionView
 from cylinder_friction.evaluation.inspection.sliding_friction import WAYS, MeanFriction
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, StribeckPoint
 from cylinder_friction.friction_models.stribeck import StribeckCurve
-from cylinder_friction.reporting.page_figure import PageFigure, compact
+from cylinder_friction.reporting.page_figure import PageFigure, compact, speed_ticks
 from cylinder_friction.reporting.style import BLUE, GREEN, INK, ORANGE, PALE, SERIES
 from cylinder_friction.reporting.time_figure import spread_evenly
 
@@ -19,8 +19,6 @@ CURVE_POINTS = 200
 WIDE = 200
 """From so many recordings on, their marks are small."""
 MM_PER_M = 1e3
-WIDE_SPAN = 10.0
-"""From this ratio of speeds on, fewer of them are written at the axis."""
 
 
 def against_velocity(view: FrictionView, points: int) -> PageFigure:
@@ -37,7 +35,7 @@ def against_velocity(view: FrictionView, points: int) -> PageFigure:
     if view.curve is not None:
         _curve(figure, view, view.curve)
     figure.x_axis(1, "velocity [mm/s]")
-    figure.x_axis(2, "speed [mm/s]", type="log", tickvals=_speed_ticks(view))
+    figure.x_axis(2, "speed [mm/s]", type="log", tickvals=speed_ticks([point.velocity_m_s for point in view.points]))
     figure.y_axis(1, f"{view.friction_name} [N]")
     figure.y_axis(2, "against the motion [N]")
     return figure.look(480, legend_rows=2)
@@ -128,12 +126,6 @@ def ways(view: FrictionView) -> list[tuple[str, str, NDArray[np.intp]]]:
     """Return name, colour and usable rows of standstill, extension and retraction."""
     ways = (("standstill", PALE, 0.0), ("extending", BLUE, 1.0), ("retracting", ORANGE, -1.0))
     return [(name, colour, np.flatnonzero(view.usable & (view.direction == sign))) for name, colour, sign in ways]
-
-
-def _speed_ticks(view: FrictionView) -> list[float]:
-    speeds = [abs(point.velocity_m_s) for point in view.points] or [1.0]
-    steps = (1, 2, 5) if max(speeds) >= WIDE_SPAN * min(speeds) else (1, 2, 3, 4, 5, 6, 8)
-    return [step * 10.0**power for power in range(-3, 5) for step in steps]
 
 
 def _cloud(name: str, colour: str, x: Array, y: Array) -> dict[str, Any]:

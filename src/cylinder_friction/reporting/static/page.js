@@ -42,6 +42,12 @@ const inSight = new IntersectionObserver(function (seen) {
   seen.filter(each => each.isIntersecting).forEach(each => { inSight.unobserve(each.target); draw(each.target); });
 }, {rootMargin: '400px'});
 
+// A table that is cut off at its right gets a hint above it.
+const tables = new ResizeObserver(function (seen) {
+  seen.forEach(each => { each.target.classList.toggle('cut', each.target.scrollWidth > each.target.clientWidth + 1); });
+});
+function watch(part) { part.querySelectorAll('.scroll').forEach(place => { tables.observe(place); }); }
+
 // A section may be packed (deflate, base64) in a script until it is chosen, so that many of them make a small page.
 async function unpack(section) {
   const source = section.querySelector('script[type="text/plain"]');
@@ -50,6 +56,7 @@ async function unpack(section) {
   const bytes = Uint8Array.from(atob(source.textContent), letter => letter.charCodeAt(0));
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('deflate'));
   section.innerHTML = await new Response(stream).text();
+  watch(section);
   section.querySelectorAll('.plot').forEach(place => { inSight.observe(place); });
 }
 
@@ -133,6 +140,7 @@ document.addEventListener('click', function (event) {
 document.addEventListener('input', event => { if (event.target.id === 'find') find(event.target.value); });
 window.addEventListener('hashchange', show);
 window.addEventListener('DOMContentLoaded', function () {
+  watch(document);
   show();
   document.querySelectorAll('.plot').forEach(place => { inSight.observe(place); });
 });

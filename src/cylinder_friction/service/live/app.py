@@ -54,7 +54,7 @@ def create_app(
         AccessError: The tokens cannot be read.
     """
     events, history = events or Events(), folder / HISTORY_FOLDER
-    peers, watchers = Peers(events), Watchers(service, stribeck)
+    peers, watchers = Peers(events), Watchers(service, history, stribeck)
     changing = Changing(service, folder / ENGINES_FOLDER, peers)
     guard = AccessControl(access or LiveAccess(), host, peers.refused, events)
     service.takers += [link.note for link in links if type(link).note is not Link.note]

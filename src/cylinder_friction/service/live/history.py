@@ -10,12 +10,14 @@ import math
 import time
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.service.live.frames import LATEST_S, EstimateBlock
 from cylinder_friction.service.live.journal import Chunk, Journal
 
@@ -69,6 +71,37 @@ def write_session(journal: Journal, name: str, last: int, folder: Path) -> list[
     for path, chunks in files.items():
         write_whole(table_of(chunks), path)
     return list(files)
+
+
+def last_rows(
+    folder: Path, name: str, inputs: Sequence[str], rows: int, before: int | None = None
+) -> tuple[EstimateBlock, Array] | None:
+    """Return the newest estimates of a session's history with their samples: at most ``rows``, none missing between.
+
+    They come from its last two files, before the sample of index ``before``; None if these have none with such inputs.
+    """
+    import pyarrow.parquet as pq
+
+    paths = sorted((folder / quote(name, safe="")).glob("????-??-??/*.parquet"))[-2:]
+    columns = ["index", "time_s", *inputs, *_NEWTONS, "flags"]
+    tables = []
+    for path in paths:
+        with pq.ParquetFile(path) as file:  # ``read_table`` would import pandas
+            if set(columns) <= set(file.schema_arrow.names):
+                tables.append(file.read(columns).replace_schema_metadata(file.schema_arrow.metadata))
+    if not tables:
+        return None
+    model = (tables[-1].schema.metadata or {}).get(b"model", b"").decode()
+    values = {each: np.concatenate([table[each].to_numpy() for table in tables]) for each in columns}
+    if before is not None:
+        values = {each: column[values["index"] < before] for each, column in values.items()}
+    if not len(values["index"]):
+        return None
+    breaks = np.flatnonzero(np.diff(values["index"]) != 1) + 1
+    first = max(len(values["index"]) - rows, breaks[-1] if len(breaks) else 0)
+    newtons, samples = (np.column_stack([values[each][first:] for each in some]) for some in (_NEWTONS, inputs))
+    index, time_s = int(values["index"][first]), float(values["time_s"][first])
+    return replace(EstimateBlock.of(0, index, time_s, newtons, values["flags"][first:]), model=model), samples
 
 
 def _day_of(time_s: float) -> str:

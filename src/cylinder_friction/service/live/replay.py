@@ -9,8 +9,9 @@ from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.service.client import Client
 
 BLOCK_S = 0.05
-PAUSE_S = 60.0
-"""What is left out between two recordings of a session, so that each begins anew, as it did when it was recorded."""
+PAUSE_S = 5.0
+"""Samples that are left out between two recordings of a session, so that each begins anew. Nobody waits for them: the
+next recording is dated as if it followed at once."""
 
 
 @dataclass
@@ -44,8 +45,13 @@ class Replay:
         rows = max(1, round(BLOCK_S / sample_time_s))
         with Client(self.url, name, sample_time_s, inputs) as client:
             begin_s, sent = time.monotonic(), 0
-            for number, recording in enumerate(recordings):
-                client.skip(round(PAUSE_S / sample_time_s) if number else 0)
+            rows_in_all = sum(len(each.table) for each in recordings)
+            ahead = 1.0 - 1.0 / self.speed if self.speed else 1.0  # Share of the time that a faster replay saves
+            client.start_time_s -= max(0.0, ahead) * rows_in_all * sample_time_s  # so that no sample is of the future
+            for recording in recordings:
+                if client.next_index:  # of the recording before, or of a replay before a restart
+                    client.skip(round(PAUSE_S / sample_time_s))
+                    client.start_time_s -= PAUSE_S
                 samples = recording.samples(inputs)
                 for first in range(0, len(samples), rows):
                     if stop.is_set():

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 from urllib.parse import quote
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.flags import Flag, unknown_in_words
 from cylinder_friction.service.live.engine import Engine, Job
 from cylinder_friction.service.live.frames import FLAG_BYTES, LATEST_S, EstimateBlock, SampleBlock
@@ -192,6 +193,17 @@ class LiveService:
                 index = chunk.index + len(chunk.samples)
                 blocks.append(replace(chunk.estimates.after(known, chunk.sample_time_s), handle=session.handle))
         return blocks
+
+    def recent(self, session: LiveSession, rows: int) -> list[tuple[EstimateBlock, Array]]:
+        """Return the newest estimates and their samples, about so many rows, as far back as the journal goes."""
+        kept = self.journal.chunks(session.name, self.journal.last_chunk(), max(0, session.next_index - rows))
+        chunks = [*kept, *(each.chunk() for each in session.handed_over + session.unkept)]
+        return [(each.estimates, each.samples) for each in chunks if each.estimates is not None]
+
+    @property
+    def now_s(self) -> float:
+        """The clock of ``LiveSession.last_seen_s`` [s]."""
+        return self._clock()
 
     def session_of(self, block: SampleBlock) -> LiveSession:
         """Return the session of a block.

@@ -12,8 +12,8 @@ _SPEEDS_M_S = np.geomspace(1e-4, 2.0, 150)
 _NO_RISE = {"stribeck_velocity_m_s": 0.01, "stribeck_exponent": 2.0}
 _EXPECTED = "expected friction_models.json of `cylinder-friction identify`, or stribeck_points.json of the stage lugre"
 
-Lines = dict[str, dict[str, list[float]]]
-"""Velocity [m/s], ascending, and friction [N], by the name of the curve."""
+Lines = dict[str, dict[str, Any]]
+"""Velocity [m/s], ascending, friction [N], and whether it applies ``everywhere``, by the condition of the curve."""
 
 
 class StribeckError(ValueError):
@@ -23,6 +23,9 @@ class StribeckError(ValueError):
 def stribeck_lines(path: Path) -> Lines:
     """Return the curves of a file, one of each condition; positive friction opposes extension.
 
+    A curve applies everywhere if it is the only one of ``identify``, else to the sessions whose names state its
+    condition: the stage ``lugre`` identifies one of several.
+
     Where slow sliding did not determine how friction rises towards standstill, the line has no rise.
 
     Raises:
@@ -30,8 +33,13 @@ def stribeck_lines(path: Path) -> Lines:
     """
     try:
         content = read_json(path)
-        by_condition = content.get("stribeck", {"training": content})
-        lines = {name: _line(each["curve"]) for name, each in by_condition.items() if each["curve"] is not None}
+        by_condition = content.get("stribeck", {content.get("condition", "training"): content})
+        everywhere = len(by_condition) == 1 and content.get("condition") is None
+        lines = {
+            name: _line(each["curve"]) | {"everywhere": everywhere}
+            for name, each in by_condition.items()
+            if each["curve"] is not None
+        }
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise StribeckError(f"{path}: cannot be read as Stribeck curves ({error!r}); {_EXPECTED}") from error
     if not lines:

@@ -4,6 +4,7 @@ import asyncio
 import json
 import time
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -11,10 +12,13 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.frames import EstimateBlock
+from cylinder_friction.service.live.history import last_rows
 from cylinder_friction.service.live.service import LiveService, LiveSession
 from cylinder_friction.service.live.stribeck import Lines
 
 TICK_S = 0.2
+RECENT_S = 60.0
+"""A page that begins to look at a session gets what came before, so far back."""
 UNSENT_BLOCKS = 2000
 """A page that reads no faster loses what is beyond this; the journal loses nothing."""
 
@@ -24,19 +28,23 @@ class Watchers:
 
     Args:
         service: Whose sessions they show.
+        history: Folder of the service's history.
         stribeck: Curves that they draw beside the estimates.
     """
 
-    def __init__(self, service: LiveService, stribeck: Lines | None = None) -> None:
-        self._service = service
-        self._first = json.dumps({"stribeck": stribeck or {}, "flags": [flag.name for flag in Flag]})
+    def __init__(self, service: LiveService, history: Path, stribeck: Lines | None = None) -> None:
+        self._service, self._history = service, history
+        flags = [{"name": flag.name, "meaning": flag.meaning, "advice": flag.advice} for flag in Flag]
+        self._first = json.dumps({"stribeck": stribeck or {}, "flags": flags})
         self._pages: set[_Page] = set()
         self._by_session: dict[str, set[_Page]] = {}
 
     def _note(self, session: LiveSession, block: EstimateBlock) -> None:
         """Remember the estimates of a session that a page looks at."""
         for page in self._by_session.get(session.name, ()):
-            if len(page.blocks) < UNSENT_BLOCKS:
+            if not page.has_begun:  # it looked before the session was open, as after a restart
+                page.begin(self._service.recent(session, self._recent_rows))
+            elif len(page.blocks) < UNSENT_BLOCKS:
                 page.blocks.append((block, session.unkept[-1].last_samples(len(block))))
 
     async def run(self, socket: WebSocket) -> None:
@@ -51,14 +59,14 @@ class Watchers:
         try:
             await socket.send_text(self._first)
             while True:
-                self._look_at(page, (await socket.receive_text())[:80])
+                await self._look_at(page, (await socket.receive_text())[:80])
         except (WebSocketDisconnect, KeyError):
             pass
         finally:
             self._pages.discard(page)
             if not self._pages:
                 self._service.takers.remove(self._note)
-            self._look_at(page, "")
+            self._leave(page)
 
     async def tick(self) -> None:
         """Send every page what is new, again and again; a page that is still busy with the last is left out."""
@@ -74,21 +82,45 @@ class Watchers:
                 if page.sending is None or page.sending.done():
                     page.sending = asyncio.create_task(page.send(table, self._service.engines))
 
-    def _look_at(self, page: "_Page", name: str) -> None:
-        for looking in self._by_session.values():
+    @property
+    def _recent_rows(self) -> int:
+        return round(RECENT_S / self._service.engine.sample_time_s)
+
+    async def _look_at(self, page: "_Page", name: str) -> None:
+        self._leave(page)
+        if not name:
+            return
+        looking = self._by_session.setdefault(name, set())
+        looking.add(page)
+        session = self._service.sessions.get(name)
+        if session is None:
+            return
+        recent, rows = self._service.recent(session, self._recent_rows), self._recent_rows
+        before, missing = recent[0][0].index if recent else None, rows - sum(len(each) for each, _ in recent)
+        last = None
+        if missing > 0:  # the journal holds ten seconds alone of what the history has
+            inputs = self._service.engine.inputs
+            last = await asyncio.to_thread(last_rows, self._history, name, inputs, missing, before)
+        if page in looking:
+            page.begin([*([last] if last else []), *self._service.recent(session, rows)])
+
+    def _leave(self, page: "_Page") -> None:
+        for name, looking in list(self._by_session.items()):
             looking.discard(page)
-        page.blocks.clear()
-        if name in self._service.sessions:
-            self._by_session.setdefault(name, set()).add(page)
+            if not looking:
+                del self._by_session[name]
+        page.blocks, page.has_begun = [], False
 
     def _row(self, session: LiveSession, now_s: float) -> dict[str, Any]:
         last = None if session.latest is None else session.latest.last(session.order.sample_time_s)
         return {
             "name": session.name,
             "index": session.next_index,
-            "newtons": [0.0, 0.0, 0.0] if last is None else last.newtons,
+            "newtons": None if last is None else last.newtons,
             "flags": Flag.names(0 if last is None else last.flags),
             "lag_s": None if last is None else now_s - last.time_s,
+            "rest_s": self._service.now_s - session.last_seen_s,
+            "ended": session.owner is None,
             "kept": session.kept_index,
             "counts": vars(session.order.counts),
             "not_known": session.not_known,
@@ -99,19 +131,25 @@ class _Page:
     def __init__(self, socket: WebSocket) -> None:
         self._socket = socket
         self.blocks: list[tuple[EstimateBlock, Any]] = []
+        self.has_begun = self._begins = False
         self.sending: asyncio.Task[None] | None = None
+
+    def begin(self, blocks: list[tuple[EstimateBlock, Any]]) -> None:
+        """Show these rows, and those that follow, in place of what is shown."""
+        self.blocks, self.has_begun, self._begins = blocks, True, True
 
     async def send(self, table: str, engines: Mapping[str, Engine]) -> None:
         blocks, self.blocks = self.blocks, []
+        begins, self._begins = self._begins and bool(blocks), self._begins and not blocks
         try:
             await self._socket.send_text(table)
             if blocks:
-                await self._socket.send_text(_detail(blocks, engines))
+                await self._socket.send_text(_detail(blocks, engines, begins))
         except (RuntimeError, WebSocketDisconnect):
             pass  # it has left
 
 
-def _detail(blocks: list[tuple[EstimateBlock, Any]], engines: Mapping[str, Engine]) -> str:
+def _detail(blocks: list[tuple[EstimateBlock, Any]], engines: Mapping[str, Engine], begins: bool) -> str:
     columns: dict[str, list[Any]] = {"index": [], "samples": [], "newtons": [], "flags": []}
     for block, samples in blocks:
         columns["index"] += range(block.index, block.index + len(block))
@@ -119,4 +157,5 @@ def _detail(blocks: list[tuple[EstimateBlock, Any]], engines: Mapping[str, Engin
         columns["newtons"] += block.newtons.tolist()
         columns["flags"] += block.flags.tolist()
     model = blocks[-1][0].model
-    return json.dumps({"rows": columns, "model": engines[model].called or model[:12]})
+    called = engines[model].called if model in engines else ""
+    return json.dumps({"rows": columns, "begins": begins, "model": called or model[:12]})

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from cylinder_friction.deployment.scoring import OFFSET, RECORDING_COLUMN, TIME_COLUMN
+from cylinder_friction.recordings.columns import in_shown_unit
 from cylinder_friction.recordings.files import read_json
 from cylinder_friction.service.scoring.decoding import ARROW, CSV, JSON, MAX_RECORDINGS, PARQUET
 from cylinder_friction.service.scoring.errors import MAX_COLUMNS
@@ -14,7 +15,7 @@ from cylinder_friction.service.scoring.settings import ServeSettings
 Schema = dict[str, Any]
 
 _TEMPLATES = Path(__file__).with_name("templates")
-_EXAMPLE_FILE = "input_example.json"
+_EXAMPLE_FILE, _EXAMPLE_ROWS = "input_example.json", 5
 _REFUSALS = {
     400: "The body cannot be decoded, or has a key twice.",
     401: "A known token is needed.",
@@ -116,10 +117,16 @@ def _forms() -> Schema:
     return {"oneOf": [_object({name: schema}) for name, schema in forms.items()]}
 
 
+def _valid(column: str, lower: float, upper: float) -> str:
+    """Return an input's valid range as the model card states it."""
+    _, unit, low, high = in_shown_unit(column, lower, upper)
+    return f"in the unit that its name states; valid from {low} to {high} {unit}, flagged beyond".replace("  ", " ")
+
+
 def _schemas(now: ModelInService) -> Schema:
     graph = now.graph
     inputs: Schema = {
-        name: {"type": "number", "description": f"trained on {low:.4g} to {high:.4g}, widened by 5 %"}
+        name: {"type": "number", "description": _valid(name, low, high)}
         for name, low, high in zip(graph.inputs, graph.lower, graph.upper, strict=True)
     }
     optional = {
@@ -153,9 +160,9 @@ def _refusal(text: str) -> Schema:
 
 
 def _example(now: ModelInService) -> dict[str, Any]:
-    """Return the example in the model's folder, or the middle of the training range."""
+    """Return the first rows of the example in the model's folder, or the middle of the training range."""
     path = now.model.folder / _EXAMPLE_FILE
     if path.is_file():
         content = read_json(path)
-        return {"columns": content["columns"], "data": content["data"]}
+        return {"columns": content["columns"], "data": content["data"][:_EXAMPLE_ROWS]}
     return {"columns": list(now.graph.inputs), "data": [(0.5 * (now.graph.lower + now.graph.upper)).tolist()]}

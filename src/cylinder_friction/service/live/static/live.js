@@ -1,7 +1,7 @@
 "use strict";
 /* The page of the live service: a table of all sessions; one session over time and against velocity. */
 
-const KEEP_S = 60, SPARK = 300, SLOPE_S = 0.1, BIN_M_S = 0.01, BIN_ROWS = 400, FEWEST = 20, DAY_S = 86400;
+const KEEP_S = 60, SPARK = 300, SLOPE_S = 0.1, BIN_M_S = 0.01, BIN_ROWS = 400, FEWEST = 20, DAY_S = 86400, STALE_S = 3;
 const COLOURS = ["#888888", "#e69f00", "#cc79a7", "#d55e00", "#d55e00", "#d55e00", "#999933", "#e69f00", "#d55e00", "#bbbbbb"];
 const colourOf = (bit) => COLOURS[bit] ?? "#882255";
 const by = (id) => document.getElementById(id);
@@ -9,8 +9,8 @@ const css = (name) => getComputedStyle(document.documentElement).getPropertyValu
 const inView = new Set(), watcher = new IntersectionObserver((entries) => entries.forEach((each) => each.isIntersecting ? inView.add(each.target) : inView.delete(each.target)));
 const collator = new Intl.Collator("en", { numeric: true });
 const sparks = new Map(), rows = new Map(), steady = new Map();
-const SORTS = { name: (each) => each.name, friction: (each) => -each.newtons[0], flags: (each) => -each.flags.length, samples: (each) => -each.index, lag: (each) => -(each.lag_s ?? 0) };
-let socket = null, shown = null, frozen = false, plots = null, stribeck = {}, flagNames = [], sampleTimeS = 0.005, columns = [0, 1, 2], sort = "name", ordered = "", steadyIndex = -1;
+const SORTS = { name: (each) => each.name, friction: (each) => -(each.newtons?.[0] ?? -Infinity), flags: (each) => -each.flags.length, samples: (each) => -each.index, lag: (each) => -(each.lag_s ?? 0) };
+let socket = null, shown = null, frozen = false, plots = null, stribeck = {}, flagNames = [], sampleTimeS = 0.005, columns = [0, 1, 2], sort = "name", ordered = "", steadyIndex = -1, cutAt = null;
 const data = { index: [], newtons: [[], [], []], samples: [[], [], []], flags: [] };
 
 function connect() {
@@ -19,23 +19,55 @@ function connect() {
   socket.onopen = () => socket.send(shown ?? "");
   socket.onclose = (event) => {
     if (event.code === 4401 || event.code === 4403) { login(event.reason); return; }
-    by("state").textContent = "not connected; trying again…"; setTimeout(connect, 1000);
+    cut();
+    setTimeout(connect, 1000);
   };
   socket.onmessage = (event) => {
     const content = JSON.parse(event.data);
     if (content.sessions) {
       sampleTimeS = content.sample_time_s;
       by("bounds").title = content.bounds;
+      cutAt = null;
+      document.body.classList.remove("cut");
       columns = ["pressure_1_pa", "pressure_2_pa", "position_m"].map((name) => content.inputs.indexOf(name));
       table(content.sessions);
-    } else if (content.rows) { take(content.rows); text(by("model"), `by ${content.model}`); }
-    else if (content.stribeck) { stribeck = content.stribeck; flagNames = content.flags; }
+    } else if (content.rows) { if (content.begins) clear(); take(content.rows); text(by("model"), `by ${content.model}`); }
+    else if (content.stribeck) { stribeck = content.stribeck; explain(content.flags); }
   };
 }
 
 function base64url(text) {
   const bytes = Array.from(new TextEncoder().encode(text), (byte) => String.fromCharCode(byte)).join("");
   return btoa(bytes).replaceAll("+", "-").replaceAll("/", "_").replaceAll("=", "");
+}
+
+/* Without a connection nothing that is shown is of now. */
+function cut() {
+  cutAt ??= new Date();
+  document.body.classList.add("cut");
+  text(by("state"), `no connection to the service since ${clockTime(cutAt)}; trying again…`);
+  for (const row of rows.values()) text(row.children[5], "–");
+  if (shown !== null) text(by("silence"), `No connection to the service since ${clockTime(cutAt)}.`);
+}
+
+function clockTime(date) { return date.toLocaleTimeString("en-GB"); }
+
+function explain(flags) {
+  flagNames = flags.map((each) => each.name);
+  by("flag-words").replaceChildren(...flags.flatMap((each) => [["dt", spoken(each.name)], ["dd", `${each.meaning}. To do: ${each.advice}.`]].map(([kind, words]) => {
+    const element = document.createElement(kind);
+    element.textContent = words;
+    return element;
+  })));
+}
+
+function spoken(flag) { return flag.toLowerCase().replaceAll("_", " "); }
+
+/* What is to be stated of a session beside its flags: since when nothing comes, and whether anybody sends. */
+function silence(each) {
+  if (each.rest_s <= STALE_S && !each.ended) return "";
+  const since = clockTime(new Date(Date.now() - 1e3 * each.rest_s));
+  return `${each.ended ? "ended; " : ""}${each.newtons === null ? "no samples yet" : `no samples since ${since}`}`;
 }
 
 function login(reason) {
@@ -53,25 +85,29 @@ function table(sessions) {
   for (const each of sessions) {
     seen.add(each.name);
     const row = rows.get(each.name) ?? addRow(each.name);
-    const [friction, lower, upper] = each.newtons, cells = row.children, spark = sparks.get(each.name), flags = each.flags.join(" ").toLowerCase().replaceAll("_", " ");
+    const [friction, lower, upper] = each.newtons ?? [null, null, null], cells = row.children, spark = sparks.get(each.name), silent = silence(each);
+    const flags = [silent, each.flags.map(spoken).join(", ")].filter(Boolean).join("; ");
     const good = each.flags.every((flag) => flag === "OFFSET_UNKNOWN");
-    spark.push(good ? friction : null);
+    spark.push(good && silent === "" ? friction : null);
     if (spark.length > SPARK) spark.shift();
-    if (each.name === shown) counts(each.counts);
+    if (each.name === shown) { counts(each.counts); text(by("silence"), sentenceOf(silent)); }
+    row.classList.toggle("stale", silent !== "");
     row.hidden = !`${each.name} ${flags}`.toLowerCase().includes(wanted);
     if (!inView.has(row)) continue;
     cells[1].className = good ? "" : "unusable";
     cells[2].className = good ? "wide" : "wide unusable";
-    text(cells[1], friction.toFixed(0));
-    text(cells[2], `${lower.toFixed(0)} to ${upper.toFixed(0)}`);
-    text(cells[3], each.not_known ? `not to be used: ${each.not_known}` : flags);
+    text(cells[1], friction === null ? "–" : friction.toFixed(0));
+    text(cells[2], friction === null ? "–" : `${lower.toFixed(0)} to ${upper.toFixed(0)}`);
+    text(cells[3], each.not_known ? [silent, `not to be used: ${each.not_known}`].filter(Boolean).join("; ") : flags);
     text(cells[4], each.index.toLocaleString("en"));
-    text(cells[5], lag(each.lag_s));
+    text(cells[5], silent ? "–" : lag(each.lag_s));
     draw(cells[6].firstChild, spark, mark);
   }
   for (const [name, row] of rows) if (!seen.has(name)) { watcher.unobserve(row); inView.delete(row); row.remove(); rows.delete(name); sparks.delete(name); }
   const visible = [...rows.values()].filter((row) => !row.hidden).length;
-  text(by("state"), `${sessions.length} session${sessions.length === 1 ? "" : "s"}${visible < sessions.length ? `, ${visible} shown` : ""}`);
+  const ended = sessions.filter((each) => each.ended).length, done = ended === 0 ? "" : ended === sessions.length ? ", all ended" : `, ${ended} ended`;
+  text(by("state"), `${sessions.length} session${sessions.length === 1 ? "" : "s"}${visible < sessions.length ? `, ${visible} shown` : ""}${done}`);
+  if (shown !== null && !seen.has(shown)) text(by("silence"), "This session is not open now: nobody has sent samples since the service was started, or for long.");
   order(sessions);
 }
 
@@ -87,6 +123,7 @@ function order(sessions) {
 
 function lag(seconds) {
   if (seconds === null || Math.abs(seconds) > DAY_S) return "–";
+  if (seconds < -1) return `ahead ${-seconds.toFixed(0)} s`;
   return Math.abs(seconds) < 10 ? `${(1e3 * seconds).toFixed(0)} ms` : `${seconds.toFixed(0)} s`;
 }
 
@@ -96,7 +133,7 @@ function addRow(name) {
   const row = document.createElement("tr");
   row.tabIndex = 0;
   row.innerHTML = '<td></td><td></td><td class="wide"></td><td class="flags"></td><td class="wide"></td><td class="wide"></td><td><canvas width="240" height="44"></canvas></td>';
-  row.firstChild.textContent = name;
+  row.firstChild.append(...name.split(/(?<=[_.:/-])/).flatMap((part) => [part, document.createElement("wbr")]));
   row.onclick = () => show(name);
   by("sessions").tBodies[0].append(row);
   rows.set(name, row);
@@ -126,9 +163,8 @@ function counts(content) {
 
 function show(name) {
   shown = name;
-  for (const column of [data.index, data.flags, ...data.newtons, ...data.samples]) column.length = 0;
-  steady.clear();
-  steadyIndex = -1;
+  clear();
+  text(by("silence"), "");
   by("detail").hidden = false;
   document.body.classList.add("showing");
   by("detail-title").textContent = name;
@@ -136,6 +172,33 @@ function show(name) {
   makePlots();
   socket.send(name);
   by("detail").scrollIntoView({ behavior: "smooth" });
+}
+
+function clear() {
+  for (const column of [data.index, data.flags, ...data.newtons, ...data.samples]) column.length = 0;
+  steady.clear();
+  steadyIndex = -1;
+}
+
+function sentenceOf(silent) {
+  const sentence = silent && `${silent[0].toUpperCase()}${silent.slice(1)}.`;
+  if (data.index.length) return sentence && `${sentence} Below: its last rows.`;
+  return `${sentence || "Waiting for samples."}${sentence ? " Its rows, if there are any, are in the service's history folder." : ""}`;
+}
+
+/* The identified curves that apply to the shown session: one for all, or those whose condition its name states. */
+function applying() { return Object.keys(stribeck).filter((name) => stribeck[name].everywhere || states(shown ?? "", name)); }
+
+function states(session, condition) {
+  const escaped = condition.replaceAll(/[.*+?^${}()|[\]\\]/g, "\\$&"), word = /^\d+$/.test(condition) ? `condition[ _-]?${escaped}` : escaped;
+  return new RegExp(`(^|[^a-z0-9])${word}([^a-z0-9]|$)`, "i").test(session);
+}
+
+function curveWords() {
+  const names = Object.keys(stribeck), drawn = applying();
+  if (!names.length) return "";
+  if (drawn.length) return `Dashed: the Stribeck curve identified before, of condition ${drawn.join(", ")}. If friction moves away from it, the seal, the oil temperature or the pressure has changed.`;
+  return `No identified Stribeck curve is drawn: those given are of condition ${names.join(", ")}, which this session's name does not state.`;
 }
 
 function hide() { shown = null; by("detail").hidden = true; document.body.classList.remove("showing"); socket.send(""); }
@@ -204,7 +267,7 @@ function redraw() {
 function identified(pairs) {
   if (!pairs.length) return [];
   const fastest = pairs.reduce((most, [v]) => Math.max(most, Math.abs(v)), 10);
-  return Object.values(stribeck).flatMap((line, at) => line.velocity_m_s.map((v, place) => {
+  return applying().map((name) => stribeck[name]).flatMap((line, at) => line.velocity_m_s.map((v, place) => {
     const row = [1e3 * v, null, null, null];
     row[4 + at] = line.friction_n[place];
     return row;
@@ -227,7 +290,7 @@ function strip() {
     flagNames.forEach((name, bit) => { if (flags >> bit & 1) { used.add(bit); pen.fillStyle = colourOf(bit); } });
     pen.fillRect(x, 0, Math.max(1, ratio), canvas.height);
   });
-  const legend = [...used].sort((a, b) => a - b).map((bit) => `<span><i style="background:${colourOf(bit)}"></i>${flagNames[bit].toLowerCase().replaceAll("_", " ")}</span>`);
+  const legend = [...used].sort((a, b) => a - b).map((bit) => `<span><i style="background:${colourOf(bit)}"></i>${spoken(flagNames[bit])}</span>`);
   by("legend").innerHTML = legend.length ? `Flags: ${legend.join("")}` : "No flags.";
 }
 
@@ -253,9 +316,10 @@ function makePlots() {
       title: "Friction against velocity, rows without flags", scales: { x }, hooks: zoomed, axes: [axis("velocity [mm/s]"), axis("[N]")],
       series: [{ label: "velocity [mm/s]" }, { label: "friction [N]", stroke: mark, paths: () => null, points: { show: true, size: 3, fill: mark } },
         ...["extending", "retracting"].map((way) => ({ label: `median, steadily ${way} [N]`, stroke: warn, width: 2, spanGaps: true, points: { show: true, size: 5, fill: warn } })),
-        ...Object.keys(stribeck).map((name) => ({ label: `identified, ${name} [N]`, stroke: ink, width: 1.5, dash: [6, 4], spanGaps: true, points: { show: false } }))],
+        ...applying().map((name) => ({ label: `identified, condition ${name} [N]`, stroke: ink, width: 1.5, dash: [6, 4], spanGaps: true, points: { show: false } }))],
     }, []),
   };
+  text(by("curves"), curveWords());
   redraw();
 }
 
