@@ -1,6 +1,7 @@
 """A result folder: replaced where an earlier run listed it, refused where not, and nobody's files are removed."""
 
 import json
+import shutil
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -196,6 +197,23 @@ def test_what_a_killed_run_had_not_moved_the_next_one_moves_first(
         raise ZeroDivisionError
     assert names(tmp_path) == ["out/b", "out/c", "out/d", f"out/{MARKER}"]
     assert "unfinished" not in json.loads((out / MARKER).read_text())
+
+
+def test_a_kill_while_the_moved_draft_is_removed_costs_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out, removed = tmp_path / "out", shutil.rmtree
+
+    def killed(path: Path, **_: Any) -> None:
+        for each in path.rglob(PLAN):
+            each.unlink()
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(shutil, "rmtree", killed)
+        with pytest.raises(KeyboardInterrupt):
+            write(out, "a")
+    assert shutil.rmtree is removed
+    write(out, "b")
+    assert names(tmp_path) == ["out/b", f"out/{MARKER}"]
 
 
 def test_a_plan_of_somebody_else_removes_nothing(tmp_path: Path) -> None:

@@ -93,14 +93,18 @@ def run(options: argparse.Namespace) -> int:
             model, _ = model_folder(model, Path(stack.enter_context(tempfile.TemporaryDirectory())))
         if options.workers is not None and options.workers < 1:
             raise ValueError(f"--workers: got {options.workers}, expected at least 1")
-        cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-        workers = stack.enter_context(workers_from_environment(options.workers or cores, FEW_FILES))
+        workers = stack.enter_context(workers_from_environment(options.workers or cores(), FEW_FILES))
         settings = {"model": model, "other_cylinder": options.other_cylinder, "file_format": options.format}
         function = partial(estimate_logs, **settings, workers=workers)
         result, notes = run_on_logs(function, options)
     print_result(result, notes, options.json, _lines(result), PAGE_FILE, [f"bounds   {result.bounds}"])
     unusable = any(each.not_known for each in result.recordings if each.name in result.new)
     return 1 if result.refused or not result.recordings or unusable else 0
+
+
+def cores() -> int:
+    """Return how many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def run_on_logs(function: Callable[..., Result], options: argparse.Namespace) -> tuple[Result, list[str]]:

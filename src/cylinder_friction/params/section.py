@@ -24,13 +24,14 @@ class Section(BaseModel):
 Kind = TypeVar("Kind", bound=Section)
 
 
-def checked(kind: type[Kind], content: Any, where: str) -> Kind:
+def checked(kind: type[Kind], content: Any, where: str, guide: str = "") -> Kind:
     """Return typed parameters, or refuse them with every offending key named.
 
     Args:
         kind: What they are checked against.
         content: What the YAML file or Hydra gave.
         where: Name of the source, for the message.
+        guide: What states the keys of a file that is not made from conf/.
 
     Raises:
         ParamsError: A key is unknown or missing, a type is wrong or a value impossible.
@@ -39,15 +40,17 @@ def checked(kind: type[Kind], content: Any, where: str) -> Kind:
         # As JSON, so that in strict mode a mapping may be a dataclass, and a list a pair.
         return kind.model_validate_json(json.dumps(content, default=str))
     except ValidationError as error:
-        lines = [_explain(dict(problem), where) for problem in error.errors()]
+        lines = [_explain(dict(problem), where, guide) for problem in error.errors()]
         raise ParamsError(f"{where}: refused, nothing was run\n  " + "\n  ".join(lines)) from None
 
 
-def _explain(problem: dict[str, Any], where: str) -> str:
+def _explain(problem: dict[str, Any], where: str, guide: str) -> str:
     key = ".".join(str(part) for part in problem["loc"]) or "(whole file)"
     if problem["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
-        return f"{key}: unknown key; check its spelling against conf/"
+        return f"{key}: unknown key; check its spelling against {guide or 'conf/'}"
     if problem["type"] == "missing":
+        if guide:
+            return f"{key}: missing; see {guide}"
         if Path(where).name == PARAMS_FILE.name:
             return f"{key}: missing; run the command `params` to compose it from conf/"
         return (

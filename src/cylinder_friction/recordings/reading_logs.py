@@ -128,7 +128,7 @@ def find_logs(
     Arguments and errors are those of ``read_logs``. ``rate_hz`` is the rate of the recordings [Hz], by default as
     ``channels`` has it, or each file's own; ``database`` (DBC) that of the bus whose frames measurement files hold.
     """
-    paths = _paths([files] if isinstance(files, str | Path) else list(files))
+    paths = log_paths([files] if isinstance(files, str | Path) else list(files))
     try:
         if channels is None:
             guess = _guessed(paths[0], cylinder, units or {}, None if database is None else Path(database))
@@ -168,7 +168,8 @@ def _logs(
     return Logs(root, {Path(os.path.relpath(path, root)).as_posix(): path for path in paths}, recipe)
 
 
-def _paths(files: Sequence[str | Path]) -> list[Path]:
+def log_paths(files: Sequence[str | Path]) -> list[Path]:
+    """Return the files that paths, folders and patterns name, sorted; raise ``RecordingError`` if one names none."""
     found: set[Path] = set()
     for file in files:
         path = Path(file)

@@ -123,7 +123,8 @@ class ResultFolder:
         for folder in sorted({(self.folder / name).parent for name in both}, reverse=True):
             _remove_if_empty(folder)
         write_json(self.folder / self.marker, plan["content"])
-        shutil.rmtree(draft)
+        # A kill while files are removed must not leave a whole draft without its plan.
+        shutil.rmtree(draft.rename(draft.with_name(uuid.uuid4().hex)))
 
     def _refuse_inputs(self) -> None:
         output = self.folder.resolve()

@@ -1,0 +1,148 @@
+"""The tables of a fleet in SQLite or PostgreSQL, brought up to date cylinder by cylinder.
+
+What a database holds is a copy: each cylinder's rows are replaced when they are not those of the folder of results.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Iterable, Mapping, Sequence
+from contextlib import closing
+from pathlib import Path
+from typing import Any
+from urllib.parse import urlsplit
+
+import pyarrow.parquet as pq
+
+from cylinder_friction.fleet.one_cylinder import session_file, state_file
+from cylinder_friction.fleet.sessions import TEXT, numbers
+from cylinder_friction.monitoring.assessment import Entry
+from cylinder_friction.monitoring.cylinder_line import CylinderLine
+from cylinder_friction.recordings.files import read_json
+from cylinder_friction.recordings.recording import RecordingError
+
+SQLITE_FILE = "health.sqlite"
+_BASELINE = ("level", "scatter", "autocorrelation", "threshold", "false_alarms_per_year", "smallest")
+_CHANGE = ("change", "change_low", "change_high", "percent", "percent_low", "percent_high", "per_year")
+TABLES: Mapping[str, Mapping[str, str]] = {
+    "health_cylinder": {
+        "cylinder": "text",
+        "answer": "text",
+        "ne107": "text",
+        "words": "text",
+        "needs": "integer",
+        "sessions": "integer",
+        "left_out": "integer",
+        "last_session": "text",
+        "last_start": "text",
+        "acknowledged": "text",
+        "look": "text",
+        "state": "text",
+    },
+    "health_change": {
+        "cylinder": "text",
+        "indicator": "text",
+        **dict.fromkeys(_CHANGE, "double precision"),
+        "since": "text",
+        "alarm_session": "text",
+        "limit_reached": "text",
+    },
+    "health_baseline": {
+        "cylinder": "text",
+        "indicator": "text",
+        "sessions": "integer",
+        **dict.fromkeys(_BASELINE, "double precision"),
+        "first": "text",
+        "last": "text",
+    },
+    "health_session": dict.fromkeys(TEXT, "text") | dict.fromkeys(numbers(), "double precision"),
+    "health_entry": dict.fromkeys(("cylinder", "time", "name", "kind", "words"), "text"),
+}
+"""Columns and types of each table; times are ISO 8601 in UTC, numbers in the units of their names."""
+
+
+def update_database(
+    address: str, folder: Path, lines: Sequence[CylinderLine], entries: Mapping[str, Sequence[Entry]]
+) -> int:
+    """Bring the tables up to what a folder of results holds, in one transaction; return how many cylinders changed.
+
+    Args:
+        address: ``postgresql://...``; empty: the SQLite file in the folder.
+        folder: The results.
+        lines: Of all cylinders; others that a database holds are removed from it.
+        entries: By cylinder.
+
+    Raises:
+        RecordingError: The database cannot be reached or written.
+        ModuleNotFoundError: The library of PostgreSQL is not installed.
+    """
+    mark, errors = "?", (sqlite3.Error,)
+    host = urlsplit(address)
+    where = f"{host.hostname}{host.path}" if address else str(folder / SQLITE_FILE)  # without the password
+    try:
+        if address:
+            import psycopg2  # of the extra postgres
+
+            mark, errors = "%s", (psycopg2.Error,)
+            connection = psycopg2.connect(address)
+        else:
+            connection = sqlite3.connect(folder / SQLITE_FILE, timeout=30.0)
+        with closing(connection), connection:
+            return _update(connection, mark, folder, lines, entries)
+    except errors as error:
+        problem = " ".join(str(error).split())
+        raise RecordingError(
+            f"the tables in {where} are not up to date: {problem}; the page and the files are written, and the next "
+            "run brings the tables up to them"
+        ) from error
+
+
+def _update(
+    connection: Any, mark: str, folder: Path, lines: Sequence[CylinderLine], entries: Mapping[str, Sequence[Entry]]
+) -> int:
+    cursor = connection.cursor()
+    for table, columns in TABLES.items():
+        cursor.execute(f"CREATE TABLE IF NOT EXISTS {table} ({', '.join(f'{n} {t}' for n, t in columns.items())})")
+    cursor.execute("CREATE INDEX IF NOT EXISTS health_session_of ON health_session (cylinder, start)")
+    cursor.execute("SELECT * FROM health_cylinder")
+    held = {row[0]: row for row in cursor.fetchall()}
+    wanted = {each.cylinder: _cylinder(each) for each in lines}
+    stale = [name for name in held.keys() | wanted.keys() if held.get(name) != wanted.get(name)]
+    for name in sorted(stale):
+        for table in TABLES:
+            cursor.execute(f"DELETE FROM {table} WHERE cylinder = {mark}", (name,))  # noqa: S608 - names of our own
+        if name not in wanted:
+            continue
+        about = read_json(folder / state_file(name))["assessment"]
+        sessions = pq.read_table(folder / session_file(name), columns=list(TABLES["health_session"]), use_threads=False)
+        _insert(cursor, mark, "health_cylinder", [wanted[name]])
+        _insert(cursor, mark, "health_change", [_change(name, each) for each in about["changes"]])
+        bases = [(key, each) for key, each in about["trends"].items() if each]
+        _insert(cursor, mark, "health_baseline", [_of("health_baseline", name, key, each) for key, each in bases])
+        _insert(cursor, mark, "health_session", zip(*(column.to_pylist() for column in sessions.columns), strict=True))
+        own = [(each.cylinder, each.time, each.name, each.kind, each.words) for each in entries.get(name, ())]
+        _insert(cursor, mark, "health_entry", own)
+    return len(stale)
+
+
+def _insert(cursor: Any, mark: str, table: str, rows: Iterable[Sequence[Any]]) -> None:
+    marks = ", ".join([mark] * len(TABLES[table]))
+    cursor.executemany(f"INSERT INTO {table} VALUES ({marks})", list(rows))  # noqa: S608 - names of our own
+
+
+def _cylinder(line: CylinderLine) -> tuple[Any, ...]:
+    names = [name for name in TABLES["health_cylinder"] if name != "needs"]
+    values = {name: getattr(line, name) for name in names} | {"needs": line.rank}
+    return tuple(values[name] for name in TABLES["health_cylinder"])
+
+
+def _change(name: str, change: Mapping[str, Any]) -> tuple[Any, ...]:
+    low, high = change["interval"]
+    percent_low, percent_high = change["percent_interval"] or (None, None)
+    ends = {"change_low": low, "change_high": high, "percent_low": percent_low, "percent_high": percent_high}
+    return _of("health_change", name, change["indicator"], {**change, **ends})
+
+
+def _of(table: str, cylinder: str, indicator: str, values: Mapping[str, Any]) -> tuple[Any, ...]:
+    known = {**values, "cylinder": cylinder, "indicator": indicator}
+    return tuple(known[name] for name in TABLES[table])

@@ -1,0 +1,206 @@
+"""One cylinder's part of a run: its new logs become sessions, and what is known of it is written down."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from cylinder_friction.estimation.from_logs import estimate_logs
+from cylinder_friction.fleet.doubts import doubts
+from cylinder_friction.fleet.plan import FleetCylinder
+from cylinder_friction.fleet.sessions import kept_recordings, read_rows, updated_rows, with_starts, write_rows
+from cylinder_friction.monitoring.assessment import Entry
+from cylinder_friction.monitoring.cylinder_line import CylinderLine, Trend, line_of
+from cylinder_friction.monitoring.indicators import session_row
+from cylinder_friction.monitoring.plan import IndicatorPlan
+from cylinder_friction.monitoring.session_row import SessionRow
+from cylinder_friction.monitoring.verdict import assess
+from cylinder_friction.recordings.columns import LOAD_FORCE
+from cylinder_friction.recordings.files import read_json, write_json, write_text
+from cylinder_friction.recordings.ingesting import Quarantined
+from cylinder_friction.recordings.reading_logs import load_settings
+from cylinder_friction.recordings.recording import Recording, RecordingError
+from cylinder_friction.reporting.friction_page import pane_file
+from cylinder_friction.reporting.health_page import health_pane
+
+RESULTS = "friction"
+"""Folder in the results with a folder per cylinder that ``estimate_logs`` writes."""
+
+
+def session_file(name: str) -> str:
+    """Return the path of a cylinder's table of sessions in the results."""
+    return f"sessions/{name}.parquet"
+
+
+def state_file(name: str) -> str:
+    """Return the path of what is known of a cylinder in the results."""
+    return f"cylinders/{name}.json"
+
+
+@dataclass(frozen=True)
+class Taken:
+    """What became of a cylinder's logs."""
+
+    refused: tuple[Quarantined, ...] = ()
+    notes: tuple[str, ...] = ()
+    # By the SHA-256 of each log that is kept: its session, and whether it is among the logs of this run
+    logs: Mapping[str, tuple[str, bool]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of a cylinder, and what is new about it."""
+
+    line: CylinderLine
+    changed: bool  # Whether its files were written anew
+    left_out: Mapping[str, str] = field(default_factory=dict)  # Why sessions are not assessed
+    failed: Mapping[str, str] = field(default_factory=dict)  # Why there is no row of a session
+    news: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class CylinderRun:
+    """How one cylinder is taken through a run."""
+
+    name: str
+    owned: FleetCylinder
+    into: Path  # The folder of results as the run before left it
+    root: Path  # What names of logs are relative to
+    code: str  # SHA-256 of the code
+    now: datetime
+
+    @property
+    def results(self) -> Path:
+        return self.into / RESULTS / self.name
+
+    def taken(self, files: Sequence[Path], any_logs: bool) -> Taken:
+        """Process the new ones of a cylinder's logs.
+
+        Args:
+            files: Its logs.
+            any_logs: Whether the run reads logs at all; if not, those that are kept are not gone.
+        """
+        refused, notes = list[Quarantined](), list[str]()
+        if files:
+            try:
+                with warnings.catch_warnings(record=True) as caught:
+                    warnings.simplefilter("always", UserWarning)
+                    found = estimate_logs(
+                        files,
+                        self.owned.cylinder(self.name),
+                        self.results,
+                        channels=self._channels(),
+                        load=self.owned.load,
+                        names=self.owned.names,
+                        units=self.owned.units,
+                        sensor_class=self.owned.sensor_class,
+                    )
+                notes += [f"{self.name}: {each.message}" for each in caught]
+                refused += [Quarantined(f"{self.name}: {each.file}", each.reason, each.piece) for each in found.refused]
+            except (ValueError, OSError) as error:
+                refused.append(Quarantined(self.name, f"none of its {len(files)} logs was taken: {error}"))
+        logs = {
+            each["source_sha256"]: (session, not any_logs or bool(files and not each["gone"]))
+            for session, recordings in kept_recordings(self.results).items()
+            for each in recordings
+        }
+        return Taken(tuple(refused), tuple(notes), logs)
+
+    def known(self, draft: Path, entries: Sequence[Entry], foreign: Mapping[str, str]) -> Known:
+        """Assess a cylinder if anything is new about it, and write its files into a draft of the results.
+
+        Args:
+            draft: The folder for new files.
+            entries: What people did and stated.
+            foreign: Sessions whose logs are other cylinders', with the reason.
+        """
+        earlier = self._earlier()
+        kept = read_rows(self.into / session_file(self.name))
+        rows, failed = updated_rows(self.results, kept, self._row, self.code)
+        placed = with_starts(rows.values(), self.owned.starts)
+        left_out = {session: reason for session, reason in foreign.items() if session in rows}
+        made_with = hashlib.sha256(repr(self.owned.cylinder(self.name)).encode()).hexdigest()
+        left_out |= {
+            session: "its log is gone, and its friction was computed with other dimensions; give the log again"
+            for session, each in rows.items()
+            if each.made_with not in ("", made_with)
+        }
+        left_out |= doubts([row for row in placed if row.session not in left_out], entries, self.now)
+        rests_on = [
+            self.code,
+            asdict(replace(self.owned, channels=None)),  # what it changes is in the sessions
+            [asdict(each) for each in entries],
+            [(each.session, rows[each.session].key) for each in placed],
+            left_out,
+        ]
+        state = hashlib.sha256(json.dumps(rests_on, sort_keys=True, default=str).encode()).hexdigest()
+        if earlier and earlier["line"]["state"] == state:
+            line = earlier["line"]
+            return Known(CylinderLine(**{**line, "trend": Trend(**line["trend"])}), False, left_out, failed)
+        used = [row for row in placed if row.session not in left_out]
+        found = assess(self.name, used, entries, self.owned.monitor_plan())
+        line = line_of(found, placed, entries, left_out, state)
+        write_rows(draft / session_file(self.name), placed, rows, left_out, found.trends)
+        about = {"line": asdict(line), "dimensions": asdict(self.owned.dimensions), "left_out": left_out}
+        assessment = {
+            **found.to_dict(),
+            "trends": {name: asdict(each)["baseline"] for name, each in found.trends.items()},
+        }
+        write_json(draft / state_file(self.name), about | {"assessment": assessment})
+        write_text(draft / pane_file(self.name), health_pane(found, placed, entries, left_out))
+        return Known(line, True, left_out, failed, tuple(self._news(earlier, kept, rows, left_out, line)))
+
+    def _earlier(self) -> dict[str, Any]:
+        path = self.into / state_file(self.name)
+        try:
+            return dict(read_json(path)) if path.is_file() else {}
+        except ValueError as error:
+            raise RecordingError(f"{path}: is damaged ({error}); remove it, and it is made anew") from error
+
+    def _channels(self) -> dict[str, Any] | None:
+        if self.owned.channels is None:
+            return None
+        return load_settings(self.owned.channels) | {"source": str(self.root)}
+
+    def _row(self, recordings: Sequence[Recording]) -> SessionRow:
+        measured = self.owned.load == "measured" or (
+            self.owned.load is None and all(LOAD_FORCE in each.table.columns for each in recordings)
+        )
+        plan = IndicatorPlan(load="measured" if measured else "none")
+        return session_row(recordings, self.owned.cylinder(self.name), plan, self.name)
+
+    def _news(
+        self,
+        earlier: Mapping[str, Any],
+        kept: Mapping[str, object],
+        rows: Mapping[str, object],
+        left_out: Mapping[str, str],
+        line: CylinderLine,
+    ) -> list[str]:
+        news, before = [], earlier.get("dimensions")
+        if before and before != asdict(self.owned.dimensions):
+            now = asdict(self.owned.dimensions)
+            changes = [f"{name} from {before[name]:g} to {now[name]:g}" for name in now if now[name] != before[name]]
+            news.append(
+                f"fleet.yaml changes {', '.join(changes)}: all its logs were processed anew. If another cylinder was "
+                "fitted, give that one a name of its own instead: its sessions are not comparable"
+            )
+        if new := [session for session in rows if session not in kept]:
+            news.append(f"{len(new)} new {'session' if len(new) == 1 else 'sessions'}")
+        if lost := [session for session in kept if session not in rows]:
+            news.append(f"sessions that are not there any more: {', '.join(lost)}")
+        news += [
+            f"{each} is not assessed: {why}"
+            for each, why in left_out.items()
+            if why != earlier.get("left_out", {}).get(each)
+        ]
+        was = earlier["line"]["answer"] if earlier else ""
+        if line.answer != was:
+            news.append(f"{line.answer}{was and f', before: {was}'}: {line.words}")
+        return [f"{self.name}: {each}" for each in news]

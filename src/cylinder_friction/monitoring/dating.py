@@ -1,0 +1,95 @@
+"""When a change began, by a step or a ramp fitted after the alarm; and what it is by now, from the latest sessions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cylinder_friction.arrays import Array
+from cylinder_friction.monitoring.reference import Reference
+
+Z95 = 1.96
+LIKELY = 3.0
+"""A beginning is possible if its log-likelihood is at most so much below the best one's."""
+LEAST_RAMP = 5
+AFTER = 60
+"""A change is dated by the sessions until so many after its alarm, so that its date stays as it is."""
+LATEST, LEAST_TREND = 60, 10
+"""What it is by now, and how fast it goes on, are seen in at most and at least so many sessions."""
+
+
+@dataclass(frozen=True)
+class Dated:
+    """A change of residuals, in the indicator's unit."""
+
+    begins: int  # Session from which residuals differ
+    interval: tuple[int, int]  # First and last session at which it may have begun
+    step: bool  # Whether a step explains it better than a ramp
+    change: float  # By now
+    change_interval: tuple[float, float]  # 95 %, the uncertainty of what was expected included
+    slope: float | None  # By now, per session; None if no trend is seen
+    slope_interval: tuple[float, float] | None  # 95 %
+
+
+def dated(reference: Reference, residuals: Array, expected: Array, design: Array, first: int, alarm: int) -> Dated:
+    """Return when residuals began to differ, and by how much they do.
+
+    Args:
+        reference: What was expected.
+        residuals: Of all sessions that have a value, shape ``(sessions,)``.
+        expected: Standard uncertainty of what was expected of each, shape ``(sessions,)``.
+        design: Regressors, shape ``(sessions, coefficients)``: with the later sessions the covariates' effects are known
+            better than the baseline alone knows them, and the date with them.
+        first: Session from which the change may have begun: the baseline's end.
+        alarm: Session of the alarm.
+    """
+    begins, interval, step = _begins(reference, residuals[: alarm + 1 + AFTER], design, first, alarm)
+    latest = residuals[max(begins, len(residuals) - LATEST) :]
+    sessions = np.arange(len(latest)) - len(latest) + 1.0
+    level, spread = _regression(reference, np.ones((len(latest), 1)), latest)
+    slope = slopes = None
+    if len(latest) >= LEAST_TREND:
+        line, spreads = _regression(reference, np.column_stack([np.ones(len(latest)), sessions]), latest)
+        if abs(line[1]) > Z95 * spreads[1]:
+            level, spread, slope = line, spreads, float(line[1])
+            slopes = (slope - Z95 * float(spreads[1]), slope + Z95 * float(spreads[1]))
+    wide = Z95 * float(np.hypot(spread[0], expected[-1]))
+    now = float(level[0])
+    return Dated(begins, interval, step, now, (now - wide, now + wide), slope, slopes)
+
+
+def _begins(
+    reference: Reference, residuals: Array, design: Array, first: int, alarm: int
+) -> tuple[int, tuple[int, int], bool]:
+    """Return at which session a step or ramp begins that explains residuals best, its interval, and which it is."""
+    begins, sessions = np.arange(first, alarm + 1)[:, None], np.arange(len(residuals))
+    parts, sizes, _ = np.linalg.svd(_less_before(reference, design[: len(residuals)].T).T, full_matrices=False)
+    explained = parts[:, sizes > 1e-9 * sizes[0]]
+    y = _less_before(reference, residuals)
+    y = y - explained @ (explained.T @ y)
+    losses = []
+    for shape in (sessions >= begins, np.maximum(sessions - begins + 1, 0)):
+        x = _less_before(reference, shape.astype(np.float64))
+        x = x - (x @ explained) @ explained.T
+        losses.append(-((x @ y) ** 2) / np.maximum((x**2).sum(axis=1), 1e-12) / (2.0 * reference.innovation**2))
+    losses[1][len(residuals) - begins[:, 0] < LEAST_RAMP] = np.inf
+    loss = np.minimum(*losses)
+    possible = np.flatnonzero(loss <= loss.min() + LIKELY)
+    interval = int(begins[possible[0], 0]), int(begins[possible[-1], 0])
+    return int(begins[np.argmin(loss), 0]), interval, bool(losses[0].min() <= losses[1].min())
+
+
+def _regression(reference: Reference, x: Array, y: Array) -> tuple[Array, Array]:
+    """Return coefficients and their standard uncertainties, of residuals with the baseline's autocorrelation."""
+    phi = reference.autocorrelation
+    first = np.sqrt(1.0 - phi**2)
+    x = np.vstack([first * x[:1], _less_before(reference, x.T).T])
+    y = np.append(first * y[:1], _less_before(reference, y))
+    covariance = np.linalg.inv(x.T @ x)
+    return covariance @ x.T @ y, reference.innovation * np.sqrt(np.diag(covariance))
+
+
+def _less_before(reference: Reference, values: Array) -> Array:
+    """Return values less what the session before explains, along the last axis, the first session left out."""
+    return values[..., 1:] - reference.autocorrelation * values[..., :-1]

@@ -1,0 +1,71 @@
+"""The command ``monitor``: what it prints, its exit status, and entries."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+
+from cylinder_friction.commands.cli import main
+from cylinder_friction.recordings.recording import Recording
+from fleet_samples import write_fleet, write_session
+
+
+@pytest.fixture
+def folder(tmp_path: Path, labelled_recordings: list[Recording], monkeypatch: pytest.MonkeyPatch) -> Path:
+    write_session(tmp_path / "logs/a/2026-03-01.csv", labelled_recordings[0])
+    write_fleet(tmp_path, "a", "b")
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_a_run_prints_what_needs_a_person_and_where_the_page_is(
+    folder: Path, capsys: pytest.CaptureFixture[str], labelled_recordings: list[Recording]
+) -> None:
+    assert main(["monitor", "logs"]) == 0
+    printed = capsys.readouterr().out
+    assert "a: 1 new session\n" in printed
+    assert "not yet   a: " in printed
+    assert "fine      0 of 2 cylinders\n\npage     health/health.html\n" in printed
+    assert sorted(path.name for path in (folder / "health").iterdir()) == [
+        "announced.json",
+        "cylinders",
+        "friction",
+        "health.html",
+        "health.json",
+        "health.sqlite",
+        "panes",
+        "sessions",
+    ]
+    write_session(folder / "logs/nobody/2026-03-02.csv", labelled_recordings[1])
+    assert main(["monitor", "logs", "--json"]) == 1
+    content = json.loads(capsys.readouterr().out)
+    assert [each["file"] for each in content["refused"]] == ["logs/nobody/2026-03-02.csv"]
+    assert content["new_alarms"] == []
+
+
+def test_an_entry_is_added_and_the_cylinder_assessed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["monitor", "logs"]) == 0
+    given = ["--name", "Kim", "--words", "rod seal changed", "--time", "2026-03-02T10:00Z"]
+    assert main(["monitor", "--entry", "a", "service", *given]) == 0
+    entry = json.loads((folder / "health/entries.jsonl").read_text())
+    assert entry == {
+        "cylinder": "a",
+        "kind": "service",
+        "name": "Kim",
+        "time": "2026-03-02T10:00Z",
+        "words": "rod seal changed",
+    }
+    capsys.readouterr()
+    for wrong, words in (
+        (["--entry", "c", "service", "--name", "Kim"], "entry: unknown cylinder 'c'; expected one of a, b"),
+        (["--entry", "a", "note", "--name", "Kim"], "entry: got the kind 'note'"),
+        (["--entry", "a", "comment"], "entry: no name; state who makes it, with --name"),
+        (["--name", "Kim"], "--name, --words and --time belong to an entry; give --entry CYLINDER KIND as well"),
+        (["--fleet", "none.yaml"], "none.yaml: no such file; write one that names your cylinders"),
+        (["nothing"], "nothing: no such file"),
+    ):
+        assert main(["monitor", *wrong]) == 1
+        assert f"cylinder-friction monitor: {words}" in capsys.readouterr().err
+    assert len((folder / "health/entries.jsonl").read_text().splitlines()) == 1

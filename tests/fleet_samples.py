@@ -1,0 +1,57 @@
+"""A small fleet: made logs in folders, the files that name them, and sessions built by hand."""
+
+from __future__ import annotations
+
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from cylinder_friction.fleet.plan import Fleet
+from cylinder_friction.monitoring.session_row import COVARIATES, INDICATORS, Indicator, SessionRow
+from cylinder_friction.params.fleet import load_fleet
+from cylinder_friction.recordings.recording import Recording
+from logger_files import CHANNELS, write_log
+
+DIMENSIONS = {"bore_diameter_m": 0.063, "rod_diameter_m": 0.028, "stroke_m": 0.25, "moving_mass_kg": 6.0}
+START = {"zone": "UTC", "pattern": r"(?P<year>\d{4})-(?P<month>\d\d)-(?P<day>\d\d)"}
+
+
+def write_fleet(folder: Path, *names: str, **content: Any) -> Fleet:
+    """Write ``fleet.yaml`` and its mapping into a folder, and return the fleet."""
+    own = content.pop("own", {})
+    fleet = {
+        "defaults": {"dimensions": DIMENSIONS, "channels": "channels.yaml"},
+        "cylinders": {name: own.get(name, {}) for name in names},
+        **content,
+    }
+    (folder / "channels.yaml").write_text(yaml.safe_dump({"channels": CHANNELS, "start": START}))
+    (folder / "fleet.yaml").write_text(yaml.safe_dump(fleet))
+    return load_fleet(folder / "fleet.yaml")
+
+
+def write_session(path: Path, recording: Recording) -> Path:
+    """Write a log that was finished long ago."""
+    import os
+
+    write_log(path, recording)
+    os.utime(path, (1e9, 1e9))
+    return path
+
+
+def session(number: int, name: str = "a", start: str | None = None, **values: float | None) -> SessionRow:
+    """Return a session that is ``number`` days after the first of 2026; ``values`` are of indicators."""
+    begun = (datetime(2026, 1, 1, 6) + timedelta(days=number)).isoformat() + "Z"
+    known = {"friction_n": 400.0, "half_sum_n": 20.0} | values
+    return SessionRow(
+        cylinder=name,
+        session=f"{name}-{number:04d}",
+        start=begun if start is None else start,
+        start_source="file name",
+        duration_s=30.0,
+        files={f"{name}/{number}.csv": f"{number:064d}"},
+        indicators={each: Indicator(known.get(each), 2.0 if each in known else None, "") for each in INDICATORS},
+        covariates=dict.fromkeys(COVARIATES),
+        stroke={way: ((0.1, sign * 400.0), (0.2, sign * 410.0)) for way, sign in (("extend", 1.0), ("retract", -1.0))},
+    )

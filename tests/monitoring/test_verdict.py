@@ -1,0 +1,183 @@
+"""One of five answers, and the sentence that a maintenance engineer needs."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from cylinder_friction.monitoring.assessment import Entry
+from cylinder_friction.monitoring.plan import MonitorPlan
+from cylinder_friction.monitoring.verdict import assess
+from health_rows import changed, sessions
+
+FRICTION = {"friction_n": 1.15, "breakaway_n": 1.15}
+WORN = {"friction_n": 0.8, "breakaway_n": 0.8}
+
+
+def entry(kind: str, time: str) -> Entry:
+    return Entry("press", time, "Kim", kind)  # type: ignore[arg-type]
+
+
+def test_healthy_cylinder_is_fine_and_states_what_it_could_not_see() -> None:
+    found = assess("press", sessions(200))
+    assert found.answer == "fine"
+    assert found.words == "No change of friction in 110 sessions; lasting changes below 2 % cannot be found."
+    assert found.to_dict()["ne107"] == "NORMAL"
+    json.dumps(found.to_dict(), allow_nan=False)
+
+
+@pytest.mark.parametrize("count", [0, 1, 40, 89])
+def test_short_baseline_is_not_yet(count: int) -> None:
+    found = assess("press", sessions(count))
+    assert (found.answer, found.more_sessions) == ("not yet", 90 - count)
+
+
+def test_session_that_determines_nothing_does_not_count() -> None:
+    rows = sessions(95)
+    nothing = {name: replace(each, value=None, why="no stroke back") for name, each in rows[0].indicators.items()}
+    found = assess("press", [replace(row, indicators=nothing) for row in rows])
+    assert found.answer == "not yet"
+    assert "0 of 90 sessions" in found.words
+    assert "no stroke back" in found.words
+
+
+@pytest.mark.parametrize(("times", "verb"), [(FRICTION, "rose"), (WORN, "fell")])
+def test_friction_that_changes_either_way_alarms(times: dict[str, float], verb: str) -> None:
+    found = assess("press", changed(sessions(200), 150, times=times))
+    assert found.answer == "alarm"
+    assert found.words.startswith(f"Friction {verb} by ")
+    assert "since session s150" in found.words
+    (change, *_) = found.changes
+    expected = times["friction_n"] * 400.0 - 400.0
+    assert change.interval[0] < expected < change.interval[1]
+    assert change.percent == pytest.approx(expected / 4.0, abs=3.0)
+    assert change.since == "s150"
+    assert len(found.questions) == 1
+
+
+def test_wear_on_its_way_names_the_date_of_the_limit() -> None:
+    rows = changed(sessions(230), 130, 150, times=FRICTION | {"friction_n": 1.3})
+    found = assess("press", rows, plan=MonitorPlan(limit_percent={"friction_n": 30.0}))
+    change = found.changes[0]
+    assert found.answer == "alarm"
+    assert change.limit_reached is not None
+    assert change.limit_interval is not None
+    assert str(change.limit_interval[0]) < change.limit_reached < str(change.limit_interval[1])
+    assert "2025-09-15" < change.limit_reached < "2025-11-15"
+    assert change.per_year_interval is not None
+    assert change.per_year_interval[0] < 0.3 * 400.0 / 150.0 * 365.25 < change.per_year_interval[1]
+    assert abs(int(change.since[1:]) - 130) <= 15
+
+
+def test_drift_of_a_zero_is_undecided_and_a_vented_reading_decides() -> None:
+    found = assess("press", changed(sessions(250), 120, 100, add={"half_sum_n": 312.0}))
+    assert found.answer == "undecided"
+    assert "vented chambers" in found.words
+    assert found.changes[0].indicator == "half_sum_n"
+
+
+def test_leak_is_a_leak() -> None:
+    found = assess("press", changed(sessions(250), 120, 100, times={"leak_m3_s_pa": 10.0}))
+    assert found.answer == "alarm"
+    assert [change.indicator for change in found.changes] == ["leak_m3_s_pa"]
+    assert "shut the cylinder off" in found.words
+
+
+def test_small_leak_beside_a_zero_that_moved_is_undecided() -> None:
+    rows = changed(sessions(250), 120, 60, times={"leak_m3_s_pa": 2.5}, add={"half_sum_n": 312.0})
+    assert assess("press", rows).answer == "undecided"
+
+
+def test_friction_beside_a_load_that_changed_is_undecided() -> None:
+    found = assess("press", changed(sessions(200), 130, times=FRICTION, add={"half_sum_n": 600.0}))
+    assert found.answer == "undecided"
+    assert any("load" in each for each in found.would_decide)
+
+
+def test_cold_oil_within_the_baseline_is_fine() -> None:
+    rows = sessions(200)
+    cold = changed(rows, 120, times={"friction_n": 1.018, "breakaway_n": 1.018}, beside={"oil_temperature_c": -6.0})
+    assert assess("press", cold).answer == "fine"
+
+
+def test_oil_nobody_measures_leaves_a_change_undecided() -> None:
+    rows = changed(sessions(200, per_kelvin=0.0), 130, times=FRICTION)
+    blind = [replace(row, covariates={**row.covariates, "oil_temperature_c": None}) for row in rows]
+    found = assess("press", blind)
+    assert found.answer == "undecided"
+    assert any("temperature sensor" in each for each in found.would_decide)
+
+
+def test_conditions_that_the_baseline_never_saw_are_undecided_not_wear() -> None:
+    rows = changed(sessions(200), 130, times=FRICTION, beside={"pressure_1_bar": 60.0, "pressure_2_bar": 60.0})
+    found = assess("press", rows)
+    assert found.answer == "undecided"
+    assert "mean pressure is" in found.words
+
+
+def test_other_oil_is_asked_for() -> None:
+    rows = changed(sessions(200), 130, times=FRICTION)
+    viscous = [
+        replace(row, indicators={**row.indicators, "viscous_n_s_m": replace(row.indicators["profile_n"], value=value)})
+        for row, value in zip(
+            rows, (1500.0 + 30.0 * (day % 7) + 900.0 * (day >= 130) for day in range(200)), strict=True
+        )
+    ]
+    found = assess("press", viscous)
+    assert found.answer == "undecided"
+    assert any("oil was changed" in each for each in found.would_decide)
+
+
+def test_new_seal_that_nobody_entered_is_for_the_better() -> None:
+    rows = changed(
+        changed(sessions(260), 120, 60, times=WORN | {"leak_m3_s_pa": 5.0}),
+        200,
+        times={"friction_n": 1.26, "breakaway_n": 1.26, "leak_m3_s_pa": 0.2},
+    )
+    found = assess("press", rows)
+    assert found.answer == "watch"
+    assert "changed for the better at session s200" in found.words
+    assert "seal" in found.questions[0]
+
+
+@pytest.mark.parametrize("kind", ["service", "reset", "reference"])
+def test_service_begins_a_new_baseline(kind: str) -> None:
+    rows = changed(sessions(260), 150, times=WORN)
+    assert assess("press", rows).answer == "alarm"
+    found = assess("press", rows, [entry(kind, "2025-05-31T06:00:00Z")])
+    baseline = found.trends["friction_n"].baseline
+    assert found.answer == "fine"
+    assert baseline is not None
+    assert baseline.first == "s150"
+
+
+def test_acknowledged_alarm_is_watched() -> None:
+    rows = changed(sessions(200), 150, times=WORN)
+    found = assess("press", rows, [entry("acknowledge", "2025-07-01T00:00:00Z")])
+    assert found.answer == "watch"
+    assert "Acknowledged by Kim on 2025-07-01." in found.words
+    assert assess("press", rows, [entry("acknowledge", "2025-03-01T00:00:00Z")]).answer == "alarm"
+
+
+def test_one_session_alone_alarms_nobody() -> None:
+    rows = sessions(200)
+    rows[150] = changed([rows[150]], 0, times={"friction_n": 3.0, "leak_m3_s_pa": 100.0})[0]
+    assert assess("press", rows).answer in ("fine", "watch")
+
+
+def test_rows_in_any_order_and_of_other_cylinders() -> None:
+    rows = changed(sessions(200), 150, times=WORN)
+    others = [replace(row, cylinder="other") for row in rows]
+    assert assess("press", [*others, *rows[::-1]]) == assess("press", rows)
+
+
+def test_rows_without_start_keep_their_order() -> None:
+    rows = [replace(row, start="") for row in changed(sessions(200), 150, times=WORN)]
+    assert assess("press", rows).answer == "alarm"
+
+
+def test_sessions_that_all_say_the_same_are_refused_in_words() -> None:
+    rows = [replace(row, indicators=sessions(1)[0].indicators) for row in sessions(120)]
+    found = assess("press", rows)
+    assert found.answer == "not yet"
+    assert "same value" in found.trends["friction_n"].why
