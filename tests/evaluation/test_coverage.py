@@ -6,6 +6,7 @@ import pytest
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.evaluation.coverage import coverage, coverage_metrics
 from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.reporting.comparison_tables import coverage_table
 
 
 def wide(hybrid: HybridEstimator, half_width_n: float) -> HybridEstimator:
@@ -49,3 +50,13 @@ def test_without_bounds_there_is_nothing_to_count(
     estimator = small_hybrid.without_forest()
     estimator.bounds = None
     assert coverage(estimator, labelled_recordings, {}) == []
+
+
+def test_without_starts_and_stops_there_is_no_share_near_them(
+    small_hybrid: HybridEstimator, labelled_recordings: list[Recording]
+) -> None:
+    recording = labelled_recordings[0]
+    steady = recording.with_columns(velocity_m_s=np.full(len(recording), 0.02))
+    (of_condition, of_all) = coverage(wide(small_hybrid, 10.0), [steady], {})
+    assert of_condition.held_near_events_percent is of_all.held_near_events_percent is None
+    assert coverage_table([of_all]).rows[0][4] == "–"

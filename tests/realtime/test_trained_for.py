@@ -59,3 +59,11 @@ def test_rows_that_a_model_does_not_know_are_named() -> None:
     assert unknown_in_words(4000, {"OUTSIDE": 1200}) == "30 % of the rows lie outside the range of its training"
     assert unknown_in_words(4000, {"OUTSIDE": 900, "UNMODELLED_FORCE": 900}) == ""
     assert unknown_in_words(900, {"OUTSIDE": 900}) == "", "too few rows to speak of"
+
+
+def test_a_recording_without_usable_rows_says_nothing_of_friction(
+    labelled_recordings: list[Recording], cylinder: Cylinder
+) -> None:
+    first = labelled_recordings[0]
+    resting = first.with_columns(usable=np.zeros(len(first), dtype=np.bool_))
+    assert TrainedFor.of([first, resting], cylinder).friction_n == TrainedFor.of([first], cylinder).friction_n

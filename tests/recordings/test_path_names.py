@@ -15,6 +15,11 @@ def test_names_of_the_rig() -> None:
         NameRules(pattern=RIG).names("notes.csv")
 
 
+def test_without_a_group_for_it_all_are_of_one_condition() -> None:
+    names = NameRules(r"(?P<session>_\d{6})\.").names("Jib_230425.csv.gz")
+    assert names == PathNames("Jib_230425.csv", "1", "_230425", "")
+
+
 def test_folders_become_part_of_the_name_and_load_is_read() -> None:
     pattern = r"^(?P<session>(?P<condition>\w+)_\d+)/(?P<load>\d+kg)"
     names = NameRules(pattern=pattern).names("crane_3/20kg.part.csv")

@@ -42,6 +42,14 @@ def test_markdown_keeps_its_columns_though_heads_hold_bars(compared, strokes):
     assert {line.count("|") for line in rows} == {6}
     assert "**0.33 % (1.0 N)**" in text
     assert text.endswith("|\n")
+    alone = compared(hybrid=1.0, lugre=40.0)
+    lone = {
+        name: {"1": replace(own["1"], sessions=replace(own["1"].sessions, percent={"s1": 0.3}))}
+        for name, own in alone.label.items()
+    }
+    assert markdown_tables(replace(alone, label=lone, conditions=("1",))).startswith(
+        "1 held-out session. No condition has two, so that nothing shows how much sessions differ, and all errors are"
+    )
     published = markdown_tables(compared(hybrid=1.0, lugre=40.0), published=True)
     assert published.endswith("| Published: hybrid (other data) | 5.76 % | 6.35 % | 8.84 % | 5.57 % |\n")
     assert "Published" not in text

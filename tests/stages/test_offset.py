@@ -202,3 +202,12 @@ def test_what_is_to_be_identified_in_any_case_and_cannot_be_is_refused(workplace
     change("train", uncertainty={})
     with pytest.raises(RecordingError, match="the uncertainty of the zero of 'pressure_1_pa' is not stated"):
         run(identify="always")
+
+
+def test_a_recording_without_usable_rows_goes_no_further(workplace: Path) -> None:
+    name = read_json(SPLIT_FILE)["train"][0]
+    (recording,) = [each for each in read_recordings(LABELLED_FOLDER) if each.name == name]
+    write_recording(LABELLED_FOLDER, recording.with_columns(usable=np.zeros(len(recording), dtype=np.bool_)))
+    run(identify="never")
+    assert name not in [each.name for each in read_recordings(PROCESSED_FOLDERS["train"])]
+    assert len(read_recordings(PROCESSED_FOLDERS["train"])) == 4

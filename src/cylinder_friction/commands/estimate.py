@@ -86,6 +86,7 @@ def units_of(given: Sequence[str]) -> dict[str, str]:
 
 def run(options: argparse.Namespace) -> int:
     from cylinder_friction.estimation.from_logs import PAGE_FILE, estimate_logs
+    from cylinder_friction.evaluation.friction_levels import in_words
     from cylinder_friction.execution.selection import workers_from_environment
 
     with ExitStack() as stack:
@@ -97,7 +98,9 @@ def run(options: argparse.Namespace) -> int:
         settings = {"model": model, "other_cylinder": options.other_cylinder, "file_format": options.format}
         function = partial(estimate_logs, **settings, workers=workers)
         result, notes = run_on_logs(function, options)
-    print_result(result, notes, options.json, _lines(result), PAGE_FILE, [f"bounds   {result.bounds}"])
+    differ = in_words(result.differences)
+    beside = [f"bounds   {result.bounds}", *([f"differ   {differ}"] if differ else [])]
+    print_result(result, notes, options.json, _lines(result), PAGE_FILE, beside)
     unusable = any(each.not_known for each in result.recordings if each.name in result.new)
     return 1 if result.refused or not result.recordings or unusable else 0
 

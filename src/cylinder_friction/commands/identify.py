@@ -23,9 +23,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     from cylinder_friction.estimation.identification import PAGE_FILE, identify_logs
+    from cylinder_friction.evaluation.friction_levels import in_words
 
     result, notes = run_on_logs(partial(identify_logs, generations=options.generations), options)
-    print_result(result, notes, options.json, _lines(result), PAGE_FILE)
+    differ = in_words(result.differences)
+    print_result(result, notes, options.json, _lines(result), PAGE_FILE, [f"differ   {differ}"] if differ else [])
     return 1 if result.refused or all(model.found is None for model in result.models) else 0
 
 

@@ -21,6 +21,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cylinder_friction.estimation.results import FrictionOfRecording
+from cylinder_friction.evaluation.friction_levels import FrictionLevel
 from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence
 from cylinder_friction.labelling.sliding_blocks import SlidingBlocks
 from cylinder_friction.recordings.checks.duplicate_detection import Hashes
@@ -193,11 +194,16 @@ def _processed(about: str, blocks: np.ndarray, hashes: np.ndarray) -> Processed:
     ends = np.cumsum(list(content["hashes"].values()))[:-1]
     hashed = dict(zip(map(int, content["hashes"]), np.split(hashes, ends), strict=True))
     return Processed(
-        FrictionOfRecording(**{**entry, "repairs": tuple(entry["repairs"])}),
+        FrictionOfRecording(**{**entry, **_tuples(entry)}),
         content["bounded"],
         hashed,
         tuple(evidence),
     )
+
+
+def _tuples(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what JSON keeps as lists and plain objects."""
+    return {"repairs": tuple(entry["repairs"]), "levels": tuple(FrictionLevel(**each) for each in entry["levels"])}
 
 
 def _list(arrays: Sequence[np.ndarray]) -> pa.Array:

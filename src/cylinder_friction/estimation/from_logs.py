@@ -26,6 +26,7 @@ from cylinder_friction.estimation.earlier import (
     write_earlier,
 )
 from cylinder_friction.estimation.results import FrictionOfLogs, FrictionOfRecording, known_number, table_rows
+from cylinder_friction.evaluation.friction_levels import friction_levels
 from cylinder_friction.evaluation.inspection.friction_view import view_of_labelled
 from cylinder_friction.execution.workers import Died, Workers
 from cylinder_friction.labelling.known_offset import (
@@ -54,6 +55,7 @@ from cylinder_friction.recordings.recording import Recording, RecordingError, Re
 from cylinder_friction.recordings.result_folder import ResultFolder, existing
 from cylinder_friction.recordings.storage import write_parts, write_recording, write_scratch
 from cylinder_friction.reporting.friction_page import friction_pane, pane_file, write_friction_page
+from cylinder_friction.reporting.level_tables import level_tables
 from cylinder_friction.reporting.page import PLOTTED
 from cylinder_friction.signals.methods import default_filter, warn_of_rates
 from cylinder_friction.signals.noise import noise_deviation
@@ -155,7 +157,8 @@ def estimate_logs(
             return result
         write_earlier(folder, Earlier(depends_on, tuple(processed), tuple(known)))
         rows = table_rows(result)
-        write_friction_page(folder / PAGE_FILE, rows, known, bounds, logs.guessed)
+        tables = level_tables(result.differences, result.levels)
+        write_friction_page(folder / PAGE_FILE, rows, known, bounds, logs.guessed, tables)
         stays = [[*result_files(into, name), pane_file(name)] for name in sorted(kept)]
         write_json(folder / SUMMARY_FILE, result.to_dict() | {"kept": list(chain(*stays))})
     return result
@@ -301,6 +304,7 @@ class RecordingFriction:
             unlike_training=noisy,
             load_left_n=known_number(load_n) if holds_load(load_n, half_n) else None,
             repairs=tuple(about.repairs),
+            levels=friction_levels(excerpt),
         )
 
     def written(

@@ -25,6 +25,12 @@ from cylinder_friction.estimation.results import load_left
 from cylinder_friction.estimation.stribeck_points import IdentifiedCurve, identified_curve, stribeck_points
 from cylinder_friction.estimation.velocity_choice import FITS_ALIKE, LEAST_SHARE, shifted_intervals, widened_intervals
 from cylinder_friction.estimators.lugre import condition_of_smallest_friction
+from cylinder_friction.evaluation.friction_levels import (
+    FrictionLevel,
+    RecordingDifference,
+    differences,
+    friction_levels,
+)
 from cylinder_friction.friction_models.identification.intervals import INTERVAL_METHOD
 from cylinder_friction.friction_models.identification.known_curve import undetermined
 from cylinder_friction.friction_models.identification.procedure import SearchEffort, identify
@@ -36,6 +42,7 @@ from cylinder_friction.recordings.ingesting import Quarantined, none_usable, oth
 from cylinder_friction.recordings.reading_logs import find_logs
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.result_folder import ResultFolder
+from cylinder_friction.reporting.level_tables import level_tables
 from cylinder_friction.signals.motion import STEADY_DURATION_S
 from cylinder_friction.signals.noise import sensor_noise
 from cylinder_friction.signals.smooth_signals import has_pressures
@@ -67,6 +74,13 @@ class FrictionModels:
     refused: list[Quarantined] = field(default_factory=list)
     offsets: list[KnownOffset] = field(default_factory=list)
     guessed: dict[str, Any] | None = None  # As in ``FrictionOfLogs``
+    # Friction of steady sliding at each level of pressure and speed, by recording
+    levels: Mapping[str, tuple[FrictionLevel, ...]] = field(default_factory=dict)
+
+    @property
+    def differences(self) -> tuple[RecordingDifference, ...]:
+        """As in ``FrictionOfLogs``."""
+        return differences(self.levels)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible values; what is not known is None."""
@@ -80,6 +94,8 @@ class FrictionModels:
             "offsets": {each.session: each.value for each in self.offsets},
             "refused": [asdict(each) for each in self.refused],
             "guessed": self.guessed,
+            "levels": {name: [asdict(each) for each in own] for name, own in self.levels.items()},
+            "differences": [asdict(each) for each in self.differences],
         }
 
 
@@ -153,6 +169,7 @@ def identify_logs(
             refused,
             list(run.offsets.values()),
             logs.guessed,
+            {recording.name: friction_levels([recording]) for recording in recordings},
         )
         _write(folder, result, search, cylinder)
     return result
@@ -280,5 +297,6 @@ def _write(folder: Path, result: FrictionModels, search: ModelSearch, cylinder: 
         result.refused,
         CONFIDENCE,
         result.guessed,
+        level_tables(result.differences, result.levels),
     )
     write_json(folder / MODELS_FILE, result.to_dict())

@@ -41,6 +41,7 @@ def write_identification_page(
     refused: Sequence[Quarantined],
     confidence: float,
     guessed: Mapping[str, Any] | None = None,
+    levels: Sequence[tuple[str, str, Table]] = (),
 ) -> None:
     """Write the page whole; equal input makes equal bytes.
 
@@ -52,7 +53,7 @@ def write_identification_page(
         offsets: What is known of the pressure sensors' offset in each session.
         refused: What could not be used.
         confidence: Of the intervals.
-        guessed: As in ``write_friction_page``.
+        guessed, levels: As in ``write_friction_page``.
     """
     drawn = simulated[:PLOTTED]
     titles = [model.title for model in models if model.found is not None]
@@ -68,6 +69,7 @@ def write_identification_page(
         left_out=len(simulated) - len(drawn),
         offsets=offset_table(offsets) if offsets else None,
         refused=refused,
+        levels=levels,
         guessed=None if guessed is None else (guessed["from"], guess_table(guessed)),
     )
     write_text(path, html)

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from cylinder_friction.evaluation.friction_levels import FrictionLevel, RecordingDifference, differences
 from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.recordings.ingesting import Quarantined
 
@@ -37,6 +38,7 @@ class FrictionOfRecording:
     start_source: str = ""
     # Serial number and day of calibration of the sensor behind a column, where they are stated
     sensors: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    levels: tuple[FrictionLevel, ...] = ()  # Friction of steady sliding at each level of pressure and speed
     gone: str = ""  # That its file was not among the logs of the last run, in words; empty where it was
 
 
@@ -56,6 +58,16 @@ class FrictionOfLogs:
     # From which file channels and units were guessed, and each column's with its reasons; None with a mapping
     guessed: dict[str, Any] | None = None
 
+    @property
+    def levels(self) -> dict[str, tuple[FrictionLevel, ...]]:
+        """Friction of steady sliding at each level of pressure and speed, by recording."""
+        return {each.name: each.levels for each in self.recordings}
+
+    @property
+    def differences(self) -> tuple[RecordingDifference, ...]:
+        """By how much recordings differ from each other, and what is left of it at equal pressures and speed."""
+        return differences(self.levels)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible values; what is not known is None."""
         return {
@@ -64,6 +76,7 @@ class FrictionOfLogs:
             "recordings": [asdict(each) for each in self.recordings],
             "refused": [asdict(each) for each in self.refused],
             "offsets": [{name: known_number(value) for name, value in asdict(each).items()} for each in self.offsets],
+            "differences": [asdict(each) for each in self.differences],
             "new": list(self.new),
             "depends_on": dict(self.depends_on),
             "news": list(self.news),

@@ -22,7 +22,7 @@ class Coverage:
     condition: str  # Name of the operating condition, or ``all``
     rows: int
     held_percent: float  # Of all rows
-    held_near_events_percent: float  # Of those near starts, stops and reversals; NaN where there is none
+    held_near_events_percent: float | None  # Of those near starts, stops and reversals; None where there is none
     worst_session: str  # The session whose rows are held least often
     worst_session_percent: float
     mean_width_n: float  # Upper less lower bound, mean over the rows [N]
@@ -97,7 +97,7 @@ def _coverage(reference: str, condition: str, rows: Sequence[_CoverageRows]) -> 
         condition=condition,
         rows=len(held),
         held_percent=100.0 * float(held.mean()),
-        held_near_events_percent=100.0 * float(held[near].mean()) if near.any() else float("nan"),
+        held_near_events_percent=100.0 * float(held[near].mean()) if near.any() else None,
         worst_session=worst,
         worst_session_percent=by_session[worst],
         mean_width_n=float(np.concatenate([each.width_n for each in rows]).mean()),

@@ -143,8 +143,9 @@ class FilterParams(Section):
 
 
 class SplitParams(Section):
-    """Which sessions are held out in each condition; they are drawn by a hash of their name and the seed."""
+    """Which sessions are held out in each condition: those named, else drawn by a hash of their name and the seed."""
 
+    held_out: list[str]
     test_sessions: Count
     validation_sessions: Count
     calibration_sessions: Annotated[int, Field(ge=0)]

@@ -36,8 +36,8 @@ class TrainedFor:
     @classmethod
     def of(cls, recordings: Sequence[Recording], cylinder: Cylinder) -> Self:
         """Return what labelled recordings of a cylinder, as measured, are."""
-        friction_n = np.mean([_level_n(each) for each in recordings])
-        return cls(cylinder.bore_diameter_m, cylinder.rod_diameter_m, float(friction_n), _noise_pa(recordings))
+        friction_n = _mean_level_n(recordings)
+        return cls(cylinder.bore_diameter_m, cylinder.rod_diameter_m, friction_n, _noise_pa(recordings))
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any] | None) -> Self | None:
@@ -75,7 +75,7 @@ class TrainedFor:
 
         The recordings of a session are labelled, and their ``label_n`` is known beside the estimate.
         """
-        level, noise_pa = float(np.mean([_level_n(each, "label_n") for each in recordings])), _noise_pa(recordings)
+        level, noise_pa = _mean_level_n(recordings, "label_n"), _noise_pa(recordings)
         ratio = level / self.friction_n if self.friction_n > 0.0 else 1.0
         other = noisy = ""
         if np.isfinite(ratio) and not 1.0 / OTHER_LEVEL <= ratio <= OTHER_LEVEL:
@@ -86,9 +86,10 @@ class TrainedFor:
         return other, noisy
 
 
-def _level_n(recording: Recording, column: str = "friction_n") -> float:
-    rows = recording.usable()
-    return float(np.abs(recording.column(column)[rows]).mean()) if rows.any() else np.nan
+def _mean_level_n(recordings: Iterable[Recording], column: str = "friction_n") -> float:
+    """Return the mean over the recordings that have usable rows; NaN without any."""
+    levels = [np.abs(each.column(column)[each.usable()]).mean() for each in recordings if each.usable().any()]
+    return float(np.mean(levels)) if levels else np.nan
 
 
 def _noise_pa(recordings: Iterable[Recording]) -> float:

@@ -15,6 +15,8 @@ from unicodedata import category
 from cylinder_friction.recordings.recording import RecordingError
 
 LONGEST_SEARCH_S = 5.0
+ONE_CONDITION = "1"
+"""The condition of files whose names state none."""
 _REQUIRED = ("file", "condition", "session")
 _WILD = frozenset("*?[")
 
@@ -34,8 +36,8 @@ class PathNames:
 class NameRules:
     """Where condition, session and load of a file come from: exactly one of the three."""
 
-    # Regular expression on the path below the source, with groups ``condition``, ``session``, optionally ``load`` and
-    # ``asset``
+    # Regular expression on the path below the source, with the group ``session``, optionally ``condition`` (without it,
+    # all files are of condition "1"), ``load`` and ``asset``
     pattern: str | None = None
     # CSV file with the columns ``file``, ``condition``, ``session``, optionally ``load`` and ``asset``. ``file`` is a
     # path below the source, with ``/``, or a glob, where ``*`` also stands for ``/``; a path that is written out takes
@@ -74,6 +76,8 @@ class NameRules:
         if self._compiled is not None:
             match = _search(self._compiled, relative_path)
             groups = match.groupdict() if match else {}
+            if match and "condition" not in groups:
+                groups["condition"] = ONE_CONDITION
             if not groups.get("condition") or not groups.get("session"):
                 raise RecordingError(
                     f"path {relative_path!r} does not give condition and session: the pattern {self.pattern!r} finds "
@@ -118,12 +122,11 @@ def compile_name_pattern(pattern: str) -> re.Pattern[str]:
         compiled = re.compile(pattern)
     except re.error as error:
         raise RecordingError(f"name pattern {pattern!r} is not a regular expression: {error}") from None
-    for group in ("condition", "session"):
-        if group not in compiled.groupindex:
-            raise RecordingError(
-                f"name pattern {pattern!r} has no group {group!r}; write (?P<{group}>...) around the part of the "
-                f"path that names the {group}"
-            )
+    if "session" not in compiled.groupindex:
+        raise RecordingError(
+            f"name pattern {pattern!r} has no group 'session'; write (?P<session>...) around the part of the path that "
+            "names the session"
+        )
     return compiled
 
 

@@ -23,13 +23,12 @@ from cylinder_friction.recordings.mapping.channel_mapping import SensorScale, ch
 from cylinder_friction.recordings.mapping.guessing import GuessedColumn, GuessedMapping, guess_mapping
 from cylinder_friction.recordings.mapping.mapping_text import channel_lines
 from cylinder_friction.recordings.mapping.units import check_unit, electrical, units_agree
-from cylinder_friction.recordings.path_names import NameRules
+from cylinder_friction.recordings.path_names import ONE_CONDITION, NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
 
 _PACKAGE = Path(__file__).parents[1]
 FULL_SCALE_BAR = 250.0
 """Of a pressure sensor whose range is not stated but whose class is: usual in hydraulics."""
-ONE_CONDITION = "1"  # the condition of files whose names state none
 
 
 def read_logs(
@@ -58,7 +57,8 @@ def read_logs(
             default the ``name_pattern`` or the ``name_table`` of ``channels``; the table lies in the folder of the
             files. Without any, each file is a session of its own, named as the file, and all belong to condition "1".
         load: What the cylinder carries: ``none``, ``measured`` (``load_force_n``) or ``position``, decided by
-            position alone. By default ``measured`` if ``load_force_n`` is mapped, else ``none``.
+            position alone. By default ``position`` where ``channels`` states that load, ``measured`` if
+            ``load_force_n`` is mapped, else ``none``.
         units: Without ``channels``, the unit of each quantity (``pressure``, ``length``, ``time``, ``force``,
             ``temperature``) that the file does not state, such as ``{"pressure": "bar"}``.
         sensor_class: Accuracy of the pressure sensors, ± percent of full scale, where ``channels`` states none; full
@@ -162,7 +162,8 @@ def _logs(
     root = _root(paths, settings.get("source"))
     rules = _name_rules(names, settings, root)
     paths = [path for path in paths if rules.table is None or path.absolute() != rules.table.absolute()]
-    mode = load or ("measured" if LOAD_FORCE in settings["channels"] else "none")
+    mode: LoadMode = "measured" if LOAD_FORCE in settings["channels"] else "none"
+    mode = load or ("position" if settings.get("load") == "position" else mode)
     recipe = Recipe.from_settings(settings, rules, cylinder, mode)
     check_mapping(recipe.channels)
     return Logs(root, {Path(os.path.relpath(path, root)).as_posix(): path for path in paths}, recipe)

@@ -15,36 +15,45 @@ def split_sessions(
     validation_sessions: int,
     seed: int,
     calibration_sessions: int = 0,
+    held_out: Sequence[str] = (),
 ) -> dict[str, tuple[str, ...]]:
     """Return the names of the recordings of each role, sorted; every condition is in every role.
 
     In each condition sessions are put in the order of a hash of seed, condition and session; the first
     ``test_sessions`` are held out for the comparison, the next ``validation_sessions`` for choosing, the next
     ``calibration_sessions`` for nothing but the width of bounds, the rest is for training. Nothing but these names
-    decides, so that another recording of a session moves no other one.
+    decides, so that another recording of a session moves no other one. Sessions that ``held_out`` names are those for
+    the test in their condition, in place of the first ones.
 
     Raises:
-        RecordingError: There is no recording, a name occurs twice, a session spans two conditions, or a condition has
-            too few sessions.
+        RecordingError: There is no recording, a name occurs twice, a session spans two conditions, a condition has too
+            few sessions, or ``held_out`` names one that is not there.
     """
     if test_sessions < 1 or validation_sessions < 0 or calibration_sessions < 0:
         raise ValueError(
             f"expected at least 1 test, 0 validation and 0 calibration sessions, but got {test_sessions}, "
             f"{validation_sessions} and {calibration_sessions}"
         )
-    kept = ["test"] * test_sessions + ["validation"] * validation_sessions + ["calibration"] * calibration_sessions
+    others = ["validation"] * validation_sessions + ["calibration"] * calibration_sessions
     roles: dict[str, str] = {}
-    for condition, names in _sessions_by_condition(metadata).items():
+    by_condition = _sessions_by_condition(metadata)
+    if unknown := sorted(set(held_out) - set().union(*by_condition.values())):
+        there = ", ".join(sorted(set().union(*by_condition.values())))
+        raise RecordingError(f"split.held_out names session {unknown[0]!r}, which is not there; got sessions {there}")
+    for condition, names in by_condition.items():
+        named = names & set(held_out)
+        kept = ["test"] * (len(named) or test_sessions) + others
         if len(names) <= len(kept):
             raise RecordingError(
                 f"condition {condition!r} has {len(names)} session{'s' if len(names) != 1 else ''} "
-                f"({', '.join(sorted(names))}), but {len(kept) + 1} are needed: {test_sessions} for test, "
+                f"({', '.join(sorted(names))}), but {len(kept) + 1} are needed: {kept.count('test')} for test, "
                 f"{validation_sessions} for validation, {calibration_sessions} for calibration and at least 1 for "
                 "training; record more sessions, lower split.test_sessions, or make ingest.name_pattern distinguish "
                 "sessions"
             )
         hashes = {hashlib.sha256(f"{seed}/{condition}/{name}".encode()).digest(): name for name in names}
-        roles |= zip([hashes[each] for each in sorted(hashes)], [*kept, *["train"] * len(names)], strict=False)
+        drawn = [hashes[each] for each in sorted(hashes)]
+        roles |= zip(sorted(drawn, key=lambda name: name not in named), [*kept, *["train"] * len(names)], strict=False)
     return {role: tuple(sorted(entry.name for entry in metadata if roles[entry.session] == role)) for role in ROLES}
 
 

@@ -75,7 +75,7 @@ def coverage_table(found: Sequence[Coverage]) -> Table:
             each.condition,
             f"{each.rows:,}",
             f"{each.held_percent:.1f}",
-            f"{each.held_near_events_percent:.1f}",
+            "–" if each.held_near_events_percent is None else f"{each.held_near_events_percent:.1f}",
             Cell(f"{each.worst_session_percent:.1f}", each.worst_session),
             f"{each.mean_width_n:.1f}",
         )
@@ -313,10 +313,11 @@ def markdown_tables(comparison: Comparison, published: bool = False) -> str:
     """
     notes = row_notes(comparison)
     against_label = error_table(comparison.label, comparison.conditions, "label", notes, published).markdown()
-    parts = [
-        f"{comparison.sessions} held-out sessions. Bold: the smallest error of a condition, and those that it is not "
-        "clearly better than.\n"
-    ]
+    count = f"{comparison.sessions} held-out session{'s' if comparison.sessions > 1 else ''}"
+    bold = "Bold: the smallest error of a condition, and those that it is not clearly better than."
+    if all(len(score.sessions.percent) < 2 for score in comparison.label[comparison.estimators[0]].values()):
+        bold = "No condition has two, so that nothing shows how much sessions differ, and all errors are bold."
+    parts = [f"{count}. {bold}\n"]
     if comparison.truth:
         against_truth = error_table(comparison.truth, comparison.truth_conditions, "true friction", notes).markdown()
         parts += ["Mean absolute error against true friction:\n", against_truth]

@@ -65,6 +65,7 @@ def write_friction_page(
     offsets: Sequence[KnownOffset],
     bounds: str,
     guessed: Mapping[str, Any] | None = None,
+    levels: Sequence[tuple[str, str, Table]] = (),
 ) -> None:
     """Write the page whole, beside which the panes lie; equal input makes equal bytes.
 
@@ -74,6 +75,7 @@ def write_friction_page(
             empty share.
         offsets: What is known of the pressure sensors' offset in each session; none with an estimator.
         bounds: What the bounds hold, in words.
+        levels: As ``level_tables`` gives them.
         guessed: From which file channels and units were guessed, and each column's; None if a mapping states them.
     """
     cells: list[list[str | Cell]] = [
@@ -102,6 +104,7 @@ def write_friction_page(
         comparison=of_recordings(recordings),
         recordings=[name for name, _ in recordings],
         bounds=bounds,
+        levels=levels,
         guessed=None if guessed is None else (guessed["from"], guess_table(guessed)),
     )
     write_text(path, html)

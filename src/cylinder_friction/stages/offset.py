@@ -61,6 +61,8 @@ def run(params: Params) -> RunRecord:
     if load is not None and settings.common_load:
         refuse_unlike_loads(loads, load)
         recordings = {role: [with_common_load(each, load) for each in own] for role, own in recordings.items()}
+    # Left out: recordings without a usable row, such as those of a piston that rests where its load is not known.
+    recordings = {role: [each for each in own if each.usable().any()] for role, own in recordings.items()}
     own_loads = load is not None and not settings.common_load
     reason = "" if settings.identify == "always" else _left_alone(settings.identify, own_loads, recordings, cylinder)
     sessions: list[dict[str, Any]] = []

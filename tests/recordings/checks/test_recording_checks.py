@@ -165,6 +165,20 @@ def test_vented_pneumatics_pass_once_told() -> None:
     check_recording(METADATA, both_scaled(0.1)(good()), limits, SAMPLE_TIME_S)
 
 
+def test_a_piston_that_rests_while_another_moves_is_noted() -> None:
+    table = good().assign(position_m=0.12)
+    found = {each.check: each for each in inspect_recording(table, LIMITS, SAMPLE_TIME_S)}
+    assert found["motion"].outcome == "refused"
+    moving = table.assign(other_position_1_m=0.4 + np.linspace(0.0, 0.01, len(table)))
+    found = {each.check: each for each in inspect_recording(moving, LIMITS, SAMPLE_TIME_S)}
+    assert found["motion"].outcome == "noted"
+    assert (
+        "moves by 0 m only, while other_position_1_m moves by 0.01 m: the piston rests, or its sensor"
+        in found["motion"].text
+    )
+    check_recording(METADATA, moving, LIMITS, SAMPLE_TIME_S)
+
+
 def test_rest_at_the_end_stop_is_no_held_position() -> None:
     table = good()
     table["position_m"] = np.round(np.clip(0.25 * np.sin(2.0 * table["time_s"]), 0.0, 0.2), 4)

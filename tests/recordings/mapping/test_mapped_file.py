@@ -271,3 +271,13 @@ def test_signals_of_sensors_are_understood() -> None:
     np.testing.assert_allclose(signals["position_m"].values, [0.0, 0.15])
     with pytest.raises(RecordingError, match="the file states the unit 'mm', but it is read in 'mA'"):
         map_signals([logged(units={"x": "mm"})], mapping)
+
+
+def test_a_channel_may_have_another_name_in_other_files() -> None:
+    stamped = logged().channels.rename(columns={"t": "time"})
+    mapping = MAPPING | {"time_s": ChannelMapping("t", "ms", alternatives=("time", "Name"))}
+    for channels in (logged().channels, stamped):
+        mapped = map_signals([LoggedTable(channels, {}, "")], mapping)
+        np.testing.assert_allclose(mapped.signals["position_m"].time_s, [0.0, 0.005])
+    with pytest.raises(RecordingError, match=r"channel 't' .*is missing"):
+        map_signals([LoggedTable(stamped.rename(columns={"time": "clock"}), {}, "")], mapping)

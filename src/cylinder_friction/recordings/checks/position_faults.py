@@ -23,6 +23,8 @@ LINE_S = 0.1
 """A jump's height is that between straight lines over this long on either side."""
 FEWEST_HELD, FEWEST_LOST = 5, 3
 """So many equal values before a jump are a held value; a jump loses so many samples, which splits the recording."""
+OFF_SHARE = 0.5
+"""Without single samples those around them bend by at most this share of what the single ones are off by."""
 MOST_SINGLE, MOST_SENTENCES = 2, 5
 """At most so many samples between others that fit each other are lost by themselves; so many faults are named."""
 
@@ -103,7 +105,10 @@ def _single(x_m: Array, first: int, last: int, most_m: float) -> PositionFault |
             np.abs(across_m - before_m + x_m[begins - 2]), np.abs(x_m[begins + count + 1] - behind_m - across_m)
         )
         best = int(np.argmin(bend_m))
-        if bend_m[best] <= most_m:
+        at = int(begins[best]) + np.arange(count)
+        off_m = np.abs(x_m[at] - before_m[best] - across_m[best] * (1 + np.arange(count))).max()
+        # Across a step half of it is left as a bend, however fast the piston: the sample is off by as much.
+        if bend_m[best] <= min(most_m, OFF_SHARE * off_m):
             return PositionFault(int(begins[best]), int(begins[best]) + count, "")
     return None
 

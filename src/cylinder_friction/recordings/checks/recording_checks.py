@@ -1,6 +1,6 @@
 """Check a uniformly sampled table before it counts as a recording."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -13,6 +13,7 @@ from cylinder_friction.recordings.checks.plausibility import check_friction
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
     LOAD_FORCE,
+    OTHER_POSITIONS,
     POSITION,
     PRESSURES,
     missing_column,
@@ -135,7 +136,7 @@ def inspect_recording(table: pd.DataFrame, limits: CheckLimits, sample_time_s: f
     valid = True
     seen = {name: _Survey(values, columns[POSITION]) for name, values in columns.items()}
     for finding in (
-        *_of_position(columns[POSITION], seen[POSITION], sample_time_s, limits),
+        *_of_position(columns[POSITION], seen, sample_time_s, limits),
         *(
             _alive(DRIVE_FORCE, "force", seen[DRIVE_FORCE], limits.least_force_span_n, limits)
             if DRIVE_FORCE in columns
@@ -162,7 +163,10 @@ def length_finding(rows: int, sample_time_s: float, limits: CheckLimits) -> Find
     )
 
 
-def _of_position(position_m: Array, seen: _Survey, sample_time_s: float, limits: CheckLimits) -> Iterator[Finding]:
+def _of_position(
+    position_m: Array, of_columns: Mapping[str, _Survey], sample_time_s: float, limits: CheckLimits
+) -> Iterator[Finding]:
+    seen = of_columns[POSITION]
     stroke_m, slack_m = limits.stroke_m, limits.position_slack * limits.stroke_m
     runs = f"it runs from {seen.lowest:.4g} to {seen.highest:.4g} m"
     value, row = seen.worst(0.0, stroke_m)
@@ -180,6 +184,14 @@ def _of_position(position_m: Array, seen: _Survey, sample_time_s: float, limits:
     )
     least_m = limits.least_travel * stroke_m
     moves = f"position_m moves by {seen.span:.3g} m"
+    elsewhere = [name for name in OTHER_POSITIONS if name in of_columns and of_columns[name].span >= least_m]
+    if seen.span < least_m and elsewhere:
+        text = (
+            f"{moves} only, while {elsewhere[0]} moves by {of_columns[elsewhere[0]].span:.3g} m: the piston rests, or "
+            "its sensor is stuck; the recording shows no friction of sliding"
+        )
+        yield Finding("motion", "noted", text)
+        return
     yield Finding.of(
         "motion",
         seen.span >= least_m,

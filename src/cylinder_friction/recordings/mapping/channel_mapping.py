@@ -124,6 +124,8 @@ class ChannelMapping:
     offset: float = 0.0
     # Of ``time_s`` alone, in place of a channel: rows come at this rate, the first at 0 s [Hz]
     rate_hz: float | None = None
+    # Names that it has in other files of the same logger: the first that a file holds, if ``channel`` is missing
+    alternatives: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         where = f"channel {self.channel!r}"
@@ -149,7 +151,16 @@ class ChannelMapping:
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
         """Return the mapping of a nested dictionary, for example out of YAML."""
         sensor = values.get("sensor")
-        return cls(**{**values, "sensor": None if sensor is None else SensorScale.from_dict(sensor)})
+        others = values.get("alternatives") or ()
+        if isinstance(others, str):
+            raise RecordingError(f"alternatives: got {others!r}, expected a list of names, such as [{others}]")
+        made = {"sensor": None if sensor is None else SensorScale.from_dict(sensor), "alternatives": tuple(others)}
+        return cls(**{**values, **made})
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Every name that the channel may have, the usual one first."""
+        return tuple(filter(None, (self.channel, *self.alternatives)))
 
     @property
     def reading_unit(self) -> str:
@@ -190,9 +201,10 @@ def check_mapping(mapping: Mapping[str, ChannelMapping]) -> None:
         _check_column(column, source)
     for (user, other), (column, source) in itertools.combinations(mapping.items(), 2):
         one_table = other.table == source.table or not (other.table and source.table)
-        if other.channel == source.channel and one_table:
+        shared = sorted({*other.names} & {*source.names})
+        if shared and one_table:
             raise RecordingError(
-                f"channel {source.channel!r} is to fill both {user!r} and {column!r}; expected one column per channel"
+                f"channel {shared[0]!r} is to fill both {user!r} and {column!r}; expected one column per channel"
             )
 
 
@@ -223,7 +235,7 @@ def _check_column(column: str, source: ChannelMapping) -> None:
 
 def wanted_channels(mapping: Mapping[str, ChannelMapping]) -> set[str]:
     """Return the names of all channels that a mapping reads, time channels included."""
-    return {name for source in mapping.values() for name in (source.channel, source.time) if name}
+    return {name for source in mapping.values() for name in (*source.names, source.time) if name}
 
 
 def sensor_limits(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorLimits]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any, NamedTuple
 
@@ -119,6 +120,11 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
         RecordingError: A channel or its time is missing or occurs twice, a cell holds text, the file states another
             unit than the mapping, or two channels cannot share one clock.
     """
+    there = {str(name) for table in tables for name in (*table.channels.columns, *table.unread)}
+    mapping = {
+        column: replace(source, channel=next((name for name in source.names if name in there), source.channel))
+        for column, source in mapping.items()
+    }
     columns = [column for column in mapping if column != "time_s"]
     places = {name: find_channel(tables, mapping[name].channel, mapping[name].table, name) for name in columns}
     clocks = {column: _clock(tables, places[column], column, mapping) for column in columns}

@@ -1,0 +1,193 @@
+"""Friction at equal pressures, speed and direction: what a difference between recordings comes from, and what is left.
+
+Steady sliding is sorted by direction, by the sum of both pressures in steps of ``PRESSURE_STEP_BAR``, and by speed in
+steps of a factor of two. Where recordings share such a cell, their friction is compared in it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from cylinder_friction.arrays import Array
+from cylinder_friction.labelling.strokes import stroke_pieces
+from cylinder_friction.recordings.columns import COVERAGE_FACTOR, PRESSURES
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.signals.motion import direction_of_motion, steady_rows
+from cylinder_friction.signals.smooth_signals import has_pressures
+
+PRESSURE_STEP_BAR = 25.0
+SLOWEST_M_S = 2e-3
+STEADY_VARIATION = 0.4
+"""How much velocity may vary, over its mean, for sliding to count as steady."""
+SETTLING_S, PIECE_S = 0.2, 0.1
+"""What is left out after a start or a reversal, and what one mean is taken over [s]."""
+LEAST_S, LEAST_CELLS, MOST_ALONE = 1.0, 3, 1.5
+"""A difference is stated from so much sliding in so many cells that another recording went through too, where not
+nearly all of it is in one of them."""
+FACTORS = {"pressures": ("pressure_bar",), "speed": ("speed_mm_s",), "direction": ("direction",)}
+
+
+@dataclass(frozen=True)
+class FrictionLevel:
+    """Friction of steady sliding of a recording in one direction, at one level of pressure and speed."""
+
+    direction: int  # 1 extending, -1 retracting
+    # Lower ends: of the sum of both pressures, ``PRESSURE_STEP_BAR`` wide, and of the speed, up to its double
+    pressure_bar: float
+    speed_mm_s: float
+    friction_n: float  # Mean against the motion
+    seconds: float  # Of sliding
+
+
+@dataclass(frozen=True)
+class Difference:
+    """By how much friction of a recording differs from that of the others in the cells that they share."""
+
+    newtons: float
+    half_width_n: float  # k = 2, from how it differs from cell to cell
+    seconds: float  # Of its sliding in these cells
+
+
+@dataclass(frozen=True)
+class RecordingDifference:
+    """Friction of one recording beside that of all others."""
+
+    name: str
+    friction_n: float  # Mean of all steady sliding
+    differs_n: float  # From the mean of all others
+    # What is left of it at equal pressures, at equal speed and in equal direction, each by itself
+    left_n: Mapping[str, float | None]
+    equal: Difference | None  # At all of them together; None where recordings hardly share anything
+
+    @property
+    def differs_still(self) -> bool:
+        """Whether friction differs at equal pressures, speed and direction by more than its scatter."""
+        return self.equal is not None and abs(self.equal.newtons) > self.equal.half_width_n
+
+
+def friction_levels(recordings: Iterable[Recording]) -> tuple[FrictionLevel, ...]:
+    """Return the levels of labelled recordings, or of the parts of one, sorted; none without pressures."""
+    sums: dict[tuple[float, ...], list[float]] = {}
+    for recording in recordings:
+        if not has_pressures(recording):
+            continue
+        velocity_m_s, step_s = recording.column("velocity_m_s"), recording.sample_time_s
+        steady = recording.usable() & steady_rows(velocity_m_s, step_s, SLOWEST_M_S, STEADY_VARIATION)
+        direction = np.where(steady, direction_of_motion(velocity_m_s, SLOWEST_M_S), 0.0)
+        time_s = step_s * np.arange(len(recording), dtype=np.float64)
+        pieces = stroke_pieces(direction, time_s, SETTLING_S, max(1, round(PIECE_S / step_s)))
+        if not len(pieces.rows):
+            continue
+        sign = np.sign(pieces.mean(direction))
+        pressure_bar = 1e-5 * pieces.mean(recording.column(PRESSURES[0]) + recording.column(PRESSURES[1]))
+        level = PRESSURE_STEP_BAR * np.floor(pressure_bar / PRESSURE_STEP_BAR)
+        speed = np.exp2(np.floor(np.log2(1e3 * np.abs(pieces.mean(velocity_m_s)))))
+        friction_n, seconds = sign * pieces.mean(recording.column("friction_n")), step_s * pieces.counts
+        for *cell, newtons, own_s in zip(sign, level, speed, friction_n, seconds, strict=True):
+            found = sums.setdefault(tuple(map(float, cell)), [0.0, 0.0])
+            found[0] += float(newtons * own_s)
+            found[1] += float(own_s)
+    return tuple(
+        FrictionLevel(int(cell[0]), cell[1], cell[2], total / seconds, seconds)
+        for cell, (total, seconds) in sorted(sums.items())
+    )
+
+
+def differences(levels: Mapping[str, Sequence[FrictionLevel]]) -> tuple[RecordingDifference, ...]:
+    """Return how friction of each recording differs from that of the others; nothing of a single one.
+
+    Args:
+        levels: Of each recording, by its name; recordings that never slide steadily are left out.
+    """
+    known = {name: own for name, own in levels.items() if own}
+    if len(known) < 2:
+        return ()
+    by_factor = {factor: _Cells.of(known, fields) for factor, fields in FACTORS.items()}
+    at_all, together = _Cells.of(known, ()), _Cells.of(known, ("direction", "pressure_bar", "speed_mm_s"))
+    found = []
+    for name, own in known.items():
+        left = {factor: cells.beside(name) for factor, cells in by_factor.items()}
+        raw, every = at_all.beside(name), together.beside(name)
+        assert raw is not None
+        numbers = {factor: None if each is None else each.newtons for factor, each in left.items()}
+        enough = every is not None and math.isfinite(every.half_width_n) and every.seconds >= LEAST_S
+        found.append(RecordingDifference(name, _mean(own)[0], raw.newtons, numbers, every if enough else None))
+    return tuple(found)
+
+
+def in_words(found: Sequence[RecordingDifference]) -> str:
+    """Return in one sentence what differs and what is left; empty where nothing can be compared."""
+    equal = {each.name: each.equal for each in found if each.equal is not None}
+    if not equal:
+        return ""
+    friction = [each.friction_n for each in found if each.equal is not None]
+    spread = f"friction in steady sliding is {min(friction):.0f} to {max(friction):.0f} N from recording to recording"
+    still = sorted((each for each in found if each.differs_still), key=lambda each: -abs(_newtons(each)))
+    if not still:
+        return f"{spread}; at equal pressures, speed and direction recordings agree within their scatter"
+    shown = [f"{each.name} {_newtons(each):+.0f} ± {equal[each.name].half_width_n:.0f} N" for each in still[:3]]
+    more = f" and {len(still) - 3} more" if len(still) > 3 else ""
+    return (
+        f"{spread}; at equal pressures, speed and direction these differ from the others: {', '.join(shown)}{more}. "
+        "Something else differs, such as position, the oil's temperature, the load or a sensor's zero"
+    )
+
+
+def _newtons(each: RecordingDifference) -> float:
+    return 0.0 if each.equal is None else each.equal.newtons
+
+
+@dataclass(frozen=True)
+class _Cells:
+    """Mean friction and duration of each recording in each cell of some fields, and what all of them have there."""
+
+    of_each: Mapping[str, Mapping[tuple[float, ...], tuple[float, float]]]
+    friction_n: Mapping[tuple[float, ...], Array]  # Of all recordings, ascending
+    seconds: Mapping[tuple[float, ...], float]
+
+    @classmethod
+    def of(cls, levels: Mapping[str, Sequence[FrictionLevel]], fields: tuple[str, ...]) -> Self:
+        of_each: dict[str, dict[tuple[float, ...], tuple[float, float]]] = {}
+        together: dict[tuple[float, ...], list[tuple[float, float]]] = {}
+        for name, own in levels.items():
+            cells: dict[tuple[float, ...], list[FrictionLevel]] = {}
+            for each in own:
+                cells.setdefault(tuple(getattr(each, field) for field in fields), []).append(each)
+            of_each[name] = {cell: _mean(inside) for cell, inside in sorted(cells.items())}
+            for cell, mean in of_each[name].items():
+                together.setdefault(cell, []).append(mean)
+        friction_n = {cell: np.sort([mean for mean, _ in means]) for cell, means in together.items()}
+        return cls(of_each, friction_n, {cell: sum(own for _, own in means) for cell, means in together.items()})
+
+    def beside(self, name: str) -> Difference | None:
+        """Return the difference from the median of the others, weighted by shared sliding; None if they share none."""
+        off_n, own_s, shared_s = [], [], []
+        for cell, (newtons, seconds) in self.of_each[name].items():
+            others = len(self.friction_n[cell]) - 1
+            if not others:
+                continue
+            own = int(np.searchsorted(self.friction_n[cell], newtons))
+            middle = [place + (place >= own) for place in ((others - 1) // 2, others // 2)]
+            off_n.append(newtons - float(self.friction_n[cell][middle].mean()))
+            own_s.append(seconds)
+            shared_s.append(min(seconds, self.seconds[cell] - seconds))
+        if not off_n:
+            return None
+        weights = np.array(shared_s) / sum(shared_s)
+        total_n = float(weights @ np.array(off_n))
+        count = 1.0 / float((weights**2).sum())  # of cells that weigh alike
+        half_n = math.inf
+        if len(off_n) >= LEAST_CELLS and count > MOST_ALONE:
+            half_n = COVERAGE_FACTOR * math.sqrt(float(weights @ (np.array(off_n) - total_n) ** 2) / (count - 1.0))
+        return Difference(total_n, half_n, sum(own_s))
+
+
+def _mean(levels: Sequence[FrictionLevel]) -> tuple[float, float]:
+    """Return mean friction [N] and duration [s]."""
+    seconds = sum(each.seconds for each in levels)
+    return sum(each.friction_n * each.seconds for each in levels) / seconds, seconds

@@ -1,0 +1,66 @@
+"""Friction at equal pressures and speed, as tables of a page."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from cylinder_friction.evaluation.friction_levels import (
+    PRESSURE_STEP_BAR,
+    FrictionLevel,
+    RecordingDifference,
+    in_words,
+)
+from cylinder_friction.reporting.page import Cell, Table
+
+NONE = Cell("–", style="none")
+
+
+def level_tables(
+    found: Sequence[RecordingDifference], levels: Mapping[str, Sequence[FrictionLevel]]
+) -> list[tuple[str, str, Table]]:
+    """Return title, explanation and rows of each table; none where nothing slides steadily."""
+    tables = []
+    if found:
+        words = (
+            "Steady sliding against the median of the others: as it is; at equal pressures (their sum, in steps of "
+            f"{PRESSURE_STEP_BAR:g} bar), at equal speed (within a factor of two) and in equal direction, each by "
+            "itself; and at all three together, which is what they do not explain, ± twice its standard error. "
+        )
+        rows = [
+            [
+                each.name,
+                *map(_number, (each.friction_n, each.differs_n, *each.left_n.values())),
+                *(
+                    (NONE, NONE, NONE)
+                    if each.equal is None
+                    else map(_number, (each.equal.newtons, each.equal.half_width_n, each.equal.seconds))
+                ),
+            ]
+            for each in found
+        ]
+        factors = [f"equal {factor} [N]" for factor in found[0].left_n]
+        head = ("recording", "friction [N]", "differs by [N]", *factors, "all three [N]", "± [N]", "compared [s]")
+        tables.append(("What differs between recordings", words + in_words(found), Table(head, rows, sortable=True)))
+    steps = sorted({each.pressure_bar for own in levels.values() for each in own})
+    if steps:
+        rows = [[name, *(_at(own, step) for step in steps)] for name, own in levels.items() if own]
+        head = ("recording", *(f"{step:g} to {step + PRESSURE_STEP_BAR:g} bar" for step in steps))
+        words = (
+            "Friction of steady sliding against the motion, extending / retracting [N], by the sum of both pressures."
+        )
+        tables.append(("Friction by pressure", words, Table(head, rows)))
+    return tables
+
+
+def _number(value: float | None) -> Cell:
+    return NONE if value is None else Cell(f"{value:.0f}", value=value)
+
+
+def _at(levels: Sequence[FrictionLevel], pressure_bar: float) -> Cell:
+    """Return the mean friction extending and retracting at one level of pressure."""
+    both = []
+    for direction in (1, -1):
+        own = [each for each in levels if each.pressure_bar == pressure_bar and each.direction == direction]
+        seconds = sum(each.seconds for each in own)
+        both.append(f"{sum(each.friction_n * each.seconds for each in own) / seconds:.0f}" if own else "–")
+    return Cell(" / ".join(both)) if both != ["–", "–"] else NONE
