@@ -1,11 +1,14 @@
 """How near label and hybrid are to the true friction of the simulated rig, cold and warm, and what the bounds hold.
 
-    python performance/true_friction.py [--run FOLDER]
+    python performance/true_friction.py [--run FOLDER] [--lags [--epochs 20]]
 
 Reads a finished run, the present folder by default. ``cold``: each held-out recording begins with what is stated for
 the sensors; ``warm``: each later recording of a session with the offset learned in the one before. ``less mean
 offset``: the mean of label less truth over all sessions of the cylinder, which no data can determine, is taken off
 before scoring.
+
+With ``--lags`` it prints what it is worth to wait: the hybrid, trained anew with the run's hyperparameters, for a fixed
+lag of 0, 25 and 50 ms, all with the same number of epochs.
 """
 
 from __future__ import annotations
@@ -16,7 +19,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.forest import ForestPlan
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
+from cylinder_friction.realtime.sensor_offset import OffsetTracker
 from cylinder_friction.recordings.files import read_json
 from cylinder_friction.recordings.storage import read_recordings
 from cylinder_friction.recordings.truth import known_truth
@@ -28,13 +36,53 @@ if TYPE_CHECKING:
 
 ROLES = ("train", "validation", "calibration", "test")
 EVENT_WINDOW_S = 0.1
+CYLINDER = Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
+LAGS_S = (0.0, 0.025, 0.05)
 
 
 def main() -> None:
     """Print the figures of one run."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--run", type=Path, default=Path(), help="root of a finished run")
-    print(report(parser.parse_args().run))
+    parser.add_argument("--lags", action="store_true", help="train with fixed lags instead")
+    parser.add_argument("--epochs", type=int, default=20, help="of each of these trainings")
+    arguments = parser.parse_args()
+    if arguments.lags:
+        print_lags(arguments.run, arguments.epochs)
+    else:
+        print(report(arguments.run))
+
+
+def print_lags(run: Path, epochs: int) -> None:
+    """Print one row per lag, one column per condition."""
+    data, chosen = run / "data", read_json(run / "models/hybrid/chosen.json")
+    parts = {
+        role: read_recordings(data / "processed" / role) for role in ("train", "validation", "calibration", "test")
+    }
+    truth_n = known_truth(str(data / "raw/rig_truth"), parts["test"])
+    tracker = OffsetTracker.from_dict(read_json(data / "processed/estimators.json")["offset_tracker"])
+    print("mean absolute error [% of mean |true friction| of the condition], and near events [N]")
+    print(f"{header(sorted({each.metadata.condition for each in parts['test']}))}{'events':>9}")
+    for lag_s in LAGS_S:
+        hybrid = HybridEstimator(
+            CYLINDER,
+            "force_balance",
+            Architecture(chosen["layers"], chosen["nodes"], chosen["dropout"], chosen["learning_rate"]),
+            TrainingPlan(epochs, patience=12, schedule="cosine"),
+            ForestPlan(chosen["forest_trees"], chosen["forest_depth"], 15_000, 10),
+            seed=1,
+            tracker=tracker,
+            lag_s=lag_s,
+        ).fit(parts["train"], parts["validation"], parts["calibration"])
+        rows: dict[str, list[tuple[Array, Array]]] = {}
+        events = []
+        for recording in parts["test"]:
+            usable, true_n = recording.usable(), truth_n[recording.name]
+            error_n = np.abs(hybrid.estimate(recording) - true_n)
+            rows.setdefault(recording.metadata.condition, []).append((error_n[usable], np.abs(true_n)[usable]))
+            near = near_events(recording.column("velocity_m_s"), round(EVENT_WINDOW_S / recording.sample_time_s))
+            events.append(error_n[near & usable])
+        print(f"{line(f'lag of {1e3 * lag_s:g} ms', rows)}{np.concatenate(events).mean():9.1f}", flush=True)
 
 
 def report(run: Path) -> str:

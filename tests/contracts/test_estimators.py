@@ -1,6 +1,7 @@
 """Every estimator keeps the contract, on several sets of sensors."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -33,6 +34,19 @@ def _with_load_by_position(name: str, cylinder: Cylinder) -> FrictionEstimator:
     return baselines(cylinder, forest_plan=FOREST, position_load=LOAD)[name]
 
 
+def _adapted(cylinder: Cylinder) -> FrictionEstimator:
+    """Return a hybrid that is fitted by adapting another one, which learned from the first recording alone."""
+    made = HybridEstimator(cylinder, "force_balance", SMALL, PLAN, FOREST)
+
+    def fit(recordings: Sequence[Recording]) -> FrictionEstimator:
+        source = HybridEstimator(cylinder, "force_balance", SMALL, PLAN, FOREST).fit(recordings[:1])
+        vars(made).update(vars(source.adapt(recordings, cylinder, plan=replace(PLAN, patience=None))))
+        return made
+
+    made.fit = fit  # type: ignore[method-assign, assignment]
+    return made
+
+
 MAKERS: dict[str, Callable[[Cylinder], FrictionEstimator]] = {
     "force_balance_unfiltered": lambda cylinder: ForceBalanceEstimator(cylinder, "none"),
     "force_balance_paper": lambda cylinder: ForceBalanceEstimator(cylinder, "paper"),
@@ -44,6 +58,7 @@ MAKERS: dict[str, Callable[[Cylinder], FrictionEstimator]] = {
     "analytical": lambda cylinder: AnalyticalEstimator(cylinder, model_named("lugre"), effort=scaled_effort(0.01)),
     "hybrid": lambda cylinder: HybridEstimator(cylinder, "force_balance", SMALL, PLAN, FOREST),
     "lstm": lambda cylinder: HybridEstimator(cylinder, "force_balance", DEEP, PLAN, None),
+    "adapted_hybrid": _adapted,
     "hybrid_of_position": lambda cylinder: HybridEstimator(
         cylinder, architecture=SMALL, plan=PLAN, forest_plan=FOREST, inputs=("position_m",)
     ),

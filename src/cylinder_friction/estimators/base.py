@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import copy
+import json
 import math
+import tempfile
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import asdict, replace
@@ -16,6 +18,7 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.entry_points import GROUP, own_class, own_kinds
 from cylinder_friction.estimators.saved_folder import (
+    CONTENT_HASH,
     DESCRIPTION_FILE,
     SavedModelError,
     read_description,
@@ -250,7 +253,11 @@ class FrictionEstimator(ABC):
         return RealTimeStream(self.step_model())
 
     def calibrate(
-        self, train: Sequence[Recording], validation: Sequence[Recording], cylinder: Cylinder | None = None
+        self,
+        train: Sequence[Recording],
+        validation: Sequence[Recording],
+        cylinder: Cylinder | None = None,
+        estimates_n: Sequence[Array] | None = None,
     ) -> None:
         """Set guard and bounds, the latter from the errors on recordings that the estimator did not learn from.
 
@@ -259,6 +266,8 @@ class FrictionEstimator(ABC):
             cylinder: Whose recordings they are; None: no force counts as unmodelled, and the model does not know where
                 it belongs.
             validation: Labelled recordings of other sessions, their pressures as measured.
+            estimates_n: What the steps of models that did not learn from them give for ``validation`` [N]; None: this
+                estimator did not, and gives them.
         """
         self._refuse_unfitted()
         assert self.training_range is not None
@@ -267,7 +276,8 @@ class FrictionEstimator(ABC):
         self.guard = guard_from(self.training_range, *limits)
         # as the steps give it, against labels as late, because bounds go by the present regime of motion
         lagged = [recording.lagged(self.lag_samples) for recording in validation]
-        estimates_n = [self._stepped(recording) for recording in validation]
+        if estimates_n is None:
+            estimates_n = [self._stepped(recording) for recording in validation]
         offsets = None if self.offset is None else [self._learned_offset(each) for each in validation]
         self.bounds = calibrated_bounds(
             lagged,
@@ -318,6 +328,12 @@ class FrictionEstimator(ABC):
         """Return what states the class of an estimator that is not of this package."""
         cls = type(self)
         return {} if _is_ours(cls) else {"defined_in": f"{cls.__module__}.{cls.__qualname__}"}
+
+    def saved_hash(self) -> str:
+        """Return the hash that ``save`` writes into the description as ``sha256``: it covers every file."""
+        with tempfile.TemporaryDirectory() as folder:
+            self.save(folder)
+            return str(json.loads((Path(folder) / DESCRIPTION_FILE).read_text(encoding="utf-8"))[CONTENT_HASH])
 
     @classmethod
     def load(cls, folder: str | Path) -> FrictionEstimator:

@@ -17,9 +17,19 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.adaptation import (
+    ADAPTATION_PLAN,
+    adaptation_inputs,
+    adapted_in_words,
+    feature_places,
+    left_out_in_words,
+    refuse_few_strokes,
+    share_that_holds,
+)
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.forest import FOREST_FILE, ForestPlan, fit_forest
 from cylinder_friction.estimators.front_end import Design, FrontEnd, FrontEndBlock, FrontEndState, fit_front_end
+from cylinder_friction.estimators.held_out import folds, held_out_for_stopping
 from cylinder_friction.estimators.onnx_files import read_forest, read_network, write_forest, write_network
 from cylinder_friction.estimators.training_plan import (
     Architecture,
@@ -36,11 +46,11 @@ from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
 from cylinder_friction.realtime.stream import StrictStream
+from cylinder_friction.realtime.trained_for import TrainedFor
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 
 NETWORK_FILE = "network.onnx"
-KEPT_SESSIONS = 2  # Sessions of each condition that must be left to train on, before one of each is held out
 DEFAULT_FOREST = ForestPlan()
 
 
@@ -122,6 +132,7 @@ class HybridEstimator(FrictionEstimator):
         calibration: Sequence[Recording] = (),
         checkpoint: Checkpoint | None = None,
         report: EpochReport | None = None,
+        start: HybridParts | None = None,
     ) -> Self:
         """Learn front end, network and forest, and how a sensor offset shows, where zeros were identified.
 
@@ -133,6 +144,7 @@ class HybridEstimator(FrictionEstimator):
             calibration: Labelled recordings of still other sessions, which calibrate the bounds in their place.
             checkpoint: Where the network's training stands, kept after each epoch.
             report: Called after each epoch with its number and both mean absolute errors [N].
+            start: A trained hybrid of the same layers, from whose network the training sets out; see ``adapt``.
         """
         if self.cylinder is None:
             raise ValueError("a hybrid needs a cylinder to be fitted; got a loaded one without")
@@ -145,8 +157,9 @@ class HybridEstimator(FrictionEstimator):
         front_end = fit_front_end(self.design, self.cylinder, zeroed, self.channels)
         sequences = [_correction(front_end, each) for each in zeroed]
         stopping = [_correction(front_end, self._prepared(each)) for each in validation]
+        begin = None if start is None else (start.network, feature_places(start.front_end.names, front_end.names))
         network, self.learning_curve, mean_n, scale_n = train_correction(
-            self.architecture, self.plan, sequences, stopping, self.seed, self.device, checkpoint, report
+            self.architecture, self.plan, sequences, stopping, self.seed, self.device, checkpoint, report, begin
         )
         self._set(HybridParts(self.design, front_end, network, None, mean_n, scale_n))
         if self.forest_plan is not None:
@@ -155,6 +168,64 @@ class HybridEstimator(FrictionEstimator):
         if calibration or validation:
             self.calibrate(train, calibration or validation, self.cylinder)
         return self
+
+    def adapt(
+        self,
+        recordings: Sequence[Recording],
+        cylinder: Cylinder,
+        position_load: PositionLoad | None = None,
+        plan: TrainingPlan | None = None,
+        bounds: bool = True,
+    ) -> HybridEstimator:
+        """Return a hybrid for another cylinder, made from this one and a few labelled recordings of that cylinder.
+
+        - Scaled by areas: the force balance P1·A1 - P2·A2 alone; velocities and what was learned are not.
+        - Found anew: smoothing of the force balance, mean and scale of every feature and of the correction, forest,
+          bounds, guard, ranges, and, if the recordings state identified zeros, how a sensor offset is learned.
+        - Trained on: all weights of the network. A feature that it did not have, such as a load, begins without
+          influence.
+        - Kept: design, layers, nodes, size of the forest, lag. The sample time is that of the recordings.
+
+        For the bounds the training is repeated without some of the sessions, which that model then estimates, until
+        each was left out once (cross-conformal prediction: Vovk 2015), see ``folds``. If less of the correction is
+        better there, all of it is scaled down. ``trained_for`` states this model's hash and what the bounds rest on.
+
+        Args:
+            recordings: Labelled recordings of the other cylinder. A load in ``load_force_n`` becomes an input.
+            cylinder: The other cylinder.
+            position_load: Its load, if position decides it; then ``load_force_n`` is no input.
+            plan: Of the training; None: ``ADAPTATION_PLAN``.
+            bounds: Whether to calibrate bounds, for which the training takes about four times as long.
+
+        Raises:
+            RecordingError: The recordings are too few, or do not slide in both directions for long enough.
+        """
+        source = self._fitted()
+        groups, rests_on = folds(recordings) if bounds else ([], "")
+        others = [[one for group in groups if group is not own for one in group] for own in groups]
+        for some in (recordings, *others):
+            refuse_few_strokes(some)
+        inputs = adaptation_inputs(self.inputs, recordings, position_load)
+        architecture = replace(self.architecture, dropout=0.0, learning_rate=Architecture.learning_rate)
+        settings = architecture, plan or ADAPTATION_PLAN, self.forest_plan, self.seed, self.device, inputs
+        result, *without = (
+            HybridEstimator(cylinder, self.design, *settings, None, self.lag_s, position_load).fit(
+                some, (), start=source
+            )
+            for some in (recordings, *others)
+        )
+        if groups:
+            pairs = [each._corrections(own) for each, own in zip(without, groups, strict=True)]
+            share = share_that_holds(*np.concatenate(pairs, axis=1))
+            for each in (result, *without):
+                each._shrink(share)
+            left_out = [recording for own in groups for recording in own]
+            estimates_n = [each._stepped(one) for each, own in zip(without, groups, strict=True) for one in own]
+            result.calibrate(recordings, left_out, cylinder, estimates_n)
+            rests_on += left_out_in_words([each.lagged(result.lag_samples) for each in left_out], estimates_n)
+        where = result.trained_for or TrainedFor.of(recordings, cylinder)
+        result.trained_for = replace(where, adapted=adapted_in_words(self.saved_hash(), recordings, rests_on))
+        return result
 
     def without_forest(self) -> HybridEstimator:
         """Return the LSTM alone: the same network, the forest left out."""
@@ -217,6 +288,21 @@ class HybridEstimator(FrictionEstimator):
         assert self.parts is not None
         return self.parts
 
+    def _corrections(self, recordings: Sequence[Recording]) -> Array:
+        """Return the correction of the base force in usable rows, and what it should be [N], shape ``(2, rows)``."""
+        pairs = []
+        for each in map(self._prepared, recordings):
+            wanted = _correction(self._fitted().front_end, each)
+            off_n = self.advance(self.new_state(), each.samples(self.channels)) - each.column("friction_n")
+            pairs.append(np.stack([wanted.target + off_n, wanted.target])[:, wanted.usable])
+        return np.concatenate(pairs, axis=1)
+
+    def _shrink(self, share: float) -> None:
+        """Scale the correction of the base force, network's and forest's, by ``share``."""
+        parts = self._fitted()
+        scaled = {"target_mean_n": share * parts.target_mean_n, "target_scale_n": share * parts.target_scale_n}
+        self._set(replace(parts, **scaled))
+
     def _fit_forest(self, train: Sequence[SequenceData], plan: ForestPlan) -> Forest:
         """Fit the forest on the label (paper) or on the residual of the LSTM."""
         parts = self._fitted()
@@ -271,13 +357,15 @@ def train_correction(
     device: str = "cpu",
     checkpoint: Checkpoint | None = None,
     report: EpochReport | None = None,
+    begin: tuple[LstmWeights, Sequence[int | None]] | None = None,
 ) -> tuple[LstmWeights, TrainingCurve, float, float]:
     """Return an LSTM trained on targets in newtons, its learning curve, and mean and scale of the targets [N].
 
     Its output 0 stands for the mean, and 1 adds the scale; arguments as for ``train_network``, all errors in newtons.
+    With ``begin`` the training sets out from those weights, see ``network_from``.
     """
     with explained():  # PyTorch: only training waits for it
-        from cylinder_friction.estimators.training import FrictionNetwork, train_network, weights_of
+        from cylinder_friction.estimators.training import FrictionNetwork, network_from, train_network, weights_of
 
     usable_n = np.concatenate([each.target[each.usable] for each in train])
     mean_n, scale_n = float(usable_n.mean()), float(usable_n.std()) or 1.0
@@ -286,7 +374,7 @@ def train_correction(
         return [replace(each, target=((each.target - mean_n) / scale_n).astype(np.float32)) for each in sequences]
 
     network, curve = train_network(
-        lambda inputs: FrictionNetwork(architecture, inputs),
+        lambda inputs: FrictionNetwork(architecture, inputs) if begin is None else network_from(architecture, *begin),
         architecture.learning_rate,
         plan,
         scaled(train),
@@ -307,26 +395,6 @@ def forest_input(design: Design, hidden: Any, head: Any, features: Any) -> Any:
     if design == "paper":
         return hidden
     return np.concatenate([hidden, head[:, None], features], axis=1)
-
-
-def held_out_for_stopping(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Recording]]:
-    """Return the recordings to train on, and those that early stopping goes by.
-
-    Where there is one session alone, both are all of it.
-
-    Held out is the last session, by name, of each condition, so that every load counts: one session of one load holds
-    little about the others. Where a condition would be left with fewer than ``KEPT_SESSIONS`` others, it is the last
-    session alone. No session is on both sides, even if several conditions share it.
-    """
-    sessions: dict[str, set[str]] = {}
-    for recording in recordings:
-        sessions.setdefault(recording.metadata.condition, set()).add(recording.metadata.session)
-    held = {max(names) for names in sessions.values()}
-    if any(len(names - held) < KEPT_SESSIONS for names in sessions.values()):
-        held = {max(held)}
-    train = [recording for recording in recordings if recording.metadata.session not in held]
-    validation = [recording for recording in recordings if recording.metadata.session in held]
-    return train or validation, validation
 
 
 def _tracker_of(recordings: Sequence[Recording], cylinder: Cylinder, inputs: tuple[str, ...]) -> OffsetTracker | None:

@@ -296,3 +296,25 @@ def weights_of(network: FrictionNetwork) -> LstmWeights:
         network.head.weight.detach().cpu().numpy()[0].copy(),
         float(network.head.bias.detach().cpu()[0]),
     )
+
+
+def network_from(architecture: Architecture, weights: LstmWeights, places: Sequence[int | None]) -> FrictionNetwork:
+    """Return a network with the weights of another one: the inverse of ``weights_of``.
+
+    Args:
+        architecture: Of both.
+        weights: Of the other one.
+        places: For each feature, its place among those of ``weights``; None: it had none, and begins without influence.
+    """
+    network, nodes = FrictionNetwork(architecture, len(places)), weights.nodes
+    order = np.concatenate([np.arange(nodes) + nodes * gate for gate in (0, 2, 3, 1)])  # from i, o, f, c
+    none = np.zeros(4 * nodes, dtype=np.float32)
+    first = np.stack([none if place is None else weights.input[0, place] for place in places])
+    state = {"head.weight": weights.head[None], "head.bias": np.array([weights.head_bias])}
+    for layer in range(weights.layers):
+        kernel = first if layer == 0 else weights.input[layer, :nodes]
+        state[f"lstm.weight_ih_l{layer}"] = kernel[:, order].T
+        state[f"lstm.weight_hh_l{layer}"] = weights.recurrent[layer][:, order].T
+        state[f"lstm.bias_ih_l{layer}"], state[f"lstm.bias_hh_l{layer}"] = weights.bias[layer][order], none
+    network.load_state_dict({name: torch.tensor(value, dtype=torch.float32) for name, value in state.items()})
+    return network

@@ -15,6 +15,8 @@ ALIKE, OTHER_LEVEL, OTHER_NOISE = 0.02, 2.0, 4.0
 """Share by which diameters may differ, ratio of friction beyond which estimates are not to be used as they are, and of
 noise beyond which it is named."""
 
+ADAPTED = "adapted"  # The one field that is no number
+
 
 class OtherCylinderError(ValueError):
     """A model was asked for the friction of another cylinder than it was trained for."""
@@ -28,9 +30,10 @@ class TrainedFor:
     rod_diameter_m: float
     friction_n: float  # Mean absolute label of the usable rows [N]
     pressure_noise_pa: float  # Standard deviation of white noise, converter's steps included [Pa]; 0 without pressures
+    adapted: str = ""  # From which model it was made, in words; empty for one that was trained from scratch
 
     def __post_init__(self) -> None:
-        if not all(0.0 <= value < np.inf for value in vars(self).values()):
+        if not all(0.0 <= value < np.inf for name, value in vars(self).items() if name != ADAPTED):
             raise ValueError(f"trained_for: got {vars(self)}; expected finite numbers of at least 0")
 
     @classmethod
@@ -42,11 +45,14 @@ class TrainedFor:
     @classmethod
     def from_dict(cls, values: Mapping[str, Any] | None) -> Self | None:
         """Return what ``to_dict`` gave; None for None."""
-        return None if values is None else cls(**{name: float(value) for name, value in values.items()})
+        if values is None:
+            return None
+        numbers = {name: float(value) for name, value in values.items() if name != ADAPTED}
+        return cls(**numbers, adapted=str(values.get(ADAPTED, "")))
 
-    def to_dict(self) -> dict[str, float]:
+    def to_dict(self) -> dict[str, float | str]:
         """Return the content as JSON-compatible values."""
-        return asdict(self)
+        return {name: value for name, value in asdict(self).items() if name != ADAPTED or value}
 
     def in_words(self) -> str:
         """Return it in words, for whoever reads a model."""
@@ -54,6 +60,7 @@ class TrainedFor:
         return (
             f"a cylinder of {self._sizes()}, with friction of {self.friction_n:.0f} N on average; where that leaves "
             f"{low_n:.0f} to {high_n:.0f} N, its estimates are not to be used as they are"
+            f"{self.adapted and '; '}{self.adapted}"
         )
 
     def _sizes(self) -> str:

@@ -40,6 +40,7 @@ def read_logs(
     load: LoadMode | None = None,
     units: Mapping[str, str] | None = None,
     sensor_class: float | None = None,
+    database: str | Path | None = None,
 ) -> list[Recording]:
     """Return the recordings of logger files of any format, in SI units at one constant rate, sorted by path.
 
@@ -63,6 +64,7 @@ def read_logs(
             ``temperature``) that the file does not state, such as ``{"pressure": "bar"}``.
         sensor_class: Accuracy of the pressure sensors, ± percent of full scale, where ``channels`` states none; full
             scale is 250 bar where their range is not stated either. None: nothing is assumed.
+        database: Of a bus (DBC), for measurement files of CAN frames.
 
     Raises:
         RecordingError: No file is found or usable, or the mapping is wrong or cannot be guessed.
@@ -73,7 +75,8 @@ def read_logs(
         >>> sorted({recording.metadata.condition for recording in recordings})
         ['1', '2', '3', '4']
     """
-    logs = find_logs(files, channels, cylinder, names=names, load=load, units=units).with_sensor_class(sensor_class)
+    logs = find_logs(files, channels, cylinder, names=names, load=load, units=units, database=database)
+    logs = logs.with_sensor_class(sensor_class)
     outcomes = list(convert_in_parts(logs.files, logs.recipe))
     refused = [outcome for outcome in outcomes if isinstance(outcome, Quarantined)]
     recordings = [outcome for outcome in outcomes if isinstance(outcome, Recording)]

@@ -1,14 +1,14 @@
-"""Which sessions early stopping listens to."""
+"""Which sessions early stopping goes by, and which are left out for bounds."""
 
 from __future__ import annotations
 
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cylinder_friction.estimators.hybrid import KEPT_SESSIONS, held_out_for_stopping
+from cylinder_friction.estimators.held_out import FOLDS, KEPT_SESSIONS, folds, held_out_for_stopping
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 
 
@@ -57,6 +57,7 @@ def test_nothing_gives_nothing() -> None:
     assert held_out_for_stopping([]) == ([], [])
 
 
+@settings(deadline=None)
 @given(st.lists(st.tuples(st.sampled_from("abc"), st.sampled_from("123456")), min_size=2, unique=True))
 def test_no_session_is_on_both_sides_and_every_test_that_can_teach_does(sessions: list[tuple[str, str]]) -> None:
     recordings = [recorded(*each) for each in sessions]
@@ -76,3 +77,26 @@ def test_no_session_is_on_both_sides_and_every_test_that_can_teach_does(sessions
             assert (
                 len({each.metadata.session for each in train if each.metadata.condition == condition}) >= KEPT_SESSIONS
             )
+
+
+@settings(deadline=None)
+@given(st.lists(st.tuples(st.sampled_from("abc"), st.sampled_from("123456")), min_size=2, unique=True))
+def test_folds_hold_every_recording_once_and_never_split_a_session(sessions: list[tuple[str, str]]) -> None:
+    recordings = [recorded(*each) for each in sessions]
+    groups, words = folds(recordings)
+    assert sorted(named([each for own in groups for each in own])) == sorted(named(recordings))
+    names = [{recording.metadata.session for recording in own} for own in groups]
+    count = len({session for _, session in sessions})
+    if count > 1:
+        assert words == f"{count} sessions"
+        assert sum(map(len, names)) == count
+        assert len(groups) == min(FOLDS, count)
+
+
+def test_folds_of_one_session_are_its_recordings_and_of_one_recording_stretches_of_it() -> None:
+    groups, words = folds([recorded("a", "a-1", take) for take in (1, 2, 3, 4)])
+    assert [named(own) for own in groups] == [["a_a-1_1", "a_a-1_4"], ["a_a-1_2"], ["a_a-1_3"]]
+    assert words.startswith("4 recordings of the only session, so that they do not hold how sessions differ")
+    groups, words = folds([recorded("a", "a-1")])
+    assert [len(own[0]) for own in groups] == [1, 1, 1]
+    assert words.startswith("3 stretches of the only recording")

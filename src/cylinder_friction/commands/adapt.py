@@ -1,0 +1,82 @@
+"""The command ``adapt``: a model for another cylinder, from one that exists and a few logger files."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import tempfile
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from cylinder_friction.commands._model import model_folder
+from cylinder_friction.commands.estimate import add_log_arguments, run_on_logs
+
+if TYPE_CHECKING:
+    from cylinder_friction.cylinder import Cylinder
+
+EXPECTED = (ValueError, OSError)
+SUMMARY_FILE = "adaptation.json"
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("model", metavar="MODEL", help="folder of a saved hybrid, or models:/NAME@ALIAS")
+    add_log_arguments(parser, "adapted")
+
+
+def run(options: argparse.Namespace) -> None:
+    with tempfile.TemporaryDirectory() as scratch:
+        model, name = model_folder(options.model, Path(scratch))
+        result, notes = run_on_logs(partial(_adapted, model, name), options)
+    if options.json:
+        print(json.dumps(result | {"notes": notes}, indent=2))
+        return
+    low_pass = "" if result["low_pass_n"] is None else f"; a tuned low-pass: {result['low_pass_n']:.1f} N"
+    lines = [f"source   {name}", f"for      {result['trained_for']}{low_pass}", f"bounds   {result['bounds']}"]
+    print("\n".join([*(f"note     {note}" for note in notes), *lines, f"model    {options.output}"]))
+
+
+def _adapted(
+    model: Path, name: str, files: list[str], cylinder: Cylinder, into: Path, *, channels: Path | None, **reading: Any
+) -> dict[str, Any]:
+    """Write the model of a cylinder, made from a saved hybrid and logs that are read as ``estimate`` reads them.
+
+    A load that position decides is identified and becomes part of the model.
+    """
+    from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
+    from cylinder_friction.estimators.loading import load_estimator
+    from cylinder_friction.evaluation.validation import mean_absolute_error_n
+    from cylinder_friction.labelling.label import label, position_load
+    from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES
+    from cylinder_friction.recordings.files import write_json
+    from cylinder_friction.recordings.reading_logs import read_logs
+    from cylinder_friction.recordings.result_folder import ResultFolder, existing
+
+    read = existing([*files, channels, model])
+    with ResultFolder(into, SUMMARY_FILE, "cylinder-friction adapt", read).written() as folder:
+        source = load_estimator(model)
+        if not isinstance(source, HybridEstimator):
+            raise ValueError(f"{name}: is of the kind {source.kind!r}, expected a hybrid; no other can be adapted")
+        recordings = read_logs(files, channels, cylinder, **reading)
+        mode = reading["load"] or ("measured" if LOAD_FORCE in recordings[0].table.columns else "none")
+        labelled = label(recordings, cylinder, load=mode)
+        load = position_load(recordings, cylinder) if mode == "position" else None
+        adapted = source.adapt(labelled, cylinder, load)
+        adapted.save(folder)
+        low_pass_n = None
+        if set(PRESSURES) <= set(adapted.inputs):
+            low_pass = LowPassForceBalanceEstimator(cylinder, inputs=adapted.inputs)
+            low_pass.position_load = load
+            low_pass_n = mean_absolute_error_n(low_pass.fit(labelled), labelled)
+        assert adapted.trained_for is not None
+        assert adapted.bounds is not None
+        result = {
+            "source": name,
+            "trained_for": adapted.trained_for.in_words(),
+            "bounds": adapted.bounds.in_words(),
+            "low_pass_n": low_pass_n,  # Error of a low-pass tuned on the same recordings, against the label [N]
+            "recordings": [each.name for each in labelled],
+        }
+        write_json(folder / SUMMARY_FILE, result)
+    return result

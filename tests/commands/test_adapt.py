@@ -1,0 +1,83 @@
+"""The command ``adapt``: a model that the other commands take for the new cylinder alone, and named refusals."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from cylinder_friction.commands.cli import main
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators import hybrid
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.estimators.linear import RidgeEstimator
+from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.estimators.training_plan import TrainingPlan
+from cylinder_friction.recordings.recording import Recording
+from logger_files import CHANNELS, write_log
+
+PRESS = "bore_diameter_m=0.08, rod_diameter_m=0.045, stroke_m=0.25, moving_mass_kg=6.0"
+OLD = "bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0"
+
+
+@pytest.fixture
+def given(
+    tmp_path: Path, small_hybrid: HybridEstimator, labelled_recordings: list[Recording], monkeypatch: pytest.MonkeyPatch
+) -> list[str]:
+    """Return the command line; the logs are of the old cylinder, which a larger one would read as more friction."""
+    monkeypatch.setattr(hybrid, "ADAPTATION_PLAN", TrainingPlan(1, None, 200, 20, 4))
+    small_hybrid.save(tmp_path / "source")
+    for number, recording in enumerate(labelled_recordings[:2]):
+        write_log(tmp_path / f"logs/{number}.csv", recording)
+    (tmp_path / "mapping.yaml").write_text(yaml.safe_dump({"channels": CHANNELS}), encoding="utf-8")
+    options = {"--cylinder": PRESS, "--channels": tmp_path / "mapping.yaml", "--output": tmp_path / "adapted"}
+    words = (str(word) for pair in options.items() for word in pair)
+    return ["adapt", str(tmp_path / "source"), str(tmp_path / "logs"), *words]
+
+
+def test_the_model_is_taken_for_the_new_cylinder_and_refused_for_the_old_one(
+    given: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(given) == 0
+    printed = capsys.readouterr().out
+    assert "for      a cylinder of 80 mm bore and 45 mm rod, with friction of " in printed
+    assert "its bounds rest on 2 sessions, each estimated by a model that was not trained on it" in printed
+    assert "; a tuned low-pass: " in printed
+    assert f"model    {tmp_path}/adapted" in printed
+    model = load_estimator(tmp_path / "adapted")
+    assert np.isfinite(model.step_model().bounds.upper_n).all()
+    estimate = ["estimate", given[2], "--channels", given[6], "--model", str(tmp_path / "adapted")]
+    assert main([*estimate, "--cylinder", PRESS, "--output", str(tmp_path / "friction")]) in (0, 1)
+    assert (tmp_path / "friction/0.parquet").is_file()
+    capsys.readouterr()
+    assert main([*estimate, "--cylinder", OLD, "--output", str(tmp_path / "refused")]) == 1
+    assert "was trained for a cylinder of 80 mm bore and 45 mm rod" in capsys.readouterr().err
+    assert not (tmp_path / "refused").exists()
+    assert main([*given, "--json"]) == 0  # into the folder of the earlier run
+    content = json.loads(capsys.readouterr().out)
+    assert content["recordings"] == ["0", "1"]
+    assert content["source"] == str(tmp_path / "source")
+
+
+def test_what_cannot_be_adapted_is_named_and_leaves_nothing(
+    given: list[str],
+    tmp_path: Path,
+    cylinder: Cylinder,
+    labelled_recordings: list[Recording],
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    RidgeEstimator().fit(labelled_recordings[:1]).save(tmp_path / "ridge")
+    assert main([given[0], str(tmp_path / "ridge"), *given[2:]]) == 1
+    assert capsys.readouterr().err == (
+        f"cylinder-friction adapt: {tmp_path}/ridge: is of the kind 'ridge', expected a hybrid; no other can be "
+        "adapted\n"
+    )
+    assert main([*given[:-1], str(tmp_path / "source")]) == 1
+    assert "is, or holds, the input" in capsys.readouterr().err
+    write_log(tmp_path / "short/0.csv", labelled_recordings[0].rows(slice(0, 1200)))
+    assert main([*given[:2], str(tmp_path / "short"), *given[3:]]) == 1
+    assert "record more strokes in both directions" in capsys.readouterr().err
+    assert not (tmp_path / "adapted").exists()
