@@ -41,7 +41,7 @@ from cylinder_friction.rig.lives import Fate, LifePlan, life
 CYLINDER = Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
 UNITS = {TIME: 1.0, PRESSURES[0]: 1e5, PRESSURES[1]: 1e5, POSITION: 1e-3, OIL_TEMPERATURE: 1.0}
 STEP_S = 1e-4  # Of the integration
-HEALTHY, FAULTY, SIMULATED_YEAR, BLOCK, YEAR = 24, 4, 96, 6, 365
+HEALTHY, FAULTY, SIMULATED_YEAR, BLOCK, YEAR = 24, 2, 96, 6, 365
 FATES = {"drift": (100, 100), "oil": (40, 1), "load": (60, 1), "duty": (60, 1), "leak": (100, 80)}
 FATES |= {"wear": (100, 100), "seal": (120, 100)}  # How many sessions are simulated, and by which their fate has come
 BEFORE = 100  # Healthy sessions between baseline and change
@@ -127,7 +127,7 @@ def nights(rows: Rows, plan: MonitorPlan) -> list[tuple[int, str, str]]:
     found = {len(rows) - 1: assess(CYLINDER.name, rows, (), plan)}
     for trend in next(iter(found.values())).trends.values():
         sums = np.array([trend.upward, trend.downward], dtype=np.float64)
-        over = np.flatnonzero(np.fmax(*sums) > trend.baseline.threshold) if trend.baseline else []
+        over = np.flatnonzero(np.fmax(*sums) > (trend.baseline.threshold if trend.baseline else np.inf))
         if len(over) and (day := int(trend.sessions[over[0]])) not in found:
             found[day] = assess(CYLINDER.name, rows[: day + 1], (), plan)
     return [
@@ -209,7 +209,7 @@ def fates(bank: dict[tuple[str, int], Rows], plan: MonitorPlan) -> None:
 def page_hinkley(y: Array, first: int) -> Array:
     mean, scatter = np.cumsum(y) / np.arange(1, len(y) + 1), y[:first].std(ddof=1)
     sides = [np.cumsum(sign * (y - mean) - 0.5 * scatter) for sign in (1.0, -1.0)]
-    return np.max([each - np.minimum.accumulate(each) for each in sides], axis=0) / scatter
+    return np.asarray(np.max([each - np.minimum.accumulate(each) for each in sides], axis=0) / scatter)
 
 
 def adwin(y: Array, first: int) -> Array:

@@ -17,7 +17,7 @@ THING = (
 )
 WORDS: dict[str, str] = {
     r"taught|teach(es|ing)?|teachers?|lessons?|pupils?|untaught": "trained, training set, student",
-    r"exams?|examined_by|answered|judged?|judges|judging": "evaluation case, job, prediction, validated, scored",  # noqa: E501
+    r"exams?|examined_by|answered|judged?|judges|judging": "evaluation case, job, prediction, validated, scored",
     r"rosters?|participants?": "model registry, model",
     r"(?<!np\.)(?<!math\.)(?<!torch\.)(?<!numpy\.)(?<!std::)floors?(?!\()": "baseline (lower bound in latency)",
     r"programmes?": "benchmark plan; duty cycle on the rig",

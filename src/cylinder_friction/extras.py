@@ -24,7 +24,6 @@ BROUGHT_BY = {
     "dvc_objects": ("pipeline",),
     "distributed": ("cluster",),
     "threadpoolctl": ("cluster",),
-    "psycopg2": ("postgres", "team"),
 }
 """Module to extras, the smallest first, for everything but the readers of formats, which name theirs themselves."""
 

@@ -86,12 +86,14 @@ def test_estimate(
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.chdir(tmp_path)
     monkeypatch.setenv(VARIABLE, cluster.address)
     model = small_hybrid if load == "none" else None
     given: dict[str, Any] = {"channels": CHANNELS, "model": model, "load": load}
-    estimate_logs(logs, cylinder, "friction", **given)
-    here = hash_of(tmp_path / "friction")
+    hashes = []
     with workers_from_environment() as workers:
-        estimate_logs(logs, cylinder, "friction", **given, workers=workers)
-    assert hash_of(tmp_path / "friction") == here
+        for place, work in ((tmp_path / "here", None), (tmp_path / "cluster", workers)):
+            place.mkdir()
+            monkeypatch.chdir(place)
+            estimate_logs(logs, cylinder, "friction", **given, workers=work)
+            hashes.append(hash_of(place / "friction"))
+    assert hashes[0] == hashes[1]

@@ -82,3 +82,11 @@ def test_a_long_hold_leaves_no_denormal_number_behind(small_model: StepModel) ->
     state = quiet._state.lstm
     assert ((state == 0.0) | (np.abs(state) >= 1e-30)).all()
     assert np.isfinite(newtons).all()
+
+
+def test_one_list_in_place_of_numbers_is_named(small_hybrid: HybridEstimator) -> None:
+    for stream in (small_hybrid.real_time(), small_hybrid.stream()):
+        with pytest.raises(
+            TypeError, match=r"got one list, but expected pressure_1_pa, .*; give its numbers one by one"
+        ):
+            stream.step([1e5, 1e5, 0.1])  # type: ignore[arg-type]

@@ -44,6 +44,11 @@ def test_an_estimate_alone_is_drawn_and_shown_in_a_notebook(strokes):
     assert png_bytes(figure) == png_bytes(plot(recording, recording.column("friction_n")))
 
 
+def test_a_list_is_drawn_as_an_array_is(strokes):
+    (axis,) = plot(strokes[0], strokes[0].column("friction_n").tolist()).axes
+    assert len(axis.lines) == 2
+
+
 def test_an_estimate_of_another_recording_is_refused(strokes):
     with pytest.raises(
         ValueError, match=r"estimate: got shape \(5,\), expected \(2000,\), one value per sample of rec"

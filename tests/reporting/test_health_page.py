@@ -14,7 +14,7 @@ from cylinder_friction.monitoring.cylinder_line import CylinderLine, in_order, l
 from cylinder_friction.monitoring.session_row import SessionRow
 from cylinder_friction.recordings.ingesting import Quarantined
 from cylinder_friction.reporting.friction_page import pane_file
-from cylinder_friction.reporting.health_page import health_pane, write_health_page
+from cylinder_friction.reporting.health.health_page import health_pane, write_health_page
 from fleet_samples import session
 
 SESSIONS = 60
@@ -128,9 +128,9 @@ def test_a_cylinder_is_found_drawn_and_left_by_keyboard(
     page.locator(".counts button", has_text="undecided").click()
     page.keyboard.press("/")
     page.keyboard.type("press 12")
-    assert page.locator("#found").inner_text() == "1 of 14"
-    page.locator("#find").fill("")
-    page.locator("#find").blur()
+    assert page.locator("#left").inner_text() == "1 of 14"
+    page.locator("#finder").fill("")
+    page.locator("#finder").blur()
     page.keyboard.press("ArrowDown")
     page.keyboard.press("Enter")
     page.locator("#pane .plot .main-svg").first.wait_for()

@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, fields
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.realtime.model import Bounds
+from cylinder_friction.realtime.model import Bounds, Guard
 from cylinder_friction.reporting.model_card import model_card
 
 CYLINDER = Cylinder(name="A", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
 BOUNDS = Bounds((-9.0,) * 4, (9.0,) * 4, 1e-4, 1e-3, 20, 0.9, "friction")
 DESCRIPTION = {
-    "input": ["pressure_1_pa", "position_m"],
+    "input": ["pressure_1_pa", "position_m", "load_force_n"],
     "sample_time_s": 0.005,
     "lag_s": 0.0,
     "multiply_adds_a_step": 1234,
     "bounds": asdict(BOUNDS),
-    "training_range": {"pressure_1_pa": [1e5, 6e6], "position_m": [0.0, 0.25], "load_force_n": [-10.0, 10.0]},
+    # as JSON sorts it, which is not the order of the inputs
+    "training_range": {"load_force_n": [-10.0, 10.0], "position_m": [0.0, 0.25], "pressure_1_pa": [1e5, 6e6]},
 }
 NUMBERS = {
     "truth_percent": 1.395,
@@ -40,7 +41,7 @@ def card(conditions: dict[str, dict[str, float]], held: list[dict[str, object]])
 
 def test_it_states_training_errors_bounds_and_range() -> None:
     lines = card({"1": NUMBERS}, HELD)
-    assert lines[0] == "Hybrid: friction inside a hydraulic cylinder [N] from `pressure_1_pa`, `position_m`."
+    assert lines[0].endswith("[N] from `pressure_1_pa`, `position_m`, `load_force_n`.")
     assert "- Trained on: 40 recordings; 8 of other sessions stopped it" in lines
     assert "- Hyperparameters: layers 1, nodes 24" in lines
     assert "**Errors on held-out recordings, against true friction**" in lines
@@ -56,3 +57,12 @@ def test_what_is_not_known_is_left_empty() -> None:
     assert "**Errors on held-out recordings, against the label, which it was trained on**" in lines
     assert "| 1 | 2.00 |  |  |  |" in lines
     assert f"Bounds: {BOUNDS.in_words()}." in lines
+
+
+def test_the_valid_range_is_that_of_the_guard() -> None:
+    limits = {"trained_lower": (0.5e5, -0.01, -11.0), "trained_upper": (7e6, 0.2, 11.0)}
+    guard = Guard(**{each.name: limits.get(each.name, ()) for each in fields(Guard)})
+    described = {**DESCRIPTION, "guard": {**vars(guard)}}
+    text = model_card("hybrid", CYLINDER, described, {}, {"train": 1}, {"1": NUMBERS}, HELD)
+    assert "| pressure 1 [bar] | 0.5 | 70 | 1 to 60 |" in text
+    assert "| position [mm] | -10 | 200 | 0 to 250 |" in text

@@ -20,8 +20,8 @@ VALUES = {
     if isinstance(each.default, float)
 }
 CLOSE = 0.2
-WRITES_RECORDINGS = (SOURCE / "stages" / "record.py", SOURCE / "commands" / "init.py")
-"""The campaign, and a new project's example log."""
+WRITES_RECORDINGS = [SOURCE / each for each in ("commands/init.py", "fleet/demonstration.py", "stages/record.py")]
+"""A new project's example log, the simulated fleet, and the campaign."""
 
 
 def repeats(name: str, value: object) -> bool:

@@ -14,6 +14,7 @@ from cylinder_friction.commands.estimate import add_log_arguments, run_on_logs
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.recordings.checks.limits import LoadMode
 
 EXPECTED = (ValueError, OSError)
 SUMMARY_FILE = "adaptation.json"
@@ -59,7 +60,7 @@ def _adapted(
         if not isinstance(source, HybridEstimator):
             raise ValueError(f"{name}: is of the kind {source.kind!r}, expected a hybrid; no other can be adapted")
         recordings = read_logs(files, channels, cylinder, **reading)
-        mode = reading["load"] or ("measured" if LOAD_FORCE in recordings[0].table.columns else "none")
+        mode: LoadMode = reading["load"] or ("measured" if LOAD_FORCE in recordings[0].table.columns else "none")
         labelled = label(recordings, cylinder, load=mode)
         load = position_load(recordings, cylinder) if mode == "position" else None
         adapted = source.adapt(labelled, cylinder, load)

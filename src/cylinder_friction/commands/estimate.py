@@ -48,7 +48,8 @@ def add_log_arguments(parser: argparse.ArgumentParser, folder: str) -> None:
     """Add what every command on logger files takes; without ``--output`` it writes ``folder``."""
     parser.add_argument("logs", nargs="+", metavar="LOGS", help="files, folders or patterns, of any supported format")
     add_reading_arguments(parser)
-    parser.add_argument("--output", type=Path, default=Path(folder), help=f"folder to write; default: {folder}")
+    words = f"folder to write; default: {folder}"
+    parser.add_argument("--output", "--into", dest="output", type=Path, default=Path(folder), help=words)
     parser.add_argument("--json", action="store_true", help="print the summary as JSON instead of lines")
 
 

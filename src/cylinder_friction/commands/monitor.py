@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
+from cylinder_friction.extras import MissingExtraError
 from cylinder_friction.monitoring.assessment import Entry, EntryKind
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -24,7 +25,8 @@ MANY_CYLINDERS = 8
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     words = "files, folders or patterns, of any supported format; without: assess again what is kept"
     parser.add_argument("logs", nargs="*", metavar="LOGS", help=words)
-    parser.add_argument("--into", type=Path, default=Path("health"), help="folder to write; default: health")
+    words = "folder to write; default: health"
+    parser.add_argument("--into", "--output", dest="into", type=Path, default=Path("health"), help=words)
     parser.add_argument("--fleet", type=Path, default=Path("fleet.yaml"), help="the cylinders; default: fleet.yaml")
     words = "processes that work side by side; default: one per core"
     parser.add_argument("--workers", type=int, metavar="N", help=words)
@@ -76,7 +78,7 @@ def _copied(health: FleetHealth, fleet: Fleet, options: argparse.Namespace) -> l
     problems, into = list[str](), options.into
     try:
         update_database(fleet.database, into, health.lines, entries_of(into, fleet))
-    except RecordingError as error:
+    except (RecordingError, MissingExtraError) as error:
         problems.append(str(error))
     if options.track:
         from cylinder_friction.tracking.health import track_health

@@ -300,8 +300,8 @@ class HybridEstimator(FrictionEstimator):
     def _shrink(self, share: float) -> None:
         """Scale the correction of the base force, network's and forest's, by ``share``."""
         parts = self._fitted()
-        scaled = {"target_mean_n": share * parts.target_mean_n, "target_scale_n": share * parts.target_scale_n}
-        self._set(replace(parts, **scaled))
+        mean_n, scale_n = share * parts.target_mean_n, share * parts.target_scale_n
+        self._set(replace(parts, target_mean_n=mean_n, target_scale_n=scale_n))
 
     def _fit_forest(self, train: Sequence[SequenceData], plan: ForestPlan) -> Forest:
         """Fit the forest on the label (paper) or on the residual of the LSTM."""

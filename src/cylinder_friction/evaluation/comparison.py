@@ -194,14 +194,14 @@ def compare(
         Mean absolute error against the label...
     """
     settings = settings or ComparisonSettings()
-    truths = {name: np.asarray(values, dtype=np.float64) for name, values in (truth_n or {}).items()}
+    given_n = {name: np.asarray(values, dtype=np.float64) for name, values in (truth_n or {}).items()}
     if not recordings or not estimators:
         raise RecordingError(
             f"nothing to compare: got {len(estimators)} estimators and {len(recordings)} held-out recordings; "
             "expected at least one of each; hold at least one session out of training"
         )
     with tqdm(total=len(recordings) * len(estimators), desc="compare", unit="estimate", disable=None) as bar:
-        traces = tuple(_trace(estimators, recording, truths.get(recording.name), bar) for recording in recordings)
+        traces = tuple(_trace(estimators, recording, given_n.get(recording.name), bar) for recording in recordings)
     conditions = tuple(sorted({trace.condition for trace in traces}))
     near_zero_m_s = creep_below_m_s(
         [each.velocity_m_s[each.usable] for each in traces], settings.standstill_velocity_m_s

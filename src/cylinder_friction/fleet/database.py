@@ -14,6 +14,7 @@ from urllib.parse import urlsplit
 
 import pyarrow.parquet as pq
 
+from cylinder_friction.extras import MissingExtraError, not_installed
 from cylinder_friction.fleet.one_cylinder import session_file, state_file
 from cylinder_friction.fleet.sessions import TEXT, numbers
 from cylinder_friction.monitoring.assessment import Entry
@@ -24,39 +25,20 @@ from cylinder_friction.recordings.recording import RecordingError
 SQLITE_FILE = "health.sqlite"
 _BASELINE = ("level", "scatter", "autocorrelation", "threshold", "false_alarms_per_year", "smallest")
 _CHANGE = ("change", "change_low", "change_high", "percent", "percent_low", "percent_high", "per_year")
+_TYPES = dict.fromkeys(("needs", "sessions", "left_out"), "integer")
+_TYPES |= dict.fromkeys((*_BASELINE, *_CHANGE), "double precision")
+_COLUMNS = {
+    "health_cylinder": "cylinder answer ne107 words needs sessions left_out last_session last_start acknowledged look "
+    "state",
+    "health_change": "cylinder indicator change change_low change_high percent percent_low percent_high per_year since "
+    "alarm_session limit_reached",
+    "health_baseline": "cylinder indicator sessions level scatter autocorrelation threshold false_alarms_per_year "
+    "smallest first last",
+    "health_entry": "cylinder time name kind words",
+}
 TABLES: Mapping[str, Mapping[str, str]] = {
-    "health_cylinder": {
-        "cylinder": "text",
-        "answer": "text",
-        "ne107": "text",
-        "words": "text",
-        "needs": "integer",
-        "sessions": "integer",
-        "left_out": "integer",
-        "last_session": "text",
-        "last_start": "text",
-        "acknowledged": "text",
-        "look": "text",
-        "state": "text",
-    },
-    "health_change": {
-        "cylinder": "text",
-        "indicator": "text",
-        **dict.fromkeys(_CHANGE, "double precision"),
-        "since": "text",
-        "alarm_session": "text",
-        "limit_reached": "text",
-    },
-    "health_baseline": {
-        "cylinder": "text",
-        "indicator": "text",
-        "sessions": "integer",
-        **dict.fromkeys(_BASELINE, "double precision"),
-        "first": "text",
-        "last": "text",
-    },
     "health_session": dict.fromkeys(TEXT, "text") | dict.fromkeys(numbers(), "double precision"),
-    "health_entry": dict.fromkeys(("cylinder", "time", "name", "kind", "words"), "text"),
+    **{table: {name: _TYPES.get(name, "text") for name in names.split()} for table, names in _COLUMNS.items()},
 }
 """Columns and types of each table; times are ISO 8601 in UTC, numbers in the units of their names."""
 
@@ -74,15 +56,19 @@ def update_database(
 
     Raises:
         RecordingError: The database cannot be reached or written.
-        ModuleNotFoundError: The library of PostgreSQL is not installed.
+        MissingExtraError: The library of PostgreSQL is not installed.
     """
-    mark, errors = "?", (sqlite3.Error,)
+    mark = "?"
+    errors: tuple[type[Exception], ...] = (sqlite3.Error,)
+    connection: Any
     host = urlsplit(address)
     where = f"{host.hostname}{host.path}" if address else str(folder / SQLITE_FILE)  # without the password
     try:
         if address:
-            import psycopg2  # of the extra postgres
-
+            try:
+                import psycopg2  # type: ignore[import-untyped]
+            except ModuleNotFoundError:
+                raise MissingExtraError(f"`database` needs {not_installed('psycopg2', 'postgres')}") from None
             mark, errors = "%s", (psycopg2.Error,)
             connection = psycopg2.connect(address)
         else:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from typing import cast
 
 import yaml
 
@@ -46,10 +47,10 @@ def write_demonstration(folder: Path, plan: LifePlan = PLAN, workers: Workers | 
     return folder / "fleet.yaml"
 
 
-def write_life(folder: Path, number: int, fate: Fate, plan: LifePlan) -> None:
+def write_life(folder: Path, number: int, fate: str, plan: LifePlan) -> None:
     """Write the log of each session of one cylinder, named by its start."""
     if len(list(folder.glob("*.csv"))) == plan.sessions:
         return
-    for recording in life(Cylinder(name=fate, **DIMENSIONS), plan, number, fate):
+    for recording in life(Cylinder(name=fate, **DIMENSIONS), plan, number, cast("Fate", fate)):
         with whole_file(folder / f"{recording.metadata.start[:13]}.csv") as draft:
             recording.logger.to_csv(draft, index=False, float_format=f"%.{DECIMALS}f", lineterminator="\n")

@@ -23,7 +23,7 @@ from cylinder_friction.recordings.reading_logs import log_paths
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.result_folder import ResultFolder, existing
 from cylinder_friction.reporting.friction_page import pane_file
-from cylinder_friction.reporting.health_page import write_health_page
+from cylinder_friction.reporting.health.health_page import write_health_page
 
 HEALTH_FILE, PAGE_FILE, ANNOUNCED_FILE = "health.json", "health.html", "announced.json"
 WRITTEN_BY = "cylinder-friction monitor"
@@ -127,12 +127,12 @@ def copies(taken: Mapping[str, Taken]) -> dict[str, dict[str, str]]:
             holders[digest].append((name, session, here))
     foreign = defaultdict[str, dict[str, str]](dict)
     for held in holders.values():
-        here = [name for name, _, is_here in held if is_here]
+        present = [name for name, _, is_here in held if is_here]
         for name, session, is_here in held if len(held) > 1 else ():
             others = ", ".join(sorted(other for other, _, _ in held if other != name))
-            if len(here) == 1 and not is_here:
-                foreign[name][session] = f"its log was moved to {here[0]}, where it counts"
-            elif len(here) != 1:
+            if len(present) == 1 and not is_here:
+                foreign[name][session] = f"its log was moved to {present[0]}, where it counts"
+            elif len(present) != 1:
                 foreign[name][session] = f"the same log lies with {others}; keep it with the cylinder that it is of"
     return dict(foreign)
 

@@ -27,7 +27,7 @@ from cylinder_friction.recordings.ingesting import Quarantined
 from cylinder_friction.recordings.reading_logs import load_settings
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.reporting.friction_page import pane_file
-from cylinder_friction.reporting.health_page import health_pane
+from cylinder_friction.reporting.health.health_page import health_pane
 
 RESULTS = "friction"
 """Folder in the results with a folder per cylinder that ``estimate_logs`` writes."""

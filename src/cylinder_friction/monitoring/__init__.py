@@ -1,1 +1,1 @@
-"""When a seal wears: indicators of sessions, their trend, and alarms that can be believed."""
+"""When a seal wears: indicators of sessions, their trends, and alarms that can be believed."""

@@ -39,8 +39,8 @@ def dated(reference: Reference, residuals: Array, expected: Array, design: Array
         reference: What was expected.
         residuals: Of all sessions that have a value, shape ``(sessions,)``.
         expected: Standard uncertainty of what was expected of each, shape ``(sessions,)``.
-        design: Regressors, shape ``(sessions, coefficients)``: with the later sessions the covariates' effects are known
-            better than the baseline alone knows them, and the date with them.
+        design: Regressors, shape ``(sessions, coefficients)``: later sessions add to what is known of their effects,
+            and so to the date.
         first: Session from which the change may have begun: the baseline's end.
         alarm: Session of the alarm.
     """

@@ -48,8 +48,8 @@ def matched_strokes(blocks: Blocks, cylinder: Cylinder, plan: IndicatorPlan) -> 
     alike, pressure = _kernels(out, back, cylinder, plan)
     at_pressure = int((alike * pressure).any(axis=1).sum()) >= plan.least_blocks
     kernel = alike * pressure if at_pressure else alike
-    out, kernel = out.where(kernel.any(axis=1)), kernel[kernel.any(axis=1)]
-    back, kernel = back.where(kernel.any(axis=0)), kernel[:, kernel.any(axis=0)]
+    rows, columns = np.flatnonzero(kernel.any(axis=1)), np.flatnonzero(kernel.any(axis=0))
+    out, back, kernel = out.where(rows), back.where(columns), kernel[np.ix_(rows, columns)]
     generator = np.random.default_rng(_SEED)
     times_out, times_back = (_resampled(each, generator, plan.bootstrap) for each in (out, back))
     total = kernel @ times_back

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from cylinder_friction.labelling.label import LoadMode
 from cylinder_friction.monitoring.session_row import INDICATORS
+from cylinder_friction.recordings.checks.limits import LoadMode
 
 
 @dataclass(frozen=True)

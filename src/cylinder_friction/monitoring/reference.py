@@ -102,13 +102,15 @@ def fitted(
     }
     used = [name for name in usual if np.isfinite(covariates[name]).mean() >= LEAST_KNOWN]
     centre = {name: float(np.nanmean(covariates[name])) for name in used}
-    size = max(abs(level), float(values.std())) * STRONGER.get(indicator, 1.0)
+    unit = max(abs(level), float(values.std())) or 1.0
+    size = unit * STRONGER.get(indicator, 1.0)
     bent = [size * usual[OIL_TEMPERATURE]] if OIL_TEMPERATURE in used else []
     scale = np.array([1.0, *(size * usual[name] for name in used), *bent])
     unfitted = Reference(level, 0.0, 0.0, 0.0, centre, scale, np.zeros(0), np.zeros((0, 0)))
-    design = np.nan_to_num(unfitted.design(covariates))
+    units = np.array([1.0] + [unit] * (len(scale) - 1))
+    design, values = np.nan_to_num(unfitted.design(covariates)) / units, values / unit
     prior = np.diag([0.0] + [1.0] * (len(scale) - 1))
-    autocorrelation, variance = 0.0, max(float(values.var()), 1e-300)
+    autocorrelation, variance = 0.0, max(float(values.var()), 1e-30)
     for _ in range(_PASSES):
         x, y = _whitened(design, autocorrelation), _whitened(values[:, None], autocorrelation)[:, 0]
         covariance = np.linalg.inv(x.T @ x / variance + prior)
@@ -117,14 +119,14 @@ def fitted(
         variance = float(np.sum((y - x @ coefficients) ** 2) / (len(y) - used_up))
         autocorrelation = _autocorrelation(values - design @ coefficients, used_up)
     return Reference(
-        level=float(coefficients[0]),
-        scatter=float(np.sqrt(variance / (1.0 - autocorrelation**2))),
+        level=unit * float(coefficients[0]),
+        scatter=unit * float(np.sqrt(variance / (1.0 - autocorrelation**2))),
         autocorrelation=autocorrelation,
         noise=float(np.sqrt(np.mean(uncertainties**2))),
         centre=centre,
         scale=scale,
-        coefficients=coefficients,
-        covariance=covariance,
+        coefficients=coefficients * unit / units,
+        covariance=np.asarray(covariance * np.outer(unit / units, unit / units)),
     )
 
 

@@ -53,7 +53,8 @@ def alarm(changes: Sequence[Change]) -> str:
     first, last = main.since_interval
     text = f"{size(main)} since session {main.since} (between {first} and {last})"
     if main.per_year is not None and main.per_year_interval is not None:
-        text += f", now by {_with_unit(main.per_year / 12.0, main.indicator)} a month"
+        way = "rising" if main.per_year > 0.0 else "falling"
+        text += f", now {way} by {_with_unit(abs(main.per_year) / 12.0, main.indicator)} a month"
     if main.limit_reached is not None:
         _, latest = main.limit_interval or (None, None)
         text += f", and reaches your limit about {main.limit_reached}" + (

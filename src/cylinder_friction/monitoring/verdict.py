@@ -22,10 +22,12 @@ BEYOND = 5
 """So many of the latest sessions outside what the baseline holds leave the answer undecided."""
 UNSEEN_OIL_PERCENT = 25.0
 """Oil whose temperature nobody measures changes friction by up to this."""
-LEAK_BY_ZERO = 3.0
+LEAK_BY_ZERO = 4.0
 """A zero that moves changes the leak found by a factor of up to this, where pressures differ by a few bar."""
 BY_OIL = 0.3
 """Friction whose viscous part explains so much of its change has changed with the oil."""
+ZERO_MOVED = 4.0
+"""A zero that moves by fewer standard deviations of a session explains no leak."""
 RETURN_Z = 6.0
 RETURN_SHARE = 0.5
 RETURN_SESSIONS = 4
@@ -197,7 +199,8 @@ def _doubts(alarm: _Alarm, zero: _Alarm | None, oil: _Alarm | None) -> tuple[str
     level = abs(alarm.test.reference.level)
     if alarm.name == "leak_m3_s_pa":
         small = abs(alarm.dated.change) < (LEAK_BY_ZERO - 1.0) * max(level, alarm.test.reference.scatter)
-        return (sentences.VENTED,) if together and small else ()
+        moved = zero is not None and abs(zero.dated.change) > ZERO_MOVED * zero.test.reference.scatter
+        return (sentences.VENTED,) if moved and small else ()
     doubts = []
     unseen = "oil_temperature_c" not in alarm.test.reference.centre
     if unseen and abs(alarm.dated.change) < 0.01 * UNSEEN_OIL_PERCENT * level:

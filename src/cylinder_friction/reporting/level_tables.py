@@ -40,7 +40,9 @@ def level_tables(
         ]
         factors = [f"equal {factor} [N]" for factor in found[0].left_n]
         head = ("recording", "friction [N]", "differs by [N]", *factors, "all three [N]", "± [N]", "compared [s]")
-        tables.append(("What differs between recordings", words + in_words(found), Table(head, rows, sortable=True)))
+        if sentence := in_words(found):
+            words += f"{sentence[0].upper()}{sentence[1:]}."
+        tables.append(("What differs between recordings", words, Table(head, rows, sortable=True)))
     steps = sorted({each.pressure_bar for own in levels.values() for each in own})
     if steps:
         rows = [[name, *(_at(own, step) for step in steps)] for name, own in levels.items() if own]

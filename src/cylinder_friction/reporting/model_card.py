@@ -97,7 +97,7 @@ def _rounded(value: float | None, decimals: int) -> str:
 
 def _range_rows(description: Mapping[str, Any]) -> list[str]:
     """Return a row per input: between which values no flag is raised, and which ones training had."""
-    trained = description["training_range"]
+    trained = {column: description["training_range"][column] for column in description["input"]}
     valid = TrainingRange(tuple(trained), *zip(*trained.values(), strict=True)).widened()
     lower, upper = valid.lower, valid.upper
     if guard := from_json(Guard, description.get("guard")):  # where position decides the load, the range ends with it

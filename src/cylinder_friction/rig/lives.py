@@ -30,7 +30,7 @@ from cylinder_friction.rig.simulate import DEFAULT_STEP_S, balanced_state, simul
 from cylinder_friction.rig.variation import draw_rig
 
 Fate = Literal["healthy", "wear", "leak", "seal", "drift", "oil", "load", "duty"]
-FATES: dict[str, str] = {
+FATES: dict[Fate, str] = {
     "healthy": "nothing but seasons, days and sensors",
     "wear": "the seal wears, and a leak follows later",
     "leak": "the leak grows tenfold, friction stays",

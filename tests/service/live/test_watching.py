@@ -13,6 +13,7 @@ from websockets.sync.client import ClientConnection, connect
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.service.client import Client
+from cylinder_friction.service.live.app import HISTORY_FOLDER
 from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.frames import SampleBlock
 from cylinder_friction.service.live.history import last_rows, move_into_history
@@ -32,12 +33,15 @@ def the_next(page: ClientConnection, key: str) -> dict[str, Any]:
 
 
 def test_a_page_that_comes_after_the_end_is_told_so_and_gets_the_last_rows(
-    served: Callable[..., str], samples: Array
+    served: Callable[..., str], samples: Array, tmp_path: Path
 ) -> None:
     address = served()
     with Client(f"ws://{address}/stream", "press", 0.005) as client:
         client.send(samples[:400])
         client.wait_until_kept()
+    damaged = tmp_path / "history" / HISTORY_FOLDER / "press/2026-01-01/0000000000000000.parquet"
+    damaged.parent.mkdir(parents=True)
+    damaged.write_bytes(b"nothing that Parquet is")
     with connect(f"ws://{address}/watch") as page:
         flag = json.loads(page.recv(timeout=60.0))["flags"][1]
         assert (flag["name"], flag["meaning"]) == ("WARMING", "The state still remembers the start, for 3 s")
@@ -104,6 +108,6 @@ def test_last_rows_come_from_the_history_without_a_gap(engine: Engine, samples: 
             assert found is None
             continue
         assert found is not None
-        block, rows = found
-        assert (block.index, len(block), block.model) == (index[0], len(index), engine.model)
+        estimates, rows = found
+        assert (estimates.index, len(estimates), estimates.model) == (index[0], len(index), engine.model)
         np.testing.assert_array_equal(rows, samples[index[0] : index[-1] + 1])

@@ -116,8 +116,7 @@ function sort(head) {
 }
 
 function find(words) {
-  const table = document.getElementById('find').closest('section').querySelector('table');
-  const rows = Array.from(table.querySelectorAll('tbody tr'));
+  const rows = Array.from(document.querySelectorAll('#recordings table:first-of-type tbody tr'));
   rows.forEach(row => { row.hidden = !row.textContent.toLowerCase().includes(words.toLowerCase()); });
   const left = rows.filter(row => !row.hidden).length;
   document.getElementById('found').textContent = words ? left + ' of ' + rows.length : '';

@@ -4,6 +4,7 @@ import asyncio
 import json
 import time
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -100,7 +101,8 @@ class Watchers:
         last = None
         if missing > 0:  # the journal holds ten seconds alone of what the history has
             inputs = self._service.engine.inputs
-            last = await asyncio.to_thread(last_rows, self._history, name, inputs, missing, before)
+            with suppress(OSError, ValueError):  # files that are just being joined, or that somebody damaged
+                last = await asyncio.to_thread(last_rows, self._history, name, inputs, missing, before)
         if page in looking:
             page.begin([*([last] if last else []), *self._service.recent(session, rows)])
 
@@ -144,12 +146,16 @@ class _Page:
         try:
             await self._socket.send_text(table)
             if blocks:
-                await self._socket.send_text(_detail(blocks, engines, begins))
+                # a minute of rows takes some hundredths of a second, for which samples need not wait
+                detail = (
+                    await asyncio.to_thread(_detail, blocks, engines, begins) if begins else _detail(blocks, engines)
+                )
+                await self._socket.send_text(detail)
         except (RuntimeError, WebSocketDisconnect):
             pass  # it has left
 
 
-def _detail(blocks: list[tuple[EstimateBlock, Any]], engines: Mapping[str, Engine], begins: bool) -> str:
+def _detail(blocks: list[tuple[EstimateBlock, Any]], engines: Mapping[str, Engine], begins: bool = False) -> str:
     columns: dict[str, list[Any]] = {"index": [], "samples": [], "newtons": [], "flags": []}
     for block, samples in blocks:
         columns["index"] += range(block.index, block.index + len(block))

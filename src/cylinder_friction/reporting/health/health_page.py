@@ -8,15 +8,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cylinder_friction.monitoring.assessment import NE107, Assessment, Change, Entry
+from cylinder_friction.monitoring.assessment import NE107, Answer, Assessment, Change, Entry
 from cylinder_friction.monitoring.cylinder_line import NAMES, CylinderLine
 from cylinder_friction.monitoring.session_row import INDICATORS, SessionRow
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.recordings.ingesting import Quarantined
-from cylinder_friction.reporting.health_figures import life_figure, strokes_figure, trend_picture
+from cylinder_friction.reporting.health.health_figures import life_figure, strokes_figure, trend_picture
 from cylinder_friction.reporting.page import Cell, Table, packed, page_html
 
-BADGES: Mapping[str, str] = {
+BADGES: Mapping[Answer, str] = {
     "alarm": "refused",
     "undecided": "noted",
     "watch": "repaired",
@@ -39,9 +39,10 @@ def write_health_page(
         refused: Logs that were not taken, and sessions that are not assessed.
         news: What is new, one sentence each.
     """
-    counts = Counter(each.answer for each in lines)
+    counts = Counter[str](each.answer for each in lines)
     html = page_html(
         "templates/health.html.j2",
+        package=__package__,
         title="Health of the fleet",
         lines=lines,
         answers=[(answer, counts[answer], BADGES[answer]) for answer in BADGES if counts[answer]],
@@ -71,6 +72,7 @@ def health_pane(
     then, now = _two(found, used)
     html = page_html(
         "templates/health_pane.html.j2",
+        package=__package__,
         title=found.cylinder,
         found=found,
         badge=BADGES[found.answer],
