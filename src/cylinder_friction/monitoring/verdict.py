@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 
 import numpy as np
 
@@ -12,6 +11,7 @@ from cylinder_friction.monitoring import sentences
 from cylinder_friction.monitoring.assessment import Answer, Assessment, Change, Entry
 from cylinder_friction.monitoring.beside import changed_beside, farthest
 from cylinder_friction.monitoring.dating import Dated
+from cylinder_friction.monitoring.moments import moment
 from cylinder_friction.monitoring.plan import MonitorPlan
 from cylinder_friction.monitoring.reference import covariates_of
 from cylinder_friction.monitoring.session_row import SessionRow
@@ -71,7 +71,7 @@ def assess(
         plan: How it is tested; None: the defaults.
     """
     plan = plan or MonitorPlan()
-    own = sorted((each for each in entries if each.cylinder == cylinder), key=lambda each: _utc(each.time))
+    own = sorted((each for each in entries if each.cylinder == cylinder), key=lambda each: moment(each.time))
     begun = [each for each in own if each.kind in NEW_BASELINE]
     current = _since([row for row in rows if row.cylinder == cylinder], begun)
     results = {name: tested(name, current, plan) for name in TESTED}
@@ -92,9 +92,9 @@ def assess(
 
 def _since(rows: Sequence[SessionRow], begun: Sequence[Entry]) -> list[SessionRow]:
     """Return the sessions from the latest new baseline on, in their order."""
-    ordered = sorted((row for row in rows if row.start), key=lambda row: _utc(row.start))
+    ordered = sorted((row for row in rows if row.start), key=lambda row: moment(row.start))
     if begun:
-        ordered = [row for row in ordered if _utc(row.start) >= _utc(begun[-1].time)]
+        ordered = [row for row in ordered if moment(row.start) >= moment(begun[-1].time)]
     return ordered + [row for row in rows if not row.start]
 
 
@@ -175,7 +175,9 @@ def _changed(cylinder: str, alarms: Sequence[_Alarm], entries: Sequence[Entry], 
         answer: Answer = "alarm"
         words = sentences.alarm(worn)
         latest = max(each.test.rows[each.at].start for each in wear)
-        seen = [each for each in entries if each.kind == "acknowledge" and latest and _utc(each.time) >= _utc(latest)]
+        seen = [
+            each for each in entries if each.kind == "acknowledge" and latest and moment(each.time) >= moment(latest)
+        ]
         if seen:
             answer, words = "watch", f"{words} Acknowledged by {seen[-1].name} on {seen[-1].time[:10]}."
         at = worn[0].since
@@ -221,9 +223,3 @@ def _change(alarm: _Alarm, zero: _Alarm | None, plan: MonitorPlan) -> Change:
         moved = zero.dated.change, 0.5 * (high - low)
     beside = changed_beside(alarm.test.rows, alarm.dated.begins, moved)
     return alarm.test.change(alarm.at, alarm.dated, plan, beside)
-
-
-def _utc(time: str) -> datetime:
-    """Return a time; one without a zone is a logger's clock, taken for UTC."""
-    found = datetime.fromisoformat(time)
-    return found if found.tzinfo else found.replace(tzinfo=UTC)
