@@ -189,17 +189,20 @@ def add_product(gates: Single, weights: Single, values: Single, count: int) -> N
             gates[gate] += weights[source, gate] * value
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, error_model="numpy")  # Python's asks before each division, one number at a time
 def _cell_step(gates: Single, hidden: Single, cell: Single) -> None:
     nodes = hidden.shape[0]
-    for gate in range(3 * nodes):
-        gates[gate] = sigmoid(gates[gate])
-    for gate in range(3 * nodes, 4 * nodes):
-        gates[gate] = tanh(gates[gate])
+    logistic, candidates = gates[: 3 * nodes], gates[3 * nodes :]
+    for gate in range(logistic.shape[0]):
+        logistic[gate] = sigmoid(logistic[gate])
+    for node in range(candidates.shape[0]):
+        candidates[node] = tanh(candidates[node])
+    inputs, outputs, kept = logistic[:nodes], logistic[nodes : 2 * nodes], logistic[2 * nodes :]
     for node in range(nodes):
-        new = gates[2 * nodes + node] * cell[node] + gates[node] * gates[3 * nodes + node]
+        new = kept[node] * cell[node] + inputs[node] * candidates[node]
         cell[node] = new if abs(new) >= TINY else ZERO
-        out = gates[nodes + node] * tanh(cell[node])
+    for node in range(nodes):
+        out = outputs[node] * tanh(cell[node])
         hidden[node] = out if abs(out) >= TINY else ZERO
 
 
