@@ -35,7 +35,7 @@ from cylinder_friction.recordings.mapping.channel_mapping import sensor_limits
 from cylinder_friction.recordings.mapping.mapped_file import map_signals, take_delays
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, RecordingPiece, Signal
 from cylinder_friction.recordings.start import Start
-from cylinder_friction.recordings.storage import read_recording, write_recording
+from cylinder_friction.recordings.storage import read_recording, write_recording, write_scratch
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import stamps_to_datetimes, stamps_to_seconds
 
@@ -319,7 +319,7 @@ class Draft:
         self.zeros.append(find_zero(table, recipe.zero, recipe.channels))
         self.repairs += [each for each in part.piece.repairs if each not in self.repairs]
         metadata = RecordingMetadata(f"{self.stem}.{len(self.paths):06d}", "", "", step_s)
-        self.paths.append(write_recording(self.folder, Recording(metadata, part.piece.table)))
+        self.paths.append(write_scratch(self.folder, Recording(metadata, part.piece.table), metadata.name))
         self.own.append(part.own)
 
     def first(self) -> RecordingPiece:

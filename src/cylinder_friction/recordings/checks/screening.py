@@ -161,7 +161,8 @@ class Screen:
 
     def _screened(self, column: str, values: Array, own: slice, before: int) -> Array:
         """Replace a column's bad samples by NaN; skip samples that are missing already, as in a slow channel."""
-        rows = np.flatnonzero(~np.isnan(values))
+        missing = np.isnan(values)
+        rows = np.flatnonzero(~missing) if missing.any() else np.arange(len(values))
         logged = values if len(rows) == len(values) else values[rows]
         height = self.heights[column] if column in self.heights else self.height(column, logged)
         marks = np.zeros(len(logged), dtype=np.uint8)
