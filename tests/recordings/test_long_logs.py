@@ -14,7 +14,7 @@ from cylinder_friction.recordings.ingesting import Quarantined, convert_in_parts
 from cylinder_friction.recordings.long_logs import LongRecording, pieces_or_drafts
 from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import RecordingError, RecordingPiece
-from cylinder_friction.recordings.storage import read_metadata
+from cylinder_friction.recordings.storage import read_recording
 from logger_files import CHANNELS, made_log
 
 ROWS = 60_000
@@ -124,7 +124,7 @@ def test_parts_are_what_the_whole_is(
     drafts = pieces_or_drafts(path, rules, rows=rows, folder=tmp_path / "parts")
     assert len(drafts) == len(whole)
     for draft, piece in zip(drafts, whole, strict=True):
-        recording = LongRecording(read_metadata(draft.paths[0]), tuple(draft.paths), tuple(draft.own))
+        recording = LongRecording(read_recording(draft.paths[0]).metadata, tuple(draft.paths), tuple(draft.own))
         (joined,) = recording.excerpt()
         assert recording.metadata.sample_time_s == piece.sample_time_s
         assert len(joined) == len(piece.table)
@@ -166,7 +166,7 @@ def test_other_files_are_read_in_parts_too(tmp_path: Path, cylinder: Cylinder, s
         log.assign(**{"µ [°]": 1.0}).to_csv(path, index=False, encoding="cp1252")
     (whole,) = pieces_of(path, recipe(cylinder))
     (draft,) = pieces_or_drafts(path, recipe(cylinder), rows=rows, folder=tmp_path / "parts")
-    (joined,) = LongRecording(read_metadata(draft.paths[0]), tuple(draft.paths), tuple(draft.own)).excerpt()
+    (joined,) = LongRecording(read_recording(draft.paths[0]).metadata, tuple(draft.paths), tuple(draft.own)).excerpt()
     pd.testing.assert_frame_equal(joined.table, whole.table)
 
 

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +64,7 @@ class FrictionOfLogs:
         """Friction of steady sliding at each level of pressure and speed, by recording."""
         return {each.name: each.levels for each in self.recordings}
 
-    @property
+    @cached_property
     def differences(self) -> tuple[RecordingDifference, ...]:
         """By how much recordings differ from each other, and what is left of it at equal pressures and speed."""
         return differences(self.levels)

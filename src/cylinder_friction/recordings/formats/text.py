@@ -16,7 +16,7 @@ from cylinder_friction.recordings.recording import RecordingError
 BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 
 _TAIL = 1 << 16
-_AROUND_EOF = b" \t\n\r\f\v;,|\""
+_AROUND_EOF = b' \t\n\r\f\v;,|"'
 _EOF = re.compile(rb"(?<=[\r\n])[\s;,|\"]*EOF(?:[\s;,|\"]|EOF)*\Z")
 
 
