@@ -6,7 +6,6 @@ import itertools
 from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -133,24 +132,18 @@ class Windows:
         return self.noise * np.sqrt(counted + 4.0) / (counted + 2.0)
 
 
-@numba.njit(cache=True)
 def _one_side(values: Array, lengths: NDArray[np.int64], half_width: float) -> NDArray[np.int64]:
     """Return for each sample the longest agreeing window after it, in samples, shape ``(n,)``, integers."""
-    rows = values.shape[0]
-    sums = np.zeros(rows + 1)
-    for row in range(rows):
-        sums[row + 1] = sums[row] + values[row]
-    widths = half_width / np.sqrt(lengths + 1.0)
-    chosen = np.zeros(rows, dtype=np.int64)
-    for row in range(rows):
-        lower, upper = -np.inf, np.inf
-        for place in range(lengths.shape[0]):
-            length = lengths[place]
-            if row + length >= rows:
-                break
-            mean = (sums[row + length + 1] - sums[row]) / (length + 1)
-            lower, upper = max(lower, mean - widths[place]), min(upper, mean + widths[place])
-            if lower > upper:
-                break
-            chosen[row] = length
+    rows = len(values)
+    sums = np.cumsum(np.concatenate([[0.0], values]))
+    chosen, agree = np.zeros(rows, dtype=np.int64), np.ones(rows, dtype=np.bool_)
+    lower, upper = np.full(rows, -np.inf), np.full(rows, np.inf)
+    for length, width in zip(lengths, half_width / np.sqrt(lengths + 1.0), strict=True):
+        count = rows - length  # so many samples have as many after them
+        if count <= 0:
+            break
+        mean = (sums[length + 1 :] - sums[:count]) / (length + 1)
+        lower, upper = np.maximum(lower[:count], mean - width), np.minimum(upper[:count], mean + width)
+        agree = agree[:count] & (lower <= upper)
+        chosen[:count][agree] = length
     return chosen

@@ -1,6 +1,5 @@
 """Detection of motion in whole recordings: direction, travel, steady sliding, standstill, starts, stops, reversals."""
 
-import numba
 import numpy as np
 import pandas as pd
 
@@ -35,16 +34,13 @@ def last_direction(velocity_m_s: Array) -> Array:
 
 def travel_since_stop(velocity_m_s: Array, slowest_m_s: float, sample_time_s: float) -> Array:
     """Return the travel since the last row that was slow or went the other way [m], shape ``(n,)``."""
-    return np.asarray(_speeds_since_stop(velocity_m_s, slowest_m_s) * sample_time_s)
-
-
-@numba.njit(cache=True)
-def _speeds_since_stop(velocity: Array, slowest: float) -> Array:
-    total = np.zeros_like(velocity)
-    for row in range(1, velocity.shape[0]):
-        if abs(velocity[row]) > slowest and velocity[row] * velocity[row - 1] > 0.0:
-            total[row] = total[row - 1] + abs(velocity[row])
-    return total
+    speed_m_s, total_m_s = np.abs(velocity_m_s), np.zeros(len(velocity_m_s))
+    onwards = (speed_m_s > slowest_m_s) & (velocity_m_s * np.roll(velocity_m_s, 1) > 0.0)
+    onwards[:1] = False
+    edges = np.flatnonzero(np.diff(onwards, prepend=False, append=False))
+    for first, end in zip(edges[::2], edges[1::2], strict=True):
+        total_m_s[first:end] = np.cumsum(speed_m_s[first:end])
+    return total_m_s * sample_time_s
 
 
 def steady_rows(velocity_m_s: Array, sample_time_s: float, slowest_m_s: float, variation: float) -> Mask:

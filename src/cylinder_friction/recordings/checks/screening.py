@@ -165,11 +165,13 @@ class Screen:
         rows = np.flatnonzero(~missing) if missing.any() else np.arange(len(values))
         logged = values if len(rows) == len(values) else values[rows]
         height = self.heights[column] if column in self.heights else self.height(column, logged)
-        marks = np.zeros(len(logged), dtype=np.uint8)
-        ends = _ends(column, self.limits.get(column), self.stroke_m)
-        longest = _mark(logged, *self._bounds(column), *ends, height, marks)
         begin, end = np.searchsorted(rows, own.indices(len(values))[:2])
         self._rows[column] = self._rows.get(column, 0) + int(end - begin)
+        within = *self._bounds(column), *_ends(column, self.limits.get(column), self.stroke_m)
+        if _surely_good(logged, *within, height):
+            return values
+        marks = np.zeros(len(logged), dtype=np.uint8)
+        longest = _mark(logged, *within, height, marks)
         if not marks.any():
             return values
         for kind, count in enumerate(np.bincount(marks[begin:end], minlength=len(longest))):
@@ -223,6 +225,15 @@ def _spike_height(values: Array, low: float, high: float, step: float | None, ru
         rules.spike_steps * finest,
     )
     return tallest if tallest > 0.0 else math.inf
+
+
+def _surely_good(values: Array, low: float, high: float, bottom: float, top: float, height: float) -> bool:
+    """Return whether ``_mark``, whose compiled code takes half a second to load, would mark nothing."""
+    if not len(values):
+        return True
+    least, most = float(values.min()), float(values.max())
+    inside = least >= low and most <= high and least > bottom and most < top
+    return inside and not (np.abs(np.diff(values)) > 0.7 * height).any()
 
 
 @numba.njit(cache=True)

@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -147,25 +146,22 @@ def printed_resolution(time_s: Array) -> float:
     return 0.0
 
 
-@numba.njit(cache=True)
 def follows_even_clock(time_s: Array, index: Indices, step_s: float, tolerance_s: float) -> bool:
     """Return whether stamps, shape ``(n,)``, follow sample numbers on lines of 1024 samples, as in ``even_rate``.
 
     ``step_s`` is the time between two numbers overall; a number that is missing in ``index`` was lost.
     """
     rows = len(time_s)
-    start = 0
-    while start < rows - 1:
-        # A short remainder joins the last block, so that every block is long enough to determine its rate.
-        end = start + BLOCK if rows - 1 - start >= 2 * BLOCK else rows - 1
-        samples = index[end] - index[start]
-        slope_s = (time_s[end] - time_s[start]) / samples
-        if not abs(slope_s - step_s) <= RATE_DRIFT * step_s + 2.0 * tolerance_s / samples:
-            return False
-        for row in range(start + 1, end + 1):
-            off_s = abs(time_s[row] - time_s[start] - (index[row] - index[start]) * slope_s)
-            # Written so that NaN, too, is refused.
-            if not (off_s <= tolerance_s and time_s[row] > time_s[row - 1]):
-                return False
-        start = end
-    return True
+    if rows < 2:
+        return True
+    # A short remainder joins the last block, so that every block is long enough to determine its rate.
+    start = BLOCK * np.arange(max(1, (rows - 1) // BLOCK))
+    end = np.append(start[1:], rows - 1)
+    samples = index[end] - index[start]
+    slope_s = (time_s[end] - time_s[start]) / samples
+    # Comparisons are written so that NaN, too, is refused.
+    if not (np.abs(slope_s - step_s) <= RATE_DRIFT * step_s + 2.0 * tolerance_s / samples).all():
+        return False
+    first, slope_s = np.repeat(start, end - start), np.repeat(slope_s, end - start)
+    off_s = np.abs(time_s[1:] - time_s[first] - (index[1:] - index[first]) * slope_s)
+    return bool(((off_s <= tolerance_s) & (time_s[1:] > time_s[:-1])).all())
