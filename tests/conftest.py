@@ -18,7 +18,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
-from cylinder_friction.import_graph import code_key
+from cylinder_friction.import_graph import code_key, remove_stale_machine_code
 from cylinder_friction.labelling.offset_identification import fit_offset_model
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.recordings.files import hash_of
@@ -30,6 +30,11 @@ from cylinder_friction.tracking.versions import dvc_hash
 SAMPLE_TIME_S = 0.005
 PIPELINE = "tests/pipeline/"
 LONGEST = (PIPELINE, "tests/test_wheel.py")
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    if not hasattr(config, "workerinput"):
+        remove_stale_machine_code()
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

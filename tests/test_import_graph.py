@@ -1,10 +1,17 @@
 """Which files decide what a module does: imports of every kind, names in strings, data files; nothing else."""
 
+import os
 from pathlib import Path
 
 import pytest
 
-from cylinder_friction.import_graph import SOURCE, code_key, imported_modules, used_files
+from cylinder_friction.import_graph import (
+    SOURCE,
+    code_key,
+    imported_modules,
+    remove_stale_machine_code,
+    used_files,
+)
 
 MODULES = {
     "__init__.py": '"""The front page."""\n_LAZY = {"a": "cylinder_friction.unused"}\ndef __getattr__(name): ...\n',
@@ -81,3 +88,20 @@ def test_a_key_covers_what_is_used_and_nothing_else() -> None:
     assert SOURCE / "cylinder_friction/deployment/templates/estimator.h.j2" in used_files(
         "cylinder_friction.deployment.rendering"
     )
+
+
+def test_machine_code_older_than_what_it_was_made_of_is_removed(tmp_path: Path) -> None:
+    package = tmp_path / "cylinder_friction"
+    kept = package / "__pycache__" / "step.run-3.py311.nbi"
+    kept.parent.mkdir(parents=True)
+    (package / "__init__.py").touch()
+    (package / "level.py").write_text("LEVEL = 1\n")
+    (package / "step.py").write_text("from cylinder_friction.level import LEVEL\n")
+    kept.touch()
+    for age_s, stays in ((-10.0, True), (10.0, False)):
+        changed = kept.stat().st_mtime + age_s
+        for path in package.glob("*.py"):
+            os.utime(path, (changed - 1.0, changed - 1.0))
+        os.utime(package / "level.py", (changed, changed))
+        remove_stale_machine_code({"cylinder_friction": tmp_path})
+        assert kept.exists() == stays

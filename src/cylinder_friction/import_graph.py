@@ -7,6 +7,7 @@ import hashlib
 import re
 from collections.abc import Iterator, Mapping
 from functools import cache
+from itertools import chain
 from pathlib import Path
 
 SOURCE = Path(__file__).parents[1]
@@ -72,6 +73,19 @@ def imported_modules(module: str, packages: Mapping[str, Path] = PACKAGES, *, ty
     """
     path = module_path(module, packages)
     return set() if path is None else _imports(path, module, packages, type_checking=type_checking) - {module}
+
+
+def remove_stale_machine_code(packages: Mapping[str, Path] = PACKAGES) -> None:
+    """Remove what Numba keeps beside the packages' modules where a file that decides what they do is newer.
+
+    Numba itself looks at the file of a function, not at those of the functions and constants in it: after a change of
+    one of these it would go on running what it compiled before.
+    """
+    for kept in chain.from_iterable((each / name).rglob("__pycache__/*.nbi") for name, each in packages.items()):
+        source = kept.parent.parent / f"{kept.name.partition('.')[0]}.py"
+        files = used_files(_module_name(source, packages), packages=packages) if source.is_file() else ()
+        if not files or kept.stat().st_mtime <= max(file.stat().st_mtime for file in files):
+            kept.unlink()
 
 
 def module_path(module: str, packages: Mapping[str, Path] = PACKAGES) -> Path | None:

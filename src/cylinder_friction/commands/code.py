@@ -7,7 +7,7 @@ from pathlib import Path
 import yaml
 
 from cylinder_friction.estimators.entry_points import own_code
-from cylinder_friction.import_graph import code_key
+from cylinder_friction.import_graph import code_key, remove_stale_machine_code
 from cylinder_friction.params.checking import IN_A_PROJECT, ParamsError
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.run_record import STAGES
@@ -31,4 +31,5 @@ def run(_options: argparse.Namespace) -> None:
     folder = Path.cwd()
     if not (folder / "dvc.yaml").is_file():
         raise ParamsError(f"{folder / 'dvc.yaml'}: not there; {IN_A_PROJECT}")
+    remove_stale_machine_code()  # so that what a stage runs is what its hash names
     write_code(folder)
