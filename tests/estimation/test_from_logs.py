@@ -19,8 +19,9 @@ import format_writers
 import packed_pages
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.earlier import PROCESSED_FILE
-from cylinder_friction.estimation.from_logs import LABEL_BOUNDS, FileFormat, estimate_logs
+from cylinder_friction.estimation.from_logs import LABEL_BOUNDS, estimate_logs
 from cylinder_friction.estimation.identification import identify_logs
+from cylinder_friction.estimation.recording_friction import FileFormat
 from cylinder_friction.estimation.results import remarks
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator

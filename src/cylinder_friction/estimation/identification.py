@@ -10,9 +10,9 @@ from tqdm import tqdm
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.from_logs import LabelledLogs, inputs
 from cylinder_friction.estimation.identification_page import write_identification_page
 from cylinder_friction.estimation.identified_model import IdentifiedModel, determined, pressure_problem
+from cylinder_friction.estimation.labelled_logs import LabelledLogs, inputs
 from cylinder_friction.estimation.off_line_velocity import (
     NOISE_MULTIPLE,
     odd_window,

@@ -1,0 +1,56 @@
+"""A saved model's real-time step over the parts of a recording, as if they were one."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.labelling.load import pooled_load
+from cylinder_friction.labelling.session import SessionIdentification
+from cylinder_friction.recordings.recording import Recording
+
+if TYPE_CHECKING:
+    from cylinder_friction.estimators.base import FrictionEstimator
+
+
+@lru_cache(maxsize=1)
+def loaded_once(folder: Path) -> FrictionEstimator:
+    from cylinder_friction.estimators.loading import load_estimator  # what only labels need not wait for it
+
+    return load_estimator(folder)
+
+
+def for_load(estimator: FrictionEstimator, identified: SessionIdentification | None) -> FrictionEstimator:
+    """Return the estimator for the load of this session, where one is identified and it takes one by position."""
+    if identified is None or identified.load is None or estimator.position_load is None:
+        return estimator
+    return estimator.with_position_load(pooled_load([identified.load]))
+
+
+class RunningEstimate:
+    """The estimator's real-time step, run over the parts of a recording as if they were one."""
+
+    def __init__(self, estimator: FrictionEstimator) -> None:
+        self.estimator, self.stream = estimator, estimator.real_time()
+        # What was given after the last part's own rows, for an estimate of some samples before
+        self.newtons, self.flags = np.empty((0, 3)), np.empty(0, dtype=np.int64)
+
+    def estimated(self, labelled: Recording, own: slice) -> Recording:
+        """Return a part's own rows with friction, bounds and flags, and the label beside them."""
+        rows, end = own.stop - own.start, min(own.stop + self.estimator.lag_samples, len(labelled))
+        samples = labelled.samples(self.estimator.inputs)[own.start + len(self.flags) : end]
+        newtons, flags = self.stream.run(samples)
+        newtons, flags = np.concatenate([self.newtons, newtons]), np.concatenate([self.flags, flags])
+        self.newtons, self.flags = newtons[rows:], flags[rows:]
+        friction_n, lower_n, upper_n = self.estimator.aligned(newtons)[:rows].T
+        part = labelled.rows(own)
+        return part.with_columns(
+            label_n=part.column("friction_n"),
+            friction_n=friction_n,
+            lower_n=lower_n,
+            upper_n=upper_n,
+            flags=flags[:rows],
+        )
