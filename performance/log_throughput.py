@@ -29,8 +29,8 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-TIME, POSITION, PRESSURES = "Time [s]", "Position [mm]", ["P1 [bar]", "P2 [bar]"]
-RATE_HZ, STROKE_MM, NOISE_BAR = 200.0, 250.0, 0.05
+TIME, PRESSURES = "Time [s]", ["P1 [bar]", "P2 [bar]"]
+RATE_HZ, NOISE_BAR = 200.0, 0.05
 SMALL_FILES, SMALL_ROWS = 1000, 6000
 NAMES = r"(?P<session>(?P<condition>[a-z]+)[0-9]*)"
 READ = "import sys, pathlib, pandas\nfor each in pathlib.Path(sys.argv[1]).glob('*'):\n    pandas.read_csv(each)"
@@ -112,9 +112,8 @@ def written(case: str, folder: Path, recordings: list[pd.DataFrame], sizes: dict
             seen[PRESSURES] = (seen[PRESSURES] + noise_bar).clip(lower=0.0).round(3)
             seen.to_csv(folder / f"small{number:04d}.csv", index=False)
         return SMALL_FILES * SMALL_ROWS
-    # One after the other; the position must not rest at an end stop where it jumps.
-    inner = [each for each in recordings if each[POSITION].iloc[[0, -1]].between(5.0, STROKE_MM - 5.0).all()]
-    table = pa.Table.from_pandas(pd.concat(inner), preserve_index=False)
+    joined = map(glided, recordings, [*recordings[1:], recordings[0]])
+    table = pa.Table.from_pandas(pd.concat(joined), preserve_index=False)
     rows, path = 0, folder / "large1.csv"
     path.touch()
     while path.stat().st_size < sizes[case]:
@@ -124,6 +123,14 @@ def written(case: str, folder: Path, recordings: list[pd.DataFrame], sizes: dict
             pa_csv.write_csv(table.set_column(0, TIME, stamps), file, options)
         rows += len(table)
     return rows
+
+
+def glided(recording: pd.DataFrame, following: pd.DataFrame) -> pd.DataFrame:
+    """Return a recording that ends where the next one begins, a second later: a position that jumps is a fault."""
+    share = np.linspace(0.0, 1.0, round(RATE_HZ))[1:-1, None]
+    first, last = recording.iloc[-1].to_numpy(), following.iloc[0].to_numpy()
+    between = pd.DataFrame((first + share * (last - first)).round(3), columns=recording.columns)
+    return pd.concat([recording, between])
 
 
 def again(folder: Path, work: Path, model: Path, pandas: Cost) -> None:
