@@ -16,6 +16,8 @@ from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 GROWTH = 1.3
 """Each window is longer than the last by this factor."""
+ROWS_AT_ONCE = 1 << 16
+"""Windows are chosen for so many samples at once, which the processor's cache holds."""
 
 
 @dataclass(frozen=True)
@@ -134,16 +136,23 @@ class Windows:
 
 def _one_side(values: Array, lengths: NDArray[np.int64], half_width: float) -> NDArray[np.int64]:
     """Return for each sample the longest agreeing window after it, in samples, shape ``(n,)``, integers."""
-    rows = len(values)
+    rows, widths = len(values), half_width / np.sqrt(lengths + 1.0)
     sums = np.cumsum(np.concatenate([[0.0], values]))
-    chosen, agree = np.zeros(rows, dtype=np.int64), np.ones(rows, dtype=np.bool_)
-    lower, upper = np.full(rows, -np.inf), np.full(rows, np.inf)
-    for length, width in zip(lengths, half_width / np.sqrt(lengths + 1.0), strict=True):
-        count = rows - length  # so many samples have as many after them
-        if count <= 0:
-            break
-        mean = (sums[length + 1 :] - sums[:count]) / (length + 1)
-        lower, upper = np.maximum(lower[:count], mean - width), np.minimum(upper[:count], mean + width)
-        agree = agree[:count] & (lower <= upper)
-        chosen[:count][agree] = length
+    chosen = np.zeros(rows, dtype=np.int64)
+    for first in range(0, rows, ROWS_AT_ONCE):
+        end = min(first + ROWS_AT_ONCE, rows)
+        lower, upper, agree = (
+            np.full(end - first, -np.inf),
+            np.full(end - first, np.inf),
+            np.ones(end - first, np.bool_),
+        )
+        for length, width in zip(lengths, widths, strict=True):
+            count = min(end, rows - length) - first  # so many of these samples have as many after them
+            if count <= 0:
+                break
+            last = first + count
+            mean = (sums[first + length + 1 : last + length + 1] - sums[first:last]) / (length + 1)
+            lower, upper = np.maximum(lower[:count], mean - width), np.minimum(upper[:count], mean + width)
+            agree = agree[:count] & (lower <= upper)
+            chosen[first:last][agree] = length
     return chosen
