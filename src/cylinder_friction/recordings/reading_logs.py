@@ -3,7 +3,7 @@
 import glob
 import os
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,7 +15,7 @@ from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, QUANTITIES
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.files import read_yaml
-from cylinder_friction.recordings.formats.logged_table import LongTable
+from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
 from cylinder_friction.recordings.formats.reading import open_logged_file
 from cylinder_friction.recordings.ingesting import Quarantined, convert_in_parts, none_usable, other_rates
 from cylinder_friction.recordings.long_logs import ROWS_AT_ONCE
@@ -29,6 +29,8 @@ from cylinder_friction.recordings.recording import Recording, RecordingError
 _PACKAGE = Path(__file__).parents[1]
 FULL_SCALE_BAR = 250.0
 """Of a pressure sensor whose range is not stated but whose class is: usual in hydraulics."""
+MOST_LOOKED_INTO = 50
+"""Of so many logs the first ones are looked into for channels that the first of all does not have."""
 
 
 def read_logs(
@@ -126,7 +128,7 @@ def find_logs(
     units: Mapping[str, str] | None = None,
     database: str | Path | None = None,
 ) -> Logs:
-    """Find the files and how to read them. Only to guess a mapping is a file read, the first one.
+    """Find the files and how to read them. Only to guess a mapping are files read, up to ``MOST_LOOKED_INTO``.
 
     Arguments and errors are those of ``read_logs``. ``rate_hz`` is the rate of the recordings [Hz], by default as
     ``channels`` has it, or each file's own; ``database`` (DBC) that of the bus whose frames measurement files hold.
@@ -134,7 +136,7 @@ def find_logs(
     paths = log_paths([files] if isinstance(files, str | Path) else list(files))
     try:
         if channels is None:
-            guess = _guessed(paths[0], cylinder, units or {}, None if database is None else Path(database))
+            guess = _guessed(paths, cylinder, units or {}, None if database is None else Path(database))
             settings = {"channels": yaml.safe_load("\n".join(channel_lines(guess))), "database": database}
             logs = _logs(paths, settings, cylinder, names, load, rate_hz)
             return replace(logs, guessed={"from": paths[0].name, "columns": guess.to_dict()})
@@ -246,28 +248,62 @@ def _merge(settings: dict[str, Any], more: Mapping[str, Any]) -> None:
             settings[key] = value
 
 
-def _guessed(path: Path, cylinder: Cylinder, units: Mapping[str, str], database: Path | None) -> GuessedMapping:
+def _guessed(
+    paths: Sequence[Path], cylinder: Cylinder, units: Mapping[str, str], database: Path | None
+) -> GuessedMapping:
     """Guess a mapping and warn of every guess. Refuse a column, a sensor's range or a unit that cannot be guessed."""
     for quantity, unit in units.items():
         if quantity not in QUANTITIES.values():
             known = ", ".join(dict.fromkeys(QUANTITIES.values()))
             raise RecordingError(f"units: got {quantity!r}, expected one of {known}, such as pressure=bar")
         check_unit(next(column for column in QUANTITIES if QUANTITIES[column] == quantity), unit)
+    path = paths[0]
     try:
-        tables = open_logged_file(path, ROWS_AT_ONCE, database=database)
+        guess = guess_mapping(_first_rows(path, database), path, cylinder, units)
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
-    guess = guess_mapping([next(tables.chunks())] if isinstance(tables, LongTable) else tables, path, cylinder, units)
-    lines = "\n".join(channel_lines(guess))
     unknown = [name for name, guessed in guess.columns.items() if guessed.channel is None or electrical(guessed.unit)]
     if unknown:
         raise RecordingError(
             f"{path}: no mapping was given, and that of {', '.join(unknown)} cannot be guessed; state channels, "
-            f"starting from\n{lines}"
+            f"starting from\n" + "\n".join(channel_lines(guess))
         )
     _refuse_units(path, guess, units)
+    for other in paths[1:MOST_LOOKED_INTO]:
+        guess = _with_alternatives(guess, other, cylinder, units, database)
+    lines = "\n".join(channel_lines(guess))
     warnings.warn(f"no mapping was given; guessed from {path.name}:\n{lines}", stacklevel=4)
     return guess
+
+
+def _first_rows(path: Path, database: Path | None, wanted: Collection[str] | None = None) -> Sequence[LoggedTable]:
+    tables = open_logged_file(path, ROWS_AT_ONCE, wanted=wanted, database=database)
+    return [next(tables.chunks())] if isinstance(tables, LongTable) else tables
+
+
+def _with_alternatives(
+    guess: GuessedMapping, path: Path, cylinder: Cylinder, units: Mapping[str, str], database: Path | None
+) -> GuessedMapping:
+    """Return the guess with what another file calls the channels that it lacks, if only one of its own can be meant."""
+    names = {column: {each.channel.name, *each.alternatives} for column, each in guess.columns.items() if each.channel}
+    try:
+        tables = _first_rows(path, database, set[str]().union(*names.values()))
+        there = {str(name) for table in tables for name in (*table.channels, *table.unread)}
+        if all(own & there for own in names.values()):
+            return guess
+        its_own = guess_mapping(_first_rows(path, database), path, cylinder, units).columns
+    except RecordingError:  # is quarantined with its reason later
+        return guess
+    columns = dict(guess.columns)
+    for column, each in columns.items():
+        other = its_own.get(column)
+        if other is None or other.channel is None or other.others or other.unit != each.unit or names[column] & there:
+            continue
+        called = f"{path.name} calls it {other.channel.name}"
+        columns[column] = replace(
+            each, alternatives=(*each.alternatives, other.channel.name), reasons=(*each.reasons, called)
+        )
+    return replace(guess, columns=columns)
 
 
 def _refuse_units(path: Path, guess: GuessedMapping, units: Mapping[str, str]) -> None:

@@ -55,7 +55,7 @@ def test_a_drive_force_stands_in_for_the_pressures() -> None:
     findings = inspect_recording(forced(), LIMITS, SAMPLE_TIME_S)
     assert {finding.outcome for finding in findings} == {"ok"}
     assert not any(finding.check.startswith("pressure") for finding in findings)
-    assert [finding.check for finding in findings][-3:] == ["force_alive", "force_stuck", "direction"]
+    assert [finding.check for finding in findings][-3:] == ["force_stuck", "direction", "position_against_force"]
     check_recording(METADATA, forced(), LIMITS, SAMPLE_TIME_S)
 
 
@@ -191,7 +191,7 @@ def test_areas_let_the_force_balance_be_judged(rig_tables: dict[str, pd.DataFram
     for table in rig_tables.values():
         findings = inspect_recording(table, limits, SAMPLE_TIME_S)
         assert {finding.outcome for finding in findings} == {"ok"}
-        assert [finding.check for finding in findings][-2:] == ["direction", "friction_size"]
+        assert [finding.check for finding in findings][-2:] == ["friction_size", "position_against_force"]
         assert check_recording(METADATA, table, limits, SAMPLE_TIME_S).metadata.repairs == ()
         swapped = table.rename(columns={"pressure_1_pa": "pressure_2_pa", "pressure_2_pa": "pressure_1_pa"})
         with pytest.raises(RecordingError, match=r"^the pressures are swapped: "):

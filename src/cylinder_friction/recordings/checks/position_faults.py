@@ -2,6 +2,7 @@
 
 A piston has mass: from one sample to the next its velocity changes little. What changes more is the sensor's doing. It
 becomes missing samples, so that what lies on either side is used. ``screening`` takes single spikes out before.
+``position_against_force`` looks for what is smooth, and so shows in the force alone.
 """
 
 from __future__ import annotations
@@ -25,6 +26,10 @@ FEWEST_HELD, FEWEST_LOST = 5, 3
 """So many equal values before a jump are a held value; a jump loses so many samples, which splits the recording."""
 OFF_SHARE = 0.5
 """Without single samples those around them bend by at most this share of what the single ones are off by."""
+STILL_S, ALIVE_S = 1.0, 2.0
+"""A value without any noise for this long is held, if the sensor has noise elsewhere for this long altogether,"""
+UP_AND_DOWN, CHANGES = 0.25, 0.95
+"""which is where this share of the steps goes up, as much down, and this share is not zero."""
 MOST_SINGLE, MOST_SENTENCES = 2, 5
 """At most so many samples between others that fit each other are lost by themselves; so many faults are named."""
 
@@ -84,12 +89,13 @@ def position_faults(position_m: Array, time_s: Array, stroke_m: float) -> list[P
     usual_m = float(np.quantile(bend_m[:: max(1, len(bend_m) // 4096)], 0.95))
     most_m = max(NOISE * usual_m, STROKES * stroke_m)
     found = np.flatnonzero(bend_m > most_m) + 1
-    if not len(found):
-        return []
-    groups = np.split(found, np.flatnonzero(np.diff(at_s[found]) > TOGETHER_S) + 1)
+    groups = np.split(found, np.flatnonzero(np.diff(at_s[found]) > TOGETHER_S) + 1) if len(found) else []
     line = max(3, round(LINE_S / step_s))
     ends = [(int(group[0]), int(group[-1])) for group in groups]
     faults = [_single(x_m, *each, most_m) or _fault(x_m, at_s, *each, line, stroke_m) for each in ends]
+    still = _still(x_m, at_s, max(2, round(STILL_S / step_s)))
+    faults += [each for each in still if not any(one.begin < each.end and each.begin < one.end for one in faults)]
+    faults.sort(key=lambda each: each.begin)
     return [replace(each, begin=int(rows[each.begin]), end=int(rows[each.end - 1]) + 1) for each in faults]
 
 
@@ -132,6 +138,30 @@ def _fault(x_m: Array, at_s: Array, first: int, last: int, line: int, stroke_m: 
         return PositionFault(first, min(first + FEWEST_LOST, len(x_m)), words)
     words = f"{POSITION} is disturbed from {at_s[first]:.2f} to {at_s[last]:.2f} s; left out"
     return PositionFault(first, max(last + 1, min(first + FEWEST_LOST, len(x_m))), words)
+
+
+def _still(x_m: Array, at_s: Array, rows: int) -> list[PositionFault]:
+    """Return where the position is exactly the same for ``rows`` or more, though it has noise elsewhere, also at rest.
+
+    Noise goes up and down at almost every sample; steps of a converter do not, nor does a motion.
+    """
+    steps_m = np.diff(x_m)
+    stretches_m = steps_m[: len(steps_m) // rows * rows].reshape(-1, rows)
+    up, down = ((way * stretches_m > 0.0).mean(axis=1) for way in (1.0, -1.0))
+    alive = (np.minimum(up, down) >= UP_AND_DOWN) & (up + down >= CHANGES)
+    if np.count_nonzero(alive) * STILL_S < ALIVE_S:
+        return []
+    change = np.flatnonzero(np.diff(steps_m == 0.0, prepend=False, append=False)).reshape(-1, 2)
+    return [
+        PositionFault(
+            begin + 1,
+            end + 1,
+            f"{POSITION} holds {1e3 * x_m[begin]:.4g} mm from {at_s[begin]:.2f} to {at_s[end]:.2f} s without the noise "
+            "that it has elsewhere; left out",
+        )
+        for begin, end in change.tolist()
+        if end - begin >= rows
+    ]
 
 
 def _height(x_m: Array, at_s: Array, first: int, last: int, line: int) -> float:

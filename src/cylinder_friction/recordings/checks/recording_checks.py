@@ -10,6 +10,7 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.checks.finding import Finding, spoken
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.checks.plausibility import check_friction
+from cylinder_friction.recordings.checks.position_against_force import check_position_against_force
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
     LOAD_FORCE,
@@ -104,8 +105,8 @@ def inspect_recording(table: pd.DataFrame, limits: CheckLimits, sample_time_s: f
     The names of the checks, in their order: ``columns``, ``length``, ``finite``, ``rate``, ``position_range``,
     ``motion``, ``position_stuck``; for each pressure ``pressure_range``, ``pressure_alive``, ``pressure_stuck``, for
     both ``pressures_differ`` and ``unit_plausible``, or in their place ``force_alive`` and ``force_stuck``;
-    ``load_alive`` and ``load_stuck``; ``direction``, ``friction_size`` and ``load_delay``. The last three need signals
-    that passed and known areas.
+    ``load_alive`` and ``load_stuck``; ``direction``, ``friction_size``, ``load_delay`` and ``position_against_force``.
+    The last four need signals that passed and known areas.
     """
     if missing := missing_column(table.columns):
         yield Finding("columns", "refused", f"{missing}; map it to a channel")
@@ -148,6 +149,7 @@ def inspect_recording(table: pd.DataFrame, limits: CheckLimits, sample_time_s: f
         yield finding
     if valid and (DRIVE_FORCE in columns or limits.areas_m2 is not None):
         yield from check_friction(table, sample_time_s, limits.stroke_m, limits.areas_m2, limits.load)
+        yield check_position_against_force(table, limits)
 
 
 def length_finding(rows: int, sample_time_s: float, limits: CheckLimits) -> Finding:
@@ -197,7 +199,7 @@ def _of_position(
         seen.span >= least_m,
         moves,
         f"{moves} only, expected at least {least_m:.3g} m; nothing moves, the sensor is stuck, or its unit is wrong "
-        "(m read as mm?)",
+        "(m read as mm?); if another cylinder moved instead, map its position as other_position_1_m",
     )
     yield _position_stuck(position_m, sample_time_s, limits)
 

@@ -82,6 +82,7 @@ class GuessedColumn:
     checks: tuple[str, ...] = ()
     others: tuple[ChannelFacts, ...] = ()  # Other channels that could be meant, best first
     fitting: tuple[str, ...] | None = None  # Units that the values fit; None where the unit is stated or given
+    alternatives: tuple[str, ...] = ()  # What other files call the channel
 
 
 @dataclass(frozen=True)

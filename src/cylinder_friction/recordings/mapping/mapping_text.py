@@ -6,7 +6,7 @@ from pathlib import Path
 
 import yaml
 
-from cylinder_friction.recordings.columns import QUANTITIES
+from cylinder_friction.recordings.columns import OTHER_POSITIONS, POSITION, QUANTITIES
 from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts
 from cylinder_friction.recordings.mapping.guessing import GuessedColumn, GuessedMapping
 from cylinder_friction.recordings.mapping.units import COMMON, electrical
@@ -74,8 +74,13 @@ def _column_lines(column: GuessedColumn, guess: GuessedMapping) -> list[str]:
     if column.others:
         named = [f"{channel.name} ({channel.described()})" for channel in (column.channel, *column.others)]
         lines.append(f"# AMBIGUOUS: {in_comment(' or '.join(named))}")
+        if column.column == POSITION:
+            other = f"{OTHER_POSITIONS[0]}: {{channel: {quoted(column.others[0].name)}, unit: {_unit(column.unit)}}}"
+            lines.append(f"# if it is another cylinder's, on which the load depends, add {in_comment(other)}")
     lines += [f"# CHECK: {in_comment(check)}" for check in column.checks]
     entry = {"channel": quoted(column.channel.name), "unit": _unit(column.unit)}
+    if column.alternatives:
+        entry["alternatives"] = f"[{', '.join(map(quoted, column.alternatives))}]"
     stamp, main = guess.stamps.get(column.column), guess.columns["time_s"].channel
     if column.column != "time_s" and column.channel.name in guess.ambiguous:
         entry["table"] = quoted(column.channel.table_name)

@@ -1,0 +1,145 @@
+"""Where a position and the force on the piston contradict each other: one of the two is wrong, however smooth it is.
+
+A piston slides only if the force F, less the load L, pushes it in the direction of its motion, and rests only if
+friction, little more than the sliding one b, can hold it. Load and friction come from the recording itself, fitted over
+rows of clear motion with least absolute residuals, so that a fault in some of them counts little:
+
+    F = b·sign(v) + a0 + a1·x + a2·x² + a3·x³ + c·(positions of other cylinders)
+"""
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.recordings.checks.finding import Finding
+from cylinder_friction.recordings.checks.limits import CheckLimits
+from cylinder_friction.recordings.checks.plausibility import ClearMotion, clear_motion
+from cylinder_friction.recordings.columns import (
+    DRIVE_FORCE,
+    LOAD_FORCE,
+    OTHER_POSITIONS,
+    POSITION,
+    PRESSURE_1,
+    PRESSURE_2,
+    TIME,
+)
+
+CHECK = "position_against_force"
+WINDOW_S = 0.5  # Positions are means over this long, and the force counts that is nearest to friction within it
+SLIDES = 0.02  # A piston faster than this share of its usual top speed slides,
+DEVIATIONS = 5.0  # and than so many times what noise of the position makes of standstill
+PUSHES, LEAST_S, LEAST_TRAVEL = 0.1, 0.5, 0.005
+"""Sliding needs at least this share of friction; inertia slides on without, for less time or less of the stroke."""
+HOLDS, SURGE_S = 2.0, 1.0
+"""Rest needs at most so many times friction; a surge of pressure is over sooner than this."""
+END_SHARE = 0.05  # So close to an end of the stroke a stop may hold the piston
+GREATEST_RESIDUAL = 0.5  # Median residual of the fit over friction; above, position does not explain the force
+FEWEST_ROWS = 20  # Of clear motion in either direction
+LEAST_VARIATION_M = 1e-3  # Another cylinder that moves less does not count
+REACH_M = 0.01  # Further from where the piston clearly moved, the load is not known
+
+_ITERATIONS, _LEAST_RESIDUAL = 10, 1e-2
+
+
+def check_position_against_force(table: pd.DataFrame, limits: CheckLimits) -> Finding:
+    """Return the finding ``position_against_force``, noted with the times if they contradict each other.
+
+    ``table`` is a uniformly sampled recording in SI units without NaN, as for ``plausibility.check_friction``.
+    """
+    columns = {str(name): table[name].to_numpy(dtype=np.float64) for name in table.columns}
+    time_s, position_m = columns[TIME], columns[POSITION]
+    force_n = _driving_force(columns, limits)
+    motion = clear_motion(position_m, float(time_s[1] - time_s[0]), limits.stroke_m)
+    friction_n, load_n, residual_n, known = 0.0, np.zeros(1), 0.0, np.zeros(1, dtype=np.bool_)
+    if force_n is not None and min(np.count_nonzero(motion.direction == each) for each in (-1.0, 1.0)) >= FEWEST_ROWS:
+        positions_m = np.column_stack([position_m, *(columns[name] for name in OTHER_POSITIONS if name in columns)])
+        friction_n, load_n, residual_n = _fit(force_n, positions_m, motion)
+        lowest_m, highest_m = (end(positions_m[motion.rows], axis=0) for end in (np.min, np.max))
+        known = ((positions_m > lowest_m - REACH_M) & (positions_m < highest_m + REACH_M)).all(axis=1)
+        known &= np.abs(position_m / limits.stroke_m - 0.5) < 0.5 - END_SHARE
+    if force_n is None or friction_n <= 0.0 or residual_n > GREATEST_RESIDUAL * friction_n:
+        return Finding(CHECK, "ok", "whether position and force contradict each other cannot be decided")
+    pushed = (force_n - load_n) / friction_n
+    found = sorted(_contradictions(pushed, position_m, time_s, known, motion.rows, LEAST_TRAVEL * limits.stroke_m))
+    if not found:
+        return Finding(CHECK, "ok", "position and force do not contradict each other")
+    more = f" (first of {len(found)}, the last ends at {time_s[found[-1][1] - 1]:.2f} s)" if len(found) > 1 else ""
+    text = (
+        f"position_m {found[0][2]}{more}; friction is wrong there: check the position sensor and what it is fixed to, "
+        "then both pressures and whether the load is the same throughout, and leave this time out"
+    )
+    return Finding(CHECK, "noted", text)
+
+
+def _driving_force(columns: dict[str, Array], limits: CheckLimits) -> Array | None:
+    """Return what drives the piston less a measured load, shape ``(n,)`` [N]; None if that is not known."""
+    load_n = columns.get(LOAD_FORCE, 0.0) if limits.load == "measured" else 0.0
+    if DRIVE_FORCE in columns:
+        return columns[DRIVE_FORCE] - load_n
+    if limits.areas_m2 is None:
+        return None
+    a1, a2 = limits.areas_m2
+    return columns[PRESSURE_1] * a1 - columns[PRESSURE_2] * a2 - load_n
+
+
+def _contradictions(
+    pushed: Array, position_m: Array, time_s: Array, known: Mask, rows: NDArray[np.int64], least_m: float
+) -> list[tuple[int, int, str]]:
+    """Return first row, the one behind the last, and words of each contradiction where the load is ``known``.
+
+    ``pushed`` is the force less the load over friction; a motion counts from ``least_m`` on.
+    """
+    step_s = float(time_s[1] - time_s[0])
+    near, x_m = (
+        pd.Series(each).rolling(max(3, round(WINDOW_S / step_s)), center=True, min_periods=1)
+        for each in (pushed, position_m)
+    )
+    mean_m, highest, lowest = (each.to_numpy() for each in (x_m.mean(), near.max(), near.min()))
+    speed_m_s = np.gradient(mean_m, step_s)
+    noise_m = float(np.median(np.abs(np.diff(position_m, 2)))) / 1.65  # as of white noise
+    top_m_s = float(np.quantile(np.abs(speed_m_s[rows]), 0.95))
+    slides_m_s = max(SLIDES * top_m_s, DEVIATIONS * noise_m / WINDOW_S)
+    found = []
+    for way, speeds_m_s, most in (("extends", speed_m_s, highest), ("retracts", -speed_m_s, -lowest)):
+        for begin, end in _runs(known & (speeds_m_s > slides_m_s) & (most < PUSHES), LEAST_S / step_s):
+            moved_m = abs(mean_m[end - 1] - mean_m[begin])
+            words = f"{way} by {1e3 * moved_m:.3g} mm {_when(time_s, begin, end)} although the force does not push it"
+            if moved_m > least_m:
+                found.append((begin, end, words))
+    least = np.maximum(lowest, -highest)
+    for begin, end in _runs(known & (np.abs(speed_m_s) <= slides_m_s) & (least > HOLDS), SURGE_S / step_s):
+        times = np.median(least[begin:end])
+        words = (
+            f"rests {_when(time_s, begin, end)} although the force is {times:.3g} times friction and no end stop near"
+        )
+        found.append((begin, end, words))
+    return found
+
+
+def _when(time_s: Array, begin: int, end: int) -> str:
+    return f"from {time_s[begin]:.2f} to {time_s[end - 1]:.2f} s"
+
+
+def _fit(drive_n: Array, positions_m: Array, motion: ClearMotion) -> tuple[float, Array, float]:
+    """Return friction [N], the load at every row, shape ``(n,)`` [N], and the median absolute residual [N]."""
+    rows = motion.rows
+    varied = np.std(positions_m[rows], axis=0)
+    used = np.append(True, varied[1:] > LEAST_VARIATION_M)
+    scaled = ((positions_m - positions_m[rows].mean(axis=0)) / np.maximum(varied, 1e-12))[:, used]
+    load = np.column_stack([np.vander(np.clip(scaled[:, 0], -3.0, 3.0), 4), scaled[:, 1:]])
+    terms, force_n = np.column_stack([motion.direction, load[rows]]), drive_n[rows]
+    weights = np.ones(len(rows))
+    for _ in range(_ITERATIONS):
+        weighted = terms * weights[:, None]
+        # The terms are scaled and few, so that normal equations are exact enough, and many times as fast as an SVD.
+        factors = np.linalg.pinv(weighted.T @ terms, hermitian=True) @ (weighted.T @ force_n)
+        off_n = np.abs(force_n - terms @ factors)
+        weights = 1.0 / np.maximum(off_n, _LEAST_RESIDUAL * np.median(off_n) + 1e-9)
+    return float(factors[0]), load @ factors[1:], float(np.median(off_n))
+
+
+def _runs(where: Mask, least: float) -> list[tuple[int, int]]:
+    """Return first row and the one behind the last of each run of true rows that is longer than ``least``."""
+    change = np.flatnonzero(np.diff(where, prepend=False, append=False))
+    return [(int(a), int(b)) for a, b in zip(change[::2], change[1::2], strict=True) if b - a > least]
