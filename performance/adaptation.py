@@ -28,7 +28,7 @@ from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator, Ri
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.labelling.label import label
 from cylinder_friction.recordings.columns import LOAD_FORCE, SAMPLE_COLUMNS
-from cylinder_friction.recordings.reading_logs import read_logs
+from cylinder_friction.recordings.reading_logs import read_recordings
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -143,7 +143,7 @@ def crane(folder: Path) -> dict[str, list[Recording]]:
     read = []
     for name in ("time", "Name"):  # in exports of March, and of April
         channels = {"time_s": {"channel": name, "unit": "ms"}, **CRANE_CHANNELS}
-        read += read_logs(folder, channels, JIB, load="position")
+        read += read_recordings(folder, channels, JIB, load="position")
     days: dict[str, list[Recording]] = {}
     for each in label(read, JIB, load="position"):
         days.setdefault(each.name.removesuffix(".csv").rpartition("_")[2], []).append(each)

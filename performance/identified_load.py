@@ -49,7 +49,7 @@ from cylinder_friction.recordings.columns import (
 )
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.splits import ROLES
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.recordings.truth import read_truth
 from cylinder_friction.signals.rts import RtsSmoother
 
@@ -78,7 +78,7 @@ def main() -> None:
 def print_table(run: Path, folders: tuple[str, ...]) -> None:
     """Print one line per condition, of the recordings in these folders."""
     columns: dict[str, list[np.ndarray]] = {}
-    for recording in (each for folder in folders for each in read_recordings(run / "data/processed" / folder)):
+    for recording in (each for folder in folders for each in read_stored(run / "data/processed" / folder)):
         truth, usable = read_truth(run / "data/raw/rig_truth", recording), recording.usable()
         if truth is None or LOAD_FORCE not in truth.columns:
             raise SystemExit(f"{run}: the true load of {recording.name} is not there; give a run of record=boom")

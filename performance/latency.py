@@ -20,7 +20,7 @@ from latency_peers import peers_of
 from cylinder_friction.deployment.latency.measuring import Effort, measure
 from cylinder_friction.deployment.latency.report import circumstances, model_table
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 
 FOLDERS = ("models/hybrid", "models/paper_hybrid", "models/lugre/lugre")
 
@@ -29,7 +29,7 @@ def main() -> None:
     """Print one table per model, then the circumstances of the run."""
     torch.set_num_threads(1)
     estimators = {folder: load_estimator(Path(folder)) for folder in sys.argv[1:] or FOLDERS}
-    recordings = read_recordings(Path("data/processed/test"))[:4]
+    recordings = read_stored(Path("data/processed/test"))[:4]
     samples = {
         folder: np.concatenate([recording.samples(estimator.inputs) for recording in recordings])
         for folder, estimator in estimators.items()

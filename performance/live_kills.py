@@ -31,7 +31,7 @@ from websockets.sync.client import connect
 
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.execution.ports import free_port
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.service.client import Client
 
 PORT, BLOCK_S, POLL_S = free_port(), 0.05, 0.005
@@ -65,7 +65,7 @@ def main() -> int:
     estimator = load_estimator(given.model)
     step_s = float(estimator.sample_time_s or 0.005)
     rows = max(1, round(BLOCK_S / step_s))
-    recorded = read_recordings(given.recordings)[0].samples(estimator.inputs)
+    recorded = read_stored(given.recordings)[0].samples(estimator.inputs)
     cylinders = [Cylinder(f"press {place}", 17 * place) for place in range(given.sessions)]
     stop = threading.Event()
     with tempfile.TemporaryDirectory() as name, ExitStack() as services:

@@ -24,7 +24,7 @@ from websockets.asyncio.client import ClientConnection, connect
 
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.execution.ports import free_port
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.service.live.frames import Acknowledgement, EstimateBlock, SampleBlock, pack_samples, unpack
 
 PORT = free_port()
@@ -51,7 +51,7 @@ def main() -> None:
     options.add_argument("--seconds", type=float, default=60.0)
     given = options.parse_args()
     estimator = load_estimator(given.model)
-    samples = read_recordings(given.recordings)[0].samples(estimator.inputs)
+    samples = read_stored(given.recordings)[0].samples(estimator.inputs)
     rows = max(1, round(1e-3 * given.frame_ms / float(estimator.sample_time_s or 0.005)))
     samples = samples[: len(samples) // rows * rows]
     frames = int(given.seconds / (1e-3 * given.frame_ms))

@@ -15,7 +15,7 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.evaluation.strata import StrataLimits, strata_masks
 from cylinder_friction.realtime.bounds import REGIMES, regimes_of
 from cylinder_friction.realtime.stream import RealTimeStream
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 
 if TYPE_CHECKING:
     from cylinder_friction.realtime.model import StepModel
@@ -31,7 +31,7 @@ REPEATS = 4
 def main() -> None:
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else "models/hybrid")
     model = load_estimator(folder).step_model()
-    recordings = read_recordings(Path("data/processed/test"))
+    recordings = read_stored(Path("data/processed/test"))
     coverage(model, recordings)
     recovery(model, recordings)
 

@@ -24,7 +24,7 @@ from cylinder_friction.labelling.offset_identification import OffsetModel, Sessi
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan
 from cylinder_friction.recordings.recording import Recording, SensorUncertainty
 from cylinder_friction.recordings.splits import ROLES, split_sessions
-from cylinder_friction.recordings.storage import read_metadata, read_recordings, recording_paths
+from cylinder_friction.recordings.storage import read_metadata, read_stored, recording_paths
 from cylinder_friction.recordings.truth import read_truth
 from cylinder_friction.rig.campaign import CampaignPlan, campaign
 from cylinder_friction.rig.sensors import DECIMALS
@@ -116,7 +116,7 @@ def session_offset(recordings: Sequence[Recording], truth_n: Mapping[str, Array]
 
 def finished_run(data: Path) -> tuple[list[Recording], dict[str, Array], dict[str, set[str]]]:
     """Return labelled recordings, true friction of each, and the sessions of each role."""
-    recordings = read_recordings(data / "processed/labelled")
+    recordings = read_stored(data / "processed/labelled")
     truth_n = {}
     for recording in recordings:
         truth = read_truth(data / "raw/rig_truth", recording)

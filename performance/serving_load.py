@@ -38,7 +38,7 @@ from serving_peers import ECHO
 
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.tracking.model_folder import artifact_path, download_model, version_of
 from cylinder_friction.tracking.store import open_store
 
@@ -85,7 +85,7 @@ class Work:
 
 def works(run: Path) -> list[Work]:
     """Return the requests: rows of a held-out recording."""
-    samples = np.concatenate([recording.samples() for recording in read_recordings(run / "data/processed/test")])
+    samples = np.concatenate([recording.samples() for recording in read_stored(run / "data/processed/test")])
     found = []
     for rows, content_type in ((40, JSON), (200, JSON), (12_000, JSON), (12_000, ARROW)):
         part = samples[:rows]
@@ -246,7 +246,7 @@ def table(found: list[Server], run: Path, rounds: int, seconds: float) -> None:
 
 def costly(found: list[Server], run: Path) -> None:
     """Print what unusual requests take, of those that the model is served by."""
-    samples = next(iter(read_recordings(run / "data/processed/test"))).samples()
+    samples = next(iter(read_stored(run / "data/processed/test"))).samples()
     bodies = {
         "20,000 rows, one name of 10,000 characters": named_rows(samples, 20_000, "n" * 10_000),
         "20 MB of 0xff": b"\xff" * 20_000_000,

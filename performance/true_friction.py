@@ -26,7 +26,7 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
 from cylinder_friction.recordings.files import read_json
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.recordings.truth import known_truth
 from cylinder_friction.signals.motion import near_events
 
@@ -56,9 +56,7 @@ def main() -> None:
 def print_lags(run: Path, epochs: int) -> None:
     """Print one row per lag, one column per condition."""
     data, chosen = run / "data", read_json(run / "models/hybrid/chosen.json")
-    parts = {
-        role: read_recordings(data / "processed" / role) for role in ("train", "validation", "calibration", "test")
-    }
+    parts = {role: read_stored(data / "processed" / role) for role in ("train", "validation", "calibration", "test")}
     truth_n = known_truth(str(data / "raw/rig_truth"), parts["test"])
     tracker = OffsetTracker.from_dict(read_json(data / "processed/estimators.json")["offset_tracker"])
     print("mean absolute error [% of mean |true friction| of the condition], and near events [N]")
@@ -87,7 +85,7 @@ def print_lags(run: Path, epochs: int) -> None:
 
 def report(run: Path) -> str:
     """Return the figures of a finished run as text."""
-    recordings = {role: read_recordings(run / "data/processed" / role) for role in ROLES}
+    recordings = {role: read_stored(run / "data/processed" / role) for role in ROLES}
     every = [recording for own in recordings.values() for recording in own]
     truth_n = known_truth(str(run / "data/raw/rig_truth"), every)
     mean_n = mean_offset_n(every, truth_n)

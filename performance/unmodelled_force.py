@@ -24,7 +24,7 @@ from cylinder_friction.deployment.c_export.export import export_c
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.recordings.columns import POSITION, PRESSURES
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.recordings.truth import known_truth
 
 if TYPE_CHECKING:
@@ -70,13 +70,13 @@ def main() -> None:
     if with_flag.guard is None or not with_flag.guard.force_weights:
         parser.error(f"{folder}: does not know the range of the force balance; train it again")
     without.guard = replace(with_flag.guard, force_weights=())
-    held_out = [each for role in HELD_OUT for each in read_recordings(run / "data/processed" / role)]
+    held_out = [each for role in HELD_OUT for each in read_stored(run / "data/processed" / role)]
     known, pair = run / "data/raw/rig_truth", (without, with_flag)
     print(HEAD)
     print(line("held out, unloaded, usable", pair, held_out, known, usable))
     print(line(f"held out, unloaded, off by over {STOPPED_N:g} N (end stop)", pair, held_out, known, stopped))
     if loaded is not None:
-        loads = read_recordings(loaded / "data/processed/test")
+        loads = read_stored(loaded / "data/processed/test")
         words = "held out, with a load that it does not know"
         print(line(words, pair, loads, loaded / "data/raw/rig_truth", usable))
     for words, columns, unit in OTHER_UNITS:

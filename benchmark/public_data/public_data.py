@@ -15,7 +15,7 @@ from cylinder_friction.recordings.ingesting import Source, ingest_folder
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 from cylinder_friction.signals.smooth_signals import smooth_columns
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
@@ -104,7 +104,7 @@ def recordings_of(path: Path, rig: str) -> list[Recording]:
         ingested = ingest_folder(Source(path.parent, path.name, recipe_of(rig)), folder, Path(place) / "out.json")
         if not ingested.recordings:
             raise RecordingError(f"{path.name}: {ingested.quarantined}")
-        return read_recordings(folder)
+        return read_stored(folder)
 
 
 def labelled(

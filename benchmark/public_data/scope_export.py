@@ -19,7 +19,7 @@ import numpy as np
 import pandas as pd
 
 from cylinder_friction.commands.cli import main as command
-from cylinder_friction.recordings.reading_logs import read_logs
+from cylinder_friction.recordings.reading_logs import read_recordings
 from public_data import CYLINDERS, labelled, recordings_of
 from public_figures import CRANE_RUNS
 
@@ -78,7 +78,7 @@ def both_readings(data: Path, run: str, folder: Path) -> dict[str, tuple[list[Re
     shutil.copytree(RULES, mapping.parent / "rules", dirs_exist_ok=True)
     mapping.unlink(missing_ok=True)
     command(["ingest", "init", str(scope), "--output", str(mapping)])
-    from_scope = read_logs(scope, mapping, CYLINDERS["crane"], load="position")
+    from_scope = read_recordings(scope, mapping, CYLINDERS["crane"], load="position")
     return {
         "its present file": labelled(recordings_of(path, "crane"), "crane", load="position"),
         "the scope's layout": labelled(from_scope, "crane", load="position"),

@@ -13,7 +13,7 @@ import pytest
 from cylinder_friction.commands.params import compose_params
 from cylinder_friction.params.checking import Params, check_params
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.recordings.truth import read_truth
 from cylinder_friction.rig.campaign import CampaignPlan
 from cylinder_friction.stages import filter as filter_stage
@@ -38,7 +38,7 @@ def smoke(*overrides: str) -> Params:
 def through_the_stages(params: Params) -> list[Recording]:
     for stage in (record, ingest, filter_stage, label):
         stage.run(params)
-    made = read_recordings(LABELLED_FOLDER)
+    made = read_stored(LABELLED_FOLDER)
     return sorted(made, key=lambda recording: recording.name)
 
 

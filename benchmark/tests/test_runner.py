@@ -11,7 +11,7 @@ import pytest
 from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.evaluation.strata import StrataLimits
 from cylinder_friction.params.checking import ParamsError
-from cylinder_friction.recordings.storage import read_recordings, write_recording
+from cylinder_friction.recordings.storage import read_stored, write_recording
 from friction_benchmark.conclusions import findings_of
 from friction_benchmark.datasets import Sources, _read, cases_of, folds_of
 from friction_benchmark.plan import Plan
@@ -208,7 +208,7 @@ def test_the_choice_does_not_depend_on_test_recordings(
     other = made_runner(tmp_path, plan)
     tested = folds_of(other.sources, task_named("identity"), "held_out_sessions", 0)[0].test
     folder = other.sources.campaign_folder("campaign", 0)
-    for recording in read_recordings(folder):
+    for recording in read_stored(folder):
         if recording.name in tested:
             write_recording(folder, recording.with_columns(friction_n=-recording.column("friction_n")))
     cases_of.cache_clear()

@@ -49,7 +49,7 @@ if TYPE_CHECKING:
     from cylinder_friction.evaluation.comparison import compare
     from cylinder_friction.labelling.label import label, position_load
     from cylinder_friction.labelling.offset_identification import fit_offset_model
-    from cylinder_friction.recordings.reading_logs import read_logs as read_recordings
+    from cylinder_friction.recordings.reading_logs import read_recordings
     from cylinder_friction.recordings.recording import Recording
     from cylinder_friction.recordings.splits import split
     from cylinder_friction.reporting.figures import plot
@@ -90,7 +90,7 @@ _DEFINED_IN = {
     "load": "estimators.loading:load_estimator",
     "plot": "reporting.figures",
     "position_load": "labelling.label",
-    "read_recordings": "recordings.reading_logs:read_logs",
+    "read_recordings": "recordings.reading_logs",
     "split": "recordings.splits",
 }
 """Each name's module, imported when the name is first used, so that ``import cylinder_friction`` costs nothing."""

@@ -12,7 +12,7 @@ from cylinder_friction.commands.cli import main
 from cylinder_friction.commands.params import compose_params
 from cylinder_friction.params.checking import check_params
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.stages import ingest
 from cylinder_friction.stages._stage import RECORDINGS_FOLDER
 from format_writers import SAMPLES
@@ -49,7 +49,7 @@ def write_rig_log(path: Path, log: pd.DataFrame) -> None:
 
 def ingest_as(name: str) -> list[Recording]:
     ingest.run(check_params(compose_params(Path("conf"), [f"ingest={name}"]), name))
-    return read_recordings(RECORDINGS_FOLDER)
+    return read_stored(RECORDINGS_FOLDER)
 
 
 @pytest.mark.parametrize("name", SAMPLES)

@@ -19,9 +19,9 @@ SCRIPT = """
 import sys
 from pathlib import Path
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 
-(recording,) = read_recordings(Path(sys.argv[1]) / "recordings")
+(recording,) = read_stored(Path(sys.argv[1]) / "recordings")
 for folder in sorted(Path(sys.argv[1]).glob("model_*")):
     estimator = load_estimator(folder)
     estimator.estimate(recording)

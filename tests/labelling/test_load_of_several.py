@@ -16,7 +16,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.label import Labeller, label, position_load
 from cylinder_friction.labelling.load import LoadIdentification, LoadPlan, identify_load, pooled_load
 from cylinder_friction.recordings.columns import OTHER_POSITIONS
-from cylinder_friction.recordings.reading_logs import read_logs
+from cylinder_friction.recordings.reading_logs import read_recordings
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 from cylinder_friction.signals.methods import default_filter
 from cylinder_friction.signals.smooth_signals import SignalFilter, filtered
@@ -129,7 +129,7 @@ def jib() -> tuple[Labeller, SignalFilter, list[Recording]]:
     march = channels | {"time_s": {"channel": "time", "unit": "ms"}}
     recordings, smoothing = [], default_filter(cylinder)
     for name in ("Dual1*", "Dual2*", "JibSine*", "Ramp*", "JibSTD*"):
-        recordings += read_logs((CRANE / name).as_posix(), march if "STD" in name else channels, cylinder)
+        recordings += read_recordings((CRANE / name).as_posix(), march if "STD" in name else channels, cylinder)
     assert len(recordings) == 7
     return Labeller(cylinder, load="position"), smoothing, [filtered(each, smoothing) for each in recordings]
 

@@ -22,7 +22,7 @@ from cylinder_friction.recordings.ingesting import Source, ingest_folder
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.rig.campaign import CampaignPlan, campaign
 
 Damage = Callable[[pd.DataFrame, Path], None]
@@ -189,7 +189,7 @@ def test_damaged_file(name: str, source: Source, logs: list[pd.DataFrame], tmp_p
     damage, outcome, says = CASES[name]
     damage(logs[2].copy(), source.folder)
     result = ingest_folder(source, tmp_path / "recordings", tmp_path / "quarantine.json")
-    recordings = read_recordings(tmp_path / "recordings")
+    recordings = read_stored(tmp_path / "recordings")
     good = [recording for recording in recordings if recording not in of_the_damaged(recordings)]
     assert [recording.name for recording in good] == [
         "condition1_session01_recording01",

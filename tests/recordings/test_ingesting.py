@@ -11,7 +11,7 @@ from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_fold
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 from logger_files import CHANNELS, write_log
 
 LIMITS = CheckLimits(stroke_m=0.25)
@@ -40,7 +40,7 @@ def ingest(source: Source, into: Path) -> Ingested:
 
 def test_good_files_become_recordings(source: Source, tmp_path: Path, labelled_recordings: list[Recording]) -> None:
     result = ingest(source, tmp_path / "out")
-    recordings = read_recordings(tmp_path / "out")
+    recordings = read_stored(tmp_path / "out")
     assert [recording.name for recording in recordings] == [f"condition1_session0{n}_recording01" for n in range(3)]
     assert result.quarantined == []
     assert read_json(tmp_path / "out.json") == []
@@ -66,7 +66,7 @@ def test_nothing_usable_is_an_error_and_leaves_the_old_output(source: Source, tm
         path.write_text("a\n1\n")
     with pytest.raises(RecordingError, match=r"none of 3 files is usable; the first, condition1_session00_.*csv: "):
         ingest(source, tmp_path / "out")
-    assert len(read_recordings(tmp_path / "out")) == 3
+    assert len(read_stored(tmp_path / "out")) == 3
 
 
 def test_empty_folder_says_what_to_do(source: Source, tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ import yaml
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
-from cylinder_friction.recordings.reading_logs import read_logs
+from cylinder_friction.recordings.reading_logs import read_recordings
 from cylinder_friction.recordings.recording import RecordingError
 
 CHANNELS = {
@@ -36,7 +36,7 @@ def logs(tmp_path_factory: pytest.TempPathFactory, rig_tables: dict[str, pd.Data
 def test_files_become_recordings_sorted_by_path(
     logs: Path, cylinder: Cylinder, rig_tables: dict[str, pd.DataFrame]
 ) -> None:
-    recordings = read_logs(str(logs / "*.csv"), CHANNELS, cylinder)
+    recordings = read_recordings(str(logs / "*.csv"), CHANNELS, cylinder)
     assert [recording.name for recording in recordings] == sorted(list(rig_tables)[:3])
     first = recordings[0]
     np.testing.assert_allclose(first.samples(), rig_tables[first.name][list(CHANNELS)[1:]], rtol=1e-12)
@@ -47,13 +47,13 @@ def test_files_become_recordings_sorted_by_path(
 def test_path_folder_list_and_mapping_objects_read_the_same(logs: Path, cylinder: Cylinder) -> None:
     mapping = {column: ChannelMapping.from_dict(entry) for column, entry in CHANNELS.items()}
     paths = sorted(logs.glob("*.csv"))
-    whole = [repr(recording) for recording in read_logs(logs, CHANNELS, cylinder)]
-    assert [repr(recording) for recording in read_logs(paths, mapping, cylinder)] == whole
-    assert [repr(recording) for recording in read_logs(paths[0], mapping, cylinder)] == whole[:1]
+    whole = [repr(recording) for recording in read_recordings(logs, CHANNELS, cylinder)]
+    assert [repr(recording) for recording in read_recordings(paths, mapping, cylinder)] == whole
+    assert [repr(recording) for recording in read_recordings(paths[0], mapping, cylinder)] == whole[:1]
 
 
 def test_names_give_condition_and_session(logs: Path, cylinder: Cylinder) -> None:
-    first, *_ = read_logs(logs, CHANNELS, cylinder, names=NAMES)
+    first, *_ = read_recordings(logs, CHANNELS, cylinder, names=NAMES)
     assert (first.metadata.condition, first.metadata.session) == ("1", "condition1_session01")
 
 
@@ -64,9 +64,9 @@ def test_a_table_of_names_beside_the_files_is_honoured_unless_names_are_given(
     lines = [f"{path.name},{number} kN,monday" for number, path in enumerate(paths, start=1)]
     (tmp_path / "names.csv").write_text("\n".join(["file,condition,session", *lines]))
     mapping = {"channels": CHANNELS, "name_pattern": None, "name_table": "names.csv"}
-    tabled = [recording.metadata for recording in read_logs(tmp_path, mapping, cylinder)]
+    tabled = [recording.metadata for recording in read_recordings(tmp_path, mapping, cylinder)]
     assert [(each.condition, each.session) for each in tabled] == [("1 kN", "monday"), ("2 kN", "monday")]
-    first, _ = read_logs(paths, mapping, cylinder, names=NAMES)
+    first, _ = read_recordings(paths, mapping, cylinder, names=NAMES)
     assert (first.metadata.condition, first.metadata.session) == ("1", "condition1_session01")
 
 
@@ -78,15 +78,15 @@ def test_a_configuration_brings_its_rules_and_names(logs: Path, cylinder: Cylind
         f"source: {logs}\nname_pattern: '{NAMES}'\ntime: {{rate_hz: 100.0}}\nchannels: {CHANNELS}\n"
     )
     (tmp_path / "strict.yaml").write_text("defaults:\n  - own\n  - _self_\nchecks: {minimum_duration_s: 1.0e+3}\n")
-    assert {each.sample_time_s for each in read_logs(logs, tmp_path / "own.yaml", cylinder)} == {0.01}
+    assert {each.sample_time_s for each in read_recordings(logs, tmp_path / "own.yaml", cylinder)} == {0.01}
     with pytest.raises(RecordingError, match=r"none of 3 files is usable; the first, \S+csv: lasts 40 s .* 1e\+03 s"):
-        read_logs(logs, tmp_path / "strict.yaml", cylinder)
+        read_recordings(logs, tmp_path / "strict.yaml", cylinder)
 
 
 def test_a_guessed_mapping_is_stated(logs: Path, cylinder: Cylinder) -> None:
     with pytest.warns(UserWarning, match=r"(?s)guessed from condition1.*position_m: \{channel: \"x \[mm\]\", unit: mm"):
-        guessed = read_logs(logs, None, cylinder)
-    for one, other in zip(guessed, read_logs(logs, CHANNELS, cylinder), strict=True):
+        guessed = read_recordings(logs, None, cylinder)
+    for one, other in zip(guessed, read_recordings(logs, CHANNELS, cylinder), strict=True):
         pd.testing.assert_frame_equal(one.table, other.table)
 
 
@@ -97,33 +97,33 @@ def test_a_guess_holds_for_files_that_call_a_channel_otherwise(logs: Path, tmp_p
     renamed.to_csv(last, index=False)
     (tmp_path / "logs/z.csv").write_text("a\n1\n")
     with pytest.warns(UserWarning, match="calls it pressure A|left out z.csv"):
-        guessed = read_logs(tmp_path / "logs", None, cylinder)
+        guessed = read_recordings(tmp_path / "logs", None, cylinder)
     assert [each.name for each in guessed] == sorted(path.stem for path in logs.iterdir())
-    pd.testing.assert_frame_equal(guessed[-1].table, read_logs(logs, CHANNELS, cylinder)[-1].table)
+    pd.testing.assert_frame_equal(guessed[-1].table, read_recordings(logs, CHANNELS, cylinder)[-1].table)
 
 
 def test_what_cannot_be_guessed_is_named(tmp_path: Path, cylinder: Cylinder) -> None:
     pd.DataFrame({"t [s]": np.arange(9.0), "p_A [bar]": 1.0, "p_B [mA]": 2.0}).to_csv(tmp_path / "a.csv", index=False)
     with pytest.raises(RecordingError, match=r"a.csv: no mapping was given, and that of pressure_2_pa, position_m"):
-        read_logs(tmp_path / "a.csv", None, cylinder)
+        read_recordings(tmp_path / "a.csv", None, cylinder)
 
 
 def test_unusable_files_are_left_out_with_a_warning(logs: Path, cylinder: Cylinder, tmp_path: Path) -> None:
     (tmp_path / "broken.csv").write_text("a\n1\n")
     with pytest.warns(UserWarning, match=r"left out \S*broken.csv: channel 'p_A .* is missing"):
-        assert len(read_logs([logs, tmp_path], CHANNELS, cylinder)) == 3
+        assert len(read_recordings([logs, tmp_path], CHANNELS, cylinder)) == 3
 
 
 def test_missing_files_and_channels_are_refused(logs: Path, cylinder: Cylinder, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="no logger file was given; expected a path, a pattern or a folder, or"):
-        read_logs([], CHANNELS, cylinder)
+        read_recordings([], CHANNELS, cylinder)
     with pytest.raises(RecordingError, match=r"nothing\*.csv: no such file, and no file matches it as a pattern"):
-        read_logs(tmp_path / "nothing*.csv", CHANNELS, cylinder)
+        read_recordings(tmp_path / "nothing*.csv", CHANNELS, cylinder)
     (tmp_path / "empty.yaml").write_text("source: here\n")
     with pytest.raises(RecordingError, match="expected a key 'channels' with one entry per column, but got source"):
-        read_logs(logs, tmp_path / "empty.yaml", cylinder)
+        read_recordings(logs, tmp_path / "empty.yaml", cylinder)
     with pytest.raises(RecordingError, match="column 'position_m' has no channel"):
-        read_logs(logs, {column: CHANNELS[column] for column in list(CHANNELS)[:3]}, cylinder)
+        read_recordings(logs, {column: CHANNELS[column] for column in list(CHANNELS)[:3]}, cylinder)
 
 
 @pytest.fixture(scope="module")
@@ -153,7 +153,7 @@ def test_channels_at_three_rates_are_found_and_brought_to_one(
     several_rates: Path, cylinder: Cylinder, rig_tables: dict[str, pd.DataFrame]
 ) -> None:
     with pytest.warns(UserWarning, match="no mapping was given") as warned:
-        (recording,) = read_logs(several_rates, None, cylinder, load="none", units={"pressure": "bar"})
+        (recording,) = read_recordings(several_rates, None, cylinder, load="none", units={"pressure": "bar"})
     guessed = str(warned[0].message)
     for line in (
         'time_s: {channel: "Name", unit: ms}',
@@ -173,13 +173,13 @@ def test_channels_at_three_rates_are_found_and_brought_to_one(
 def test_a_pipe_is_no_log(logs: Path, cylinder: Cylinder, tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "log.csv")
     with pytest.raises(RecordingError, match=r"log.csv: is no regular file; copy what comes from it into one"):
-        read_logs(tmp_path / "log.csv", CHANNELS, cylinder)
+        read_recordings(tmp_path / "log.csv", CHANNELS, cylinder)
 
 
 def test_a_mapping_finds_the_rules_wherever_it_lies(logs: Path, cylinder: Cylinder, tmp_path: Path) -> None:
     mapping = tmp_path / "press.yaml"
     mapping.write_text(yaml.safe_dump({"defaults": [{"rules@_here_": "default"}, "_self_"], "channels": CHANNELS}))
-    assert len(read_logs(logs, mapping, cylinder)) == 3
+    assert len(read_recordings(logs, mapping, cylinder)) == 3
 
 
 @pytest.mark.parametrize(
@@ -199,7 +199,7 @@ def test_a_mapping_of_another_shape_is_refused_with_its_name(
     mapping = tmp_path / "press.yaml"
     mapping.write_text(yaml.safe_dump(wrong))
     with pytest.raises(RecordingError, match=r"press.yaml: is no mapping of channels to columns with rules"):
-        read_logs(logs, mapping, cylinder)
+        read_recordings(logs, mapping, cylinder)
 
 
 def test_logs_in_a_folder_beside_are_named_as_they_are(
@@ -208,7 +208,7 @@ def test_logs_in_a_folder_beside_are_named_as_they_are(
     (tmp_path / "here").mkdir()
     shutil.copy(sorted(logs.glob("*.csv"))[0], tmp_path / "log.csv")
     monkeypatch.chdir(tmp_path / "here")
-    (recording,) = read_logs("../log.csv", {"source": ".", "channels": CHANNELS}, cylinder)
+    (recording,) = read_recordings("../log.csv", {"source": ".", "channels": CHANNELS}, cylinder)
     assert recording.name == "log"
 
 
@@ -216,7 +216,7 @@ def test_a_table_of_very_many_columns_is_refused_at_once(cylinder: Cylinder, tmp
     names = ",".join(f"c{column}" for column in range(100_000))
     (tmp_path / "wide.csv").write_text(f"{names}\n" + f"{','.join(['1.0'] * 100_000)}\n" * 3)
     with pytest.raises(RecordingError, match=r"wide.csv: has 100,000 columns, expected at most 10,000"):
-        read_logs(tmp_path / "wide.csv", None, cylinder)
+        read_recordings(tmp_path / "wide.csv", None, cylinder)
 
 
 def plain(logs: Path, folder: Path, pressure: float = 1.0, position: float = 1.0, time: float = 1.0) -> Path:
@@ -247,7 +247,7 @@ def test_units_that_the_values_leave_open_are_refused(
     logs: Path, cylinder: Cylinder, tmp_path: Path, scales: dict[str, float], words: str
 ) -> None:
     with pytest.raises(RecordingError, match=words):
-        read_logs(plain(logs, tmp_path, **scales), None, cylinder)
+        read_recordings(plain(logs, tmp_path, **scales), None, cylinder)
 
 
 @pytest.mark.filterwarnings("ignore:no mapping was given")
@@ -258,8 +258,8 @@ def test_units_that_the_values_leave_open_are_refused(
 def test_units_that_are_given_or_that_alone_fit_are_taken(
     logs: Path, cylinder: Cylinder, tmp_path: Path, scale: float, units: dict[str, str] | None
 ) -> None:
-    (recording,) = read_logs(plain(logs, tmp_path, scale), None, cylinder, units=units)
-    first = read_logs(sorted(logs.glob("*.csv"))[0], CHANNELS, cylinder)[0]
+    (recording,) = read_recordings(plain(logs, tmp_path, scale), None, cylinder, units=units)
+    first = read_recordings(sorted(logs.glob("*.csv"))[0], CHANNELS, cylinder)[0]
     np.testing.assert_allclose(recording.samples(), first.samples(), rtol=1e-5)
 
 
@@ -288,7 +288,7 @@ def test_units_that_cannot_hold_are_refused(
     logs: Path, cylinder: Cylinder, units: dict[str, str], channels: dict[str, Any] | None, words: str
 ) -> None:
     with pytest.raises(RecordingError, match=words):
-        read_logs(logs, channels, cylinder, units=units)
+        read_recordings(logs, channels, cylinder, units=units)
 
 
 @pytest.mark.filterwarnings("ignore:no mapping was given")
@@ -310,5 +310,5 @@ def test_swapped_and_reversed_signals_are_called_so_without_a_mapping(
     table = pd.read_csv(sorted(logs.glob("*.csv"))[0])
     change(table).set_axis(table.columns, axis="columns").to_csv(tmp_path / "log.csv", index=False)
     with pytest.raises(RecordingError, match=words) as refused:
-        read_logs(tmp_path / "log.csv", None, cylinder)
+        read_recordings(tmp_path / "log.csv", None, cylinder)
     assert not re.search("mm read as m", str(refused.value))

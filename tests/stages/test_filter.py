@@ -12,7 +12,7 @@ import pytest
 from cylinder_friction.commands.params import compose_params
 from cylinder_friction.params.checking import Params, ParamsError, check_params
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.recordings.storage import read_recordings, write_recording
+from cylinder_friction.recordings.storage import read_stored, write_recording
 from cylinder_friction.stages import filter as filter_stage
 from cylinder_friction.stages._stage import RECORDINGS_FOLDER, SIGNALS_FOLDER
 from shipped_params import shipped
@@ -51,7 +51,7 @@ def test_signals_are_added_and_a_drive_force_and_a_measured_load_are_smoothed_li
     table = original.table[["time_s", "position_m"]].assign(drive_force_n=force_n, load_force_n=0.5 * force_n)
     write_recording(RECORDINGS_FOLDER, Recording(replace(original.metadata, name="drive"), table))
     assert filter_stage.run(recipes[name]).metrics == {"recordings": 2.0, "rows": 8000.0}
-    by_name = {recording.name: recording for recording in read_recordings(SIGNALS_FOLDER)}
+    by_name = {recording.name: recording for recording in read_stored(SIGNALS_FOLDER)}
     got, drive = by_name[original.name], by_name["drive"]
     assert list(got.table.columns) == RAW + ADDED
     np.testing.assert_array_equal(got.samples(), original.samples())

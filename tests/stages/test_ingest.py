@@ -10,7 +10,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.params.checking import Params, ParamsError, check_params
 from cylinder_friction.recordings.files import read_json
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.stages import ingest
 from cylinder_friction.stages._stage import RECORDINGS_FOLDER
 from shipped_params import shipped
@@ -47,7 +47,7 @@ def test_rig_logs_become_recordings(workplace: Path, cylinder: Cylinder, labelle
         log.to_csv(folder / f"condition{condition}_session0{take}_recording01.csv", index=False)
     (folder / "condition9_session01_recording01.csv").write_text("Time [s]\n0.0\n", encoding="utf-8")
     record = ingest.run(params_for("rig"))
-    recordings = read_recordings(RECORDINGS_FOLDER)
+    recordings = read_stored(RECORDINGS_FOLDER)
     assert [(entry.metadata.condition, entry.metadata.session) for entry in recordings] == [
         ("1", "condition1_session01"),
         ("1", "condition1_session02"),
@@ -84,7 +84,7 @@ def test_own_logs_as_the_example_says(
     path.parent.mkdir(parents=True)
     log.to_csv(path, index=False, sep=";", decimal=",")
     ingest.run(params_for("own"))
-    (own,) = read_recordings(RECORDINGS_FOLDER)
+    (own,) = read_stored(RECORDINGS_FOLDER)
     assert (own.metadata.condition, own.metadata.session) == ("no-load", "no-load_2026-03-14_monday")
     assert own.name == "no-load_2026-03-14_monday-stroke_07"
     assert own.metadata.cylinder == cylinder.name

@@ -11,7 +11,7 @@ import pytest
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from cylinder_friction.recordings.storage import read_recording, read_recordings, recording_paths, write_recording
+from cylinder_friction.recordings.storage import read_recording, read_stored, recording_paths, write_recording
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages import filter as filter_stage
 from cylinder_friction.stages import label
@@ -53,7 +53,7 @@ def test_labels_are_near_friction_and_know_no_truth(made: list[Recording]) -> No
     record = run()
     assert record.metrics["recordings"] == len(made) == 6
     assert record.metrics["audited_recordings"] == 6.0
-    for recording, original in zip(read_recordings(LABELLED_FOLDER), made, strict=True):
+    for recording, original in zip(read_stored(LABELLED_FOLDER), made, strict=True):
         true_n, usable = original.column("friction_n"), recording.usable()
         assert recording.name == original.name
         assert not usable[:40].any()
@@ -89,7 +89,7 @@ def test_the_audit_compares_every_filter_in_every_condition(made: list[Recording
 
 def test_end_stop_margin_is_kept_and_a_literal_reading_of_the_paper_is_absurd(made: list[Recording]) -> None:
     run(end_stop_margin_m=0.10, stiffness="paper_literal")
-    for recording in read_recordings(LABELLED_FOLDER):
+    for recording in read_stored(LABELLED_FOLDER):
         usable = recording.usable()
         assert np.abs(recording.column("position_m")[usable] - 0.125).max() < 0.025
         assert 0 < usable.sum() < 0.5 * len(usable)
@@ -107,7 +107,7 @@ def test_load_and_mass_are_identified_session_by_session(made: list[Recording], 
         # Six kilograms beside 280 N of friction are beyond such motion: the given mass stays.
         assert content["motion"]["mass_known"] is False
         assert content["moving_mass_kg"] == cylinder.moving_mass_kg
-    labelled = read_recordings(LABELLED_FOLDER)
+    labelled = read_stored(LABELLED_FOLDER)
     assert record.metrics["usable_rows"] == sum(each.usable().sum() for each in labelled) > 0.7 * record.metrics["rows"]
     assert all({"load_force_n", "friction_n"} <= set(each.table.columns) for each in labelled)
 

@@ -11,7 +11,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.params.checking import Params, check_params
 from cylinder_friction.recordings.files import read_json
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.stages import filter as filter_stage
 from cylinder_friction.stages import ingest, label
 from cylinder_friction.stages._stage import LABELLED_FOLDER
@@ -108,7 +108,7 @@ def labelled(method: str) -> list[Recording]:
     for stage in (ingest, filter_stage, label):
         stage.run(params)
     assert read_json(ingest.QUARANTINE_FILE) == []
-    return read_recordings(LABELLED_FOLDER)
+    return read_stored(LABELLED_FOLDER)
 
 
 @pytest.mark.parametrize("method", ["window", "found"])

@@ -13,7 +13,7 @@ from cylinder_friction.labelling.load import LoadIdentification
 from cylinder_friction.labelling.strokes import TravelCovered
 from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.recordings.recording import Recording, RecordingError, SensorUncertainty
-from cylinder_friction.recordings.storage import read_recordings, write_recording
+from cylinder_friction.recordings.storage import read_stored, write_recording
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages import offset
 from cylinder_friction.stages._stage import (
@@ -58,18 +58,18 @@ def run(load: str = "none", identify: str = "auto", *, common_load: bool = False
 
 def change(role: str, **metadata: Any) -> None:
     for name in read_json(SPLIT_FILE)[role]:
-        (recording,) = [each for each in read_recordings(LABELLED_FOLDER) if each.name == name]
+        (recording,) = [each for each in read_stored(LABELLED_FOLDER) if each.name == name]
         write_recording(LABELLED_FOLDER, replace(recording, metadata=replace(recording.metadata, **metadata)))
 
 
 def test_offsets_leave_the_labels_and_pressures_stay_as_measured(workplace: Path) -> None:
     record = run(identify="always")
-    measured = {each.name: each for each in read_recordings(LABELLED_FOLDER)}
+    measured = {each.name: each for each in read_stored(LABELLED_FOLDER)}
     found = {each["session"]: each for each in read_json(OFFSET_FILE)["sessions"]}
     assert read_json(OFFSET_FILE)["left_alone_because"] == ""
     difference_n = []
     for role, folder in PROCESSED_FOLDERS.items():
-        for recording in read_recordings(folder):
+        for recording in read_stored(folder):
             before, own = measured[recording.name], found[recording.metadata.session]
             assert own["role"] == role
             assert recording.samples().tolist() == before.samples().tolist()
@@ -79,7 +79,7 @@ def test_offsets_leave_the_labels_and_pressures_stay_as_measured(workplace: Path
     # sessions with and without an offset alternate; their mean is not determined
     assert np.mean(difference_n[1::2]) - np.mean(difference_n[::2]) == pytest.approx(OFFSET_N, abs=4.0)
     assert read_json(ESTIMATORS_FILE)["offset_tracker"]["prior"][0] == pytest.approx(11.99, abs=0.01)
-    for recording in read_recordings(LABELLED_FOLDER)[5:]:
+    for recording in read_stored(LABELLED_FOLDER)[5:]:
         write_recording(LABELLED_FOLDER, recording.with_columns(friction_n=2.0 * recording.column("friction_n")))
     assert run(identify="always").datasets["train"] == record.datasets["train"], (
         "other sessions change nothing in training"
@@ -103,7 +103,7 @@ def test_offsets_are_left_alone_and_the_reason_is_kept(
     assert re.search(reason, content["left_alone_because"])
     assert record.tags["offsets"] == content["left_alone_because"]
     assert read_json(ESTIMATORS_FILE)["offset_tracker"] is None
-    assert not any(each.metadata.identified_zero for each in read_recordings(PROCESSED_FOLDERS["train"]))
+    assert not any(each.metadata.identified_zero for each in read_stored(PROCESSED_FOLDERS["train"]))
 
 
 def test_what_few_sessions_do_not_show_is_left_alone(workplace: Path) -> None:
@@ -121,7 +121,7 @@ def test_a_load_identified_from_position_and_a_wish_leave_offsets_alone(workplac
 
 
 def test_beside_a_measured_load_the_load_cell_has_its_part_of_the_offset(workplace: Path) -> None:
-    for recording in read_recordings(LABELLED_FOLDER):
+    for recording in read_stored(LABELLED_FOLDER):
         write_recording(LABELLED_FOLDER, recording.with_columns(load_force_n=np.zeros(len(recording))))
     assert "the uncertainty of the sensors' zeros is not stated" in run("measured").tags["offsets"]
     assert read_json(ESTIMATORS_FILE)["offset_tracker"] is None
@@ -131,7 +131,7 @@ def test_beside_a_measured_load_the_load_cell_has_its_part_of_the_offset(workpla
     given, sessions = read_json(ESTIMATORS_FILE), read_json(OFFSET_FILE)["sessions"]
     assert given["inputs"] == ["pressure_1_pa", "pressure_2_pa", "position_m", "load_force_n"]
     assert given["offset_tracker"]["weights"][0][3] == pytest.approx(-1.0, abs=0.05)
-    tested = read_recordings(PROCESSED_FOLDERS["test"])[0].metadata
+    tested = read_stored(PROCESSED_FOLDERS["test"])[0].metadata
     (found,) = (each for each in sessions if each["session"] == tested.session)
     assert found["prior_n"] == pytest.approx(np.hypot(11.99, 5.0), abs=0.01)
     assert set(tested.identified_zero) == {"pressure_1_pa", "pressure_2_pa", "load_force_n"}
@@ -141,7 +141,7 @@ def test_beside_a_measured_load_the_load_cell_has_its_part_of_the_offset(workpla
 
 def write_loads(spread_n: float) -> None:
     """Write what stage ``label`` would of loads by position: 300 N in the first session, more in each further one."""
-    names = sorted({each.metadata.session for each in read_recordings(LABELLED_FOLDER)})
+    names = sorted({each.metadata.session for each in read_stored(LABELLED_FOLDER)})
     number = dict.fromkeys(("asymmetry_n", "coulomb_n", "coulomb_extend_n", "coulomb_retract_n", "residual_n"), 4.0)
     pairs = dict.fromkeys(("coulomb_interval_n", "viscous_interval_n_s_m", "load_range_n"), (0.0, 0.0))
     load = LoadIdentification(
@@ -157,7 +157,7 @@ def test_with_a_common_load_the_offset_of_each_session_is_identified_beside_it(
 ) -> None:
     write_loads(1.0)
     loads = read_json(IDENTIFIED_FILE)
-    for each in read_recordings(LABELLED_FOLDER):
+    for each in read_stored(LABELLED_FOLDER):
         own_n = np.full(len(each), loads[each.metadata.session]["load"]["coefficients_n"][0])
         pressure_pa = each.column("pressure_1_pa") + 302.0 / cylinder.piston_area_m2
         # the session's own load has absorbed its sensors' offset, too much or too little of it
@@ -171,7 +171,7 @@ def test_with_a_common_load_the_offset_of_each_session_is_identified_beside_it(
     assert np.mean(values[1::2]) - np.mean(values[::2]) == pytest.approx(OFFSET_N, abs=4.0)
     given = read_json(ESTIMATORS_FILE)
     assert len(given["offset_tracker"]["weights"][0]) == 4
-    (recording, *_) = read_recordings(PROCESSED_FOLDERS["train"])
+    (recording, *_) = read_stored(PROCESSED_FOLDERS["train"])
     inside = (recording.column("position_m") >= 0.02) & (recording.column("position_m") <= 0.2)
     assert recording.column("load_force_n")[inside] == pytest.approx(302.0)
     assert not recording.usable()[~inside].any()
@@ -206,8 +206,8 @@ def test_what_is_to_be_identified_in_any_case_and_cannot_be_is_refused(workplace
 
 def test_a_recording_without_usable_rows_goes_no_further(workplace: Path) -> None:
     name = read_json(SPLIT_FILE)["train"][0]
-    (recording,) = [each for each in read_recordings(LABELLED_FOLDER) if each.name == name]
+    (recording,) = [each for each in read_stored(LABELLED_FOLDER) if each.name == name]
     write_recording(LABELLED_FOLDER, recording.with_columns(usable=np.zeros(len(recording), dtype=np.bool_)))
     run(identify="never")
-    assert name not in [each.name for each in read_recordings(PROCESSED_FOLDERS["train"])]
-    assert len(read_recordings(PROCESSED_FOLDERS["train"])) == 4
+    assert name not in [each.name for each in read_stored(PROCESSED_FOLDERS["train"])]
+    assert len(read_stored(PROCESSED_FOLDERS["train"])) == 4

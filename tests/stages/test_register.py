@@ -12,7 +12,7 @@ from mlflow import MlflowClient
 
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.stages import register
 from cylinder_friction.tracking.repository import LineageError, TrackingError
 from cylinder_friction.tracking.store import tracking_uri
@@ -119,7 +119,7 @@ def test_the_gate_goes_by_true_friction_where_it_is_known(repository: Path) -> N
 def test_errors_against_truth_are_measured_on_the_recordings_whose_truth_is_known(
     repository: Path, tmp_path: Path
 ) -> None:
-    test = read_recordings(repository / "data/processed/test")
+    test = read_stored(repository / "data/processed/test")
     known = test[0]
     estimate_n = load_estimator(repository / "models/hybrid").estimate(known)
     truth = known.table[["time_s", "velocity_m_s"]].assign(friction_n=estimate_n / 1.25)

@@ -11,7 +11,7 @@ import yaml
 from mlflow import MlflowClient
 
 from cylinder_friction.recordings.files import hash_of
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.run_record import STAGES, RunRecord, comes_after
 from cylinder_friction.stages._stage import datasets
 from cylinder_friction.tracking.executions import dataset_input, digest_of
@@ -155,7 +155,7 @@ def test_a_folder_of_recordings_is_a_dataset_that_mlflow_resolves(
     assert [(tag.key, tag.value) for tag in found.tags] == [("mlflow.data.context", context)]
     assert found.dataset.digest == hash_of(folder)[:36] == digest_of(used)
     schema = json.loads(found.dataset.schema or "")["mlflow_colspec"]
-    recordings = read_recordings(folder)
+    recordings = read_stored(folder)
     types = {column["name"]: column["type"] for column in schema}
     assert list(types) == list(recordings[0].table.columns)
     assert (types["friction_n"], types["usable"]) == ("double", "boolean")

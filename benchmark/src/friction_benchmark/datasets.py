@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from cylinder_friction.recordings.columns import OIL_TEMPERATURE
 from cylinder_friction.recordings.splits import split_sessions
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 from friction_benchmark.cases import SENSOR_DRAWS, EvaluationCase, LabelledRecording, evaluation_case, shown_inputs
 from friction_benchmark.folds import (
     HELD_OUT,
@@ -196,7 +196,7 @@ def _read(folder: Path) -> dict[str, LabelledRecording]:
     Identified zeros of the sensors are taken off: models of the literature have no part that learns them.
     """
     found: dict[str, LabelledRecording] = {}
-    for recording in read_recordings(folder):
+    for recording in read_stored(folder):
         friction_n, load_n = (
             recording.column(name) if name in recording.table.columns else None for name in (TRUE_FRICTION, TRUE_LOAD)
         )

@@ -51,7 +51,7 @@ def _adapted(
     from cylinder_friction.labelling.label import label, position_load
     from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES
     from cylinder_friction.recordings.files import write_json
-    from cylinder_friction.recordings.reading_logs import read_logs
+    from cylinder_friction.recordings.reading_logs import read_recordings
     from cylinder_friction.recordings.result_folder import ResultFolder, existing
 
     read = existing([*files, channels, model])
@@ -59,7 +59,7 @@ def _adapted(
         source = load_estimator(model)
         if not isinstance(source, HybridEstimator):
             raise ValueError(f"{name}: is of the kind {source.kind!r}, expected a hybrid; no other can be adapted")
-        recordings = read_logs(files, channels, cylinder, **reading)
+        recordings = read_recordings(files, channels, cylinder, **reading)
         mode: LoadMode = reading["load"] or ("measured" if LOAD_FORCE in recordings[0].table.columns else "none")
         labelled = label(recordings, cylinder, load=mode)
         load = position_load(recordings, cylinder) if mode == "position" else None

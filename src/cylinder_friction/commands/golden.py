@@ -11,7 +11,7 @@ from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.params.checking import Params, load_params
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.stages._stage import PROCESSED_FOLDERS
 from cylinder_friction.testing.golden import (
     MODEL_FOLDER,
@@ -53,7 +53,7 @@ def record_golden(folder: Path) -> str:
     """Record every trajectory anew with the model in ``folder``; returns one line per trajectory."""
     model = load_estimator(folder / MODEL_FOLDER).step_model()
     lines = []
-    for name, samples in golden_samples(read_recordings(PROCESSED_FOLDERS["test"]), model.inputs).items():
+    for name, samples in golden_samples(read_stored(PROCESSED_FOLDERS["test"]), model.inputs).items():
         write_trajectory(folder, name, trace(model, samples))
         lines.append(f"{name}: {len(samples)} samples")
     return "\n".join(lines)

@@ -13,7 +13,7 @@ from cylinder_friction.deployment.c_export.compiled import NoCompilerError
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.recordings.files import write_json
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.run_record import RUNS_FOLDER, RunRecord
 from cylinder_friction.stages._stage import (
     HYBRID_FOLDER,
@@ -52,7 +52,7 @@ def measure_latency(folders: Sequence[Path], effort: Effort) -> str:
     from cylinder_friction.tracking.log_run import track_or_warn
 
     chosen = list(folders) or list(FOLDERS)
-    recordings = read_recordings(PROCESSED_FOLDERS["test"])[:RECORDINGS]
+    recordings = read_stored(PROCESSED_FOLDERS["test"])[:RECORDINGS]
     if not recordings:
         raise RecordingError(f"{PROCESSED_FOLDERS['test']}: holds no recording to step through; run `dvc repro split`")
     estimators = {name: load_estimator(path) for name, path in _named(chosen).items()}

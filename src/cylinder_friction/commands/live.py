@@ -180,12 +180,12 @@ def _follow(
 def _replayed(options: argparse.Namespace, engine: Engine) -> dict[str, list[Recording]]:
     """Return the logs as recordings at the model's rate, by session."""
     from cylinder_friction.commands.estimate import cylinder_of, units_of
-    from cylinder_friction.recordings.reading_logs import read_logs
+    from cylinder_friction.recordings.reading_logs import read_recordings
 
     rate_hz = 1.0 / engine.sample_time_s
     units = units_of(options.unit)
     cylinder = cylinder_of(options.cylinder)
-    read = read_logs(options.replay, options.channels, cylinder, names=options.names, units=units)
+    read = read_recordings(options.replay, options.channels, cylinder, names=options.names, units=units)
     by_session: dict[str, list[Recording]] = {}
     for recording in read:
         if abs(recording.sample_time_s * rate_hz - 1.0) > 1e-6:

@@ -15,7 +15,7 @@ from cylinder_friction.estimators.front_end import FrontEndBlock
 from cylinder_friction.estimators.hybrid import HybridEstimator, train_correction
 from cylinder_friction.estimators.training_plan import Architecture, SequenceData, TrainingPlan
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 
 PLAN = TrainingPlan(epochs=40, patience=12, sequence_length=200, burn_in=100, batch_size=16, schedule="cosine")
 LEARNING_RATE = 5e-3
@@ -93,7 +93,7 @@ def distil(
 
 def distil_from_folder(original: HybridEstimator, nodes: int, folder: Path) -> tuple[HybridEstimator, DistilReport]:
     """Distil with the recordings in ``train``, ``validation`` and ``test`` of a folder; the last are held out."""
-    train, validation, test = (read_recordings(folder / role) for role in ("train", "validation", "test"))
+    train, validation, test = (read_stored(folder / role) for role in ("train", "validation", "test"))
     return distil(original, nodes, train, validation, test)
 
 

@@ -33,7 +33,7 @@ MOST_LOOKED_INTO = 50
 """Of so many logs the first ones are looked into for channels that the first of all does not have."""
 
 
-def read_logs(
+def read_recordings(
     files: str | Path | Iterable[str | Path],
     channels: str | Path | Mapping[str, Any] | None,
     cylinder: Cylinder,
@@ -130,7 +130,7 @@ def find_logs(
 ) -> Logs:
     """Find the files and how to read them. Only to guess a mapping are files read, up to ``MOST_LOOKED_INTO``.
 
-    Arguments and errors are those of ``read_logs``. ``rate_hz`` is the rate of the recordings [Hz], by default as
+    Arguments and errors are those of ``read_recordings``. ``rate_hz`` is the rate of the recordings [Hz], by default as
     ``channels`` has it, or each file's own; ``database`` (DBC) that of the bus whose frames measurement files hold.
     """
     paths = log_paths([files] if isinstance(files, str | Path) else list(files))

@@ -123,6 +123,6 @@ def iterate_recordings(folder: Path) -> Iterator[Recording]:
         yield read_recording(path)
 
 
-def read_recordings(folder: Path) -> list[Recording]:
+def read_stored(folder: Path) -> list[Recording]:
     """Return all recordings of a folder, sorted by name."""
     return list(iterate_recordings(folder))

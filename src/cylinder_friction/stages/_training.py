@@ -20,7 +20,7 @@ from cylinder_friction.import_graph import code_key
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
 from cylinder_friction.recordings.files import read_json, write_json
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.run_record import RunRecord, Times, now_ms
 from cylinder_friction.stages._stage import (
     CHOSEN_FILE,
@@ -64,7 +64,7 @@ class LearningData:
     @classmethod
     def read(cls) -> Self:
         folders = {role: PROCESSED_FOLDERS[role] for role in ("train", "validation", "calibration")}
-        recordings = {role: read_recordings(folder) for role, folder in folders.items()}
+        recordings = {role: read_stored(folder) for role, folder in folders.items()}
         given = read_json(ESTIMATORS_FILE)
         load, tracker = given["position_load"], given["offset_tracker"]
         return cls(

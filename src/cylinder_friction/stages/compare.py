@@ -27,7 +27,7 @@ from cylinder_friction.evaluation.views import LearningCurve
 from cylinder_friction.realtime.model import Bounds
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.files import read_json, whole_folder, write_json, write_text
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.recordings.truth import known_truth
 from cylinder_friction.reporting.comparison_tables import markdown_tables
 from cylinder_friction.reporting.figures import all_figures
@@ -90,7 +90,7 @@ def run(params: Params) -> RunRecord:
         RecordingError: See ``evaluation.comparison.compare``; or true friction does not fit its recording.
     """
     settings, main = params.compare, params.compare.main
-    recordings = read_recordings(PROCESSED_FOLDERS["test"])
+    recordings = read_stored(PROCESSED_FOLDERS["test"])
     estimators = load_estimators()
     truth_n = known_truth(read_json(INGESTED_FILE)["truth"], recordings)
     comparison = replace(

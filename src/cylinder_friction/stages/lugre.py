@@ -12,7 +12,7 @@ from cylinder_friction.friction_models.identification.procedure import SearchEff
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.recordings.files import whole_folder, write_json
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.recordings.storage import read_recordings
+from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.run_record import RunRecord, Table, Times, by_columns, now_ms
 from cylinder_friction.stages._stage import LUGRE_FOLDER, PROCESSED_FOLDERS, artifacts, datasets, flat
 
@@ -33,7 +33,7 @@ def run(params: Params) -> RunRecord:
     Raises:
         RecordingError: No training recording is of the condition that ``lugre.condition`` names.
     """
-    recordings = read_recordings(PROCESSED_FOLDERS["train"])
+    recordings = read_stored(PROCESSED_FOLDERS["train"])
     cylinder, settings = params.cylinder, params.lugre
     estimators: dict[str, AnalyticalEstimator] = {
         "lugre": LugreEstimator(cylinder, **settings.model_dump()),
