@@ -28,8 +28,9 @@ from cylinder_friction.execution.ports import free_port
 from cylinder_friction.params.checking import ParamsError
 from cylinder_friction.params.live import load_live_params
 from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.recordings.files import write_json
 from cylinder_friction.service.client import Client as LiveClient
-from cylinder_friction.service.links import opcua_server
+from cylinder_friction.service.links import opcua_cylinders, opcua_server
 from cylinder_friction.service.links.opcua_server import OpcUaServerLink
 from cylinder_friction.service.links.opcua_worker import APPLICATION, NAMESPACE, Brief, Health, health_of, status_of
 from cylinder_friction.service.live.connection import Peers
@@ -169,6 +170,49 @@ def test_the_address_space_states_units_ranges_and_names(engine: Engine, samples
             assert [text.Text for text in texts] == [each.name for each in Health]
             with pytest.raises(ua.UaStatusCodeError):
                 await friction.write_value(1.0)
+
+    asyncio.run(look())
+
+
+def test_a_client_reads_what_monitoring_found_of_each_cylinder(engine: Engine, tmp_path: Path) -> None:
+    file = tmp_path / "health" / "health.json"
+    names = ("DeviceHealth", "Status")
+
+    def write(**lines: tuple[str, str]) -> None:
+        given = [
+            {"cylinder": name, "ne107": status, "answer": answer, "words": "Why.", "last_start": "2026-03-01T14:30:00Z"}
+            for name, (status, answer) in lines.items()
+        ]
+        write_json(file, {"cylinders": given})
+
+    async def wait_for(client: Client, cylinder: str, health: int | None) -> list[ua.DataValue]:
+        number = await client.get_namespace_index(opcua_cylinders.NAMESPACE)
+        nodes = [client.get_node(ua.NodeId(f"Cylinders/{cylinder}/{name}", number)) for name in names]
+        found: list[ua.DataValue] = []
+
+        async def there() -> bool:
+            found[:] = await client.read_attributes(nodes)
+            return found[0].StatusCode.value != ua.StatusCodes.BadNodeIdUnknown and found[0].Value.Value == health
+
+        await until(there)
+        return found
+
+    async def look() -> None:
+        async with shown(engine, tmp_path, health=file.parent) as (_, client):
+            write(press=("NORMAL", "fine"), crane=("OFF_SPEC", "undecided"))
+            health, status = await wait_for(client, "crane", Health.OFF_SPEC)
+            assert status.Value.Value == "undecided: Why."
+            assert health.SourceTimestamp.isoformat() == "2026-03-01T14:30:00+00:00"
+            number = await client.get_namespace_index(opcua_cylinders.NAMESPACE)
+            node = client.get_node(ua.NodeId("Cylinders/crane/DeviceHealth", number))
+            kind = client.get_node(await node.read_data_type())
+            assert (await kind.read_browse_name()).Name == "DeviceHealthEnumeration"
+            file.write_text("{", encoding="utf-8")
+            await asyncio.sleep(1.0)
+            write(press=("MAINTENANCE_REQUIRED", "alarm"))
+            await wait_for(client, "press", Health.MAINTENANCE_REQUIRED)
+            gone, _ = await wait_for(client, "crane", None)
+            assert gone.StatusCode.value == ua.StatusCodes.BadNoData
 
     asyncio.run(look())
 

@@ -1,4 +1,4 @@
-"""The process of the OPC UA server: an object per session with friction, bounds, quality and health.
+"""The process of the OPC UA server: an object per session with friction, bounds, quality and health of the sensors.
 
 Started by ``opcua_server`` with its settings as JSON; each line of its standard input is ``[WHAT, ...]`` as JSON. It
 imports little, so that it is there soon.
@@ -24,6 +24,7 @@ from pydantic import TypeAdapter
 
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.service.access import TokenFile
+from cylinder_friction.service.links.opcua_cylinders import MonitoredCylinders
 from cylinder_friction.service.live.settings import OpcUaServerSettings, OpcUaValues
 
 FAILED, UNSETTLED, OFF_RANGE = Flag.of_kind("sensor"), Flag.of_kind("settling"), Flag.of_kind("range")
@@ -158,6 +159,8 @@ async def _look(space: "_Space", users: "_Users | None") -> None:
         await asyncio.sleep(LOOK_S)
         if users is not None:
             await users.refresh(space.server)
+        if space.monitored is not None:
+            await space.monitored.refresh()
         await space.mark_silent()
 
 
@@ -227,6 +230,7 @@ class _Space:
     devices: int  # Of that of OPC 10000-100
     folder: Node
     settings: OpcUaServerSettings
+    monitored: MonitoredCylinders | None
     shown: dict[str, _Shown] = field(default_factory=dict)
 
     @classmethod
@@ -242,7 +246,11 @@ class _Space:
         folder = await server.nodes.objects.add_folder(
             ua.NodeId("CylinderFriction", number), f"{number}:CylinderFriction"
         )
-        return cls(server, number, devices, folder, settings)
+        monitored = None
+        if settings.health is not None:
+            numbers = {each.name: int(each) for each in Health}
+            monitored = await MonitoredCylinders.of(server, folder, settings.health, health.nodeid, numbers)
+        return cls(server, number, devices, folder, settings, monitored)
 
     async def show(self, content: Sequence[Sequence[Any]]) -> None:
         """Write values of sessions; one that is new gets an object."""

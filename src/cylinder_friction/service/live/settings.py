@@ -197,6 +197,7 @@ class OpcUaServerSettings:
         health_s: For how long a failed sensor counts for ``DeviceHealth`` after it has recovered [s].
         sessions: Most sessions that have an object, an hour longer than they are open.
         certificate, private_key: Files of the server's; with them connections are signed and encrypted, all of them.
+        health: Folder that ``cylinder-friction monitor`` writes, whose cylinders are shown too; None: no cylinders.
     """
 
     host: str = "127.0.0.1"
@@ -207,6 +208,7 @@ class OpcUaServerSettings:
     sessions: _Count = 2000
     certificate: Path | None = None
     private_key: Path | None = None
+    health: Path | None = None
 
     def __post_init__(self) -> None:
         """Refuse half of a pair; raises ``ValueError``."""
@@ -278,6 +280,7 @@ class OpcUaClientSettings:
     password_file: Path | None = None
     certificate: Path | None = None
     private_key: Path | None = None
+    health: Path | None = None
 
     def __post_init__(self) -> None:
         """Refuse half of a pair; raises ``ValueError``."""
