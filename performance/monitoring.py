@@ -2,7 +2,7 @@
 
     python performance/monitoring.py [--seed 7] [--scratch FOLDER] [--kept]
 
-The rig simulates some dozens of cylinders in full, a year in 96 sessions each, and some of them with something wrong.
+The rig simulates seven cylinders in full: a year in 96 sessions, and each disturbance; two of them also with faults.
 The scratch folder keeps their rows, so that a second run takes minutes. Longer lives with a session a day, and more of
 them, are resampled from these rows (``Resampled``). Tables give medians, with the 90 % quantile in brackets.
 """
@@ -41,14 +41,18 @@ from cylinder_friction.rig.lives import Fate, LifePlan, life
 CYLINDER = Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
 UNITS = {TIME: 1.0, PRESSURES[0]: 1e5, PRESSURES[1]: 1e5, POSITION: 1e-3, OIL_TEMPERATURE: 1.0}
 STEP_S = 1e-4  # Of the integration
-HEALTHY, FAULTY, SIMULATED_YEAR, BLOCK, YEAR = 24, 2, 96, 6, 365
-FATES = {"drift": (100, 100), "oil": (40, 1), "load": (60, 1), "duty": (60, 1), "leak": (100, 80)}
-FATES |= {"wear": (100, 100), "seal": (120, 100)}  # How many sessions are simulated, and by which their fate has come
+HEALTHY, FAULTY, SIMULATED_YEAR, BLOCK, YEAR = 7, 2, 96, 6, 365
+# How many sessions are simulated, and within how many the change is complete: of every cylinder, and of ``FAULTY``
+DISTURBANCES = {"drift": (130, 100), "oil": (40, 1), "load": (40, 1), "duty": (40, 1)}
+FAULTS = {"leak": (100, 80), "wear": (100, 100), "seal": (120, 100)}
+FATES = DISTURBANCES | FAULTS
 BEFORE = 100  # Healthy sessions between baseline and change
 CHANGES = {"step 5 %": (0.05, 1), "step 10 %": (0.1, 1), "step 20 %": (0.2, 1)}
 CHANGES |= {"10 % in 100": (0.1, 100), "10 % in 300": (0.1, 300)}
 FRICTION = ("friction_n", "breakaway_n")
+LATER = (1, 2, 5, 10, 20, 50, 100)  # Sessions after an indicator's alarm at which the answer is looked at again
 Rows = list[SessionRow]
+Bank = dict[tuple[str, int], Rows]
 
 
 def simulated(seed: int, scratch: Path, case: tuple[str, int]) -> Rows:
@@ -69,14 +73,14 @@ def simulated(seed: int, scratch: Path, case: tuple[str, int]) -> Rows:
 
 
 class Resampled:
-    """Lives of a cylinder with a session a day, from a year of simulated sessions.
+    """Lives of a cylinder with a session a day, from its simulated sessions.
 
-    Sessions are drawn in blocks of six neighbours from the whole year. Their oil gets the temperature of a season, and
-    each indicator changes with it as a parabola through all sessions of the cylinder does.
+    Sessions are drawn in blocks of six neighbours. Their oil gets the temperature of a season, and each indicator
+    changes with it as a parabola through all sessions of the cylinder's healthy year does.
     """
 
     def __init__(self, year: Rows) -> None:
-        self.year, self.oil_c = year, np.array([row.covariates["oil_temperature_c"] for row in year], dtype=np.float64)
+        self.year, self.oil_c = year, _oil_c(year)
         self.effects = {}
         for name in TESTED:
             values = np.array([row.indicators[name].value for row in year], dtype=np.float64)
@@ -84,17 +88,18 @@ class Resampled:
             self.effects[name] = np.polyfit(self.oil_c[known], values[known], 2)
 
     def days(self, count: int, ends: float, generator: np.random.Generator) -> Rows:
-        """Return ``count`` sessions, one a day, the last on day ``ends`` of a year that is cold in winter."""
+        """Return ``count`` healthy sessions, one a day, the last on day ``ends`` of a year that is cold in winter."""
+        return self.seasonal(_blocks(self.year, count, generator), ends, generator)
+
+    def seasonal(self, sessions: Rows, ends: float, generator: np.random.Generator) -> Rows:
+        """Return sessions, one a day, with the oil temperature of their day."""
+        count, was_c = len(sessions), _oil_c(sessions)
         season = np.sin(2.0 * np.pi * (np.arange(count) - count + ends) / YEAR)
         oil_c = 36.0 + 7.0 * season + lfilter([1.2], [1.0, -0.5], generator.normal(0.0, 1.8, count))
         oil_c = np.clip(oil_c, self.oil_c.min(), self.oil_c.max())
-        blocks = generator.integers(0, len(self.year), -(-count // BLOCK))
-        places = (blocks[:, None] + np.arange(BLOCK)).ravel()[:count] % len(self.year)
-        changes = {
-            name: np.polyval(own, oil_c) - np.polyval(own, self.oil_c[places]) for name, own in self.effects.items()
-        }
+        changes = {name: np.polyval(own, oil_c) - np.polyval(own, was_c) for name, own in self.effects.items()}
         rows = []
-        for day, row in enumerate(self.year[place] for place in places):
+        for day, row in enumerate(sessions):
             own = {}
             for name, each in row.indicators.items():
                 value = None if each.value is None else each.value + float(changes[name][day])
@@ -102,6 +107,28 @@ class Resampled:
             covariates = {**row.covariates, "oil_temperature_c": float(oil_c[day])}
             rows.append(replace(row, indicators=own, covariates=covariates))
         return daily(rows)
+
+
+def _oil_c(rows: Rows) -> Array:
+    return np.array([row.covariates["oil_temperature_c"] for row in rows], dtype=np.float64)
+
+
+def _blocks(rows: Rows, count: int, generator: np.random.Generator) -> Rows:
+    """Draw ``count`` sessions in blocks of neighbours."""
+    begins = generator.integers(0, len(rows), -(-count // BLOCK))
+    return [rows[place] for place in (begins[:, None] + np.arange(BLOCK)).ravel()[:count] % len(rows)]
+
+
+def disturbed(bank: Bank, kind: str, number: int, turn: int, plan: MonitorPlan) -> Rows:
+    """Return baseline and a year of a healthy cylinder that is disturbed from some day of the year on."""
+    generator = np.random.default_rng([1, number, turn, list(DISTURBANCES).index(kind)])
+    healthy, own = Resampled(bank["healthy", number]), bank[kind, number]
+    comes, ends = int(generator.integers(30, YEAR - 60)), float(generator.integers(YEAR))
+    left, (_, within) = YEAR - comes, DISTURBANCES[kind]
+    changing = own[:within] if within > 1 else []
+    after = (changing + _blocks(own[len(changing) :], left, generator))[:left]
+    before = healthy.days(plan.baseline_sessions + comes, ends - left, generator)
+    return daily(before + healthy.seasonal(after, ends, generator))
 
 
 def daily(rows: Sequence[SessionRow]) -> Rows:
@@ -123,13 +150,15 @@ def grown(rows: Rows, change: float, within: int, begins: int) -> Rows:
 
 
 def nights(rows: Rows, plan: MonitorPlan) -> list[tuple[int, str, str]]:
-    """Return session, result and main indicator, each time an indicator alarms and at the end."""
-    found = {len(rows) - 1: assess(CYLINDER.name, rows, (), plan)}
+    """Return session, result and main indicator: when an indicator alarms, some sessions later, and at the end."""
+    last = len(rows) - 1
+    found = {last: assess(CYLINDER.name, rows, (), plan)}
     for trend in next(iter(found.values())).trends.values():
         sums = np.array([trend.upward, trend.downward], dtype=np.float64)
         over = np.flatnonzero(np.fmax(*sums) > (trend.baseline.threshold if trend.baseline else np.inf))
-        if len(over) and (day := int(trend.sessions[over[0]])) not in found:
-            found[day] = assess(CYLINDER.name, rows[: day + 1], (), plan)
+        for day in [int(trend.sessions[over[0]]) + later for later in (0, *LATER)] if len(over) else ():
+            if day < last and day not in found:
+                found[day] = assess(CYLINDER.name, rows[: day + 1], (), plan)
     return [
         (day, each.answer, each.changes[0].indicator if each.changes else "") for day, each in sorted(found.items())
     ]
@@ -142,16 +171,25 @@ def lives(healthy: list[Resampled], times: int, count: int, seed: int) -> Iterat
             yield year.days(count, float(generator.integers(YEAR)), generator)
 
 
-def false_alarms(healthy: list[Resampled], times: int, plan: MonitorPlan) -> None:
-    last, wrong, zeros = Counter[str](), Counter[str](), 0
-    for rows in lives(healthy, times, plan.baseline_sessions + YEAR, 1):
-        given = nights(rows, plan)
-        wrong.update([name for _, result, name in given if result == "alarm"][:1])
-        zeros += any(result == "undecided" for _, result, _ in given)
-        last[given[-1][1]] += 1
-    years, count = last.total(), wrong.total()
+def _nights_of(bank: Bank, baseline: int, case: tuple[str, int, int]) -> list[tuple[int, str, str]]:
+    plan = MonitorPlan(baseline_sessions=baseline)
+    return nights(disturbed(bank, *case, plan), plan)
+
+
+def false_alarms(bank: Bank, healthy: int, times: int, plan: MonitorPlan) -> None:
+    """Print how often wear or a leak is named in healthy lives, each with one disturbance in its year."""
+    cases = [(kind, number, turn) for kind in DISTURBANCES for number in range(healthy) for turn in range(times)]
+    with ProcessPoolExecutor(2) as pool:
+        given = list(pool.map(partial(_nights_of, bank, plan.baseline_sessions), cases, chunksize=len(cases) // 4))
+    wrong, undecided, last = Counter[tuple[str, str]](), Counter[str](), Counter[str]()
+    for (kind, _, _), each in zip(cases, given, strict=True):
+        wrong.update([(kind, name) for _, result, name in each if result == "alarm"][:1])
+        undecided[kind] += any(result == "undecided" for _, result, _ in each)
+        last[each[-1][1]] += 1
+    years, count = len(cases), wrong.total()
     rates = f"{count / years:.4f} a cylinder-year, at most {stats.chi2.ppf(0.975, 2 * count + 2) / 2.0 / years:.4f}"
-    print(f"baseline {plan.baseline_sessions:3d}: {rates} ({years} years) {dict(wrong)};", _ends(zeros, last))
+    print(f"baseline {plan.baseline_sessions:3d}: {rates} ({years} years) {dict(wrong)};", flush=True)
+    print(f"  undecided by kind, of {years // len(DISTURBANCES)}: {dict(undecided)};", _ends(undecided.total(), last))
 
 
 def _ends(undecided: int, last: Counter[str]) -> str:
@@ -189,7 +227,7 @@ def delays(healthy: list[Resampled], plan: MonitorPlan) -> None:
         print(f"{text} {np.median(growth):.1f} %; {dates}; alarms before it began: {early}")
 
 
-def fates(bank: dict[tuple[str, int], Rows], plan: MonitorPlan) -> None:
+def fates(bank: Bank, plan: MonitorPlan) -> None:
     """Print what becomes of cylinders with something wrong, fully simulated after a resampled healthy time."""
     begins = plan.baseline_sessions + BEFORE
     for fate in sorted({each for each, _ in bank if each in FATES}):
@@ -253,19 +291,22 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--scratch", type=Path, default=Path("build/monitoring"))
-    parser.add_argument("--lives", type=int, default=13, help="resampled per cylinder, for the rate of false alarms")
+    parser.add_argument(
+        "--lives", type=int, default=11, help="per cylinder and disturbance, for the rate of false alarms"
+    )
     parser.add_argument("--kept", action="store_true", help="use what an earlier run kept, and simulate nothing")
     given = parser.parse_args()
     given.scratch.mkdir(parents=True, exist_ok=True)
-    cases = [("healthy", number) for number in range(HEALTHY)] + [(fate, n) for n in range(FAULTY) for fate in FATES]
+    cases = [(fate, number) for number in range(HEALTHY) for fate in ("healthy", *DISTURBANCES)]
+    cases += [(fate, number) for number in range(FAULTY) for fate in FAULTS]
     if given.kept:
         cases = [each for each in cases if (given.scratch / f"{each[0]}_{each[1]:02d}_{given.seed}.json").is_file()]
     with ProcessPoolExecutor(2) as pool:
         bank = dict(zip(cases, pool.map(partial(simulated, given.seed, given.scratch), cases), strict=True))
     healthy, plan = [Resampled(rows) for (fate, _), rows in bank.items() if fate == "healthy"], MonitorPlan()
     print(f"{len(healthy)} healthy cylinders; {sum(map(len, bank.values()))} sessions simulated, seed {given.seed}")
-    for baseline in (30, 90, 250):
-        false_alarms(healthy, given.lives, MonitorPlan(baseline_sessions=baseline))
+    for baseline in (90, 30, 250):
+        false_alarms(bank, len(healthy), given.lives, MonitorPlan(baseline_sessions=baseline))
     delays(healthy, plan)
     fates(bank, plan)
     others(healthy, plan)

@@ -18,7 +18,6 @@ from cylinder_friction.fleet.sessions import kept_recordings, read_rows, updated
 from cylinder_friction.monitoring.assessment import Entry
 from cylinder_friction.monitoring.cylinder_line import CylinderLine, Trend, line_of
 from cylinder_friction.monitoring.indicators import session_row
-from cylinder_friction.monitoring.plan import IndicatorPlan
 from cylinder_friction.monitoring.session_row import SessionRow
 from cylinder_friction.monitoring.verdict import assess
 from cylinder_friction.recordings.columns import LOAD_FORCE
@@ -122,7 +121,8 @@ class CylinderRun:
         """
         earlier = self._earlier()
         kept = read_rows(self.into / session_file(self.name))
-        rows, failed = updated_rows(self.results, kept, self._row, self.code)
+        made_by = f"{self.code} {self.owned.indicator_plan('none')}"
+        rows, failed = updated_rows(self.results, kept, self._row, made_by)
         placed = with_starts(rows.values(), self.owned.starts)
         left_out = {session: reason for session, reason in foreign.items() if session in rows}
         made_with = hashlib.sha256(repr(self.owned.cylinder(self.name)).encode()).hexdigest()
@@ -172,7 +172,7 @@ class CylinderRun:
         measured = self.owned.load == "measured" or (
             self.owned.load is None and all(LOAD_FORCE in each.table.columns for each in recordings)
         )
-        plan = IndicatorPlan(load="measured" if measured else "none")
+        plan = self.owned.indicator_plan("measured" if measured else "none")
         return session_row(recordings, self.owned.cylinder(self.name), plan, self.name)
 
     def _news(

@@ -10,7 +10,7 @@ from typing import Literal
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.monitoring.moments import utc_time
-from cylinder_friction.monitoring.plan import MonitorPlan
+from cylinder_friction.monitoring.plan import IndicatorPlan, MonitorPlan
 from cylinder_friction.recordings.checks.limits import LoadMode
 
 _NAME = re.compile(r"[^\W_][\w .+-]{0,79}")
@@ -49,6 +49,8 @@ class FleetCylinder:
             session.
         units: Of quantities that its logs do not state, where no mapping is given.
         sensor_class: Accuracy of the pressure sensors where none is stated, ± percent of full scale.
+        bulk_modulus_pa: Of its oil, for the leak [Pa]. The leak is proportional to its inverse.
+        dead_volume_m3: Oil beside each chamber's stroke, hose included, for the leak [m³].
         limit_percent: By indicator, how far it may move from its baseline, in percent.
         baseline_sessions: How many sessions the baseline is made of.
         false_alarms_per_year: How many the cylinder may give.
@@ -62,6 +64,8 @@ class FleetCylinder:
     names: str | None = None
     units: Mapping[str, str] = field(default_factory=dict)
     sensor_class: float | None = None
+    bulk_modulus_pa: float = IndicatorPlan.bulk_modulus_pa
+    dead_volume_m3: float = IndicatorPlan.dead_volume_m3
     limit_percent: Mapping[str, float] = field(default_factory=dict)
     baseline_sessions: int = 90
     false_alarms_per_year: float = 0.02
@@ -71,8 +75,13 @@ class FleetCylinder:
     def __post_init__(self) -> None:
         self.cylinder("this")  # refuses dimensions that no cylinder has
         self.monitor_plan()
+        self.indicator_plan("none")
         for session, time in self.starts.items():
             utc_time(time, f"starts: {session}")
+
+    def indicator_plan(self, load: LoadMode) -> IndicatorPlan:
+        """Return how a session's indicators are made."""
+        return IndicatorPlan(load=load, bulk_modulus_pa=self.bulk_modulus_pa, dead_volume_m3=self.dead_volume_m3)
 
     def monitor_plan(self) -> MonitorPlan:
         """Return how its indicators are tested."""

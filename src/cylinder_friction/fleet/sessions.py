@@ -45,14 +45,14 @@ def kept_recordings(results: Path) -> dict[str, list[dict[str, Any]]]:
     return dict(sessions)
 
 
-def key_of(recordings: Sequence[Mapping[str, Any]], code: str) -> str:
+def key_of(recordings: Sequence[Mapping[str, Any]], made_by: str) -> str:
     """Return the SHA-256 of what a session's row is made from; equal logs that were processed otherwise differ."""
     about = [{**each, "gone": "", "source_file": ""} for each in recordings]
-    return hashlib.sha256(json.dumps([code, about], sort_keys=True).encode()).hexdigest()
+    return hashlib.sha256(json.dumps([made_by, about], sort_keys=True).encode()).hexdigest()
 
 
 def updated_rows(
-    results: Path, kept: Mapping[str, KeptRow], made_row: MadeRow, code: str
+    results: Path, kept: Mapping[str, KeptRow], made_row: MadeRow, made_by: str
 ) -> tuple[dict[str, KeptRow], dict[str, str]]:
     """Return the rows of all sessions in a folder that ``estimate_logs`` wrote; only new ones are made.
 
@@ -60,7 +60,7 @@ def updated_rows(
         results: The folder; the friction of each recording lies in it as Parquet.
         kept: The rows of the run before, by session.
         made_row: Makes a row of a session's recordings.
-        code: SHA-256 of the code that makes rows.
+        made_by: Names the code and the settings that make rows; if it changes, all rows are made anew.
 
     Returns:
         rows: By session.
@@ -68,7 +68,7 @@ def updated_rows(
     """
     rows, failed = dict[str, KeptRow](), dict[str, str]()
     for session, recordings in sorted(kept_recordings(results).items()):
-        key = key_of(recordings, code)
+        key = key_of(recordings, made_by)
         if session in kept and kept[session].key == key:
             rows[session] = kept[session]
             continue

@@ -8,8 +8,8 @@ The piston's creep is far below what a sensor resolves, and its compression of t
 
     (V1·dP1/dt / A1 + V2·dP2/dt / A2) / β = q·(1/A2 - 1/A1)
 
-β multiplies k and is assumed. A valve that leaks to the tank looks the same, and only a shut-off valve
-separates the two.
+β divides k and is not measured: it is set for each cylinder, as is the oil beside the stroke. A valve that leaks to the
+tank looks the same, and only a shut-off valve separates the two.
 """
 
 from __future__ import annotations
@@ -49,7 +49,10 @@ def leak(recordings: Sequence[Recording], cylinder: Cylinder, plan: IndicatorPla
     picks = np.random.default_rng(_SEED).integers(0, len(holds), (plan.bootstrap, len(holds)))
     drawn = (moved * driven)[picks].sum(axis=1) / (driven**2)[picks].sum(axis=1)
     value = float(moved @ driven / (driven @ driven))
-    assumed = f"assumes a bulk modulus of {plan.bulk_modulus_pa / 1e9:g} GPa; a leaking valve is included"
+    assumed = (
+        f"its size rests on a bulk modulus of {plan.bulk_modulus_pa / 1e9:g} GPa and {1e6 * plan.dead_volume_m3:g} cm³ of "
+        "oil beside each chamber's stroke, as fleet.yaml states or by default; a leaking valve is included"
+    )
     return Indicator(value, float(drawn.std(ddof=1)), assumed)
 
 

@@ -33,7 +33,7 @@ class IndicatorPlan:
     match_bar: float = 3.0
     least_blocks: int = 10  # Fewer matched blocks do not determine friction
     least_strokes: int = 2  # Neither do fewer strokes in a direction
-    # Bulk modulus of the oil, for the leak [Pa]: it multiplies the leak, and is assumed, not measured
+    # Bulk modulus of the oil, for the leak [Pa]: the leak is proportional to its inverse, and nothing measures it
     bulk_modulus_pa: float = 1.0e9
     dead_volume_m3: float = 1.2e-4  # Oil beside each chamber's stroke, hose included, for the leak [m³]
     bootstrap: int = 200  # Resamples of strokes

@@ -1,6 +1,6 @@
 """What monitoring found of each cylinder, by OPC UA: its status after NAMUR NE 107, and the sentence beside it.
 
-``cylinder-friction monitor`` writes ``health.json`` each night; the server's process reads it again when it has changed.
+``cylinder-friction monitor`` writes ``health.json`` each night; the server's process reads it again when it changes.
 """
 
 import asyncio
