@@ -199,6 +199,20 @@ def test_a_changed_bore_is_named_and_processed_anew(folder: Path, fleet: Fleet) 
     assert after[1]["half_sum_n"] != before[1]["half_sum_n"]
 
 
+def test_the_leak_follows_oil_and_hoses_of_the_fleet_file(folder: Path, fleet: Fleet) -> None:
+    run(folder, fleet)
+    before = sessions(folder, "a")
+    changed = Fleet({**fleet.cylinders, "a": replace(fleet.cylinders["a"], bulk_modulus_pa=2.0e9)})
+    run(folder, changed)
+    for was, now in zip(before, sessions(folder, "a"), strict=True):
+        assert now["friction_n"] == was["friction_n"]
+        if was["leak_m3_s_pa"] is not None:
+            assert now["leak_m3_s_pa"] == pytest.approx(0.5 * was["leak_m3_s_pa"])
+    assert "bulk modulus of 2 GPa" in (folder / "health/panes/a.js").read_text() or before[0]["leak_m3_s_pa"] is None
+    with pytest.raises(ValueError, match="bulk_modulus_pa must be a positive number, but got -1"):
+        replace(fleet.cylinders["a"], bulk_modulus_pa=-1.0)
+
+
 def test_a_start_is_corrected_in_the_fleet_file(
     folder: Path, fleet: Fleet, labelled_recordings: list[Recording]
 ) -> None:

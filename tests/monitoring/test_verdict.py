@@ -115,8 +115,19 @@ def test_conditions_that_the_baseline_never_saw_are_undecided_not_wear() -> None
     assert "mean pressure is" in found.words
 
 
-def test_other_oil_is_asked_for() -> None:
-    rows = changed(sessions(200), 130, times=FRICTION)
+def test_friction_that_follows_a_changed_load_later_is_undecided() -> None:
+    rows = changed(changed(sessions(250), 130, add={"half_sum_n": 600.0}), 170, times=FRICTION)
+    assert assess("press", rows).answer == "undecided"
+
+
+def test_friction_that_changed_before_the_load_is_wear() -> None:
+    rows = changed(changed(sessions(250), 130, times=FRICTION), 170, add={"half_sum_n": 600.0})
+    assert assess("press", rows).answer == "alarm"
+
+
+@pytest.mark.parametrize("begins", [130, 145])
+def test_other_oil_is_asked_for(begins: int) -> None:
+    rows = changed(sessions(200), begins, times=FRICTION)
     viscous = [
         replace(row, indicators={**row.indicators, "viscous_n_s_m": replace(row.indicators["profile_n"], value=value)})
         for row, value in zip(

@@ -19,19 +19,20 @@ from cylinder_friction.monitoring.trend import TESTED, Tested, tested, untested
 
 NEW_BASELINE = ("service", "reset", "reference")
 BEYOND = 5
-"""So many of the latest sessions outside what the baseline holds leave the answer undecided."""
+"""If this many of the latest sessions lie outside what the baseline holds, the answer is undecided."""
 UNSEEN_OIL_PERCENT = 25.0
 """Oil whose temperature nobody measures changes friction by up to this."""
 LEAK_BY_ZERO = 4.0
 """A zero that moves changes the leak found by a factor of up to this, where pressures differ by a few bar."""
 BY_OIL = 0.3
-"""Friction whose viscous part explains so much of its change has changed with the oil."""
+"""If the viscous part explains this share of a change of friction, the oil is the likely cause."""
 ZERO_MOVED = 4.0
 """A zero that moves by fewer standard deviations of a session explains no leak."""
 RETURN_Z = 6.0
 RETURN_SHARE = 0.5
 RETURN_SESSIONS = 4
-"""A return to the baseline is a step of so many standard deviations that leaves this share, for so many sessions."""
+"""A return to the baseline: a step of at least this many standard deviations, after which at most this share of the change
+is left, with at least this many sessions before and after it."""
 
 
 @dataclass(frozen=True)
@@ -55,8 +56,12 @@ class _Alarm:
 
     def with_(self, other: _Alarm) -> bool:
         """Return whether both may have begun together."""
-        own, others = ([alarm.test.rows[each].start for each in alarm.dated.interval] for alarm in (self, other))
-        return own[0] <= others[1] and others[0] <= own[1]
+        return self.not_after(other) and other.not_after(self)
+
+    def not_after(self, other: _Alarm) -> bool:
+        """Return whether this change may have begun before the other, or with it."""
+        first, last = self.dated.interval[0], other.dated.interval[1]
+        return self.test.rows[first].start <= other.test.rows[last].start
 
 
 def assess(
@@ -197,7 +202,8 @@ def _doubts(alarm: _Alarm, zero: _Alarm | None, oil: _Alarm | None) -> tuple[str
         return (sentences.OIL,)
     if alarm.name == "half_sum_n":
         return sentences.VENTED, "the load, measured or known to be the same"
-    together = zero is not None and zero.with_(alarm)
+    # A new load or new oil explains also a change that is dated later: the test of friction is slower.
+    explained = zero is not None and zero.not_after(alarm)
     level = abs(alarm.test.reference.level)
     if alarm.name == "leak_m3_s_pa":
         small = abs(alarm.dated.change) < (LEAK_BY_ZERO - 1.0) * max(level, alarm.test.reference.scatter)
@@ -207,9 +213,9 @@ def _doubts(alarm: _Alarm, zero: _Alarm | None, oil: _Alarm | None) -> tuple[str
     unseen = "oil_temperature_c" not in alarm.test.reference.centre
     if unseen and abs(alarm.dated.change) < 0.01 * UNSEEN_OIL_PERCENT * level:
         doubts.append("a temperature sensor in the oil: cold oil changes friction as much")
-    if together and zero is not None and abs(zero.dated.change) > abs(alarm.dated.change):
-        doubts.append("the load, measured: it, or a transmitter, changed at the same time")
-    if oil is not None and oil.with_(alarm) and alarm.name != "profile_n":
+    if explained and zero is not None and abs(zero.dated.change) > abs(alarm.dated.change):
+        doubts.append("the load, measured: it, or a transmitter, changed before or at the same time")
+    if oil is not None and oil.not_after(alarm) and alarm.name != "profile_n":
         speed = alarm.test.reference.centre.get("speed_m_s", 0.0)
         if oil.dated.change * speed / alarm.dated.change > BY_OIL:
             doubts.append(sentences.OIL)
