@@ -305,11 +305,12 @@ def main() -> None:
         bank = dict(zip(cases, pool.map(partial(simulated, given.seed, given.scratch), cases), strict=True))
     healthy, plan = [Resampled(rows) for (fate, _), rows in bank.items() if fate == "healthy"], MonitorPlan()
     print(f"{len(healthy)} healthy cylinders; {sum(map(len, bank.values()))} sessions simulated, seed {given.seed}")
-    for baseline in (90, 30, 250):
-        false_alarms(bank, len(healthy), given.lives, MonitorPlan(baseline_sessions=baseline))
+    false_alarms(bank, len(healthy), given.lives, plan)
     delays(healthy, plan)
-    fates(bank, plan)
     others(healthy, plan)
+    fates(bank, plan)
+    for baseline in (30, 250):
+        false_alarms(bank, len(healthy), given.lives, MonitorPlan(baseline_sessions=baseline))
 
 
 if __name__ == "__main__":

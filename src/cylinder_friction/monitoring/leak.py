@@ -50,8 +50,8 @@ def leak(recordings: Sequence[Recording], cylinder: Cylinder, plan: IndicatorPla
     drawn = (moved * driven)[picks].sum(axis=1) / (driven**2)[picks].sum(axis=1)
     value = float(moved @ driven / (driven @ driven))
     assumed = (
-        f"its size rests on a bulk modulus of {plan.bulk_modulus_pa / 1e9:g} GPa and {1e6 * plan.dead_volume_m3:g} cm³ of "
-        "oil beside each chamber's stroke, as fleet.yaml states or by default; a leaking valve is included"
+        f"its size rests on a bulk modulus of {plan.bulk_modulus_pa / 1e9:g} GPa and {1e6 * plan.dead_volume_m3:g} cm³ "
+        "of oil beside each chamber's stroke, as fleet.yaml states or by default; a leaking valve is included"
     )
     return Indicator(value, float(drawn.std(ddof=1)), assumed)
 

@@ -31,8 +31,8 @@ ZERO_MOVED = 4.0
 RETURN_Z = 6.0
 RETURN_SHARE = 0.5
 RETURN_SESSIONS = 4
-"""A return to the baseline: a step of at least this many standard deviations, after which at most this share of the change
-is left, with at least this many sessions before and after it."""
+"""A return to the baseline is a step of at least this many standard deviations that leaves at most this share of the
+change, with at least this many sessions before and after it."""
 
 
 @dataclass(frozen=True)
