@@ -192,7 +192,8 @@ def test_a_client_reads_what_monitoring_found_of_each_cylinder(engine: Engine, t
 
         async def there() -> bool:
             found[:] = await client.read_attributes(nodes)
-            return found[0].StatusCode.value != ua.StatusCodes.BadNodeIdUnknown and found[0].Value.Value == health
+            known = found[0].StatusCode.value != ua.StatusCodes.BadNodeIdUnknown
+            return bool(known and found[0].Value.Value == health)
 
         await until(there)
         return found
