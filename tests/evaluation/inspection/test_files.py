@@ -50,7 +50,10 @@ def vented(recording: Recording, seconds: float, offset_pa: float) -> Recording:
     """Return a recording that begins with both chambers vented, at rest."""
     rows = round(seconds / recording.sample_time_s)
     noise = np.random.default_rng(9).normal(0.0, 500.0, rows)
-    rest = recording.table.iloc[np.zeros(rows, dtype=int)].assign(pressure_1_pa=offset_pa + noise, pressure_2_pa=noise)
+    at_rest = {"pressure_1_pa": offset_pa + noise, "pressure_2_pa": noise}
+    rest = recording.table.iloc[np.zeros(rows, dtype=int)].assign(
+        **at_rest, position_m=lambda t: t.position_m + 1e-8 * noise
+    )
     table = pd.concat([rest, recording.table], ignore_index=True)
     return replace(recording, table=table.assign(time_s=recording.sample_time_s * np.arange(len(table))))
 
