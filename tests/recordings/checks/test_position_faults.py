@@ -116,6 +116,15 @@ def test_a_sound_position_has_no_fault() -> None:
     assert position_faults(np.round(resting, 4), time_s, 0.25) == []
 
 
+def test_a_sensor_at_the_end_of_its_range_is_not_held_for_lack_of_noise() -> None:
+    noise_m = np.random.default_rng(0).normal(0.0, 2e-5, 4000)
+    time_s = 0.005 * np.arange(len(noise_m))
+    for at_end_m, held in ((0.25, False), (0.1, True)):
+        position_m = np.minimum(np.clip(0.05 * (time_s - 5.0), 0.02, at_end_m + 0.01) + noise_m, at_end_m)
+        found = [each.words for each in position_faults(position_m, time_s, 0.25)]
+        assert any("without the noise" in words for words in found) == held
+
+
 def test_a_step_in_fast_motion_is_no_single_sample() -> None:
     time_s = 0.01 * np.arange(2000)
     x = 0.4 + 0.15 * np.sin(5.0 * time_s) + np.random.default_rng(0).normal(0.0, 1e-5, 2000)

@@ -30,6 +30,8 @@ STILL_S, ALIVE_S = 1.0, 2.0
 """A value without any noise for this long is held, if the sensor has noise elsewhere for this long altogether,"""
 UP_AND_DOWN, CHANGES = 0.25, 0.95
 """which is where this share of the steps goes up, as much down, and this share is not zero."""
+END_SHARE = 0.01
+"""So close to an end of the stroke a position may be the end of its sensor's range."""
 MOST_SINGLE, MOST_SENTENCES = 2, 5
 """At most so many samples between others that fit each other are lost by themselves; so many faults are named."""
 
@@ -93,7 +95,7 @@ def position_faults(position_m: Array, time_s: Array, stroke_m: float) -> list[P
     line = max(3, round(LINE_S / step_s))
     ends = [(int(group[0]), int(group[-1])) for group in groups]
     faults = [_single(x_m, *each, most_m) or _fault(x_m, at_s, *each, line, stroke_m) for each in ends]
-    still = _still(x_m, at_s, max(2, round(STILL_S / step_s)))
+    still = _still(x_m, at_s, max(2, round(STILL_S / step_s)), stroke_m)
     faults += [each for each in still if not any(one.begin < each.end and each.begin < one.end for one in faults)]
     faults.sort(key=lambda each: each.begin)
     return [replace(each, begin=int(rows[each.begin]), end=int(rows[each.end - 1]) + 1) for each in faults]
@@ -140,10 +142,11 @@ def _fault(x_m: Array, at_s: Array, first: int, last: int, line: int, stroke_m: 
     return PositionFault(first, max(last + 1, min(first + FEWEST_LOST, len(x_m))), words)
 
 
-def _still(x_m: Array, at_s: Array, rows: int) -> list[PositionFault]:
+def _still(x_m: Array, at_s: Array, rows: int, stroke_m: float) -> list[PositionFault]:
     """Return where the position is exactly the same for ``rows`` or more, though it has noise elsewhere, also at rest.
 
-    Noise goes up and down at almost every sample; steps of a converter do not, nor does a motion.
+    Noise goes up and down at almost every sample; steps of a converter do not, nor does a motion. At either end of the
+    stroke a sensor may be at the end of its range, where nothing of its noise is left.
     """
     steps_m = np.diff(x_m)
     stretches_m = steps_m[: len(steps_m) // rows * rows].reshape(-1, rows)
@@ -160,7 +163,7 @@ def _still(x_m: Array, at_s: Array, rows: int) -> list[PositionFault]:
             "that it has elsewhere; left out",
         )
         for begin, end in change.tolist()
-        if end - begin >= rows
+        if end - begin >= rows and END_SHARE * stroke_m < x_m[begin] < (1.0 - END_SHARE) * stroke_m
     ]
 
 
