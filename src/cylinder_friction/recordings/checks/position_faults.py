@@ -86,7 +86,7 @@ def position_faults(position_m: Array, time_s: Array, stroke_m: float) -> list[P
     x_m, at_s = position_m[rows], time_s[rows]
     steps_s = np.diff(at_s)
     step_s = float(np.median(steps_s))
-    if step_s <= 0.0:  # a clock too coarse to tell motion from one sample to the next
+    if step_s <= 0.0:  # a clock too coarse for velocities from one sample to the next
         return []
     even = np.abs(steps_s - step_s) < 0.5 * step_s
     bend_m = np.where(even[1:] & even[:-1], np.abs(x_m[2:] - 2.0 * x_m[1:-1] + x_m[:-2]), 0.0)
