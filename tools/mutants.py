@@ -116,8 +116,8 @@ MUTANTS = (
     Mutant(
         "rows behind an event do not count",
         "signals/motion.py",
-        "np.minimum(edges[1::2] + after, rows)",
-        "np.minimum(edges[1::2] + after - 1, rows)",
+        "np.minimum(end + after, rows)",
+        "np.minimum(end + after - 1, rows)",
         ("signals", "labelling"),
     ),
     # Friction models

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import stats
 
-from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.arrays import Array, Mask, true_runs
 
 _QUANTILE_POINTS = 199
 _LJUNG_BOX_LAGS = 10
@@ -127,8 +127,7 @@ def _effective_rows(memory: Array, rows: int) -> float:
 
 
 def _ljung_box(residual_n: Array, usable: Mask) -> tuple[float, float]:
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], usable, [False]]).astype(np.int8)))
-    starts, stops = edges[::2], edges[1::2]
+    starts, stops = true_runs(usable).T
     longest = int(np.argmax(stops - starts))
     run = residual_n[starts[longest] : stops[longest]]
     lags = min(_LJUNG_BOX_LAGS, len(run) // 5)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.arrays import Array, Mask, true_runs
 from cylinder_friction.labelling.averages import Averages
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.signals.motion import direction_of_motion
@@ -146,10 +146,7 @@ def coverage_of(points: StrokePoints) -> TravelCovered:
             "record slow strokes up and down over the same travel, or measure the load"
         )
     edges = np.linspace(low, high, BINS + 1)
-    change = np.flatnonzero(np.diff(both, prepend=False, append=False))
-    return TravelCovered(
-        tuple((float(edges[a]), float(edges[b])) for a, b in zip(change[::2], change[1::2], strict=True))
-    )
+    return TravelCovered(tuple((float(edges[first]), float(edges[end])) for first, end in true_runs(both)))
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array, true_runs
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.monitoring.plan import IndicatorPlan
 from cylinder_friction.monitoring.session_row import Indicator
@@ -62,10 +62,9 @@ def _holds(recording: Recording, cylinder: Cylinder, plan: IndicatorPlan) -> lis
     pressures = [recording.column(name) for name in PRESSURES]
     areas = cylinder.piston_area_m2, cylinder.annulus_area_m2
     rest = standstill_rows(position_m, step_s)
-    edges = np.flatnonzero(np.diff(rest, prepend=False, append=False))
     size = max(2, round(PIECE_S / step_s))
     holds = []
-    for first, last in zip(edges[::2], edges[1::2], strict=True):
+    for first, last in true_runs(rest):
         if last - first < 3 * size:
             continue
         own = slice(max(first - round(EARLIER_S / step_s), 0), last)

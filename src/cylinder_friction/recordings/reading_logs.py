@@ -30,7 +30,7 @@ _PACKAGE = Path(__file__).parents[1]
 FULL_SCALE_BAR = 250.0
 """Of a pressure sensor whose range is not stated but whose class is: usual in hydraulics."""
 MOST_LOOKED_INTO = 50
-"""Of so many logs the first ones are looked into for channels that the first of all does not have."""
+"""Without a mapping, at most this many logs are searched for other names of the first one's channels."""
 
 
 def read_recordings(

@@ -16,8 +16,8 @@ from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 GROWTH = 1.3
 """Each window is longer than the last by this factor."""
-ROWS_AT_ONCE = 1 << 16
-"""Windows are chosen for so many samples at once, which the processor's cache holds."""
+BLOCK = 1 << 16
+"""Windows are chosen in blocks of this many samples, which the processor's cache holds."""
 
 
 @dataclass(frozen=True)
@@ -139,15 +139,15 @@ def _one_side(values: Array, lengths: NDArray[np.int64], half_width: float) -> N
     rows, widths = len(values), half_width / np.sqrt(lengths + 1.0)
     sums = np.cumsum(np.concatenate([[0.0], values]))
     chosen = np.zeros(rows, dtype=np.int64)
-    for first in range(0, rows, ROWS_AT_ONCE):
-        end = min(first + ROWS_AT_ONCE, rows)
+    for first in range(0, rows, BLOCK):
+        end = min(first + BLOCK, rows)
         lower, upper, agree = (
             np.full(end - first, -np.inf),
             np.full(end - first, np.inf),
             np.ones(end - first, np.bool_),
         )
         for length, width in zip(lengths, widths, strict=True):
-            count = min(end, rows - length) - first  # so many of these samples have as many after them
+            count = min(end, rows - length) - first  # of these samples, the ones with enough after them
             if count <= 0:
                 break
             last = first + count

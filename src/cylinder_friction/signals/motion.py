@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.arrays import Array, Mask, true_runs
 
 MOVING_M_S = 1e-3
 """A true, noise-free velocity below this counts as standstill."""
@@ -37,8 +37,7 @@ def travel_since_stop(velocity_m_s: Array, slowest_m_s: float, sample_time_s: fl
     speed_m_s, total_m_s = np.abs(velocity_m_s), np.zeros(len(velocity_m_s))
     onwards = (speed_m_s > slowest_m_s) & (velocity_m_s * np.roll(velocity_m_s, 1) > 0.0)
     onwards[:1] = False
-    edges = np.flatnonzero(np.diff(onwards, prepend=False, append=False))
-    for first, end in zip(edges[::2], edges[1::2], strict=True):
+    for first, end in true_runs(onwards):
         total_m_s[first:end] = np.cumsum(speed_m_s[first:end])
     return total_m_s * sample_time_s
 
@@ -114,8 +113,8 @@ def event_masks(velocity_m_s: Array, window: int) -> dict[str, Mask]:
 def widened(mask: Mask, before: int, after: int) -> Mask:
     """Return a mask that is also true ``before`` rows ahead of and ``after`` rows behind every true row."""
     rows = len(mask)
-    edges = np.flatnonzero(np.diff(mask, prepend=False, append=False))
+    first, end = true_runs(mask).T
     change = np.zeros(rows + 1, dtype=np.int32)
-    np.add.at(change, np.maximum(edges[::2] - before, 0), 1)
-    np.add.at(change, np.minimum(edges[1::2] + after, rows), -1)
+    np.add.at(change, np.maximum(first - before, 0), 1)
+    np.add.at(change, np.minimum(end + after, rows), -1)
     return np.asarray(np.cumsum(change[:rows], dtype=np.int32) > 0)

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-import yaml
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
@@ -18,9 +17,8 @@ from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.checks.position_against_force import check_position_against_force
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
 from cylinder_friction.recordings.conversion import open_tables, pieces_from
-from cylinder_friction.recordings.reading_logs import find_logs
+from cylinder_friction.recordings.reading_logs import Logs
 
-CRANE = Path(__file__).parents[3] / "../shared/data/crane/scope"
 NOISE_M = 2e-5
 
 
@@ -123,33 +121,28 @@ def test_nothing_is_said_without_a_force_or_where_position_does_not_explain_it(
 
 
 @pytest.mark.extended
-def test_faults_that_no_single_sample_shows_in_recordings_of_a_crane() -> None:
+def test_faults_that_no_single_sample_shows_in_recordings_of_a_crane(crane_logs: Logs) -> None:
     """Of 40, 23 show in the force and 8 in the noise; eleven untouched recordings show none."""
-    if not CRANE.is_dir():
-        pytest.skip("the recordings of a crane are not there")
-    configuration = Path(__file__).parents[3] / "conf"
-    jib = Cylinder(**yaml.safe_load((configuration / "cylinder/hmf_2020k_jib.yaml").read_text()))
-    logs = find_logs(CRANE, configuration / "ingest/crane.yaml", jib)
 
     def names(x: Array | None, path: Path) -> bool:
-        (table,) = open_tables(path, logs.recipe)
+        (table,) = open_tables(path, crane_logs.recipe)
         if x is not None:
             table = replace(table, channels=table.channels.assign(JibPistonPosition=x))
-        pieces = pieces_from([table], logs.recipe)
+        pieces = pieces_from([table], crane_logs.recipe)
         findings = [
             finding
             for piece in pieces
-            for finding in inspect_recording(piece.table, logs.recipe.limits, piece.sample_time_s)
+            for finding in inspect_recording(piece.table, crane_logs.recipe.limits, piece.sample_time_s)
         ]
         named = [each.check for each in findings if each.outcome == "noted"]
         return "position_against_force" in named or any("position_m" in each for each in pieces[0].repairs)
 
     found = dict.fromkeys(("still", "loose at rest", "loose in motion", "backwards", "drifts"), 0)
-    for name, path in logs.files.items():
+    for name, path in crane_logs.files.items():
         assert not names(None, path), name
         if name.startswith("Main"):
             continue  # the jib stands
-        (table,) = open_tables(path, logs.recipe)
+        (table,) = open_tables(path, crane_logs.recipe)
         x = table.channels["JibPistonPosition"].to_numpy(dtype=np.float64)
         speed = np.abs(np.gradient(np.convolve(np.nan_to_num(x), np.full(41, 1.0 / 41.0), mode="same")))
         row = len(x) // 4 + int(np.argmax(speed[len(x) // 4 : 4 * len(x) // 5]))

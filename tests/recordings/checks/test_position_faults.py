@@ -9,18 +9,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.position_faults import position_faults, without_position_faults
 from cylinder_friction.recordings.conversion import open_tables, pieces_from
 from cylinder_friction.recordings.ingesting import convert_in_parts
-from cylinder_friction.recordings.reading_logs import find_logs
+from cylinder_friction.recordings.reading_logs import Logs, find_logs
 from cylinder_friction.recordings.recording import Signal
 from logger_files import CHANNELS, made_log
-
-CRANE = Path(__file__).parents[3] / "../shared/data/crane/scope"
 
 
 def held(x: Array, row: int, rows: int) -> Array:
@@ -134,19 +131,14 @@ def test_a_step_in_fast_motion_is_no_single_sample() -> None:
 
 
 @pytest.mark.extended
-def test_faults_in_recordings_of_a_crane() -> None:
+def test_faults_in_recordings_of_a_crane(crane_logs: Logs) -> None:
     """64 faults, in eight recordings where the jib is fastest: all found, 62 by kind; none in eleven untouched ones."""
-    if not CRANE.is_dir():
-        pytest.skip("the recordings of a crane are not there")
-    configuration = Path(__file__).parents[3] / "conf"
-    jib = Cylinder(**yaml.safe_load((configuration / "cylinder/hmf_2020k_jib.yaml").read_text()))
-    logs = find_logs(CRANE, configuration / "ingest/crane.yaml", jib)
-    assert len(logs.files) == 11
+    assert len(crane_logs.files) == 11
     found = named = 0
-    for name, path in logs.files.items():
-        (table,) = open_tables(path, logs.recipe)
+    for name, path in crane_logs.files.items():
+        (table,) = open_tables(path, crane_logs.recipe)
         x = table.channels["JibPistonPosition"].to_numpy(dtype=np.float64)
-        (untouched,) = pieces_from([table], logs.recipe)
+        (untouched,) = pieces_from([table], crane_logs.recipe)
         assert not [words for words in untouched.repairs if "position_m" in words], name
         if name.startswith("Main"):
             continue  # the jib stands
@@ -154,7 +146,7 @@ def test_faults_in_recordings_of_a_crane() -> None:
         row = len(x) // 4 + int(np.argmax(speed[len(x) // 4 : 4 * len(x) // 5]))
         for change, words in FAULTS.values():
             faulty = replace(table, channels=table.channels.assign(JibPistonPosition=change(x, row)))
-            repairs = " | ".join(pieces_from([faulty], logs.recipe)[0].repairs)
+            repairs = " | ".join(pieces_from([faulty], crane_logs.recipe)[0].repairs)
             found += "position_m" in repairs
             named += bool(re.search(words, repairs))
     assert found == 64

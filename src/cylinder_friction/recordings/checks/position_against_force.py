@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.arrays import Array, Mask, true_runs
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.checks.plausibility import ClearMotion, clear_motion
@@ -27,12 +27,13 @@ from cylinder_friction.recordings.columns import (
 
 CHECK = "position_against_force"
 WINDOW_S = 0.5  # Positions are means over this long, and the force counts that is nearest to friction within it
-SLIDES = 0.02  # A piston faster than this share of its usual top speed slides,
-DEVIATIONS = 5.0  # and than so many times what noise of the position makes of standstill
+SLIDES, DEVIATIONS = 0.02, 5.0
+"""A piston slides if it is faster than this share of its usual top speed, and than this multiple of the speed that the
+position's noise shows at standstill."""
 PUSHES, LEAST_S, LEAST_TRAVEL = 0.1, 0.5, 0.005
 """Sliding needs at least this share of friction; inertia slides on without, for less time or less of the stroke."""
 HOLDS, SURGE_S = 2.0, 1.0
-"""Rest needs at most so many times friction; a surge of pressure is over sooner than this."""
+"""Rest needs at most this multiple of friction; a surge of pressure is over sooner than this."""
 END_SHARE = 0.05  # So close to an end of the stroke a stop may hold the piston
 GREATEST_RESIDUAL = 0.5  # Median residual of the fit over friction; above, position does not explain the force
 FEWEST_ROWS = 20  # Of clear motion in either direction
@@ -102,13 +103,13 @@ def _contradictions(
     slides_m_s = max(SLIDES * top_m_s, DEVIATIONS * noise_m / WINDOW_S)
     found = []
     for way, speeds_m_s, most in (("extends", speed_m_s, highest), ("retracts", -speed_m_s, -lowest)):
-        for begin, end in _runs(known & (speeds_m_s > slides_m_s) & (most < PUSHES), LEAST_S / step_s):
+        for begin, end in _longer(known & (speeds_m_s > slides_m_s) & (most < PUSHES), LEAST_S / step_s):
             moved_m = abs(mean_m[end - 1] - mean_m[begin])
             words = f"{way} by {1e3 * moved_m:.3g} mm {_when(time_s, begin, end)} although the force does not push it"
             if moved_m > least_m:
                 found.append((begin, end, words))
     least = np.maximum(lowest, -highest)
-    for begin, end in _runs(known & (np.abs(speed_m_s) <= slides_m_s) & (least > HOLDS), SURGE_S / step_s):
+    for begin, end in _longer(known & (np.abs(speed_m_s) <= slides_m_s) & (least > HOLDS), SURGE_S / step_s):
         times = np.median(least[begin:end])
         words = (
             f"rests {_when(time_s, begin, end)} although the force is {times:.3g} times friction and no end stop near"
@@ -139,7 +140,6 @@ def _fit(drive_n: Array, positions_m: Array, motion: ClearMotion) -> tuple[float
     return float(factors[0]), load @ factors[1:], float(np.median(off_n))
 
 
-def _runs(where: Mask, least: float) -> list[tuple[int, int]]:
-    """Return first row and the one behind the last of each run of true rows that is longer than ``least``."""
-    change = np.flatnonzero(np.diff(where, prepend=False, append=False))
-    return [(int(a), int(b)) for a, b in zip(change[::2], change[1::2], strict=True) if b - a > least]
+def _longer(where: Mask, least: float) -> list[tuple[int, int]]:
+    """Return the runs of true rows that are longer than ``least``, as ``true_runs`` does."""
+    return [(begin, end) for begin, end in true_runs(where).tolist() if end - begin > least]

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array, true_runs
 from cylinder_friction.recordings.columns import POSITION
 from cylinder_friction.recordings.recording import Signal
 
@@ -156,7 +156,6 @@ def _still(x_m: Array, at_s: Array, rows: int, stroke_m: float) -> list[Position
     alive = (np.minimum(up, down) >= UP_AND_DOWN) & (up + down >= CHANGES)
     if np.count_nonzero(alive) * STILL_S < ALIVE_S:
         return []
-    change = np.flatnonzero(np.diff(steps_m == 0.0, prepend=False, append=False)).reshape(-1, 2)
     return [
         PositionFault(
             begin + 1,
@@ -164,7 +163,7 @@ def _still(x_m: Array, at_s: Array, rows: int, stroke_m: float) -> list[Position
             f"{POSITION} holds {1e3 * x_m[begin]:.4g} mm from {at_s[begin]:.2f} to {at_s[end]:.2f} s without the noise "
             "that it has elsewhere; left out",
         )
-        for begin, end in change.tolist()
+        for begin, end in true_runs(steps_m == 0.0).tolist()
         if end - begin >= rows and END_SHARE * stroke_m < x_m[begin] < (1.0 - END_SHARE) * stroke_m
     ]
 

@@ -14,6 +14,8 @@ from typing import Any, Self
 
 from asyncua import Node, Server, ua
 
+from cylinder_friction.monitoring.moments import moment
+
 NAMESPACE = "urn:cylinder-friction:health"
 """Of its own: a cylinder and a session may have the same name."""
 FOLDER = "Cylinders"
@@ -69,20 +71,17 @@ class MonitoredCylinders:
             text = "%s: expected what `cylinder-friction monitor` writes, got %r; run it again"
             _log.warning(text, self.file, error)
             return
-        for name, (health, words, moment) in values.items():
+        for name, (health, words, start) in values.items():
             if name not in self._nodes:
                 self._nodes[name] = await self._add(name)
-            await self._write(name, (health, words), ua.StatusCode(), moment)
+            await self._write(name, (health, words), ua.StatusCode(), start)
             await asyncio.sleep(0)  # clients are served in between
         for name in self._nodes.keys() - values.keys():
             await self._write(name, (None, None), GONE, None)
 
     def _values(self, line: Mapping[str, Any]) -> tuple[int, str, datetime | None]:
-        start = line["last_start"]
-        moment = datetime.fromisoformat(start) if start else None
-        if moment is not None and moment.tzinfo is None:
-            moment = moment.replace(tzinfo=UTC)
-        return self.numbers[line["ne107"]], f"{line['answer']}: {line['words']}", moment
+        start = moment(line["last_start"]) if line["last_start"] else None
+        return self.numbers[line["ne107"]], f"{line['answer']}: {line['words']}", start
 
     async def _add(self, name: str) -> tuple[ua.NodeId, ua.NodeId]:
         """Add a cylinder's object; return its two variables."""
@@ -98,9 +97,9 @@ class MonitoredCylinders:
         return health.nodeid, status.nodeid
 
     async def _write(
-        self, name: str, values: tuple[int | None, str | None], status: ua.StatusCode, moment: datetime | None
+        self, name: str, values: tuple[int | None, str | None], status: ua.StatusCode, start: datetime | None
     ) -> None:
         kinds = ua.VariantType.Int32, ua.VariantType.String
         for node, value, kind in zip(self._nodes[name], values, kinds, strict=True):
             variant = ua.Variant() if value is None else ua.Variant(value, kind)
-            await self.server.write_attribute_value(node, ua.DataValue(variant, status, moment, datetime.now(UTC)))
+            await self.server.write_attribute_value(node, ua.DataValue(variant, status, start, datetime.now(UTC)))
