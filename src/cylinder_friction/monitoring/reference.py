@@ -22,6 +22,8 @@ VISCOSITY_1_K = 0.033
 """Relative fall of the oil's viscosity per kelvin, near 40 °C."""
 STRONGER = {"viscous_n_s_m": 4.0, "leak_m3_s_pa": 4.0}
 """Indicators that follow viscosity itself: by how much more than friction they may change with every covariate."""
+THIN_OIL = ("leak_m3_s_pa",)
+"""Indicators that follow the inverse of viscosity: the flow through a gap."""
 BENT_1_K = 0.01
 """The effect of viscosity need not be a straight line: after 1 / this in kelvins it may be off by what its prior is."""
 LEAST_KNOWN = 0.9
@@ -42,6 +44,7 @@ class Reference:
     scale: Array  # Of each design column, so that its coefficient has a prior of 1
     coefficients: Array  # Level first, in the indicator's unit
     covariance: Array  # Of the coefficients
+    viscosity_power: float = 1.0  # Of the response to oil temperature: 1, or -1 for what rises as the oil thins
 
     @property
     def innovation(self) -> float:
@@ -51,9 +54,16 @@ class Reference:
     def design(self, covariates: Mapping[str, Array]) -> Array:
         """Return the regressors of sessions, shape ``(sessions, 1 + covariates)``; NaN if one is not known."""
         count = len(next(iter(covariates.values())))
-        columns = [_response(name, covariates[name], middle) for name, middle in self.centre.items()]
+        columns = [self._response(name, covariates[name]) for name in self.centre]
         bent = [BENT_1_K * columns[0] ** 2] if OIL_TEMPERATURE in self.centre else []
         return np.column_stack([np.ones(count), *columns, *bent]) * self.scale
+
+    def _response(self, name: str, values: Array) -> Array:
+        """Return how far a covariate is from its mean; oil temperature through viscosity, in kelvins of cooling."""
+        if name == OIL_TEMPERATURE:
+            power = self.viscosity_power * VISCOSITY_1_K
+            return np.asarray(np.expm1(-power * (values - self.centre[name])) / power)
+        return np.asarray(values - self.centre[name])
 
     def effect(self, design: Array) -> Array:
         """Return what the covariates change, shape ``(sessions,)``, in the indicator's unit."""
@@ -106,7 +116,8 @@ def fitted(
     size = unit * STRONGER.get(indicator, 1.0)
     bent = [size * usual[OIL_TEMPERATURE]] if OIL_TEMPERATURE in used else []
     scale = np.array([1.0, *(size * usual[name] for name in used), *bent])
-    unfitted = Reference(level, 0.0, 0.0, 0.0, centre, scale, np.zeros(0), np.zeros((0, 0)))
+    power = -1.0 if indicator in THIN_OIL else 1.0
+    unfitted = Reference(level, 0.0, 0.0, 0.0, centre, scale, np.zeros(0), np.zeros((0, 0)), power)
     units = np.array([1.0] + [unit] * (len(scale) - 1))
     design, values = np.nan_to_num(unfitted.design(covariates)) / units, values / unit
     prior = np.diag([0.0] + [1.0] * (len(scale) - 1))
@@ -127,14 +138,8 @@ def fitted(
         scale=scale,
         coefficients=coefficients * unit / units,
         covariance=np.asarray(covariance * np.outer(unit / units, unit / units)),
+        viscosity_power=power,
     )
-
-
-def _response(name: str, values: Array, middle: float) -> Array:
-    """Return how far a covariate is from its mean; oil by its viscosity, in kelvins of cooling."""
-    if name == OIL_TEMPERATURE:
-        return np.asarray(np.expm1(-VISCOSITY_1_K * (values - middle)) / VISCOSITY_1_K)
-    return np.asarray(values - middle)
 
 
 def _whitened(values: Array, autocorrelation: float) -> Array:

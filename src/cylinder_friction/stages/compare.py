@@ -75,8 +75,9 @@ WRITTEN = (*FILES, FIGURES_FOLDER, PLOTS_FOLDER)
 COMPARED_BY = {field.name for field in fields(ComparisonSettings)}
 LEARNING_CURVE_FILE = "learning_curve.json"
 RIVAL = "lugre"
-HEADLINERS = ("paper_hybrid", "ridge", "force_balance_low_pass", "lugre", "pressure_lugre_all")
-"""Estimators whose errors stand beside the main one's in ``metrics.json``."""
+HEADLINERS = {"paper_hybrid": "paper", "ridge": "ridge", "force_balance_low_pass": "low_pass", "lugre": "lugre"}
+"""Estimators whose errors stand beside the main one's in ``metrics.json``, and their names there: short, for DVC prints
+all of them in one line."""
 LABEL_NOTES = {"moving_average": "off line, late: causal moving averages"}  # Every other method looks ahead
 DESIGNED = ("hybrid", "lstm")
 DESIGN_NOTES = {"force_balance": "corrects the force balance", "paper": "of the published design"}
@@ -125,8 +126,10 @@ def run(params: Params) -> RunRecord:
 
 def headline(
     tree: Mapping[str, Mapping[str, Mapping[str, float]]], held: Sequence[Coverage], main: str
-) -> dict[str, dict[str, float]]:
+) -> dict[str, float | str]:
     """Return about ten figures of a comparison, for DVC: percentages, means over the conditions.
+
+    ``against`` states what errors and bounds are measured against: ``truth``, or ``label`` if truth is not known.
 
     Args:
         tree: Numbers by estimator, condition and name.
@@ -134,26 +137,17 @@ def headline(
         main: Its name.
     """
     reference, errors = reported_errors(tree[main])
-    shown = [name for name in (main, *HEADLINERS) if name in tree]
-    means = {name: float(np.mean(list(reported_errors(tree[name])[1].values()))) for name in dict.fromkeys(shown)}
+    shown = {main: main} | {name: short for name, short in HEADLINERS.items() if name in tree and name != main}
     own = [each for each in held if each.reference == reference]
-    bounds = {
-        "mean": float(np.mean([each.held_percent for each in own])) if own else math.nan,
-        "worst_session": min((each.worst_session_percent for each in own), default=math.nan),
-    }
     content = {
-        f"error_percent_of_{reference}": means,
-        f"{main}_percent": {
-            "worst_condition": max(errors.values()),
-            "of_label": float(np.mean([each["label_percent"] for each in tree[main].values()])),
-        },
-        f"bounds_hold_{reference}_percent": bounds,
+        **{short: float(np.mean(list(reported_errors(tree[name])[1].values()))) for name, short in shown.items()},
+        f"{main}_worst": max(errors.values()),
+        f"{main}_label": float(np.mean([each["label_percent"] for each in tree[main].values()])),
+        "bounds": float(np.mean([each.held_percent for each in own])) if own else math.nan,
+        "bounds_worst": min((each.worst_session_percent for each in own), default=math.nan),
     }
-    known = {
-        group: {name: round(value, 3) for name, value in numbers.items() if math.isfinite(value)}
-        for group, numbers in content.items()
-    }
-    return {group: numbers for group, numbers in known.items() if numbers}
+    known = {name: round(value, 3) for name, value in content.items() if math.isfinite(value)}
+    return {"against": reference, **known}
 
 
 def notes_of(
