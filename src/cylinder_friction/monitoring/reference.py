@@ -127,7 +127,7 @@ def fitted(
         covariance = np.linalg.inv(x.T @ x / variance + prior)
         coefficients = covariance @ x.T @ y / variance
         used_up = float(np.trace(covariance @ x.T @ x) / variance)
-        variance = float(np.sum((y - x @ coefficients) ** 2) / (len(y) - used_up))
+        variance = max(float(np.sum((y - x @ coefficients) ** 2) / (len(y) - used_up)), 1e-30)
         autocorrelation = _autocorrelation(values - design @ coefficients, used_up)
     return Reference(
         level=unit * float(coefficients[0]),
