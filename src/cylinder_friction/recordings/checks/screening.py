@@ -232,8 +232,16 @@ def _surely_good(values: Array, low: float, high: float, bottom: float, top: flo
     if not len(values):
         return True
     least, most = float(values.min()), float(values.max())
-    inside = least >= low and most <= high and least > bottom and most < top
-    return inside and not (np.abs(np.diff(values)) > 0.7 * height).any()
+    if not (least >= low and most <= high and least > bottom and most < top):
+        return False
+    jumps = np.flatnonzero(np.abs(np.diff(values)) > 0.7 * height) + 1
+    suspects = (jumps[:, None] + np.arange(MOST_ODD)).ravel()
+    suspects = suspects[(suspects >= BESIDE) & (suspects < len(values) - BESIDE)]
+    near = values[suspects[:, None] + np.arange(-BESIDE, BESIDE + 1)]
+    middle = np.median(near, axis=1)
+    distance = np.abs(values[suspects] - middle)
+    odd = np.sum(np.abs(near - middle[:, None]) > QUIET * distance[:, None], axis=1)
+    return not ((distance > height) & (odd <= MOST_ODD)).any()
 
 
 @numba.njit(cache=True)
