@@ -151,6 +151,13 @@ def test_new_seal_that_nobody_entered_is_for_the_better() -> None:
     assert "seal" in found.questions[0]
 
 
+def test_worn_seal_that_also_runs_more_evenly_is_still_worn() -> None:
+    found = assess("press", changed(changed(sessions(250), 130, times=WORN), 170, times={"profile_n": 0.5}))
+    assert found.answer == "alarm"
+    assert found.words.startswith("Friction fell by ")
+    assert "profile_n" in [change.indicator for change in found.changes]
+
+
 @pytest.mark.parametrize("kind", ["service", "reset", "reference"])
 def test_service_begins_a_new_baseline(kind: str) -> None:
     rows = changed(sessions(260), 150, times=WORN)

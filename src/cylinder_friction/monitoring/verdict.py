@@ -169,10 +169,14 @@ def _changed(cylinder: str, alarms: Sequence[_Alarm], entries: Sequence[Entry], 
     changes = {each.name: _change(each, zero, plan) for each in alarms}
     wear = [each for each in alarms if not doubts[each.name] and not each.better]
     better = [each for each in alarms if each.better and not doubts[each.name]]
-    if better and all(each.at < (better[0].returned or better[0].dated.begins) for each in wear):
-        at = better[0].test.rows[better[0].returned or better[0].dated.begins].session
+    # While friction is worse than its baseline, only its return speaks for a new seal: a smoother bore or less leak,
+    # which wear can bring as well, does not.
+    returned = [each for each in better if each.returned is not None]
+    if better and (not wear or (returned and all(each.at < (returned[0].returned or 0) for each in wear))):
+        main = (returned or better)[0]
+        at = main.test.rows[main.returned or main.dated.begins].session
         question = f"was the seal changed before session {at}? Enter it as a service, and a new baseline begins there"
-        words = sentences.better(changes[better[0].name], at)
+        words = sentences.better(changes[main.name], at)
         return Assessment(cylinder, "watch", words, tuple(changes.values()), questions=(question,))
     if wear:
         worn = [changes[each.name] for each in wear]
