@@ -1,15 +1,19 @@
 """Whether alarms of monitoring can be believed: false alarms, delays and dates over lives, beside other tests.
 
-    python performance/monitoring.py [--seed 7] [--scratch FOLDER] [--kept]
+    python performance/monitoring.py [--seed 7] [--scratch FOLDER] [--kept] [--servo]
 
 The rig simulates seven cylinders in full: a year in 96 sessions, and each disturbance; two of them also with faults.
 The scratch folder keeps their rows, so that a second run takes minutes. Longer lives with a session a day, and more of
 them, are resampled from these rows (``Resampled``). Tables give medians, with the 90 % quantile in brackets.
+
+With ``--servo`` the servo rig of ``benchmark``, whose package this needs, simulates two healthy cylinders instead: 96
+sessions each, friction 5 % apart from session to session.
 """
 
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -59,12 +63,17 @@ def simulated(seed: int, scratch: Path, case: tuple[str, int]) -> Rows:
     """Return the rows of a cylinder's sessions, simulated unless an earlier run kept them."""
     fate, number = case
     path = scratch / f"{fate}_{number:02d}_{seed}.json"
-    if not path.is_file():
-        plan = LifePlan(seed, SIMULATED_YEAR, SIMULATED_YEAR, 1, SIMULATED_YEAR, time_step_s=STEP_S)
+    if fate == "servo" and not path.is_file():
+        rig = importlib.import_module("friction_benchmark.servo_rig.sessions")
+        plan = rig.SessionPlan(seed=100 * seed + number, sample_time_s=0.005)
+        made = (rig.record(plan, "2", each).recording for each in range(1, SIMULATED_YEAR + 1))
+        write_json(path, [session_row(label([each], rig.CYLINDER), rig.CYLINDER).to_dict() for each in made])
+    elif not path.is_file():
+        lived = LifePlan(seed, SIMULATED_YEAR, SIMULATED_YEAR, 1, SIMULATED_YEAR, time_step_s=STEP_S)
         if fate != "healthy":
-            plan = LifePlan(seed, FATES[fate][0], 0, FATES[fate][1], time_step_s=STEP_S)
+            lived = LifePlan(seed, FATES[fate][0], 0, FATES[fate][1], time_step_s=STEP_S)
         rows = []
-        for each in life(CYLINDER, plan, number, cast(Fate, fate)):
+        for each in life(CYLINDER, lived, number, cast(Fate, fate)):
             named = zip(UNITS.items(), each.logger.columns, strict=True)
             table = pd.DataFrame({name: unit * each.logger[column] for (name, unit), column in named})
             rows.append(session_row(label([Recording(each.metadata, table)], CYLINDER), CYLINDER))
@@ -171,6 +180,20 @@ def lives(healthy: list[Resampled], times: int, count: int, seed: int) -> Iterat
             yield year.days(count, float(generator.integers(YEAR)), generator)
 
 
+def undisturbed(healthy: list[Resampled], times: int, plan: MonitorPlan) -> None:
+    """Print how often an alarm is given in healthy lives without a disturbance."""
+    years = list(lives(healthy, times, plan.baseline_sessions + YEAR, 5))
+    with ProcessPoolExecutor(2) as pool:
+        given = list(pool.map(partial(nights, plan=plan), years, chunksize=8))
+    wrong = Counter(name for each in given for _, result, name in [e for e in each if e[1] == "alarm"][:1])
+    print(f"baseline {plan.baseline_sessions:3d}: {_rate(wrong.total(), len(years))} {dict(wrong)}")
+
+
+def _rate(count: int, years: int) -> str:
+    most = stats.chi2.ppf(0.975, 2 * count + 2) / 2.0 / years
+    return f"{count / years:.4f} a cylinder-year, at most {most:.4f} ({years} years)"
+
+
 def _nights_of(bank: Bank, baseline: int, case: tuple[str, int, int]) -> list[tuple[int, str, str]]:
     plan = MonitorPlan(baseline_sessions=baseline)
     return nights(disturbed(bank, *case, plan), plan)
@@ -186,10 +209,10 @@ def false_alarms(bank: Bank, healthy: int, times: int, plan: MonitorPlan) -> Non
         wrong.update([(kind, name) for _, result, name in each if result == "alarm"][:1])
         undecided[kind] += any(result == "undecided" for _, result, _ in each)
         last[each[-1][1]] += 1
-    years, count = len(cases), wrong.total()
-    rates = f"{count / years:.4f} a cylinder-year, at most {stats.chi2.ppf(0.975, 2 * count + 2) / 2.0 / years:.4f}"
-    print(f"baseline {plan.baseline_sessions:3d}: {rates} ({years} years) {dict(wrong)};", flush=True)
-    print(f"  undecided by kind, of {years // len(DISTURBANCES)}: {dict(undecided)};", _ends(undecided.total(), last))
+    print(f"baseline {plan.baseline_sessions:3d}: {_rate(wrong.total(), len(cases))} {dict(wrong)};", flush=True)
+    print(
+        f"  undecided by kind, of {len(cases) // len(DISTURBANCES)}: {dict(undecided)};", _ends(undecided.total(), last)
+    )
 
 
 def _ends(undecided: int, last: Counter[str]) -> str:
@@ -295,16 +318,24 @@ def main() -> None:
         "--lives", type=int, default=11, help="per cylinder and disturbance, for the rate of false alarms"
     )
     parser.add_argument("--kept", action="store_true", help="use what an earlier run kept, and simulate nothing")
+    parser.add_argument("--servo", action="store_true", help="healthy lives and growing friction on the servo rig")
     given = parser.parse_args()
     given.scratch.mkdir(parents=True, exist_ok=True)
     cases = [(fate, number) for number in range(HEALTHY) for fate in ("healthy", *DISTURBANCES)]
     cases += [(fate, number) for number in range(FAULTY) for fate in FAULTS]
+    if given.servo:
+        cases = [("servo", number) for number in range(FAULTY)]
     if given.kept:
         cases = [each for each in cases if (given.scratch / f"{each[0]}_{each[1]:02d}_{given.seed}.json").is_file()]
     with ProcessPoolExecutor(2) as pool:
         bank = dict(zip(cases, pool.map(partial(simulated, given.seed, given.scratch), cases), strict=True))
-    healthy, plan = [Resampled(rows) for (fate, _), rows in bank.items() if fate == "healthy"], MonitorPlan()
+    healthy, plan = [Resampled(rows) for (fate, _), rows in bank.items() if fate in ("healthy", "servo")], MonitorPlan()
     print(f"{len(healthy)} healthy cylinders; {sum(map(len, bank.values()))} sessions simulated, seed {given.seed}")
+    if given.servo:
+        for baseline in (90, 30, 250):
+            undisturbed(healthy, 4 * given.lives * HEALTHY // FAULTY, MonitorPlan(baseline_sessions=baseline))
+        delays(healthy, plan)
+        return
     false_alarms(bank, len(healthy), given.lives, plan)
     delays(healthy, plan)
     others(healthy, plan)
