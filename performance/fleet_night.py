@@ -17,7 +17,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from dataclasses import replace
+from dataclasses import asdict, replace
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -30,6 +30,7 @@ from cylinder_friction.estimation.earlier import PROCESSED_FILE, Earlier, read_e
 from cylinder_friction.fleet.demonstration import CHANNELS, DIMENSIONS
 from cylinder_friction.fleet.one_cylinder import RESULTS, session_file
 from cylinder_friction.fleet.sessions import KeptRow, key_of, read_rows, write_rows
+from cylinder_friction.params.fleet import load_fleet
 from cylinder_friction.recordings.files import hash_of, read_json, write_json
 from cylinder_friction.rig.lives import LifePlan, life
 
@@ -66,7 +67,9 @@ def write_fleet(folder: Path, names: list[str]) -> None:
     (folder / "fleet.yaml").write_text(yaml.safe_dump(content))
 
 
-def copy_results(health: Path, name: str, sessions: int, earlier: Earlier, rows: dict[str, KeptRow], code: str) -> None:
+def copy_results(
+    health: Path, name: str, sessions: int, earlier: Earlier, rows: dict[str, KeptRow], made_by: str
+) -> None:
     """Give a cylinder a life of results of the first one, under its own name, dates and hashes."""
     own, base = health / RESULTS / name, health / RESULTS / FIRST
     made_with = hashlib.sha256(repr(Cylinder(name=name, **DIMENSIONS)).encode()).hexdigest()
@@ -83,11 +86,11 @@ def copy_results(health: Path, name: str, sessions: int, earlier: Earlier, rows:
         entry = replace(each.entry, source_sha256=digest, name=new, session=new, source_file=file, start=start)
         recordings.append(replace(each, entry=entry))
         row = replace(before, cylinder=name, session=new, start=start, files={file: digest})
-        kept[new] = KeptRow(row, key_of([vars(entry) | {"repairs": list(entry.repairs)}], code), made_with)
+        kept[new] = KeptRow(row, key_of([asdict(entry)], made_by), made_with)
     depends_on = {**earlier.depends_on, "cylinder": made_with}
     write_earlier(own, Earlier(depends_on, tuple(recordings), earlier.offsets))
     summary = read_json(base / "summary.json")
-    about = [vars(each.entry) | {"repairs": list(each.entry.repairs)} for each in recordings]
+    about = [asdict(each.entry) for each in recordings]
     files = [f"{each.entry.name}.parquet" for each in recordings] + ["summary.json", PROCESSED_FILE]
     write_json(own / "summary.json", summary | {"recordings": about, "files": sorted(files), "depends_on": depends_on})
     write_rows(health / session_file(name), [each.row for each in kept.values()], kept, {}, {})
@@ -120,12 +123,13 @@ def main() -> None:
         write_fleet(folder, [FIRST])
         print("the first cylinder:", night(folder, str(folder / "logs")), flush=True)
         health = folder / "health"
-        code = hash_of(Path(sys.modules["cylinder_friction"].__file__ or "").parent)
+        plan = load_fleet(folder / "fleet.yaml").cylinders[FIRST].indicator_plan("none")
+        made_by = f"{hash_of(Path(sys.modules['cylinder_friction'].__file__ or '').parent)} {plan}"
         depends_on = read_json(health / RESULTS / FIRST / "summary.json")["depends_on"]
         earlier, rows = read_earlier(health / RESULTS / FIRST, depends_on), read_rows(health / session_file(FIRST))
         shutil.rmtree(folder / "logs")
         for name in names:
-            copy_results(health, name, options.sessions, earlier, rows, code)
+            copy_results(health, name, options.sessions, earlier, rows, made_by)
         marker = read_json(health / "health.json")
         tables = [session_file(name) for name in names]
         write_json(health / "health.json", marker | {"files": sorted({*marker["files"], *tables})})

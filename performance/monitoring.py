@@ -78,7 +78,8 @@ def simulated(seed: int, scratch: Path, case: tuple[str, int]) -> Rows:
             table = pd.DataFrame({name: unit * each.logger[column] for (name, unit), column in named})
             rows.append(session_row(label([Recording(each.metadata, table)], CYLINDER), CYLINDER))
         write_json(path, [row.to_dict() for row in rows])
-    return [SessionRow.from_dict(each) for each in json.loads(path.read_text())]
+    rows = [SessionRow.from_dict(each) for each in json.loads(path.read_text())]
+    return [row for row in rows if row.covariates["oil_temperature_c"] is not None]  # Others have no matched stroke
 
 
 class Resampled:
@@ -184,7 +185,7 @@ def undisturbed(healthy: list[Resampled], times: int, plan: MonitorPlan) -> None
     """Print how often an alarm is given in healthy lives without a disturbance."""
     years = list(lives(healthy, times, plan.baseline_sessions + YEAR, 5))
     with ProcessPoolExecutor(2) as pool:
-        given = list(pool.map(partial(nights, plan=plan), years, chunksize=8))
+        given = list(pool.map(partial(_nights_after, plan.baseline_sessions), years, chunksize=8))
     wrong = Counter(name for each in given for _, result, name in [e for e in each if e[1] == "alarm"][:1])
     print(f"baseline {plan.baseline_sessions:3d}: {_rate(wrong.total(), len(years))} {dict(wrong)}")
 
@@ -194,9 +195,12 @@ def _rate(count: int, years: int) -> str:
     return f"{count / years:.4f} a cylinder-year, at most {most:.4f} ({years} years)"
 
 
+def _nights_after(baseline: int, rows: Rows) -> list[tuple[int, str, str]]:
+    return nights(rows, MonitorPlan(baseline_sessions=baseline))
+
+
 def _nights_of(bank: Bank, baseline: int, case: tuple[str, int, int]) -> list[tuple[int, str, str]]:
-    plan = MonitorPlan(baseline_sessions=baseline)
-    return nights(disturbed(bank, *case, plan), plan)
+    return _nights_after(baseline, disturbed(bank, *case, MonitorPlan(baseline_sessions=baseline)))
 
 
 def false_alarms(bank: Bank, healthy: int, times: int, plan: MonitorPlan) -> None:
