@@ -7,7 +7,7 @@ The scratch folder keeps their rows, so that a second run takes minutes. Longer 
 them, are resampled from these rows (``Resampled``). Tables give medians, with the 90 % quantile in brackets.
 
 With ``--servo`` the servo rig of ``benchmark``, whose package this needs, simulates two healthy cylinders instead: 96
-sessions each, friction 5 % apart from session to session.
+sessions each, with friction that differs by 5 % from session to session.
 """
 
 from __future__ import annotations
