@@ -32,6 +32,7 @@ from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_recording
 from logger_files import CHANNELS, made_log, write_log
+from noisy_recordings import with_noise
 
 SENSOR = {"accuracy_percent": 0.05, "zero_uncertainty": 0.05, "range": [0.0, 250.0], "unit": "bar"}
 STATED = CHANNELS | {name: CHANNELS[name] | {"sensor": SENSOR} for name in ("pressure_1_pa", "pressure_2_pa")}
@@ -128,6 +129,31 @@ def test_with_a_model_friction_is_its_real_time_estimate(
     )
     np.testing.assert_array_equal(written.column("flags"), flags)
     assert "label_n" in written.table
+
+
+def test_bounds_are_as_much_wider_as_pressures_are_noisier_than_in_training(
+    tmp_path: Path, cylinder: Cylinder, twelve_recordings: list[Recording]
+) -> None:
+    model = LowPassForceBalanceEstimator(cylinder).fit(twelve_recordings[:4])
+    model.calibrate(twelve_recordings[:4], twelve_recordings[4:8], cylinder)
+    assert model.trained_for is not None
+    assert model.bounds is not None
+    write_log(tmp_path / "logs/quiet.csv", twelve_recordings[8])
+    write_log(tmp_path / "logs/noisy.csv", with_noise(twelve_recordings[8], 15.0 * model.trained_for.pressure_noise_pa))
+    result = estimate_logs(tmp_path / "logs", cylinder, tmp_path / "out", channels=CHANNELS, model=model)
+    words = {each.name: each.unlike_training for each in result.recordings}
+    assert words["quiet"] == ""
+    assert re.fullmatch(r"pressures are 1[45]\.\d times as noisy as .* knows, and bounds as much wider", words["noisy"])
+    for name, times in (("quiet", 1.0), ("noisy", 15.0)):
+        written = read_recording(tmp_path / "out" / f"{name}.parquet")
+        steps = model.real_time().run(written.samples())[0]
+        label_n, usable = written.column("label_n"), written.usable()
+        lower_n, upper_n = written.column("lower_n"), written.column("upper_n")
+        np.testing.assert_array_equal(written.column("friction_n"), steps[:, 0])
+        np.testing.assert_allclose(upper_n - lower_n, times * (steps[:, 2] - steps[:, 1]), rtol=0.05)
+        assert 0.85 < ((lower_n <= label_n) & (label_n <= upper_n))[usable].mean()
+        held = ((steps[:, 1] <= label_n) & (label_n <= steps[:, 2]))[usable].mean()
+        assert (held > 0.85) == (name == "quiet")
 
 
 def test_logs_at_another_rate_are_resampled_to_the_models(

@@ -10,6 +10,7 @@ from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.realtime.flags import unknown_in_words
 from cylinder_friction.realtime.trained_for import OtherCylinderError, TrainedFor
 from cylinder_friction.recordings.recording import Recording
+from noisy_recordings import with_noise
 
 
 @pytest.fixture(scope="module")
@@ -25,6 +26,11 @@ def test_it_is_saved_and_read_with_the_model(small_hybrid: HybridEstimator, tmp_
     assert read.trained_for.in_words().startswith("a cylinder of 63 mm bore and 28 mm rod, with friction of ")
     low, high = f"{read.trained_for.friction_n / 2:.0f}", f"{2 * read.trained_for.friction_n:.0f}"
     assert f"where that leaves {low} to {high} N, its estimates are not to be used" in read.trained_for.in_words()
+    noise = (
+        f"if pressures are noisier than {1e-3 * read.trained_for.pressure_noise_pa:.2g} kPa, its bounds are too narrow"
+    )
+    assert noise in read.trained_for.in_words()
+    assert "noisier" not in replace(read.trained_for, pressure_noise_pa=0.0).in_words(), "it has no pressures"
     assert read.step_model().trained_for == read.trained_for
     with pytest.raises(ValueError, match="expected finite numbers"):
         TrainedFor(np.nan, 0.03, 300.0, 1e3)
@@ -45,11 +51,13 @@ def test_another_level_of_friction_and_other_noise_are_named(
     assert trained.differences([like]) == ("", "")
     other, _ = trained.differences([like.with_columns(label_n=label_n / 3.0)])
     assert other.startswith("friction is about 0.2")
-    generator = np.random.default_rng(1)
-    noise_pa = generator.normal(0.0, 1e5, (2, len(recording)))
-    pressures = {f"pressure_{each}_pa": like.column(f"pressure_{each}_pa") + noise_pa[each - 1] for each in (1, 2)}
-    _, noisy = trained.differences([like.with_columns(**pressures)])
-    assert "times as noisy as those that this model knows" in noisy
+    noisy = with_noise(like, 1e5)
+    times = trained.times_as_noisy([noisy])
+    assert times == pytest.approx(1e5 / trained.pressure_noise_pa, rel=0.1)
+    words = f"pressures are {times:.1f} times as noisy as those that this model knows, and bounds as much wider"
+    assert trained.differences([noisy]) == ("", words)
+    a_little = with_noise(like, 0.8 * trained.pressure_noise_pa)  # 1.3 times as noisy
+    assert (trained.times_as_noisy([a_little]), trained.differences([a_little])) == (1.0, ("", ""))
 
 
 def test_rows_that_a_model_does_not_know_are_named() -> None:

@@ -97,8 +97,10 @@ class RecordingFriction:
         What is read of it is yet to be ``finished``.
         """
         parts = source.parts() if isinstance(source, LongRecording) else [(source, slice(0, len(source)))]
-        estimator = self.estimator
-        running = None if estimator is None else RunningEstimate(for_load(estimator, identified))
+        estimator, running = self.estimator, None
+        if estimator is not None:
+            excerpt = source.excerpt() if isinstance(source, LongRecording) else [source]
+            running = RunningEstimate(for_load(estimator, identified).with_bounds_for(excerpt))
         paths: list[Path] = []
         own_rows: list[slice] = []
         try:

@@ -190,6 +190,21 @@ class FrictionEstimator(ABC):
             other.guard = replace(self.guard, trained_lower=trained.lower, trained_upper=trained.upper)
         return other
 
+    def with_bounds_for(self, recordings: Sequence[Recording]) -> Self:
+        """Return this fitted estimator with bounds that hold for these recordings, if their pressures are noisier.
+
+        If pressures are k times as noisy as in training, where k is more than 1.5, bounds are k times as far from the
+        estimate: they are right if noise makes all of the errors, and too wide if something else makes part of them.
+        """
+        trained_for, bounds = self.trained_for, self.bounds
+        if trained_for is None or bounds is None or (times := trained_for.times_as_noisy(recordings)) == 1.0:
+            return self
+        lower_n, upper_n = (tuple(times * each_n for each_n in side) for side in (bounds.lower_n, bounds.upper_n))
+        other = copy.copy(self)
+        other.bounds = replace(bounds, lower_n=lower_n, upper_n=upper_n)
+        other.trained_for = replace(trained_for, pressure_noise_pa=times * trained_for.pressure_noise_pa)
+        return other
+
     def aligned(self, stepped: Array) -> Array:
         """Return what steps gave, shape ``(n, ...)``, at the samples it is of; the last rows repeat the last one."""
         after = np.minimum(np.arange(len(stepped)) + self.lag_samples, len(stepped) - 1)

@@ -71,7 +71,8 @@ class Bounds:
         """Return what the bounds hold, and under which assumption: the one sentence wherever bounds are shown."""
         if self.probability == 1.0:
             return "as wide as can be, as this model's errors were never calibrated"
-        what = f"lies between the bounds with probability {self.probability:g} over all sessions"
+        where = "over all sessions with pressures as quiet as in training"
+        what = f"lies between the bounds with probability {self.probability:g} {where}"
         if self.holds == "friction":
             return f"friction {what}, if the sensors are as accurate as stated for the calibration"
         return f"the label {what}; friction does only if the sensors' zeros are right: nothing was stated about them"
