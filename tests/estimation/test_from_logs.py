@@ -151,9 +151,21 @@ def test_bounds_are_as_much_wider_as_pressures_are_noisier_than_in_training(
         lower_n, upper_n = written.column("lower_n"), written.column("upper_n")
         np.testing.assert_array_equal(written.column("friction_n"), steps[:, 0])
         np.testing.assert_allclose(upper_n - lower_n, times * (steps[:, 2] - steps[:, 1]), rtol=0.05)
-        assert 0.85 < ((lower_n <= label_n) & (label_n <= upper_n))[usable].mean()
+        assert ((lower_n <= label_n) & (label_n <= upper_n))[usable].mean() > 0.85
         held = ((steps[:, 1] <= label_n) & (label_n <= steps[:, 2]))[usable].mean()
         assert (held > 0.85) == (name == "quiet")
+
+
+def test_a_recording_beyond_every_range_of_the_model_has_no_friction(
+    tmp_path: Path, cylinder: Cylinder, small_hybrid: HybridEstimator, labelled_recordings: list[Recording]
+) -> None:
+    far = labelled_recordings[0].with_columns(position_m=labelled_recordings[0].column("position_m") + 0.15)
+    log, wide = write_log(tmp_path / "log.csv", far), replace(cylinder, stroke_m=0.5)
+    (found,) = estimate_logs(log, wide, tmp_path / "out", channels=CHANNELS, model=small_hybrid).recordings
+    assert (found.friction_n, found.usable_percent) == (None, 0.0)
+    assert found.not_known.startswith("100 % of the rows have no estimate, as an input lies too far outside")
+    written = read_recording(tmp_path / "out" / f"{found.name}.parquet")
+    assert all(np.isnan(written.column(f"{name}_n")).all() for name in ("friction", "lower", "upper"))
 
 
 def test_logs_at_another_rate_are_resampled_to_the_models(

@@ -188,7 +188,8 @@ def test_one_recording_without_stated_uncertainty_leaves_the_label(labelled_reco
     [
         (
             {"holds": "friction"},
-            "friction lies between the bounds with probability 0.9 over all sessions, if the sensors are",
+            "friction lies between the bounds with probability 0.9 over all sessions with pressures as quiet as in "
+            "training, if the sensors are",
         ),
         ({"holds": "label"}, "friction does only if the sensors' zeros are right: nothing was stated about them"),
         ({"probability": 1.0}, "as wide as can be, as this model's errors were never calibrated"),

@@ -10,6 +10,7 @@ import numpy as np
 
 from cylinder_friction.labelling.load import pooled_load
 from cylinder_friction.labelling.session import SessionIdentification
+from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.recordings.recording import Recording
 
 if TYPE_CHECKING:
@@ -39,13 +40,17 @@ class RunningEstimate:
         self.newtons, self.flags = np.empty((0, 3)), np.empty(0, dtype=np.int64)
 
     def estimated(self, labelled: Recording, own: slice) -> Recording:
-        """Return a part's own rows with friction, bounds and flags, and the label beside them."""
+        """Return a part's own rows with friction, bounds and flags, and the label beside them.
+
+        Rows before the first valid sample have no estimate: their friction is NaN, and they are not usable.
+        """
         rows, end = own.stop - own.start, min(own.stop + self.estimator.lag_samples, len(labelled))
         samples = labelled.samples(self.estimator.inputs)[own.start + len(self.flags) : end]
         newtons, flags = self.stream.run(samples)
         newtons, flags = np.concatenate([self.newtons, newtons]), np.concatenate([self.flags, flags])
         self.newtons, self.flags = newtons[rows:], flags[rows:]
-        friction_n, lower_n, upper_n = self.estimator.aligned(newtons)[:rows].T
+        known_n = np.where((flags & Flag.NOT_READY == 0)[:, None], newtons, np.nan)
+        friction_n, lower_n, upper_n = self.estimator.aligned(known_n)[:rows].T
         part = labelled.rows(own)
         return part.with_columns(
             label_n=part.column("friction_n"),
@@ -53,4 +58,5 @@ class RunningEstimate:
             lower_n=lower_n,
             upper_n=upper_n,
             flags=flags[:rows],
+            usable=part.usable() & np.isfinite(friction_n),
         )
