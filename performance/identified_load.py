@@ -15,7 +15,8 @@ of all. Nobody knows true friction there. Of the held-out day's usable rows it p
 error against the label, over all rows and while the jib slides; against the label of another smoothing; half of the
 estimate extending less retracting at equal position beside that of the measured balance; how far the piston-side
 pressure is from the one that friction, load, velocity and the other pressure give, for estimators that do not see it;
-and how often the hybrid's bounds hold the label. ± is twice the standard error of means over 2 s.
+and how often the hybrid's bounds hold the label, as they are and as wide as `estimate` makes them. ± is twice the
+standard error of means over 2 s.
 """
 
 from __future__ import annotations
@@ -172,11 +173,14 @@ def print_day(named: Estimators, own: Sequence[Recording], other: Sequence[Recor
             f"{name:26}{shares[0]:9.2f} {shares[1]:12.2f} {shares[2]:11.2f} {turned_n:+14.0f} "
             f"{bar if predicts else np.nan:11.2f} {blocks.mean():12.2f} ± {2.0 * blocks.std() / len(blocks) ** 0.5:.2f}"
         )
-    steps = [named["hybrid"].real_time().run(each.samples(INPUTS))[0] for each in own]
-    lower, upper = np.concatenate(steps)[:, 1:].T
-    held = (lower <= label) & (label <= upper)
-    shares = [100.0 * held[rows].mean() for rows in (usable, slides)]
-    print(f"the hybrid's 90 % bounds hold the label in {shares[0]:.1f} % of the rows, {shares[1]:.1f} % sliding")
+    calibrated = named["hybrid"]
+    wide = [calibrated.with_bounds_for([each]) for each in own]
+    for words, models in (("as calibrated", [calibrated] * len(own)), ("as wide as noise asks for", wide)):
+        steps = [model.real_time().run(each.samples(INPUTS))[0] for model, each in zip(models, own, strict=True)]
+        lower, upper = np.concatenate(steps)[:, 1:].T
+        held = (lower <= label) & (label <= upper)
+        shares = " %, sliding ".join(f"{100.0 * held[rows].mean():.1f}" for rows in (usable, slides))
+        print(f"of the usable rows, the hybrid's 90 % bounds {words} hold the label in {shares} %")
 
 
 def _all(recordings: Sequence[Recording], of: Callable[[Recording], Any]) -> Any:
