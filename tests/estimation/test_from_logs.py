@@ -156,6 +156,24 @@ def test_bounds_are_as_much_wider_as_pressures_are_noisier_than_in_training(
         assert (held > 0.85) == (name == "quiet")
 
 
+def test_bounds_that_do_not_hold_the_label_are_named(
+    tmp_path: Path, cylinder: Cylinder, twelve_recordings: list[Recording]
+) -> None:
+    model = LowPassForceBalanceEstimator(cylinder).fit(twelve_recordings[:8])
+    model.calibrate(twelve_recordings[:8], twelve_recordings[8:11], cylinder)
+    assert model.bounds is not None
+    log = write_log(tmp_path / "log.csv", twelve_recordings[11])
+    tenth = {side: tuple(0.1 * each for each in getattr(model.bounds, side)) for side in ("lower_n", "upper_n")}
+    model.bounds = replace(model.bounds, **tenth)
+    (found,) = estimate_logs(log, cylinder, tmp_path / "out", channels=CHANNELS, model=model).recordings
+    written = read_recording(tmp_path / "out" / f"{found.name}.parquet")
+    label_n, counted = written.column("label_n"), written.usable() & (written.column("flags") == 0)
+    held = (written.column("lower_n") <= label_n) & (label_n <= written.column("upper_n"))
+    expected = f"bounds hold the label in {100.0 * held[counted].mean():.0f} % of the rows, not in 90 %"
+    assert found.unlike_training == expected
+    assert expected in (tmp_path / "out/friction.html").read_text()
+
+
 def test_a_recording_beyond_every_range_of_the_model_has_no_friction(
     tmp_path: Path, cylinder: Cylinder, small_hybrid: HybridEstimator, labelled_recordings: list[Recording]
 ) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.results import FrictionOfRecording, known_number
-from cylinder_friction.estimation.running_estimate import RunningEstimate, for_load, loaded_once
+from cylinder_friction.estimation.running_estimate import RunningEstimate, for_load, label_missed, loaded_once
 from cylinder_friction.evaluation.friction_levels import friction_levels
 from cylinder_friction.evaluation.inspection.friction_view import view_of_labelled
 from cylinder_friction.execution.workers import Died
@@ -176,11 +176,19 @@ class RecordingFriction:
             flags_percent=None if estimator is None else counts.flags_percent(),
             load=load or known,
             not_known=other or unknown_in_words(counts.rows, counts.flags),
-            unlike_training=noisy,
+            unlike_training="; ".join(filter(None, (noisy, self._missed(excerpt)))),
             load_left_n=known_number(load_n) if holds_load(load_n, half_n) else None,
             repairs=tuple(about.repairs),
             levels=friction_levels(excerpt),
         )
+
+    def _missed(self, excerpt: Sequence[Recording]) -> str:
+        """Return how seldom bounds hold the label, in words; empty if offset or load differ from the label's."""
+        estimator = self.estimator
+        if estimator is None or estimator.bounds is None or estimator.offset is not None:
+            return ""
+        another_load = estimator.position_load is not None and self.labeller.load == "none"
+        return "" if another_load else label_missed(excerpt, estimator.bounds)
 
     def written(
         self,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -10,11 +11,15 @@ import numpy as np
 
 from cylinder_friction.labelling.load import pooled_load
 from cylinder_friction.labelling.session import SessionIdentification
-from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.flags import LEAST_ROWS, Flag
+from cylinder_friction.realtime.model import Bounds
 from cylinder_friction.recordings.recording import Recording
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
+
+OFTEN_MISSED = 3.0
+"""Bounds that miss the label this many times as often as they may are named."""
 
 
 @lru_cache(maxsize=1)
@@ -29,6 +34,24 @@ def for_load(estimator: FrictionEstimator, identified: SessionIdentification | N
     if identified is None or identified.load is None or estimator.position_load is None:
         return estimator
     return estimator.with_position_load(pooled_load([identified.load]))
+
+
+def label_missed(parts: Sequence[Recording], bounds: Bounds) -> str:
+    """Return how seldom bounds hold the label of a recording, in words; empty if they hold it about as often as stated.
+
+    Rows count while no flag but ``OUTSIDE`` and ``OFFSET_UNKNOWN`` is set.
+    """
+    held = [np.empty(0)]
+    for part in parts:
+        label_n, flags = part.column("label_n"), part.table["flags"].to_numpy()
+        counted = part.usable() & (flags & ~(Flag.OUTSIDE | Flag.OFFSET_UNKNOWN) == 0)
+        within = (part.column("lower_n") <= label_n) & (label_n <= part.column("upper_n"))
+        held.append(within[counted])
+    every = np.concatenate(held)
+    share = float(every.mean()) if len(every) >= LEAST_ROWS else 1.0
+    if 1.0 - share <= OFTEN_MISSED * (1.0 - bounds.probability):
+        return ""
+    return f"bounds hold the label in {100.0 * share:.0f} % of the rows, not in {100.0 * bounds.probability:.0f} %"
 
 
 class RunningEstimate:
