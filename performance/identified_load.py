@@ -179,8 +179,8 @@ def print_day(named: Estimators, own: Sequence[Recording], other: Sequence[Recor
         steps = [model.real_time().run(each.samples(INPUTS))[0] for model, each in zip(models, own, strict=True)]
         lower, upper = np.concatenate(steps)[:, 1:].T
         held = (lower <= label) & (label <= upper)
-        shares = " %, sliding ".join(f"{100.0 * held[rows].mean():.1f}" for rows in (usable, slides))
-        print(f"of the usable rows, the hybrid's 90 % bounds {words} hold the label in {shares} %")
+        percent = " %, sliding ".join(f"{100.0 * held[rows].mean():.1f}" for rows in (usable, slides))
+        print(f"of the usable rows, the hybrid's 90 % bounds {words} hold the label in {percent} %")
 
 
 def _all(recordings: Sequence[Recording], of: Callable[[Recording], Any]) -> Any:
