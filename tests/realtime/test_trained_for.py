@@ -60,6 +60,16 @@ def test_another_level_of_friction_and_other_noise_are_named(
     assert (trained.times_as_noisy([a_little]), trained.differences([a_little])) == (1.0, ("", ""))
 
 
+def test_the_noise_is_that_of_the_recordings_that_bounds_come_from(
+    trained: TrainedFor, labelled_recordings: list[Recording]
+) -> None:
+    noisy = [with_noise(each, 1e5) for each in labelled_recordings]
+    assert trained.calibrated_on(labelled_recordings[:2]) == trained, "about as noisy as training"
+    assert trained.calibrated_on(noisy).pressure_noise_pa == pytest.approx(1e5, rel=0.1)
+    quiet = replace(trained, pressure_noise_pa=1e5).calibrated_on(labelled_recordings)
+    assert quiet.pressure_noise_pa == pytest.approx(trained.pressure_noise_pa)
+
+
 def test_rows_that_a_model_does_not_know_are_named() -> None:
     assert unknown_in_words(4000, {"UNMODELLED_FORCE": 3520}) == (
         "88 % of the rows hold a force that this model does not know"

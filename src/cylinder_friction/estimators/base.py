@@ -301,7 +301,7 @@ class FrictionEstimator(ABC):
             self.guard.warm_up_samples,
             offsets=offsets,
         )
-        self.trained_for = None if cylinder is None else TrainedFor.of(train, cylinder)
+        self.trained_for = None if cylinder is None else TrainedFor.of(train, cylinder).calibrated_on(validation)
         if cylinder is not None:
             loaded = [self._loaded(each) for each in train]
             self.guard = with_force_limits(self.guard, self.bounds, cylinder, loaded, self.channels)

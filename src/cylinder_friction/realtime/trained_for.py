@@ -1,7 +1,7 @@
 """Where a model belongs: the cylinder, noise and level of friction it was trained for, and what differs elsewhere."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any, Self
 
 import numpy as np
@@ -29,7 +29,8 @@ class TrainedFor:
     bore_diameter_m: float
     rod_diameter_m: float
     friction_n: float  # Mean absolute label of the usable rows [N]
-    pressure_noise_pa: float  # Standard deviation of white noise, converter's steps included [Pa]; 0 without pressures
+    # Standard deviation of the white noise up to which its bounds hold, converter's steps included [Pa]; 0 without any
+    pressure_noise_pa: float
     adapted: str = ""  # From which model it was made, in words; empty for one that was trained from scratch
 
     def __post_init__(self) -> None:
@@ -92,8 +93,14 @@ class TrainedFor:
             noisy = f"pressures are {times:.1f} times as noisy as those that this model knows, and bounds as much wider"
         return other, noisy
 
+    def calibrated_on(self, recordings: Iterable[Recording]) -> Self:
+        """Return it with the noise of the recordings that its bounds come from, if that is clearly another one."""
+        noise_pa = _noise_pa(recordings)
+        alike = noise_pa <= OTHER_NOISE * self.pressure_noise_pa and self.pressure_noise_pa <= OTHER_NOISE * noise_pa
+        return self if alike or noise_pa == 0.0 else replace(self, pressure_noise_pa=noise_pa)
+
     def times_as_noisy(self, recordings: Iterable[Recording]) -> float:
-        """Return how many times as noisy as in training pressures are; 1 up to ``OTHER_NOISE`` times."""
+        """Return how many times as noisy as the model knows pressures are; 1 up to ``OTHER_NOISE`` times."""
         noise_pa = _noise_pa(recordings)
         noisier = 0.0 < OTHER_NOISE * self.pressure_noise_pa < noise_pa
         return noise_pa / self.pressure_noise_pa if noisier else 1.0
