@@ -181,7 +181,7 @@ def test_a_recording_beyond_every_range_of_the_model_has_no_friction(
     log, wide = write_log(tmp_path / "log.csv", far), replace(cylinder, stroke_m=0.5)
     (found,) = estimate_logs(log, wide, tmp_path / "out", channels=CHANNELS, model=small_hybrid).recordings
     assert (found.friction_n, found.usable_percent) == (None, 0.0)
-    assert found.not_known.startswith("100 % of the rows have no estimate, as an input lies too far outside")
+    assert found.not_known.startswith("100 % of the rows have no estimate: no sample with a valid reading")
     written = read_recording(tmp_path / "out" / f"{found.name}.parquet")
     assert all(np.isnan(written.column(f"{name}_n")).all() for name in ("friction", "lower", "upper"))
 

@@ -76,7 +76,7 @@ def test_rows_that_a_model_does_not_know_are_named() -> None:
     )
     assert unknown_in_words(4000, {"OUTSIDE": 1200}) == "30 % of the rows lie outside the range of its training"
     assert unknown_in_words(4000, {"NOT_READY": 4000, "INVALID_OTHER": 4000}) == (
-        "100 % of the rows have no estimate, as an input lies too far outside the range of its training"
+        "100 % of the rows have no estimate: no sample with a valid reading of every input came before them"
     )
     assert unknown_in_words(4000, {"OUTSIDE": 900, "UNMODELLED_FORCE": 900}) == ""
     assert unknown_in_words(900, {"OUTSIDE": 900}) == "", "too few rows to speak of"

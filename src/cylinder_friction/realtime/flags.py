@@ -103,7 +103,10 @@ def unknown_in_words(rows: int, by_flag: Mapping[str, int]) -> str:
     if rows < LEAST_ROWS:
         return ""
     for flag, words in (
-        (Flag.NOT_READY, "of the rows have no estimate, as an input lies too far outside the range of its training"),
+        (
+            Flag.NOT_READY,
+            "of the rows have no estimate: no sample with a valid reading of every input came before them",
+        ),
         (Flag.UNMODELLED_FORCE, "of the rows hold a force that this model does not know"),
         (Flag.OUTSIDE, "of the rows lie outside the range of its training"),
     ):
