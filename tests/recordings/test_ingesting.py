@@ -81,13 +81,6 @@ def test_equal_input_gives_equal_bytes(source: Source, tmp_path: Path) -> None:
         assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
 
 
-def test_a_link_that_leads_nowhere_is_set_aside(source: Source, tmp_path: Path) -> None:
-    (source.folder / "condition1_session07_recording01.csv").symlink_to(tmp_path / "gone.csv")
-    (entry,) = ingest(source, tmp_path / "out").quarantined
-    assert entry.file == "condition1_session07_recording01.csv"
-    assert "No such file" in entry.reason
-
-
 def test_files_that_the_pattern_leaves_out_are_said(source: Source, tmp_path: Path) -> None:
     (source.folder / "condition1_session07_recording01.CSV").write_text("a\n1\n")
     (source.folder / ".gitignore").write_text("/x\n")

@@ -1,4 +1,3 @@
-import os
 import re
 import shutil
 from pathlib import Path
@@ -50,11 +49,6 @@ def test_path_folder_list_and_mapping_objects_read_the_same(logs: Path, cylinder
     whole = [repr(recording) for recording in read_recordings(logs, CHANNELS, cylinder)]
     assert [repr(recording) for recording in read_recordings(paths, mapping, cylinder)] == whole
     assert [repr(recording) for recording in read_recordings(paths[0], mapping, cylinder)] == whole[:1]
-
-
-def test_names_give_condition_and_session(logs: Path, cylinder: Cylinder) -> None:
-    first, *_ = read_recordings(logs, CHANNELS, cylinder, names=NAMES)
-    assert (first.metadata.condition, first.metadata.session) == ("1", "condition1_session01")
 
 
 def test_a_table_of_names_beside_the_files_is_honoured_unless_names_are_given(
@@ -168,12 +162,6 @@ def test_channels_at_three_rates_are_found_and_brought_to_one(
     position = np.interp(recording.column("time_s"), true["time_s"], true["position_m"])
     assert np.abs(recording.column("position_m") - position)[10:-10].max() < 5e-4
     assert len(recording) == pytest.approx(len(true) / 4, abs=2)
-
-
-def test_a_pipe_is_no_log(logs: Path, cylinder: Cylinder, tmp_path: Path) -> None:
-    os.mkfifo(tmp_path / "log.csv")
-    with pytest.raises(RecordingError, match=r"log.csv: is no regular file; copy what comes from it into one"):
-        read_recordings(tmp_path / "log.csv", CHANNELS, cylinder)
 
 
 def test_a_mapping_finds_the_rules_wherever_it_lies(logs: Path, cylinder: Cylinder, tmp_path: Path) -> None:

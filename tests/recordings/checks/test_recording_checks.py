@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.checks.recording_checks import check_recording
@@ -184,18 +183,6 @@ def test_rest_at_the_end_stop_is_no_held_position() -> None:
     table["position_m"] = np.round(np.clip(0.25 * np.sin(2.0 * table["time_s"]), 0.0, 0.2), 4)
     findings = {finding.check: finding.outcome for finding in inspect_recording(table, LIMITS, SAMPLE_TIME_S)}
     assert findings["position_stuck"] == "ok"
-
-
-def test_areas_let_the_force_balance_be_judged(rig_tables: dict[str, pd.DataFrame], cylinder: Cylinder) -> None:
-    limits = replace(LIMITS, piston_area_m2=cylinder.piston_area_m2, annulus_area_m2=cylinder.annulus_area_m2)
-    for table in rig_tables.values():
-        findings = inspect_recording(table, limits, SAMPLE_TIME_S)
-        assert {finding.outcome for finding in findings} == {"ok"}
-        assert [finding.check for finding in findings][-2:] == ["friction_size", "position_against_force"]
-        assert check_recording(METADATA, table, limits, SAMPLE_TIME_S).metadata.repairs == ()
-        swapped = table.rename(columns={"pressure_1_pa": "pressure_2_pa", "pressure_2_pa": "pressure_1_pa"})
-        with pytest.raises(RecordingError, match=r"^the pressures are swapped: "):
-            check_recording(METADATA, swapped, limits, SAMPLE_TIME_S)
 
 
 @pytest.mark.parametrize(("noise_n", "outcome"), [(2.0, "refused"), (0.0, "ok")])

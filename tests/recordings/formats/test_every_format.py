@@ -15,7 +15,6 @@ from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.formats.registry import FORMATS, SETTINGS, format_of
-from cylinder_friction.recordings.formats.source import open_source
 from cylinder_friction.recordings.recording import RecordingError
 from format_writers import SAMPLES, synthetic, write_sample
 
@@ -69,16 +68,6 @@ def test_the_content_decides_the_format_also_within_gzip(tmp_path: Path, kind: s
         zipped.write_bytes(gzip.compress(plain.read_bytes()))
         assert format_of(zipped) == found
         assert len(read_logged_file(zipped)[0].channels) == 40
-
-
-@KINDS
-@pytest.mark.parametrize("wanted", [None, ["P1"]])
-def test_the_isolated_process_reads_what_the_reader_reads(tmp_path: Path, kind: str, wanted: list[str] | None) -> None:
-    write_sample(kind, tmp_path / "log", 40)
-    expected = FORMATS[SAMPLES[kind].format].read(open_source(tmp_path / "log"), wanted)
-    for one, other in zip(expected, read_logged_file(tmp_path / "log", wanted=wanted), strict=True):
-        pd.testing.assert_frame_equal(other.channels, one.channels, check_exact=True, check_column_type=False)
-        assert (one.units, one.name, one.unread, one.notes) == (other.units, other.name, other.unread, other.notes)
 
 
 @pytest.mark.parametrize(

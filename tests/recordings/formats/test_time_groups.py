@@ -185,13 +185,3 @@ def test_channels_that_end_before_the_others_are_used_as_far_as_they_go(read) ->
 def test_short_rows_that_may_mean_something_else_are_refused(read, ends: tuple[str, ...]) -> None:  # type: ignore[no-untyped-def]
     with pytest.raises(RecordingError, match=r"line 48 holds 3 values: .*; expected 4"):
         read(one_time_column(*ends))
-
-
-def test_a_real_export_whose_channels_end_at_different_times_is_read() -> None:
-    path = Path(__file__).parents[3] / "../shared/data/crane/scope/RampDisturbanceTest_230425.csv.gz"
-    if not path.exists():
-        pytest.skip("the recordings of a crane are not there")
-    (table,) = read_logged_file(path, "csv", CsvOptions(), ["Name", "JibPaCyl", "JibU"])
-    assert len(table.channels) == 3438
-    assert np.isnan(table.channels["JibU"].to_numpy()).sum() == 9
-    assert "the last 9 rows hold 24 of 37 values: 'JibFlowB' and the channels behind it" in table.notes[0]
