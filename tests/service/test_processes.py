@@ -231,19 +231,6 @@ def test_sighup_exchanges_workers_without_losing_a_request(model: str) -> None:
         assert served.process.poll() is None
 
 
-def test_a_model_that_breaks_while_it_is_served_changes_nothing(model: str, tmp_path: Path) -> None:
-    copy = tmp_path / "model"
-    subprocess.run(["cp", "-r", model, copy], check=True)
-    with serving(str(copy), "--port", "0") as served:
-        expected, (before,) = served.ask(), served.workers()
-        (copy / GRAPH_FILE).write_bytes(b"no graph")
-        served.process.send_signal(signal.SIGHUP)
-        assert served.reports("another model was found, but not taken (see above); the one in service stays")
-        assert served.ask() == expected
-        assert comes_true(lambda: before not in served.workers() and len(served.workers()) == 1)
-        assert served.ask() == expected
-
-
 def test_a_terminal_that_closes_ends_it(model: str) -> None:
     controller, terminal = pty.openpty()
 

@@ -218,25 +218,6 @@ def test_a_client_reads_what_monitoring_found_of_each_cylinder(engine: Engine, t
     asyncio.run(look())
 
 
-def test_a_subscription_gives_what_changes(engine: Engine, samples: Array, tmp_path: Path) -> None:
-    async def follow() -> list[int]:
-        async with shown(engine, tmp_path) as (service, client):
-            session = service.open("press", engine.inputs, engine.sample_time_s)
-            service.receive([SampleBlock(session.handle, 0, BEGAN_S, samples[:10])])
-            await values_at(client, "press", 9)
-            subscription = await client.create_subscription(20.0)
-            number = await client.get_namespace_index(NAMESPACE)
-            await subscription.subscribe_data_change(client.get_node(ua.NodeId("press/SampleIndex", number)))
-            got = []
-            for begin in range(10, 40, 10):
-                event = await subscription.next_event(60.0)
-                got.append(event.value)
-                service.receive([SampleBlock(session.handle, begin, BEGAN_S, samples[begin : begin + 10])])
-            return [*got, (await subscription.next_event(60.0)).value]
-
-    assert asyncio.run(follow()) == [9, 19, 29, 39]
-
-
 def test_sessions_beyond_the_configured_number_are_counted_not_shown(
     engine: Engine, samples: Array, tmp_path: Path
 ) -> None:

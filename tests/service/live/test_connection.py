@@ -201,8 +201,3 @@ def test_what_happens_is_written_down(engine: Engine, samples: Array, tmp_path: 
     assert lines[1] == {"event": "session resumed", **known, "index": 10, "client": "two"}
     assert lines[2] == {"event": "session lost", **known, "client": "one", "to": "two"}
     assert [line["event"] for line in lines[3:6]] == ["slow loop", "session reset", "slow loop"]
-
-
-def test_a_log_that_cannot_be_written_keeps_the_service_from_starting(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError):
-        Events(tmp_path / "none" / "live.jsonl")

@@ -57,19 +57,6 @@ def expected(estimator: HybridEstimator, samples: Array) -> Array:
     return np.column_stack([newtons, flags])
 
 
-def test_sessions_side_by_side_are_streams_of_their_own(
-    engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path
-) -> None:
-    kept = Kept()
-    service = service_of(engine, tmp_path, kept)
-    one, other = opened(service, "one"), opened(service, "other")
-    backwards = samples[::-1].copy()
-    for first, second in zip(blocks(one, samples, 0, 600), blocks(other, backwards, 0, 600), strict=True):
-        service.receive([first, second])
-    np.testing.assert_array_equal(kept.array("one"), expected(small_hybrid, samples[:600]))
-    np.testing.assert_array_equal(kept.array("other"), expected(small_hybrid, backwards[:600]))
-
-
 def test_a_session_that_the_model_does_not_know_is_named(engine: Engine, samples: Array, tmp_path: Path) -> None:
     service = service_of(engine, tmp_path)
     known, foreign = opened(service, "known"), opened(service, "foreign")
@@ -114,17 +101,6 @@ def test_a_service_that_was_killed_goes_on_to_the_last_bit(
     assert move_into_history(after.journal, tmp_path / "history") == []
 
 
-def test_a_day_ends_a_file(engine: Engine, samples: Array, tmp_path: Path) -> None:
-    service = service_of(engine, tmp_path)
-    session = opened(service, "press")
-    service.receive([SampleBlock(session.handle, 0, DAY_S - 0.1, samples[:10])])
-    service.keep()
-    service.receive([SampleBlock(session.handle, 10, DAY_S + 0.1, samples[10:20])])
-    service.keep()
-    paths = move_into_history(service.journal, tmp_path)
-    assert [path.parent.name for path in paths] == ["1970-01-01", "1970-01-02"]
-
-
 def test_what_is_not_written_in_time_stays_in_the_journal(engine: Engine, samples: Array, tmp_path: Path) -> None:
     service = service_of(engine, tmp_path)
     for name in ("press 1", "press 2"):
@@ -156,21 +132,6 @@ def test_a_past_day_becomes_one_file_also_over_a_kill(engine: Engine, samples: A
         assert join_past_days(tmp_path / "history") == []
         assert list(joined.parent.iterdir()) == [joined]
         assert pd.read_parquet(joined)["index"].tolist() == list(range(40))
-
-
-def test_a_gap_is_stepped_as_a_broken_wire(
-    engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path
-) -> None:
-    kept, now_s = Kept(), [0.0]
-    service = LiveService(engine, Journal(tmp_path / "journal.db"), takers=[kept], clock=lambda: now_s[0])
-    session = opened(service, "press")
-    service.receive(blocks(session, samples, 0, 300))
-    service.receive(blocks(session, samples, 320, 500))
-    now_s[0] = 1.0
-    service.overdue()
-    with_gap = samples[:500].copy()
-    with_gap[300:320] = np.nan
-    np.testing.assert_array_equal(kept.array("press"), expected(small_hybrid, with_gap))
 
 
 def test_estimates_are_given_again_once_also_while_they_are_being_kept(

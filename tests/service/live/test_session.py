@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
-
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -31,25 +29,6 @@ def take(session: SessionOrder, begin: int, end: int, now_s: float = 0.0) -> lis
     return session.receive(begin, 0.01 * begin, rows(begin, end), now_s)
 
 
-@given(
-    cuts=st.lists(st.integers(1, 39), max_size=8, unique=True).map(sorted),
-    data=st.data(),
-)
-def test_any_order_with_any_repetition_steps_each_sample_once(cuts: list[int], data: st.DataObject) -> None:
-    edges = [0, *cuts, 40]
-    parts = list(itertools.pairwise(edges))
-    sent = data.draw(st.permutations(parts)) + data.draw(st.lists(st.sampled_from(parts), max_size=4))
-    session = order()
-    pieces = [piece for begin, end in sent for piece in take(session, begin, end)]
-    assert stepped(pieces) == list(range(40))
-    assert [piece.index for piece in pieces] == [piece.samples[0, 0] for piece in pieces]
-    assert all(abs(piece.time_s - 0.01 * piece.index) < 1e-12 for piece in pieces)
-    counts = session.counts
-    assert counts.stepped == 40
-    assert counts.stepped + counts.duplicate == sum(end - begin for begin, end in sent)
-    assert (counts.missing, counts.skipped, counts.late, session.held_rows) == (0, 0, 0, 0)
-
-
 def test_a_short_gap_becomes_no_numbers_once_it_was_waited_for() -> None:
     session = order()
     take(session, 0, 2)
@@ -70,15 +49,6 @@ def test_a_long_gap_begins_anew_at_the_stated_index() -> None:
     (after,) = session.overdue(2.0)
     assert (after.index, after.reset) == (8, True)
     assert (session.counts.skipped, session.counts.resets, session.next_index) == (6, 1, 9)
-
-
-def test_what_comes_after_its_gap_was_given_up_is_late_and_never_stepped() -> None:
-    session = order()
-    take(session, 0, 2)
-    take(session, 4, 5)
-    session.overdue(1.0)
-    assert take(session, 1, 4) == []
-    assert (session.counts.duplicate, session.counts.late) == (1, 2)
 
 
 def test_too_many_that_wait_do_not_wait_longer() -> None:

@@ -1,7 +1,6 @@
 """The served model over HTTP: what every form of a request gives, limits, IDs, tokens, and what the routes show."""
 
 import hashlib
-import io
 import json
 import socket
 import subprocess
@@ -15,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pyarrow as pa
 import pytest
 
 from cylinder_friction.realtime.model import StepModel
@@ -23,7 +21,7 @@ from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.service.scoring.app import Service
-from cylinder_friction.service.scoring.decoding import ARROW, CSV
+from cylinder_friction.service.scoring.decoding import CSV
 
 Serve = Callable[..., AbstractContextManager[Any]]
 
@@ -59,16 +57,6 @@ def test_a_reply_that_is_not_to_be_used_as_it_is_has_a_header_that_says_why(serv
     assert reply.status == 200
     assert reply.headers["x-not-to-be-used"] == "100 % of the rows hold a force that this model does not know"
     assert "x-not-to-be-used" not in server.ask(GOOD).headers
-
-
-def test_arrow_and_json_give_the_same_bits(server: Any, rows: np.ndarray) -> None:
-    sink = io.BytesIO()
-    table = pa.table(dict(zip(SAMPLE_COLUMNS, rows.T, strict=True)))
-    with pa.ipc.new_stream(sink, table.schema) as writer:
-        writer.write_table(table)
-    reply = server.ask(sink.getvalue(), ARROW)
-    assert reply.headers["content-type"] == ARROW
-    assert pa.ipc.open_stream(reply.body).read_all().to_pylist() == server.ask(split(rows)).json()["predictions"]
 
 
 def test_a_body_that_is_too_large_is_refused_before_it_is_there(serve: Serve) -> None:
