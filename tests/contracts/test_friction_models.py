@@ -91,7 +91,3 @@ def test_wrong_numbers_are_noticed() -> None:
 
     with pytest.raises(ContractError, match=r"lugre: fields are .* but specs name"):
         check_friction_model(Misnamed, ODD["lugre"])
-
-
-def test_a_model_that_keeps_all_promises_passes() -> None:
-    check_friction_model(LuGre, ODD["lugre"])

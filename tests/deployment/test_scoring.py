@@ -145,18 +145,6 @@ def test_times_are_checked_within_each_recording(
         score(small_graph, rows.assign(time_s="8:00"))
 
 
-def test_one_row_is_a_first_sample(small_graph: ServedGraph, labelled_recordings: list[Recording]) -> None:
-    rows = rows_of(labelled_recordings[0], 50)
-    scored = score(small_graph, rows.iloc[:1])
-    assert len(scored) == 1
-    assert abs(scored["friction_n"].iloc[0] - score(small_graph, rows)["friction_n"].iloc[0]) < 1e-3
-
-
-def test_whole_numbers_are_numbers(small_graph: ServedGraph) -> None:
-    rows = pd.DataFrame({"pressure_1_pa": [1_000_000], "pressure_2_pa": [900_000], "position_m": [0.1]})
-    assert np.isfinite(score(small_graph, rows)["friction_n"]).all()
-
-
 def test_a_sample_out_of_range_makes_doubtful_the_second_after_it(
     small_graph: ServedGraph, labelled_recordings: list[Recording]
 ) -> None:

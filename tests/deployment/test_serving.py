@@ -17,7 +17,6 @@ import pytest
 
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.execution.ports import free_port
-from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.tracking.store import tracking_uri
@@ -83,40 +82,6 @@ def test_a_recording_is_answered_row_by_row(
     assert all(row["in_training_range"] is True for row in rows)
 
 
-@pytest.mark.parametrize(
-    "body",
-    [
-        records(GOOD),
-        {"dataframe_split": {"columns": list(GOOD), "data": [list(GOOD.values())]}},
-        {"inputs": {name: [value] for name, value in GOOD.items()}},
-        {"instances": [GOOD]},
-        records({**GOOD, "recording": "one"}, {**GOOD, "recording": "two"}),
-        records({**GOOD, "recording": 1}, {**GOOD, "recording": 2}),
-        records({"pressure_1_pa": 1200000, "pressure_2_pa": 910000, "position_m": 0.12}),
-    ],
-)
-def test_every_form_of_a_good_request_is_answered_alike(url: str, body: dict[str, Any]) -> None:
-    status, answer = ask(url, body)
-    assert status == 200, answer
-    (first, *_), (expected,) = answer["predictions"], ask(url, records(GOOD))[1]["predictions"]
-    assert first == expected
-    assert np.isfinite(first["friction_n"])
-
-
-def test_csv_is_taken_too(url: str) -> None:
-    text = "pressure_1_pa,pressure_2_pa,position_m\n1.2e6,9.1e5,0.12\n"
-    status, answer = ask(url, text.encode(), "text/csv")
-    assert status == 200, answer
-    assert answer["predictions"] == ask(url, records(GOOD))[1]["predictions"]
-
-
-def test_out_of_range_is_flagged(url: str) -> None:
-    status, answer = ask(url, records({**GOOD, "pressure_1_pa": 3e8}))
-    assert status == 200
-    assert answer["predictions"][0]["in_training_range"] is False
-    assert answer["predictions"][0]["flags"] == Flag.NOT_READY | Flag.INVALID_PRESSURE_1
-
-
 REFUSED: list[tuple[Any, str]] = [
     (records(), "is missing"),
     (records({**GOOD, "position_m": [0.1]}), "position_m"),
@@ -138,13 +103,3 @@ def test_everything_else_is_refused_and_never_a_server_error(url: str) -> None:
         status, answer = ask(url, body)
         assert 400 <= status < 500, (body, answer)
         assert said in answer
-
-
-@pytest.mark.parametrize(("content_type", "status"), [("text/plain", 415), ("application/json; charset=latin-1", 415)])
-def test_another_content_type_is_refused(url: str, content_type: str, status: int) -> None:
-    assert ask(url, records(GOOD), content_type)[0] == status
-
-
-@pytest.mark.parametrize("text", ["", "a,b\n1,2\n", "pressure_1_pa,pressure_2_pa,position_m\nhigh,1,2\n"])
-def test_a_bad_csv_is_refused(url: str, text: str) -> None:
-    assert ask(url, text.encode(), "text/csv")[0] == 400

@@ -9,10 +9,6 @@ import pytest
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.deployment.c_export.compiled import CompiledEstimator
 from cylinder_friction.deployment.c_export.export import export_c, export_model
-from cylinder_friction.estimators.base import FrictionEstimator
-from cylinder_friction.estimators.forest import ForestEstimator, ForestPlan
-from cylinder_friction.estimators.hybrid import HybridEstimator
-from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.model import StepModel
@@ -24,13 +20,6 @@ from learned_offset import PRIOR_N, doubting, learning
 
 DOUBLE_N = 1e-9
 FLOAT_N = 0.5
-
-LINEAR: dict[str, Callable[[Cylinder], FrictionEstimator]] = {
-    "force_balance_unfiltered": lambda cylinder: ForceBalanceEstimator(cylinder, "none"),
-    "force_balance_paper": lambda cylinder: ForceBalanceEstimator(cylinder, "paper"),
-    "force_balance_low_pass": LowPassForceBalanceEstimator,
-    "ridge": lambda cylinder: RidgeEstimator(lags=8),
-}
 
 
 @pytest.mark.parametrize("shape", sorted(SHAPES))
@@ -46,20 +35,6 @@ def test_double_is_python(
     newtons, flags = compiled(shape).stream().run(samples)
     np.testing.assert_array_equal(flags, expected_flags)
     np.testing.assert_allclose(newtons, expected, rtol=0.0, atol=DOUBLE_N)
-
-
-@pytest.mark.parametrize("shape", ["whole", "lstm", "base", "learning", "learning_base"])
-def test_float_stays_within_half_a_newton(
-    shape: str,
-    compiled: Callable[..., CompiledEstimator],
-    golden_model: StepModel,
-    trajectories: dict[str, np.ndarray],
-) -> None:
-    for samples in trajectories.values():
-        expected, expected_flags = RealTimeStream(SHAPES[shape](golden_model)).run(samples)
-        newtons, flags = compiled(shape, "float").stream().run(samples)
-        np.testing.assert_array_equal(flags, expected_flags)
-        np.testing.assert_allclose(newtons[:, 0], expected[:, 0], rtol=0.0, atol=FLOAT_N)
 
 
 @pytest.mark.parametrize(("precision", "allowed_n"), [("double", DOUBLE_N), ("float", FLOAT_N)])
@@ -99,47 +74,6 @@ def test_c_leaves_zeros_alone_while_friction_is_not_that_of_training(
         assert stream.offset == pytest.approx(python.offset, rel=0.0, abs=DOUBLE_N)
         doubted.append(stream.offset[0] == 0.0)
     assert 0.05 < np.mean(doubted[1000:]) < 0.95
-
-
-def test_a_hybrid_streams_what_it_estimates(
-    small_hybrid: HybridEstimator, labelled_recordings: list[Recording], tmp_path: Path
-) -> None:
-    for part, estimator in (("whole", small_hybrid), ("lstm", small_hybrid.without_forest())):
-        stream = CompiledEstimator(export_c(small_hybrid, tmp_path / part, part=part)).stream()
-        newtons, flags = stream.run(labelled_recordings[0].samples())
-        np.testing.assert_allclose(newtons[:, 0], estimator.estimate(labelled_recordings[0]), rtol=0.0, atol=DOUBLE_N)
-        assert set(flags.tolist()) <= {0, Flag.WARMING}
-
-
-def test_a_hybrid_that_learns_the_offset_streams_what_it_estimates(
-    learning_hybrid: HybridEstimator, labelled_recordings: list[Recording], tmp_path: Path
-) -> None:
-    recording = labelled_recordings[0]
-    stream = CompiledEstimator(export_c(learning_hybrid, tmp_path)).stream()
-    for start in ((0.0, None), (25.0, 5.0), (-60.0, None)):
-        stream.reset(*start)
-        newtons, flags = stream.run(recording.samples())
-        np.testing.assert_allclose(newtons[:, 0], learning_hybrid.estimate(recording, *start), rtol=0.0, atol=DOUBLE_N)
-        assert bool(flags[0] & Flag.OFFSET_UNKNOWN) == (start[1] is None)
-
-
-@pytest.mark.parametrize("name", sorted(LINEAR))
-def test_a_linear_estimator_streams_what_it_estimates(
-    name: str, cylinder: Cylinder, labelled_recordings: list[Recording], tmp_path: Path
-) -> None:
-    estimator = LINEAR[name](cylinder)
-    estimator.fit(labelled_recordings)
-    newtons, _ = CompiledEstimator(export_c(estimator, tmp_path)).stream().run(labelled_recordings[0].samples())
-    np.testing.assert_allclose(newtons[:, 0], estimator.estimate(labelled_recordings[0]), rtol=0.0, atol=1e-6)
-
-
-def test_a_forest_streams_what_it_estimates(
-    cylinder: Cylinder, labelled_recordings: list[Recording], tmp_path: Path
-) -> None:
-    estimator = ForestEstimator(cylinder, ForestPlan(trees=9, depth=6, rows=2000, leaf=5))
-    estimator.fit(labelled_recordings)
-    newtons, _ = CompiledEstimator(export_c(estimator, tmp_path)).stream().run(labelled_recordings[1].samples())
-    np.testing.assert_allclose(newtons[:, 0], estimator.estimate(labelled_recordings[1]), rtol=0.0, atol=DOUBLE_N)
 
 
 @pytest.mark.parametrize("kind", [LugreEstimator, PressureLugreEstimator])

@@ -13,7 +13,6 @@ import pytest
 
 from cylinder_friction.deployment.c_export.compiled import NoCompilerError, compile_library, find_compiler
 from cylinder_friction.deployment.c_export.export import SOURCE, ExportedC, export_c, export_model, part_of
-from cylinder_friction.deployment.c_export.forest import ordered
 from cylinder_friction.deployment.rendering import model_hash, number, render
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import RidgeEstimator
@@ -295,11 +294,3 @@ def test_literals_read_back_to_the_same_number() -> None:
         number(float("nan"), "float")
     with pytest.raises(jinja2.UndefinedError, match="undefined"):
         render("fmi3_build.xml.j2")
-
-
-def test_integers_are_in_the_order_of_the_floats() -> None:
-    generator = np.random.default_rng(1)
-    values = (generator.normal(size=500) * 10.0 ** generator.integers(-20, 20, 500)).astype(np.float32)
-    values = np.concatenate([values, np.array([0.0, -0.0, 1e-45, -1e-45, 3e38, -3e38], dtype=np.float32)])
-    keys = ordered(values)
-    np.testing.assert_array_equal(keys[:, None] > keys[None, :], values[:, None] > values[None, :])

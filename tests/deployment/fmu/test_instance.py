@@ -105,16 +105,6 @@ def test_a_stored_state_that_does_not_fit_is_refused(instance: FmuInstance, harm
     assert said in instance.log[-1]
 
 
-def test_reset_starts_afresh(instance: FmuInstance, samples: Samples) -> None:
-    instance.initialize()
-    first = [instance.step(sample) for sample in samples[:50]]
-    instance.raw.terminate()
-    instance.reset()
-    instance.initialize()
-    assert instance.outputs() == (0.0, 0.0, 0.0, Flag.NOT_READY)
-    assert [instance.step(sample) for sample in samples[:50]] == first
-
-
 @pytest.mark.parametrize("step_s", [0.01, 0.0025, 0.005 * (1.0 + 2e-6), 0.0, -0.005, math.nan])
 def test_a_wrong_step_size_is_refused_and_changes_nothing(
     instance: FmuInstance, samples: Samples, step_s: float

@@ -7,13 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.deployment.latency.measuring import Effort, Measured, latency_of, measure
 from cylinder_friction.deployment.latency.runtimes import CompiledRuntime, PythonRuntime, Runtime
-from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.hybrid import HybridEstimator
-from cylinder_friction.friction_models.catalogue import model_named
 from deployment.latency.conftest import STEPS
 
 COMPILED = {"c", "c_o2", "c_float"}
@@ -78,11 +75,6 @@ def test_no_effort_is_refused(wrong: dict[str, int]) -> None:
 def test_too_few_samples_are_refused(hybrid: HybridEstimator, samples: np.ndarray) -> None:
     with pytest.raises(ValueError, match="expected at least 200 samples, but got 10"):
         measure({"small": hybrid}, {"small": samples[:10]}, Effort())
-
-
-def test_what_cannot_be_exported_is_refused(cylinder: Cylinder, samples: np.ndarray) -> None:
-    with pytest.raises(ValueError, match="has no real-time step"):
-        measure({"law": AnalyticalEstimator(cylinder, model_named("lugre"))}, {"law": samples}, Effort())
 
 
 def test_every_figure_is_one_of_the_measured_times() -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from cylinder_friction.commands.cli import main
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.deployment.onnx_graphs.export import ExportedOnnx, export_model, export_onnx
+from cylinder_friction.deployment.onnx_graphs.export import ExportedOnnx, export_model
 from cylinder_friction.deployment.onnx_graphs.stream import open_sequence, open_step
 from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.realtime.model import StepModel
@@ -124,11 +124,6 @@ def test_a_graph_of_another_kind_is_refused(exported: ExportedOnnx) -> None:
         open_sequence(ROOT / "tests/golden" / MODEL_FOLDER / "network.onnx")
     with pytest.raises(FileNotFoundError):
         open_step(exported.step.with_name("none.onnx"))
-
-
-def test_an_estimator_without_a_step_is_refused(cylinder: Cylinder, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="lugre: has no real-time step"):
-        export_onnx(LugreEstimator(cylinder, condition="1"), tmp_path)
 
 
 def test_the_command_writes_both_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

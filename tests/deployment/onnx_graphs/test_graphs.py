@@ -7,7 +7,7 @@ import pytest
 from contracts.tolerances import TOLERANCES_N
 from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
 from cylinder_friction.deployment.onnx_graphs.step import step_graph
-from cylinder_friction.deployment.onnx_graphs.stream import OnnxStepStream, open_sequence, open_session, open_step
+from cylinder_friction.deployment.onnx_graphs.stream import OnnxStepStream, open_sequence, open_step
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
@@ -48,23 +48,6 @@ def test_the_step_graph_rolled_is_the_sequence_graph(model: StepModel, samples: 
 def test_short_recordings(golden_model: StepModel, samples: np.ndarray, rows: int) -> None:
     few = samples[100 : 100 + rows]
     np.testing.assert_allclose(at_once(golden_model, few), rolled(RealTimeStream(golden_model), few), atol=1e-3)
-
-
-@pytest.mark.parametrize("rows", [1, 30])
-def test_a_recording_without_a_sound_sample_is_never_ready(golden_model: StepModel, rows: int) -> None:
-    outputs = at_once(golden_model, np.full((rows, 3), np.nan))
-    np.testing.assert_array_equal(outputs, np.tile([0.0, 0.0, 0.0, 1 + 8 + 16 + 32], (rows, 1)))
-
-
-def test_streams_on_one_session_do_not_touch_each_other(golden_model: StepModel, samples: np.ndarray) -> None:
-    session = open_session(step_graph(golden_model), "step", "sample")
-    alone = rolled(OnnxStepStream(session), samples[:100])
-    one, other = OnnxStepStream(session), OnnxStepStream(session)
-    beside = []
-    for sample in samples[:100]:
-        beside.append(one.step(*sample))
-        other.step(*(0.9 * sample))
-    np.testing.assert_array_equal(beside, alone)
 
 
 def test_tiny_states_become_zero(golden_model: StepModel) -> None:

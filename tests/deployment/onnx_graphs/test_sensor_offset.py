@@ -5,8 +5,6 @@ from dataclasses import replace
 import numpy as np
 import onnxruntime
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from contracts.tolerances import TOLERANCES_N
 from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
@@ -112,25 +110,6 @@ def test_whatever_makes_a_block(learner: StepModel, offset_samples: np.ndarray, 
     assert_equal(rolled(open_step(step_graph(model)), samples), expected)
     assert_equal(together(open_sequence(sequence_graph(model)), samples), expected)
     assert len(np.unique(expected[2][:, 0])) > 1
-
-
-@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(seed=st.integers(0, 2**32 - 1), share=st.floats(0.0, 0.05), start=st.integers(0, 7000))
-def test_whatever_comes_both_graphs_learn_what_python_does(
-    smooth: tuple[StepModel, OnnxStepStream, OnnxSequence],
-    offset_samples: np.ndarray,
-    seed: int,
-    share: float,
-    start: int,
-) -> None:
-    generator = np.random.default_rng(seed)
-    samples = offset_samples[start : start + 900].copy()
-    bad = generator.random(samples.shape) < share
-    samples[bad] = generator.choice([np.nan, np.inf, -np.inf, 1e300, 5e-324, -0.0, 2e7, -0.3, 0.2], int(bad.sum()))
-    learner, stepping, at_once = smooth
-    expected = expected_of(learner, samples)
-    assert_equal(rolled(stepping, samples), expected)
-    assert_equal(together(at_once, samples), expected)
 
 
 @pytest.mark.parametrize("rows", [0, 1, 2, 30])
