@@ -1,10 +1,7 @@
 """Stage ``register``: same inputs, same file; a kill changes nothing; no registry, no decision."""
 
 import json
-import os
 import shutil
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -19,27 +16,6 @@ from cylinder_friction.tracking.store import tracking_uri
 from shipped_params import shipped
 
 NAME = "friction-estimator"
-
-KILLED_AT = ("log_model_artifacts", "create_model_version", "set_registered_model_alias")
-KILLED = """
-import os, signal, sys
-import mlflow.store.model_registry.sqlalchemy_store, mlflow.store.tracking.sqlalchemy_store
-from mlflow import MlflowClient
-from cylinder_friction.stages import register
-from shipped_params import shipped
-
-def die(*args, **kwargs):
-    os.kill(os.getpid(), signal.SIGKILL)
-
-for at in sys.argv[1:]:
-    child = os.fork()  # a process for each kill, of which none imports anything again
-    if not child:
-        os.chdir(at)
-        setattr(MlflowClient, at, die)
-        register.run(shipped())
-        os._exit(0)
-    assert os.waitpid(child, 0)[1] == signal.SIGKILL, at
-"""
 
 
 @pytest.fixture
@@ -126,50 +102,6 @@ def test_errors_against_truth_are_measured_on_the_recordings_whose_truth_is_know
     truth.to_parquet(tmp_path / f"{known.name}.parquet")
     measured = register.measured_errors("truth", str(tmp_path), repository / "models/hybrid")
     assert measured == {known.metadata.condition: pytest.approx(25.0)}
-
-
-@pytest.fixture(scope="module")
-def uninterrupted(tmp_path_factory: pytest.TempPathFactory, written_pipeline: Path) -> str:
-    """What ``models/registered.json`` holds after a run that nothing disturbed."""
-    root = tmp_path_factory.mktemp("uninterrupted") / "repository"
-    shutil.copytree(written_pipeline, root)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.delenv("MLFLOW_TRACKING_URI", raising=False)
-        patch.chdir(root)
-        register.run(shipped())
-    return registered(root)
-
-
-@pytest.fixture(scope="module")
-def killed(tmp_path_factory: pytest.TempPathFactory, written_pipeline: Path) -> Path:
-    """A folder with one repository for each moment at which ``register`` was killed in it."""
-    folder = tmp_path_factory.mktemp("killed")
-    for at in KILLED_AT:
-        shutil.copytree(written_pipeline, folder / at)
-    environment = {key: value for key, value in os.environ.items() if key != "MLFLOW_TRACKING_URI"}
-    environment["PYTHONPATH"] = os.pathsep.join([str(Path(__file__).parents[1]), environment.get("PYTHONPATH", "")])
-    command = [sys.executable, "-c", KILLED, *KILLED_AT]
-    done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    return folder
-
-
-@pytest.mark.extended
-@pytest.mark.parametrize("at", KILLED_AT)
-def test_a_kill_ends_in_the_same_file_and_nothing_twice(
-    killed: Path, at: str, uninterrupted: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    repository = killed / at
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
-    monkeypatch.chdir(repository)
-    assert not (repository / "models/registered.json").exists()
-    register.run(shipped())
-    assert registered(repository) == uninterrupted
-    client = MlflowClient(tracking_uri(repository))
-    assert len(client.search_model_versions(f"name = '{NAME}'")) == 1
-    experiment = client.get_experiment_by_name("cylinder-friction")
-    assert experiment is not None
-    assert len(client.search_logged_models([experiment.experiment_id])) == 1
 
 
 def test_without_a_registry_nothing_is_decided(repository: Path, monkeypatch: pytest.MonkeyPatch) -> None:

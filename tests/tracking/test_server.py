@@ -42,30 +42,6 @@ def test_runs_registry_and_lineage_work_over_http(server: str, pipeline: Path) -
     assert os.environ["MLFLOW_TRACKING_URI"] == server, "the environment is as it was"
 
 
-@pytest.mark.parametrize("roles", [("better", "worse"), ("worse", "better")])
-def test_the_better_of_two_is_champion_whoever_is_first(
-    roles: tuple[str, str], server: str, pipeline: Path, tmp_path: Path
-) -> None:
-    errors = {"incumbent": {"1": 3.0, "2": 3.0}, "worse": {"1": 2.5, "2": 2.5}, "better": {"1": 2.0, "2": 2.0}}
-    spawn, clones = multiprocessing.get_context("spawn"), []
-    registered_in(pipeline, errors["incumbent"])
-    errors_of = {hash_of(pipeline / "models/hybrid"): errors["incumbent"]}
-    for role in roles:
-        other_model(pipeline)
-        clones.append(shutil.copytree(pipeline, tmp_path / role))
-        errors_of[hash_of(pipeline / "models/hybrid")] = errors[role]
-    barrier = spawn.Barrier(len(clones))
-    machines = [spawn.Process(target=register_together, args=(clone, errors_of, barrier)) for clone in clones]
-    for machine in machines:
-        machine.start()
-    for machine in machines:
-        machine.join()
-    champion = MlflowClient(server).get_model_version_by_alias(NAME, "champion")
-    assert [machine.exitcode for machine in machines] == [0, 0]
-    assert errors_of[champion.tags["model_key"]] == errors["better"]
-    assert len(versions(pipeline)) == 3
-
-
 @pytest.mark.skipif(postgresql_programs() is None, reason="PostgreSQL is not installed")
 def test_two_machines_promote_on_postgresql_while_one_is_killed(
     pipeline: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
