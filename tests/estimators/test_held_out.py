@@ -48,15 +48,6 @@ def test_the_last_session_alone_is_held_out_where_a_test_has_too_few(sessions: l
     assert len(train) == len(sessions) - len(held_out)
 
 
-def test_one_session_is_on_both_sides() -> None:
-    recordings = [recorded("a", "a-1", 1), recorded("a", "a-1", 2)]
-    assert held_out_for_stopping(recordings) == (recordings, recordings)
-
-
-def test_nothing_gives_nothing() -> None:
-    assert held_out_for_stopping([]) == ([], [])
-
-
 @settings(deadline=None)
 @given(st.lists(st.tuples(st.sampled_from("abc"), st.sampled_from("123456")), min_size=2, unique=True))
 def test_no_session_is_on_both_sides_and_every_test_that_can_teach_does(sessions: list[tuple[str, str]]) -> None:

@@ -90,12 +90,6 @@ def test_a_reading_at_the_end_of_the_accepted_range_is_valid_and_the_next_number
         assert stream.step(np.nextafter(limit, beyond), *SAMPLE[1:]).flags & Flag.INVALID_PRESSURE_1
 
 
-def test_before_the_first_sound_sample_nothing_is_said_and_nothing_remembered(stream: RealTimeStream) -> None:
-    early = stream.step(float("nan"), SAMPLE[1], float("inf"))
-    assert early == (0.0, 0.0, 0.0, Flag.NOT_READY | Flag.INVALID_PRESSURE_1 | Flag.INVALID_POSITION)
-    assert stream.step(*SAMPLE) == RealTimeStream(stream.model).step(*SAMPLE)
-
-
 def test_warming_lasts_as_long_as_it_says(stream: RealTimeStream) -> None:
     steps = stream.model.guard.warm_up_samples
     flags = [stream.step(*moved(SAMPLE, x=1e-6 * step)).flags for step in range(steps + 5)]
@@ -153,8 +147,3 @@ def test_a_position_that_stays_under_more_than_friction_can_hold_is_frozen(
     flags = [stream.step(pressure, *SAMPLE[1:]).flags for _ in range(40)]
     assert flags == [0] * 30 + [Flag.FROZEN if factor > 1.0 else 0] * 10
     assert stream.step(pressure, SAMPLE[1], SAMPLE[2] + 1e-4).flags == (Flag.RECOVERING if factor > 1.0 else 0)
-
-
-def test_flags_have_names() -> None:
-    assert Flag.names(Flag.OUTSIDE | Flag.FROZEN) == ("OUTSIDE", "FROZEN")
-    assert Flag.names(0) == ()

@@ -21,22 +21,6 @@ def made(**changed: object) -> PositionLoad:
     return PositionLoad(**fields | changed)  # type: ignore[arg-type]
 
 
-@settings(deadline=None)  # the first call compiles
-@given(st.floats(-1.0, 1.0))
-def test_it_is_linear_between_its_places_and_held_beyond_them(position_m: float) -> None:
-    load = made()
-    expected = np.interp(position_m, np.linspace(0.02, 0.22, len(LOADS)), LOADS)
-    assert load_at(load.packed(), np.array([position_m])) == pytest.approx(expected, abs=1e-9)
-    assert load.at(np.array([position_m]))[0] == load_at(load.packed(), np.array([position_m]))
-
-
-def test_it_is_the_same_after_saving() -> None:
-    load = made(load_n=LOADS / 3.0)
-    again = PositionLoad.from_dict(load.to_dict())
-    np.testing.assert_array_equal(again.packed(), load.packed())
-    np.testing.assert_array_equal(again.uncertainty_n, load.uncertainty_n)
-
-
 def test_its_words_name_range_and_uncertainty() -> None:
     assert made().in_words() == (
         "a load of -300 to 2000 N, which position decides between 0.02 and 0.22 m, known to 4 N (standard "
