@@ -5,13 +5,9 @@ import numpy as np
 import pytest
 
 from boom import STEP_S, boom_load, boom_points
-from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.load import POOLED_PLACES, LoadIdentification, LoadPlan, identify_load, pooled_load
-from cylinder_friction.labelling.session import identify_session
-from cylinder_friction.labelling.strokes import StrokePoints, TravelCovered, stroke_points
+from cylinder_friction.labelling.strokes import TravelCovered, stroke_points
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.rig.campaign import CampaignPlan, RigRecording, campaign
-from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 
 def test_load_and_friction_of_a_boom_are_found() -> None:
@@ -158,47 +154,3 @@ def test_friction_that_drives_the_motion_is_refused() -> None:
 def test_an_impossible_plan_is_refused(field: str, value: float, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         LoadPlan(**{field: value})  # type: ignore[arg-type]
-
-
-@pytest.fixture(scope="module")
-def rig_sessions(cylinder: Cylinder) -> dict[str, list[RigRecording]]:
-    sessions: dict[str, list[RigRecording]] = {}
-    for recording in campaign(cylinder, CampaignPlan(seed=1, sessions_per_condition=1, recordings_per_session=2)):
-        sessions.setdefault(recording.metadata.session, []).append(recording)
-    return sessions
-
-
-@pytest.mark.extended
-def test_a_rig_that_carries_a_boom_tells_its_load(
-    cylinder: Cylinder, rig_sessions: dict[str, list[RigRecording]]
-) -> None:
-    """The rig's friction differs between the directions and with pressure, which no term of the model knows."""
-    inside, shape = [], []
-    for recordings in rig_sessions.values():
-        strokes = [strokes_with_boom(recording, cylinder) for recording in recordings]
-        load = identify_session(strokes, [], cylinder.moving_mass_kg, LoadPlan(), None).load
-        assert load is not None
-        grid = np.linspace(*load.coverage.range_m, 30)
-        error = load.load_n(grid) - boom_load(grid)
-        inside.append(np.abs(error) < 2.0 * load.uncertainty_n(grid))
-        shape.append(np.abs(error - error.mean()).mean())
-    assert 0.85 < np.mean(inside) <= 1.0
-    # A tenth of friction, which is 330 to 460 N, on a load that changes by 2 kN.
-    assert max(shape) < 45.0
-
-
-def strokes_with_boom(recording: RigRecording, cylinder: Cylinder) -> StrokePoints:
-    """Return the strokes of a rig recording whose piston side also carries the boom."""
-    logger = recording.logger
-    load_pa = boom_load(recording.truth["position_m"].to_numpy()) / cylinder.piston_area_m2
-    samples = np.column_stack(
-        [logger["P1 [bar]"] * 1e5 + load_pa, logger["P2 [bar]"] * 1e5, logger["Position [mm]"] * 1e-3]
-    )
-    smooth = SavitzkyGolay().smooth(samples, 0.005)
-    force_n = (
-        smooth.pressure_1_smooth_pa * cylinder.piston_area_m2 - smooth.pressure_2_smooth_pa * cylinder.annulus_area_m2
-    )
-    usable = (samples[:, 2] > 0.003) & (samples[:, 2] < cylinder.stroke_m - 0.003)
-    usable[:20], usable[-20:] = False, False
-    plan, motion = LoadPlan(), (smooth.velocity_m_s, smooth.acceleration_m_s2)
-    return stroke_points(force_n, samples[:, 2], *motion, usable, 0.005, plan.slowest_m_s, plan.settling_travel_m)

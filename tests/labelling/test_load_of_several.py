@@ -161,22 +161,3 @@ def test_the_load_of_a_crane_holds_for_recordings_that_it_was_not_identified_on(
     assert len(shares) == 6  # nothing else went where the first one did
     assert sorted(shares)[-2] < 0.2
     assert max(shares) < 0.35
-
-
-@pytest.mark.extended
-def test_recordings_of_one_day_agree_once_they_share_the_load(
-    jib: tuple[Labeller, SignalFilter, list[Recording]],
-) -> None:
-    """Half the difference of both directions: 3.7 to 4.2 kN, where loads by recording gave 3.3 to 4.2 kN."""
-    labeller, smoothing, recordings = jib
-    of_april = [each for each in recordings if "2304" in each.name]
-    identified = labeller.identify(of_april, smoothing)
-    halves_n = []
-    for recording in of_april:
-        labelled = labeller.labelled(recording, smoothing, identified)
-        friction_n, velocity_m_s = labelled.column("friction_n"), labelled.column("velocity_m_s")
-        ways = [labelled.usable() & (velocity_m_s * sign > 3e-3) for sign in (1.0, -1.0)]
-        halves_n.append(0.5 * (np.median(friction_n[ways[0]]) - np.median(friction_n[ways[1]])))
-    assert len(halves_n) == 6
-    assert max(halves_n) < 1.18 * min(halves_n)
-    assert min(halves_n) > 3500.0
