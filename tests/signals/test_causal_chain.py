@@ -56,26 +56,6 @@ def test_constant_velocity_is_found(block: CausalBlock) -> None:
     assert last[3] == pytest.approx(0.0, abs=1e-6)
 
 
-def lag_s(rate: float, seen: np.ndarray, derivative: int) -> float:
-    """Return how late a filtered sine is, from its phase."""
-    time_s = STEP_S * np.arange(len(seen))
-    late = slice(len(seen) // 2, None)
-    design = np.column_stack([np.sin(rate * time_s), np.cos(rate * time_s)])[late]
-    sine, cosine = np.linalg.lstsq(design, seen[late], rcond=None)[0]
-    phase = np.angle((sine + 1j * cosine) / 1j**derivative)
-    return float(-phase / rate)
-
-
-def test_paper_chain_is_as_late_as_its_windows_say() -> None:
-    rate = 2.0 * np.pi * 0.3
-    sine = np.sin(rate * STEP_S * np.arange(4000))
-    signals = MovingAverage().smooth(np.column_stack([sine, sine, sine]), STEP_S)
-    assert lag_s(rate, signals.pressure_1_smooth_pa, 0) == pytest.approx(0.0225, abs=1e-6)
-    assert lag_s(rate, signals.pressure_2_smooth_pa, 0) == pytest.approx(0.0225, abs=1e-6)
-    assert lag_s(rate, signals.velocity_m_s, 1) == pytest.approx(0.025, abs=1e-6)
-    assert lag_s(rate, signals.acceleration_m_s2, 2) == pytest.approx(0.100, abs=1e-6)
-
-
 def test_paper_chain_is_what_the_paper_says() -> None:
     def average(values: np.ndarray, window: int) -> np.ndarray:
         padded = np.concatenate([np.full(window - 1, values[0]), values])

@@ -34,11 +34,3 @@ def test_the_play_lets_creep_through_that_a_dead_band_swallows() -> None:
 def test_fast_motion_passes_unchanged(backlash_m: float) -> None:
     velocity = velocity_of(CausalVelocity(11, 1, backlash_m, 0.0), 0.1 - 0.05 * SAMPLE_TIME_S * np.arange(200))
     np.testing.assert_allclose(velocity[20:], -0.05, rtol=1e-9)
-
-
-def test_pieces_equal_the_whole_bit_for_bit() -> None:
-    position = measured(0.1 + 0.02 * np.sin(0.01 * np.arange(1000)))[:, None]
-    block = CausalVelocity(15, 1, 4e-5, 0.0).block(SAMPLE_TIME_S)
-    state = block.new_state()
-    pieces = [block.advance(state, part) for part in np.split(position, [0, 1, 3, 400, 401])]
-    np.testing.assert_array_equal(np.concatenate(pieces), block.advance(block.new_state(), position))

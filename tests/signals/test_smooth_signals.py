@@ -7,7 +7,6 @@ from cylinder_friction.signals.causal_chain import MovingAverage, OneSidedSavitz
 from cylinder_friction.signals.rts import RtsSmoother
 from cylinder_friction.signals.smooth_signals import (
     SignalFilter,
-    SmoothDrive,
     SmoothSignals,
     signals_of,
     smooth_columns,
@@ -26,18 +25,6 @@ def recording(**columns: np.ndarray) -> Recording:
     time_s = STEP_S * np.arange(600)
     table = pd.DataFrame({"time_s": time_s, "position_m": POSITION_M, **columns})
     return Recording(RecordingMetadata("made", "1", "s1", STEP_S), table)
-
-
-@pytest.mark.parametrize("each", FILTERS, ids=lambda each: type(each).__name__)
-def test_a_force_becomes_neither_later_nor_duller_than_a_pressure(each: SignalFilter) -> None:
-    """The same numbers as pressure and as force, in whatever unit, come out the same."""
-    by_pressure = smooth_recording(recording(pressure_1_pa=LEVEL, pressure_2_pa=LEVEL), each)
-    by_force = smooth_recording(recording(drive_force_n=1e-3 * LEVEL), each)
-    assert isinstance(by_pressure, SmoothSignals)
-    assert isinstance(by_force, SmoothDrive)
-    np.testing.assert_allclose(1e3 * by_force.drive_force_smooth_n, by_pressure.pressure_1_smooth_pa, rtol=1e-6)
-    np.testing.assert_allclose(by_force.velocity_m_s, by_pressure.velocity_m_s, atol=1e-12)
-    np.testing.assert_allclose(by_force.acceleration_m_s2, by_pressure.acceleration_m_s2, atol=1e-9)
 
 
 @pytest.mark.parametrize("each", FILTERS, ids=lambda each: type(each).__name__)

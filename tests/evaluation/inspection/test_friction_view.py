@@ -51,16 +51,6 @@ def test_a_load_that_position_decides_is_taken_off(cylinder: Cylinder, labeller:
     assert "A constant difference between the directions counts as load." in view.assumed[0]
 
 
-def test_a_position_that_counts_backwards_makes_the_half_difference_negative(
-    cylinder: Cylinder, labeller: Labeller, filters: Filters
-) -> None:
-    backwards = made_strokes(cylinder, sign=-1.0)
-    shifted = backwards.with_columns(position_m=backwards.column("position_m") + 0.25)
-    view = friction_view(shifted, labeller, filters["savitzky_golay"])
-    assert view.half_difference_n < 0.0
-    assert view.curve is None
-
-
 @pytest.mark.parametrize("method", ["savitzky_golay", "rts"])
 def test_a_drive_force_stands_for_pressures(
     cylinder: Cylinder, labeller: Labeller, filters: Filters, method: str
