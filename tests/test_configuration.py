@@ -13,7 +13,7 @@ import yaml
 from cylinder_friction.commands.cli import main
 from cylinder_friction.commands.init import make_project
 from cylinder_friction.commands.params import compose_params, write_params
-from cylinder_friction.params.checking import ParamsError, check_params, load_params
+from cylinder_friction.params.checking import ParamsError, check_params
 from cylinder_friction.stages._run import run_stage
 
 PROJECT = Path(__file__).parents[1]
@@ -172,22 +172,6 @@ def test_an_unknown_override_is_refused_and_params_yaml_stays(tmp_path: Path) ->
     with pytest.raises(ParamsError, match=r"search\.trials"):
         write_params(CONF, ["search.trials=none"], target)
     assert target.read_bytes() == before
-
-
-def test_params_yaml_missing_says_what_to_run(tmp_path: Path) -> None:
-    with pytest.raises(
-        ParamsError,
-        match=r"params\.yaml: not there; run this in a project's folder, which `cylinder-friction init FOLDER` makes",
-    ):
-        load_params(tmp_path / "params.yaml")
-
-
-def test_the_command_line_refuses_with_a_message_and_no_traceback(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert main(["stage", "record"]) == 1
-    assert f"cylinder-friction stage record: {tmp_path}/params.yaml: not there" in capsys.readouterr().err
 
 
 def test_an_unknown_stage_is_refused(

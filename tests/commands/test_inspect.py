@@ -1,6 +1,5 @@
 """Inspecting files: whatever is wrong with them, the checks say it and the page shows it where it can be read."""
 
-import re
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -19,7 +18,6 @@ from packed_pages import unpacked
 Damage = Callable[[pd.DataFrame], pd.DataFrame]
 
 CONF = Path(__file__).parents[2] / "conf"
-CRANE = Path(__file__).parents[2] / "../shared/data/crane"
 TIME, P1, P2, POSITION = "Time [s]", "P1 [bar]", "P2 [bar]", "Position [mm]"
 
 
@@ -129,42 +127,6 @@ def test_every_piece_of_a_file_is_shown(tmp_path: Path, log: pd.DataFrame) -> No
         assert f'<section id="recording-{part}"' in page
     assert page.count('<div class="plot"') >= 3
     assert report.endswith("1 file: 1 repaired")
-
-
-def test_every_recording_of_a_folder_has_figures_and_a_verdict(tmp_path: Path, log: pd.DataFrame) -> None:
-    random = np.random.default_rng(7)
-    for session in range(1, 15):
-        own = log.iloc[:1600] + random.normal(0.0, 0.02, (1600, 5)) * (np.array(log.columns) != TIME)
-        write(tmp_path / "logs", own.assign(**{POSITION: 120.0}) if session == 14 else own, session)
-    report, refused = inspect_path(tmp_path / "logs", params_for(), tmp_path / "page.html")
-    assert refused
-    assert report.endswith("14 files: 13 ok, 1 refused")
-    page = unpacked((tmp_path / "page.html").read_text(encoding="utf-8"))
-    assert all(f'<section id="recording-{number}"' in page for number in range(1, 15))
-    assert page.count('<div class="plot"') >= 14
-
-
-def test_a_load_that_position_decides_is_told_and_taken_off(tmp_path: Path) -> None:
-    path = CRANE / "JibSineTest_230425__100Hz.csv.gz"
-    if not path.is_file():
-        pytest.skip(f"no {path}")
-    channels = {
-        "time_s": "{channel: t_s, unit: s}",
-        "pressure_1_pa": "{channel: jib_pA_cyl_bar, unit: bar}",
-        "pressure_2_pa": "{channel: jib_pB_cyl_bar, unit: bar}",
-        "position_m": "{channel: jib_x_m, unit: m}",
-    }
-    params = params_for(
-        *(f"ingest.channels.{column}={entry}" for column, entry in channels.items()),
-        *("cylinder.bore_diameter_m=0.15", "cylinder.rod_diameter_m=0.1", "cylinder.stroke_m=0.85"),
-        *("cylinder.moving_mass_kg=60", "ingest.load=position", "~ingest.channels.oil_temperature_c"),
-    )
-    report, refused = inspect_path(path, params, tmp_path / "page.html")
-    assert not refused
-    assert re.search(r"  ok +load +the load is 29", report)
-    page = unpacked((tmp_path / "page.html").read_text(encoding="utf-8"))
-    assert "No curve is stated: speeds of steady sliding run from 6.2 to 16 mm/s" in page
-    assert "viscous coefficient" not in page
 
 
 CYLINDER = "bore_diameter_m=0.063,rod_diameter_m=0.028,stroke_m=0.25,moving_mass_kg=6.0"

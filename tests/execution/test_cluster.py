@@ -12,7 +12,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import psutil
 import pytest
 from distributed import Client
 from distributed.comm import CommClosedError
@@ -37,16 +36,6 @@ from process_work import twice
 cluster.CONNECT_S = 20.0
 with workers_from_environment() as workers:
     print(list(workers.in_order([partial(twice, n) for n in range(5)])))
-"""
-PARENT = """
-import sys, time
-from pathlib import Path
-from cylinder_friction.execution.cluster import Cluster
-from loopback_cluster import loopback_cluster
-with loopback_cluster(Path(sys.argv[1]), 1) as started, Cluster(started.address) as cluster:
-    cluster.executor()
-    print("started", flush=True)
-    time.sleep(600.0)
 """
 
 pytestmark = pytest.mark.extended
@@ -249,19 +238,3 @@ def test_over_tls_pieces_are_done_and_whoever_has_no_certificate_is_refused(
             assert f"WorkersError: CYLINDER_FRICTION_WORKERS is {expected}" in refused
             assert refused.endswith(f"; set {TLS}CA_FILE, {TLS}CLIENT__CERT and {TLS}CLIENT__KEY to their files")
         assert "where no Dask scheduler responds" in run_twice(cluster.address.replace("tls", "tcp"), {}).stderr
-
-
-def test_processes_of_a_cluster_end_with_the_one_that_started_them(tmp_path: Path) -> None:
-    if sys.platform != "linux":
-        pytest.skip("the kernel ends them on Linux alone")
-    given = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (loopback.SOURCE, *MODULES)))}
-    parent = subprocess.Popen([sys.executable, "-c", PARENT, str(tmp_path)], env=given, stdout=subprocess.PIPE)
-    assert parent.stdout is not None
-    assert parent.stdout.readline() == b"started\n"
-    left = psutil.Process(parent.pid).children(recursive=True)
-    assert len(left) >= 3
-    parent.kill()
-    parent.wait()
-    parent.stdout.close()
-    _, alive = psutil.wait_procs(left, timeout=60.0)
-    assert not alive

@@ -143,12 +143,6 @@ def test_the_pressure_slope_comes_back(cylinder: Cylinder) -> None:
     assert "pressure_slope_n_pa" in found.intervals
 
 
-def test_the_same_seed_finds_the_same_bits(cylinder: Cylinder, plain_recordings: list[Recording]) -> None:
-    effort = SearchEffort(7, 4, 3, 1)
-    first, second = (identified(plain_recordings[:1], cylinder.moving_mass_kg, False, effort) for _ in range(2))
-    assert first == second
-
-
 @pytest.mark.extended
 def test_intervals_hold_the_truth_about_as_often_as_they_say(cylinder: Cylinder) -> None:
     """Where the model is right, 80 % intervals of Coulomb friction, viscosity and ratio hold it most of the time."""

@@ -88,11 +88,3 @@ def test_the_registered_version_shows_its_alias_and_the_way_back(page: Page, ui:
     page.goto(f"{ui}/#/models/{MODEL}/versions/{version.version}")
     sees(page, "champion", "Promoted: there is no incumbent", "Errors on held-out recordings, against true friction")
     sees(page, "Valid range; what lies beyond is flagged", "checks every link", "data/raw/rig")
-
-
-def test_the_logged_model_appears_as_registered(page: Page, ui: str, finished_pipeline: Path) -> None:
-    client = MlflowClient(tracking_uri(finished_pipeline))
-    version = client.get_model_version_by_alias(MODEL, "champion")
-    model_id = str(version.source).removeprefix("models:/")
-    page.goto(f"{ui}/#/experiments/{client.get_logged_model(model_id).experiment_id}/models/{model_id}")
-    sees(page, "Model versions", MODEL, "error_percent/condition_1", "Datasets used")
