@@ -1,7 +1,7 @@
 """Malformed and unusual requests to the served model: what each should get, and what is wrong with what it got.
 
 A response is wrong if its status is not the expected one, if it is an error of the server, takes longer than a minute,
-refuses with more than 1 kB, or holds a number that is neither the reference's nor flagged.
+refuses with more than 1 kB, or holds a number that is not the reference's.
 """
 
 from __future__ import annotations
@@ -9,6 +9,7 @@ from __future__ import annotations
 import gzip
 import http.client
 import io
+import itertools
 import json
 import socket
 import threading
@@ -34,8 +35,6 @@ Array = NDArray[np.float64]
 LONG_S = 60.0
 LARGEST_REFUSAL_BYTES = 1024
 TOLERANCE_N = 0.01
-AT_FIRST = {"WARMING", "OFFSET_UNKNOWN"}
-"""Flags of every recording's first rows, however right they are."""
 MAX_ROWS = 30_000
 MAX_BODY_BYTES = 4 << 20
 SETTINGS = ServeSettings(max_rows=MAX_ROWS, max_body_bytes=MAX_BODY_BYTES, timeout_s=10.0)
@@ -119,20 +118,14 @@ def serving(settings: ServeSettings, current: Path) -> Iterator[Server]:
 
 @dataclass(frozen=True)
 class Case:
-    """A request and what it should get: a status, and where that is 200, the rows that are scored, one by one.
-
-    ``flagged``: rows that are wrong, but look like samples; nearly all must be flagged, or the request refused.
-    """
+    """A request and what it should get: a status, and where that is 200, the rows that are scored, one by one."""
 
     name: str
     status: int
     body: Any = None
     content_type: str | None = JSON
     samples: list[Array] = field(default_factory=list)
-    flagged: bool = False
     headers: dict[str, str] = field(default_factory=dict)
-    path: str = "/invocations"
-    method: str = "POST"
     raw: bytes = b""
 
 
@@ -142,15 +135,12 @@ def cases(rows: Array) -> list[Case]:
     return [
         *_json_text(few),
         *_json_forms(few),
-        *_json_values(few),
-        *_columns(few),
         *_recordings(rows[:400]),
-        *_units(rows),
         *_csv(few),
+        *_tables(few),
         *_arrow(few),
         *_parquet(few),
         *_headers(few),
-        *_paths(few),
         *_limits(rows),
         *_wire(few),
     ]
@@ -185,7 +175,7 @@ def _json_text(rows: Array) -> list[Case]:
         "half a surrogate": whole.replace(b'"data"', b'"data\\ud800"'),
         "null": b"null",
         "a list of records": json.dumps(records(rows)["dataframe_records"]).encode(),
-        "CSV": _csv_text(rows),
+        "CSV": csv(rows),
         "gzip without its header": gzip.compress(whole),
         "a key twice": whole[:-1] + b", " + whole[1:],
         "an escaped key twice": whole[:-2] + b', "d\\u0061ta": [[1e6, 9e5, 0.1]]}}',
@@ -262,46 +252,11 @@ def _json_forms(rows: Array) -> list[Case]:
     ]
 
 
-def _json_values(rows: Array) -> list[Case]:
-    values = {
-        "null": None, "true": True, "false": False, "text": "high", "a number as text": "1000000.0",
-        "NaN as text": "NaN", "Infinity as text": "Infinity", "no text": "", "a list": [1e6], "an object": {"pa": 1e6},
-    }  # fmt: skip
-    found = []
-    for name, value in values.items():
-        lists, named = rows.tolist(), records(rows)["dataframe_records"]
-        lists[3][1] = named[3]["pressure_2_pa"] = value
-        columns = dict(zip(SAMPLE_COLUMNS, map(list, zip(*lists, strict=True)), strict=True))
-        split_rows = {"columns": list(SAMPLE_COLUMNS), "data": lists}
-        for form, body in (("dataframe_split", split_rows), ("dataframe_records", named), ("inputs", columns)):
-            found.append(Case(f"value: {name} in {form}", 422, {form: body}))
-    huge = _text(rows).replace(json.dumps(rows[0, 0]).encode(), b"1" * 300)
-    return [*found, Case("value: a whole number of 300 digits", 200, huge, flagged=True)]
-
-
-def _columns(rows: Array) -> list[Case]:
-    row = rows.tolist()[0]
-
-    def named(*names: str) -> dict[str, Any]:
-        return {"dataframe_split": {"columns": list(names), "data": [row + [0.0] * (len(names) - 3)]}}
-
-    p1, p2, x = SAMPLE_COLUMNS
-    wrong = {
-        "in bar": named("pressure_1_bar", p2, x),
-        "with a byte order mark": named("\ufeff" + p1, p2, x),
-        "with a letter that looks alike": named(p1.replace("p", "\u0440"), p2, x),
-        "a load": named(p1, p2, x, "load_force_n"),
-        "a name of 10,000 letters": named(p1, p2, "x" * 10_000),
-        "70 columns": {"dataframe_split": {"columns": [f"c{at}" for at in range(70)], "data": [[0.0] * 70]}},
-    }
-    return [Case(f"columns: {name}", 422, body) for name, body in wrong.items()]
-
-
 def _recordings(rows: Array) -> list[Case]:
     half = len(rows) // 2
 
     def named(*names: Any) -> dict[str, Any]:
-        data = [[name, *row] for name, row in zip(names, rows.tolist(), strict=False)]
+        data = [[name, *row] for name, row in zip(names, itertools.cycle(rows.tolist()), strict=False)]
         return {"dataframe_split": {"columns": ["recording", *SAMPLE_COLUMNS], "data": data}}
 
     both = [rows[:half], rows[half:]]
@@ -312,50 +267,25 @@ def _recordings(rows: Array) -> list[Case]:
         "that differ in composition of a letter": (named(*["\u00e9"] * half, *["e\u0301"] * half), both),
         "whole numbers": (named(*[1] * half, *[2] * half), both),
     }
-    wrong = {
-        "null": named("a", None, "a"),
-        "no text": named("a", "", "a"),
-        "a fraction": named(1.5, 1.5, 1.5),
-        "true": named(True, True),
-    }
     return [
         *(Case(f"recording: {name}", 200, body, samples=samples) for name, (body, samples) in good.items()),
-        *(Case(f"recording: {name}", 422, body) for name, body in wrong.items()),
-        Case("recording: a new one in every row", 413, _many_recordings(rows)),
+        Case("recording: a new one in every row", 413, named(*map(str, range(1001)))),
     ]
 
 
-def _many_recordings(rows: Array) -> dict[str, Any]:
-    data = [[f"r{at}", *rows[at % len(rows)].tolist()] for at in range(2000)]
-    return {"dataframe_split": {"columns": ["recording", *SAMPLE_COLUMNS], "data": data}}
-
-
-def _units(rows: Array) -> list[Case]:
-    wrong = {
-        "bar as pascal": rows * [1e-5, 1e-5, 1.0],
-        "megapascal as pascal": rows * [1e-6, 1e-6, 1.0],
-        "all zeros": rows * 0.0,
-        "pressures swapped": rows[:, [1, 0, 2]],
-        "millimetres as metres": rows * [1.0, 1.0, 1e3],
-        "pressures negated": -rows * [1.0, 1.0, -1.0],
-        "position in place of pressure": rows[:, [2, 1, 0]],
-    }
-    return [Case(f"units: {name}", 200, split(values), flagged=True) for name, values in wrong.items()]
-
-
-def _csv_text(rows: Array, header: str = ",".join(SAMPLE_COLUMNS), end: str = "\n") -> bytes:
+def csv(rows: Array, header: str = ",".join(SAMPLE_COLUMNS), end: str = "\n") -> bytes:
     lines = [header, *(",".join(map(repr, row)) for row in rows.tolist())]
     return "".join(line + end for line in lines).encode()
 
 
 def _csv(rows: Array) -> list[Case]:
-    text, header = _csv_text(rows), ",".join(SAMPLE_COLUMNS).encode() + b"\n"
+    text, header = csv(rows), ",".join(SAMPLE_COLUMNS).encode() + b"\n"
     numbered = b"".join(
         (str(at - 1).encode() if at else b"") + b"," + line for at, line in enumerate(text.splitlines(keepends=True))
     )
     good = {
         "plain": text,
-        "with CRLF": _csv_text(rows, end="\r\n"),
+        "with CRLF": csv(rows, end="\r\n"),
         "a byte order mark": b"\xef\xbb\xbf" + text,
         "numbered rows, as pandas writes them": numbered,
     }
@@ -370,7 +300,7 @@ def _csv(rows: Array) -> list[Case]:
         "semicolons": text.replace(b",", b";"),
         "decimal commas": header + b'"1,5e6","9,1e5","0,1"\n',
         "a line of units": header + b"Pa,Pa,m\n" + text.split(b"\n", 1)[1],
-        "a column twice": _csv_text(rows, "pressure_1_pa,pressure_1_pa,position_m"),
+        "a column twice": csv(rows, "pressure_1_pa,pressure_1_pa,position_m"),
         "an open quote": text + b'"1e6,9e5,0.1\n',
         "rows that are numbered from 7": b",".join([b"", header]) + b"7,1e6,9e5,0.1\n",
         "a cell of 100,000 letters": header + b"x" * 100_000 + b",9e5,0.1\n",
@@ -384,20 +314,26 @@ def _csv(rows: Array) -> list[Case]:
     ]
 
 
-def _table(rows: Array) -> pa.Table:
+def arrow_table(rows: Array) -> pa.Table:
     return pa.table(dict(zip(SAMPLE_COLUMNS, rows.T, strict=True)))
 
 
-def _stream(table: pa.Table, **options: Any) -> bytes:
+def arrow_stream(table: pa.Table, **options: Any) -> bytes:
     sink = io.BytesIO()
     with pa.ipc.new_stream(sink, table.schema, options=pa.ipc.IpcWriteOptions(**options)) as writer:
         writer.write_table(table)
     return sink.getvalue()
 
 
-def _tables(rows: Array) -> tuple[dict[str, tuple[pa.Table, list[Array]]], dict[str, pa.Table]]:
-    """Return tables that can be scored and others that cannot, for both formats."""
-    table = _table(rows)
+def parquet_file(table: pa.Table, compression: str = "snappy") -> bytes:
+    sink = io.BytesIO()
+    parquet.write_table(table, sink, compression=compression)
+    return sink.getvalue()
+
+
+def _tables(rows: Array) -> Iterator[Case]:
+    """Return tables that can be scored and others that cannot, in both formats."""
+    table = arrow_table(rows)
     names = pa.array(["a", "a", "b", "b", "b"])
     first, *others = SAMPLE_COLUMNS
 
@@ -412,14 +348,13 @@ def _tables(rows: Array) -> tuple[dict[str, tuple[pa.Table, list[Array]]], dict[
             table.append_column("recording", names.dictionary_encode()),
             [rows[:2], rows[2:]],
         ),
-        "single precision": (
-            with_first(pa.array(rows[:, 0].astype(np.float32))),
-            [np.column_stack([rows[:, 0].astype(np.float32), rows[:, 1:]])],
-        ),
-        "whole numbers": (
-            with_first(pa.array(rows[:, 0].astype(np.int64))),
-            [np.column_stack([rows[:, 0].astype(np.int64), rows[:, 1:]])],
-        ),
+        **{
+            name: (with_first(pa.array(values)), [np.column_stack([values, rows[:, 1:]])])
+            for name, values in (
+                ("single precision", rows[:, 0].astype(np.float32)),
+                ("whole numbers", rows[:, 0].astype(np.int64)),
+            )
+        },
         "in two pieces": (pa.concat_tables([table.slice(0, 2), table.slice(2)]), [rows]),
     }
     wrong = {
@@ -432,15 +367,18 @@ def _tables(rows: Array) -> tuple[dict[str, tuple[pa.Table, list[Array]]], dict[
         "dates": with_first(pa.array([0] * 5, pa.timestamp("us"))),
         "a recording without a name": table.append_column("recording", pa.array(["a", None, "a", "a", "a"])),
     }
-    return good, wrong
+    for media, write in ((ARROW, arrow_stream), (PARQUET, parquet_file)):
+        for name, (scored, samples) in good.items():
+            yield Case(f"{media}: {name}", 200, write(scored), media, samples)
+        for name, refused in wrong.items():
+            yield Case(f"{media}: {name}", 422, write(refused), media)
 
 
 def _arrow(rows: Array) -> list[Case]:
-    good, wrong = _tables(rows)
-    stream = _stream(_table(rows))
+    stream = arrow_stream(arrow_table(rows))
     file = io.BytesIO()
-    with pa.ipc.new_file(file, _table(rows).schema) as writer:
-        writer.write_table(_table(rows))
+    with pa.ipc.new_file(file, arrow_table(rows).schema) as writer:
+        writer.write_table(arrow_table(rows))
     garbage = bytearray(stream)
     garbage[200:260] = b"\xff" * 60
     unreadable = {
@@ -451,26 +389,18 @@ def _arrow(rows: Array) -> list[Case]:
         "a length beyond the body": b"\xff\xff\xff\xff\xff\xff\xff\x7f" + stream[8:],
         "JSON": _text(rows),
     }
-    packed = _table(np.zeros((5, 3)))
+    packed = arrow_table(np.zeros((5, 3)))
     return [
-        *(Case(f"Arrow: {name}", 200, _stream(table), ARROW, samples) for name, (table, samples) in good.items()),
-        *(Case(f"Arrow: {name}", 422, _stream(table), ARROW) for name, table in wrong.items()),
         *(Case(f"Arrow: {name}", 400, body, ARROW) for name, body in unreadable.items()),
-        Case("Arrow: compressed (zstd)", 422, _stream(packed, compression="zstd"), ARROW),
-        Case("Arrow: compressed (lz4)", 422, _stream(packed, compression="lz4"), ARROW),
-        Case("Arrow: in, JSON out", 200, _stream(_table(rows)), ARROW, [rows], headers={"Accept": JSON}),
+        Case("Arrow: compressed (zstd)", 422, arrow_stream(packed, compression="zstd"), ARROW),
+        Case("Arrow: compressed (lz4)", 422, arrow_stream(packed, compression="lz4"), ARROW),
+        Case("Arrow: in, JSON out", 200, arrow_stream(arrow_table(rows)), ARROW, [rows], headers={"Accept": JSON}),
         Case("Arrow: JSON in, Arrow out", 200, split(rows), samples=[rows], headers={"Accept": ARROW}),
     ]
 
 
 def _parquet(rows: Array) -> list[Case]:
-    def file(table: pa.Table, compression: str = "snappy") -> bytes:
-        sink = io.BytesIO()
-        parquet.write_table(table, sink, compression=compression)
-        return sink.getvalue()
-
-    good, wrong = _tables(rows)
-    plain = file(_table(rows))
+    plain = parquet_file(arrow_table(rows))
     garbage = bytearray(plain)
     garbage[4:60] = b"\xff" * 56
     unreadable = {
@@ -483,10 +413,8 @@ def _parquet(rows: Array) -> list[Case]:
         "JSON": _text(rows),
     }
     return [
-        *(Case(f"Parquet: {name}", 200, file(table), PARQUET, samples) for name, (table, samples) in good.items()),
-        *(Case(f"Parquet: {name}", 422, file(table), PARQUET) for name, table in wrong.items()),
         *(Case(f"Parquet: {name}", 400, body, PARQUET) for name, body in unreadable.items()),
-        *(Case(f"Parquet: {how}", 200, file(_table(rows), how), PARQUET, [rows]) for how in ("none", "gzip", "zstd")),
+        Case("Parquet: gzip", 200, parquet_file(arrow_table(rows), "gzip"), PARQUET, [rows]),
     ]
 
 
@@ -503,106 +431,50 @@ def _headers(rows: Array) -> list[Case]:
         "UTF-8": (200, "application/json; charset=UTF-8"),
         "ending in a semicolon": (200, "application/json;"),
     }
-    encodings = {name: gzip.compress(body) for name in ("gzip", "deflate", "br", "zstd", "x" * 5000, "gzip, gzip")}
-    bomb = gzip.compress(b" " * 50_000_000)
-    ids = ["short-1", "x" * 65, "a b", "a\tb", "<script>", "%0d%0aSet-Cookie: a", "\u00e9\u00e8", ""]
+    packed = gzip.compress(b" " * 50_000_000)
     return [
         *(
             Case(f"Content-Type: {name}", status, body, media, [rows] if status == 200 else [])
             for name, (status, media) in types.items()
         ),
-        *(
-            Case(f"Content-Encoding: {name[:20]}", 415, packed, headers={"Content-Encoding": name})
-            for name, packed in encodings.items()
-        ),
-        Case("Content-Encoding: a bomb of 50 MB", 415, bomb, headers={"Content-Encoding": "gzip"}),
+        Case("Content-Encoding: gzip of 50 MB", 415, packed, headers={"Content-Encoding": "gzip"}),
         Case("Content-Encoding: identity", 200, body, samples=[rows], headers={"Content-Encoding": "identity"}),
-        *(
-            Case(f"X-Request-ID: {given[:20]!r}", 200, body, samples=[rows], headers={"X-Request-ID": given})
-            for given in ids
-        ),
         Case("Accept: HTML", 200, body, samples=[rows], headers={"Accept": "text/html"}),
-        Case("Authorization: garbage", 200, body, samples=[rows], headers={"Authorization": "Basic \xff"}),
-        Case("Expect: something", 200, body, samples=[rows], headers={"Expect": "100-continue"}),
-    ]
-
-
-def _paths(rows: Array) -> list[Case]:
-    body = _text(rows)
-    methods = {"GET": 405, "PUT": 405, "DELETE": 405, "PATCH": 405, "OPTIONS": 405, "HEAD": 405, "FRICTION": 405}
-    paths = ["/", "/invocation", "/invocations/x", "/INVOCATIONS", "//invocations", "/%2e%2e/etc/passwd", "/../x"]
-    paths += ["/" + "x" * 5000, "/%00", "/%ff"]
-    return [
-        *(Case(f"method: {name}", status, method=name) for name, status in methods.items()),
-        *(Case(f"path: {path[:30]!r}", 404, body, path=path) for path in paths if path != "/"),
-        Case("path: with a query", 200, body, samples=[rows], path="/invocations?format=csv"),
-        Case("path: POST to /livez", 405, body, path="/livez"),
-        Case("path: POST to /metrics", 405, body, path="/metrics"),
     ]
 
 
 def _limits(rows: Array) -> list[Case]:
     many = np.tile(np.concatenate([rows, rows[::-1]]), (MAX_ROWS // (2 * len(rows)) + 2, 1))  # the piston never jumps
-    packed, comma = _text(rows[:1]), b","
-    dictionary = _table(many[:20_000]).append_column(
+    dictionary = arrow_table(many[:20_000]).append_column(
         "recording", pa.array(["n" * 10_000] + ["b"] * 19_999).dictionary_encode()
     )
-    zeros = _parquet_of_zeros(MAX_ROWS + 1)
+    zeros = pa.table({name: np.zeros(MAX_ROWS + 1) for name in SAMPLE_COLUMNS})
     known = [rows[:1], many[1:20_000]]
-    blank = packed + b" " * MAX_BODY_BYTES
+    blank = _text(rows[:1]) + b" " * MAX_BODY_BYTES
     return [
         Case("limits: a body beyond the limit", 413, blank),
         Case("limits: the same in pieces, without a length", 413, iter([blank[:1000], blank[1000:]])),
         Case("limits: a row too many", 413, split(many[: MAX_ROWS + 1].round(1))),
-        Case("limits: a row too many as CSV", 413, _csv_text(many[: MAX_ROWS + 1].round(3)), CSV),
-        Case("limits: a row too many as Arrow", 413, _stream(_table(many[: MAX_ROWS + 1])), ARROW),
-        Case("limits: a row too many as Parquet", 413, zeros, PARQUET),
-        Case("limits: 4 MB of empty lists", 413, b'{"instances":[%s]}' % comma.join([b"[]"] * 1_300_000)),
+        Case("limits: a row too many as CSV", 413, csv(many[: MAX_ROWS + 1].round(3)), CSV),
+        Case("limits: a row too many as Arrow", 413, arrow_stream(arrow_table(many[: MAX_ROWS + 1])), ARROW),
+        Case("limits: a row too many as Parquet", 413, parquet_file(zeros), PARQUET),
+        Case("limits: 4 MB of empty lists", 413, b'{"instances":[%s]}' % b",".join([b"[]"] * 1_300_000)),
         Case("limits: 100,000 lists deep", 413, b"[" * 100_000),
         Case("limits: 4 MB of digits", 400, b"1" * 4_000_000),
         Case("limits: a name of 4 MB", 422, {"dataframe_split": {"columns": ["x" * 4_000_000], "data": [[1.0]]}}),
-        Case("limits: 20,000 rows, a name of 10,000 letters", 200, _stream(dictionary), ARROW, known),
+        Case("limits: 20,000 rows, a name of 10,000 letters", 200, arrow_stream(dictionary), ARROW, known),
     ]  # fmt: skip
-
-
-def _parquet_of_zeros(count: int) -> bytes:
-    """Return a small file of many rows."""
-    sink = io.BytesIO()
-    parquet.write_table(pa.table({name: np.zeros(count) for name in SAMPLE_COLUMNS}), sink)
-    return sink.getvalue()
 
 
 def _wire(rows: Array) -> list[Case]:
     body = _text(rows)
     head = b"POST /invocations HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\n"
-    refused = {
-        "no HTTP": b"rows, please\r\n\r\n",
-        "TLS": b"\x16\x03\x01\x02\x00\x01\x00\x01\xfc\x03\x03" + b"\x00" * 50 + b"\r\n\r\n",
-        "a path beyond ASCII": b"GET /\xc3\xa9 HTTP/1.1\r\nHost: x\r\n\r\n",
-        "a length that is no number": head + b"Content-Length: many\r\n\r\n",
-        "a negative length": head + b"Content-Length: -5\r\n\r\n",
-        "a length and chunks": head + b"Content-Length: 2\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n",
-        "two lengths": head + b"Content-Length: 5\r\nContent-Length: 6\r\n\r\n",
-        "a broken chunk": head + b"Transfer-Encoding: chunked\r\n\r\nzz\r\n",
-        "an unknown transfer encoding": head + b"Transfer-Encoding: gzip\r\n\r\n",
-        "a zero byte in a header": head + b"X-Zero: \x00\r\n\r\n",
-    }
-    length = b"Content-Length: %d\r\n" % len(body)
     much = head + b"Content-Length: 99999999999\r\n\r\n"
     chunked = head + b"Transfer-Encoding: chunked\r\n\r\n%x\r\n%s\r\n0\r\n\r\n" % (len(body), body)
     return [
-        *(Case(f"wire: {name}", 400, raw=text) for name, text in refused.items()),
         Case("wire: 100 GB announced", 413, raw=much),
-        Case(
-            "wire: a header of 50,000 letters",
-            200,
-            samples=[rows],
-            raw=head + length + b"X-Long: " + b"x" * 50_000 + b"\r\n\r\n" + body,
-        ),
         Case("wire: chunked", 200, samples=[rows], raw=chunked),
-        Case("wire: HTTP/1.0", 200, samples=[rows], raw=b"POST /invocations HTTP/1.0\r\nContent-Type: application/json"
-             b"\r\n" + length + b"\r\n" + body),
-    ]  # fmt: skip
+    ]
 
 
 Reference = Callable[[Array], tuple[Array, NDArray[np.int64]]]
@@ -613,24 +485,19 @@ def problem(case: Case, server: Server, reference: Reference) -> tuple[Reply | N
     began = time.perf_counter()
     try:
         reply = server.send(case.raw) if case.raw else server.ask(
-            case.body, case.content_type, case.path, case.method, case.headers
+            case.body, case.content_type, headers=case.headers
         )  # fmt: skip
     except (OSError, http.client.HTTPException) as error:
         return None, f"no response: {error!r}"
     if (took_s := time.perf_counter() - began) > LONG_S:
         return reply, f"took {took_s:.0f} s"
-    refused = 400 <= reply.status < 500
-    if reply.status != case.status and not (case.flagged and refused):
+    if reply.status != case.status:
         return reply, f"expected {case.status}"
     if reply.status != 200:
         large = len(reply.body) > LARGEST_REFUSAL_BYTES
         leaked = any(word in reply.body for word in (b"Traceback", b".py", str(Path.home()).encode() + b"/", b"/tmp/"))
         return reply, "too large" if large else "shows the server's insides" if leaked else ""
-    predictions = _predictions(reply)
-    if case.flagged:
-        quiet = np.mean([row["in_training_range"] and {*row["flag_names"].split()} <= AT_FIRST for row in predictions])
-        return reply, f"{quiet:.0%} of wrong rows are not flagged" if quiet > 0.1 else ""
-    return reply, _difference(predictions, case.samples, reference) if case.samples else ""
+    return reply, _difference(_predictions(reply), case.samples, reference) if case.samples else ""
 
 
 def _predictions(reply: Reply) -> list[dict[str, Any]]:
@@ -650,9 +517,3 @@ def _difference(predictions: list[dict[str, Any]], samples: list[Array], referen
         return f"{off_n:.3g} N from the reference"
     changed = [row["flags"] for row in predictions] != np.concatenate(flags).tolist()
     return "flags differ from the reference" if changed else ""
-
-
-def run(server: Server, table: list[Case], reference: Reference) -> Iterator[tuple[Case, Reply | None, str]]:
-    """Send every request and yield what it got and what is wrong with that."""
-    for case in table:
-        yield case, *problem(case, server, reference)

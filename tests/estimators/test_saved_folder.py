@@ -159,31 +159,21 @@ def test_a_graph_that_computes_something_else_is_refused(saved: Path, change: st
         load_estimator(saved)
 
 
-def fuzzed(
-    folder: Path, small_hybrid: HybridEstimator, cylinder: Cylinder, recordings: list[Recording], count: int
-) -> dict[str, Any]:
-    small_hybrid.save(folder / "hybrid")
-    ForestEstimator(cylinder, ForestPlan(trees=3, depth=3)).fit(recordings).save(folder / "forest")
-    RidgeEstimator(lags=4).fit(recordings).save(folder / "ridge")
-    command = [sys.executable, str(FUZZER), str(folder), str(count), "1"]
+@pytest.mark.parametrize("count", [300, pytest.param(10_000, marks=pytest.mark.extended)])
+def test_damaged_models_are_refused_or_give_the_same_bits(
+    small_hybrid: HybridEstimator,
+    cylinder: Cylinder,
+    labelled_recordings: list[Recording],
+    tmp_path: Path,
+    count: int,
+) -> None:
+    small_hybrid.save(tmp_path / "hybrid")
+    ForestEstimator(cylinder, ForestPlan(trees=3, depth=3)).fit(labelled_recordings).save(tmp_path / "forest")
+    RidgeEstimator(lags=4).fit(labelled_recordings).save(tmp_path / "ridge")
+    command = [sys.executable, str(FUZZER), str(tmp_path), str(count), "1"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found
-
-
-def test_damaged_models_are_refused_or_give_the_same_bits(
-    small_hybrid: HybridEstimator, cylinder: Cylinder, labelled_recordings: list[Recording], tmp_path: Path
-) -> None:
-    found = fuzzed(tmp_path, small_hybrid, cylinder, labelled_recordings, 300)
+    found = json.loads(done.stdout)
     assert found["failures"] == []
-    assert found["refused"] > 200
-
-
-@pytest.mark.extended
-def test_ten_thousand_damaged_models_crash_hang_and_fill_nothing(
-    small_hybrid: HybridEstimator, cylinder: Cylinder, labelled_recordings: list[Recording], tmp_path: Path
-) -> None:
-    found = fuzzed(tmp_path, small_hybrid, cylinder, labelled_recordings, 10_000)
-    assert found["failures"] == []
+    assert found["refused"] > 0.6 * count
     assert found["grown_mib"] < 500

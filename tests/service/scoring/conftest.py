@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-import malformed_requests
 from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, recorded
 from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
 from cylinder_friction.deployment.scoring import ServedGraph
@@ -15,12 +14,7 @@ from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.recordings.files import write_json
 from cylinder_friction.service.scoring.model_source import GRAPH_FILE, ServedModel, write_current
 from cylinder_friction.service.scoring.settings import ServeSettings
-
-
-@pytest.fixture(scope="session")
-def script() -> Any:
-    """The module that sends malformed requests; it has what sends requests and what serves."""
-    return malformed_requests
+from malformed_requests import SETTINGS, serving
 
 
 @pytest.fixture(scope="session")
@@ -41,21 +35,21 @@ def current(model_folder: Path, tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def serve(script: Any, current: Path) -> Callable[..., AbstractContextManager[Any]]:
+def serve(current: Path) -> Callable[..., AbstractContextManager[Any]]:
     """Return what serves the small model with the settings it is given."""
 
     @contextmanager
     def started(**settings: Any) -> Iterator[Any]:
-        with script.serving(ServeSettings(**settings), current) as server:
+        with serving(ServeSettings(**settings), current) as server:
             yield server
 
     return started
 
 
 @pytest.fixture(scope="session")
-def server(script: Any, model_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
+def server(model_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Any]:
     """The small model with the limits of the table of malformed requests."""
     current = tmp_path_factory.mktemp("current") / "current.json"
     write_current(current, ServedModel(model_folder, "friction-estimator", "7"))
-    with script.serving(script.SETTINGS, current) as started:
+    with serving(SETTINGS, current) as started:
         yield started

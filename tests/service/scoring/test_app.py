@@ -165,6 +165,7 @@ def test_tokens_are_needed_where_there_are_some(serve: Serve, tmp_path: Path) ->
 def test_routes_show_how_the_server_is(server: Any) -> None:
     for path in ("/livez", "/ping", "/health"):
         assert (server.get(path).status, server.get(path).body) == (200, b"\n")
+    assert server.get("/invocations").status == 405
     assert server.get("/version").body.startswith(b"3.")
     ready = server.get("/readyz").json()
     assert (ready["ready"], ready["model"], ready["version"]) == (True, "friction-estimator", "7")
