@@ -18,9 +18,16 @@ class _Fmu:
     def step(self, *sample: float) -> Output:
         return self._instance.step(sample)
 
-    def reset(self) -> None:
+    def reset(self, offset_n: float = 0.0, uncertainty_n: float | None = None) -> None:
         self._instance.reset()
+        if (offset_n, uncertainty_n) != (0.0, None):
+            start = (offset_n, -1.0 if uncertainty_n is None else uncertainty_n)
+            self._instance.set_real(("start_offset", "start_offset_uncertainty"), start)
         self._instance.initialize()
+
+    @property
+    def offset(self) -> tuple[float, ...]:
+        return self._instance.get_real("offset", "offset_uncertainty")
 
     def warm_up(self, *sample: float, steps: int) -> None:
         self._instance.reset()

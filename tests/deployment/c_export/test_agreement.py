@@ -8,18 +8,15 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.deployment.c_export.compiled import CompiledEstimator
-from cylinder_friction.deployment.c_export.export import export_c, export_model
+from cylinder_friction.deployment.c_export.export import export_c
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
-from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 from deployment.c_export.conftest import SHAPES
-from learned_offset import PRIOR_N, doubting, learning
 
 DOUBLE_N = 1e-9
-FLOAT_N = 0.5
 
 
 @pytest.mark.parametrize("shape", sorted(SHAPES))
@@ -35,45 +32,6 @@ def test_double_is_python(
     newtons, flags = compiled(shape).stream().run(samples)
     np.testing.assert_array_equal(flags, expected_flags)
     np.testing.assert_allclose(newtons, expected, rtol=0.0, atol=DOUBLE_N)
-
-
-@pytest.mark.parametrize(("precision", "allowed_n"), [("double", DOUBLE_N), ("float", FLOAT_N)])
-def test_the_offset_that_is_learned_is_pythons(
-    precision: str,
-    allowed_n: float,
-    compiled: Callable[..., CompiledEstimator],
-    golden_model: StepModel,
-    offset_samples: np.ndarray,
-) -> None:
-    python, stream = RealTimeStream(learning(golden_model)), compiled("learning", precision).stream()
-    expected, offsets = [], []
-    for sample in offset_samples:
-        expected.append(python.step(*sample))
-        got = stream.step(*sample)
-        assert got.flags == expected[-1].flags
-        assert got[:3] == pytest.approx(expected[-1][:3], rel=0.0, abs=allowed_n)
-        offsets.append(stream.offset)
-    assert stream.offset == pytest.approx(python.offset, rel=0.0, abs=allowed_n)
-    unknown = np.array([bool(estimate.flags & Flag.OFFSET_UNKNOWN) for estimate in expected])
-    assert unknown[1:100].all()
-    assert not unknown[1000:].any()
-    assert offsets[0] == pytest.approx((0.0, np.hypot(PRIOR_N, 2.5)), rel=1e-5)
-    assert abs(offsets[-1][0] - 99.9) < 2.0 * offsets[-1][1] < 20.0
-
-
-def test_c_leaves_zeros_alone_while_friction_is_not_that_of_training(
-    golden_model: StepModel, offset_samples: np.ndarray, tmp_path: Path
-) -> None:
-    python = RealTimeStream(doubting(golden_model))
-    stream = CompiledEstimator(export_model(python.model, tmp_path)).stream()
-    doubted = []
-    for sample in offset_samples:
-        expected, got = python.step(*sample), stream.step(*sample)
-        assert got.flags == expected.flags
-        assert got[:3] == pytest.approx(expected[:3], rel=0.0, abs=DOUBLE_N)
-        assert stream.offset == pytest.approx(python.offset, rel=0.0, abs=DOUBLE_N)
-        doubted.append(stream.offset[0] == 0.0)
-    assert 0.05 < np.mean(doubted[1000:]) < 0.95
 
 
 @pytest.mark.parametrize("kind", [LugreEstimator, PressureLugreEstimator])

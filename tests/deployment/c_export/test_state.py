@@ -8,8 +8,6 @@ import pytest
 
 from cylinder_friction.deployment.c_export.compiled import CompiledEstimator, CompiledStream
 from cylinder_friction.realtime.model import StepModel
-from cylinder_friction.realtime.stream import RealTimeStream
-from learned_offset import learning
 
 
 def floats_of(stream: CompiledStream, model: StepModel) -> np.ndarray:
@@ -21,20 +19,6 @@ def floats_of(stream: CompiledStream, model: StepModel) -> np.ndarray:
     numbers = np.frombuffer(stream.saved(), dtype=np.float32)[2 * doubles :]
     counters = 10
     return numbers[counters : counters + count]
-
-
-def test_reset_forgets_the_offset_and_can_begin_from_a_known_one(
-    compiled: Callable[..., CompiledEstimator], golden_model: StepModel, offset_samples: np.ndarray
-) -> None:
-    stream, python = compiled("learning").stream(), RealTimeStream(learning(golden_model))
-    for start in ((0.0, None), (90.0, 4.0), (90.0, 0.0), (-30.0, None)):
-        stream.reset(*start)
-        python.reset(*start)
-        assert stream.offset == pytest.approx(python.offset, rel=1e-12)
-        newtons, flags = stream.run(offset_samples[:1500])
-        expected, expected_flags = python.run(offset_samples[:1500])
-        np.testing.assert_array_equal(flags, expected_flags)
-        np.testing.assert_allclose(newtons, expected, rtol=0.0, atol=1e-9)
 
 
 @pytest.mark.parametrize("start", [(math.nan, 4.0), (math.inf, 4.0), (90.0, math.nan), (90.0, math.inf), (1e10, 4.0)])

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
 
-from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
 from fmu_host import ExtractedFmu, FmuInstance
@@ -16,21 +15,6 @@ START = ("start_offset", "start_offset_uncertainty")
 LEARNED = ("offset", "offset_uncertainty")
 
 pytestmark = pytest.mark.parametrize("hybrid", ["learning_hybrid"], indirect=True)
-
-
-def test_it_learns_what_the_reference_learns(
-    instance: FmuInstance, model: StepModel, offset_samples: np.ndarray
-) -> None:
-    python = RealTimeStream(model)
-    instance.initialize()
-    assert instance.get_real(*LEARNED) == pytest.approx(python.offset)
-    for sample in offset_samples[:2000].tolist():
-        expected = python.step(*sample)
-        assert instance.step(sample) == pytest.approx(expected, abs=NEWTONS)
-        assert instance.get_boolean("offset_unknown") == bool(expected.flags & Flag.OFFSET_UNKNOWN)
-        assert instance.get_real(*LEARNED) == pytest.approx(python.offset, abs=NEWTONS)
-    offset_n, uncertainty_n = instance.get_real(*LEARNED)
-    assert abs(offset_n - 99.9) < 2.0 * uncertainty_n < 20.0
 
 
 @pytest.mark.parametrize("start", [(90.0, 4.0), (90.0, -1.0), (-30.0, 0.0)])

@@ -10,13 +10,11 @@ from contracts.tolerances import TOLERANCES_N
 from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
 from cylinder_friction.deployment.onnx_graphs.step import step_graph
 from cylinder_friction.deployment.onnx_graphs.stream import OnnxSequence, OnnxStepStream, open_sequence, open_step
-from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
-from learned_offset import PRIOR_N, doubting, learning
+from learned_offset import learning
 
 Outputs = tuple[np.ndarray, np.ndarray, np.ndarray]
-STARTS = [(0.0, None), (25.0, 5.0), (-60.0, None), (3.0, 0.0)]
 CLOSE_N = 1e-3
 """Of offset and uncertainty: no forest is between them and the samples."""
 
@@ -34,13 +32,6 @@ def stepping(learner: StepModel) -> OnnxStepStream:
 @pytest.fixture(scope="module")
 def at_once(learner: StepModel) -> OnnxSequence:
     return open_sequence(sequence_graph(learner))
-
-
-@pytest.fixture(scope="module")
-def smooth(learner: StepModel) -> tuple[StepModel, OnnxStepStream, OnnxSequence]:
-    """The learner without its forest and both of its graphs: rounding sends no sample down another branch of a tree."""
-    model = replace(learner, forest=None, forest_sees="nothing")
-    return model, open_step(step_graph(model)), open_sequence(sequence_graph(model))
 
 
 def expected_of(model: StepModel, samples: np.ndarray, *start: float | None) -> Outputs:
@@ -68,35 +59,6 @@ def assert_equal(got: Outputs, expected: Outputs) -> None:
     np.testing.assert_array_equal(got[1], expected[1])
     np.testing.assert_allclose(got[0], expected[0], rtol=0.0, atol=TOLERANCES_N["onnx_step"])
     np.testing.assert_allclose(got[2], expected[2], rtol=0.0, atol=CLOSE_N)
-
-
-@pytest.mark.parametrize("start", STARTS)
-def test_over_strokes_and_bad_samples_both_graphs_learn_what_python_does(
-    smooth: tuple[StepModel, OnnxStepStream, OnnxSequence],
-    offset_samples: np.ndarray,
-    start: tuple[float, float | None],
-) -> None:
-    learner, stepping, at_once = smooth
-    expected = expected_of(learner, offset_samples, *start)
-    assert_equal(rolled(stepping, offset_samples, *start), expected)
-    assert_equal(together(at_once, offset_samples, *start), expected)
-    unknown = (expected[1] & Flag.OFFSET_UNKNOWN) != 0
-    assert unknown[1] == (start[1] is None)
-    assert not unknown[2000:].any()
-    assert len(np.unique(expected[2][:, 0])) > 100, "the blocks of many strokes"
-
-
-def test_zeros_are_left_alone_while_friction_is_not_that_of_training(
-    golden_model: StepModel, offset_samples: np.ndarray
-) -> None:
-    model = replace(doubting(golden_model), forest=None, forest_sees="nothing")
-    expected = expected_of(model, offset_samples)
-    assert_equal(rolled(open_step(step_graph(model)), offset_samples), expected)
-    assert_equal(together(open_sequence(sequence_graph(model)), offset_samples), expected)
-    doubted = expected[2][:, 0] == 0.0
-    assert 0.05 < doubted[1000:].mean() < 0.95
-    np.testing.assert_allclose(expected[2][doubted, 1], np.hypot(PRIOR_N, 2.5), rtol=1e-4)
-    assert ((expected[1][1:] & Flag.OFFSET_UNKNOWN) != 0)[doubted[:-1]].all()
 
 
 @pytest.mark.parametrize(("settling", "block"), [(0, 1), (7, 3), (3, 7), (0, 150)])
