@@ -19,7 +19,7 @@ from cylinder_friction.recordings.columns import OTHER_POSITIONS
 from cylinder_friction.recordings.reading_logs import read_recordings
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 from cylinder_friction.signals.methods import default_filter
-from cylinder_friction.signals.smooth_signals import SignalFilter, filtered
+from cylinder_friction.signals.smooth_signals import filtered
 
 OTHER = OTHER_POSITIONS[:1]
 CRANE = Path(__file__).parents[2] / "../shared/data/crane/scope"
@@ -113,9 +113,9 @@ def test_labels_take_it_off(labelled_recordings: list[Recording], cylinder: Cyli
             assert np.std(error_n) < 40.0
 
 
-@pytest.fixture(scope="module")
-def jib() -> tuple[Labeller, SignalFilter, list[Recording]]:
-    """Recordings of slow strokes of a loader crane's jib, smoothed, and how they are labelled."""
+@pytest.mark.extended
+def test_the_load_of_a_crane_holds_for_recordings_that_it_was_not_identified_on() -> None:
+    """Each recording beside all others: where these know the load, it is right within its uncertainty (k = 2)."""
     if not CRANE.is_dir():
         pytest.skip("the recordings of a crane are not there")
     cylinder = Cylinder(name="jib", bore_diameter_m=0.15, rod_diameter_m=0.1, stroke_m=0.85, moving_mass_kg=60.0)
@@ -131,15 +131,7 @@ def jib() -> tuple[Labeller, SignalFilter, list[Recording]]:
     for name in ("Dual1*", "Dual2*", "JibSine*", "Ramp*", "JibSTD*"):
         recordings += read_recordings((CRANE / name).as_posix(), march if "STD" in name else channels, cylinder)
     assert len(recordings) == 7
-    return Labeller(cylinder, load="position"), smoothing, [filtered(each, smoothing) for each in recordings]
-
-
-@pytest.mark.extended
-def test_the_load_of_a_crane_holds_for_recordings_that_it_was_not_identified_on(
-    jib: tuple[Labeller, SignalFilter, list[Recording]],
-) -> None:
-    """Each recording beside all others: where these know the load, it is right within its uncertainty (k = 2)."""
-    labeller, smoothing, recordings = jib
+    labeller, recordings = Labeller(cylinder, load="position"), [filtered(each, smoothing) for each in recordings]
     loads = {}
     for recording in recordings:
         identified = labeller.identify([recording], smoothing)

@@ -156,8 +156,8 @@ def test_a_large_file_with_several_time_columns_is_refused(
         pieces_or_drafts(tmp_path / "scope.csv", recipe(cylinder), rows=1_000, folder=tmp_path / "parts")
 
 
-@pytest.mark.parametrize(("suffix", "rows"), [(".csv.gz", 5_000), (".parquet", 5_000), (".csv", 5_000)])
-def test_other_files_are_read_in_parts_too(tmp_path: Path, cylinder: Cylinder, suffix: str, rows: int) -> None:
+@pytest.mark.parametrize("suffix", [".csv.gz", ".parquet", ".csv"])
+def test_other_files_are_read_in_parts_too(tmp_path: Path, cylinder: Cylinder, suffix: str) -> None:
     log = made_log(ROWS)
     path = tmp_path / f"log{suffix}"
     if suffix == ".parquet":
@@ -165,13 +165,13 @@ def test_other_files_are_read_in_parts_too(tmp_path: Path, cylinder: Cylinder, s
     else:
         log.assign(**{"µ [°]": 1.0}).to_csv(path, index=False, encoding="cp1252")
     (whole,) = pieces_of(path, recipe(cylinder))
-    (draft,) = pieces_or_drafts(path, recipe(cylinder), rows=rows, folder=tmp_path / "parts")
+    (draft,) = pieces_or_drafts(path, recipe(cylinder), rows=5_000, folder=tmp_path / "parts")
     (joined,) = LongRecording(read_recording(draft.paths[0]).metadata, tuple(draft.paths), tuple(draft.own)).excerpt()
     pd.testing.assert_frame_equal(joined.table, whole.table)
 
 
-def refusal(path: Path, cylinder: Cylinder, folder: Path, rows: int = 5_000) -> str:
-    (outcome,) = convert_in_parts({path.name: path}, recipe(cylinder), folder, rows)
+def refusal(path: Path, cylinder: Cylinder, folder: Path) -> str:
+    (outcome,) = convert_in_parts({path.name: path}, recipe(cylinder), folder, 5_000)
     assert isinstance(outcome, Quarantined)
     return outcome.reason
 
