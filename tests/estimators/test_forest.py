@@ -8,7 +8,7 @@ import torch
 from sklearn.ensemble import RandomForestRegressor
 
 from cylinder_friction.estimators.forest import ForestPlan, fit_forest, rounded_down
-from cylinder_friction.estimators.onnx_files import forest_from_onnx, forest_to_onnx, network_from_onnx, network_to_onnx
+from cylinder_friction.estimators.onnx_files import network_from_onnx, network_to_onnx
 from cylinder_friction.estimators.training import FrictionNetwork, weights_of
 from cylinder_friction.estimators.training_plan import Architecture
 from cylinder_friction.realtime.lstm import Lstm, lstm_multiply_adds
@@ -53,18 +53,6 @@ def test_a_forest_never_leaves_the_range_of_its_targets() -> None:
     far = np.array([[1e3, 0.0], [-1e3, 0.0]], dtype=np.float32)
     assert forest.predict(far).max() <= features[:, 0].max() + 1e-6
     assert forest.predict(far).min() >= features[:, 0].min() - 1e-6
-
-
-def test_a_forest_comes_back_from_onnx_as_it_was() -> None:
-    generator = np.random.default_rng(3)
-    features = generator.normal(size=(800, 4)).astype(np.float32)
-    forest = fit_forest(features, features[:, 1].astype(float) ** 2, ForestPlan(5, 6, 800, 4), 1)
-    again = forest_from_onnx(forest_to_onnx(forest))
-    inner = forest.feature >= 0
-    for name in ("feature", "value", "roots", "depth", "inputs"):
-        np.testing.assert_array_equal(getattr(again, name), getattr(forest, name))
-    for name in ("threshold", "left", "right"):
-        np.testing.assert_array_equal(getattr(again, name)[inner], getattr(forest, name)[inner])
 
 
 def test_rows_are_drawn_at_random() -> None:

@@ -1,11 +1,10 @@
-import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from boom import STEP_S, boom_load, boom_points
-from cylinder_friction.labelling.load import POOLED_PLACES, LoadIdentification, LoadPlan, identify_load, pooled_load
+from cylinder_friction.labelling.load import POOLED_PLACES, LoadPlan, identify_load, pooled_load
 from cylinder_friction.labelling.strokes import TravelCovered, stroke_points
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -68,11 +67,6 @@ def test_sessions_that_share_no_position_have_no_common_load() -> None:
         pooled_load([one, far])
     with pytest.raises(RecordingError, match="got no session"):
         pooled_load([])
-
-
-def test_an_identification_is_the_same_after_saving() -> None:
-    found = identify_load(boom_points(), LoadPlan())
-    assert LoadIdentification.from_dict(json.loads(json.dumps(found.to_dict()))) == found
 
 
 def test_outliers_count_little() -> None:

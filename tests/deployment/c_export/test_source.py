@@ -179,20 +179,6 @@ def test_it_is_clean_under_sanitizers(
 
 
 @pytest.mark.extended
-@pytest.mark.parametrize(("name", "report"), [("gcc", "-fopt-info-vec"), ("clang", "-Rpass=loop-vectorize")])
-def test_it_vectorises(name: str, report: str, golden_model: StepModel, tmp_path: Path) -> None:
-    exported = export_model(golden_model, tmp_path)
-    told = run(compiler(name), "-std=c99", "-O3", report, "-c", exported.source, "-o", "/dev/null")
-    lines = exported.source.read_text(encoding="utf-8").splitlines()
-    vectorised = {
-        lines[int(line.split(":")[1]) - 1].strip()
-        for line in told.splitlines()
-        if "vectorized" in line and ".c:" in line
-    }
-    assert sum("for (" in line for line in vectorised) >= 3, told
-
-
-@pytest.mark.extended
 @pytest.mark.parametrize("shape", ["whole", "learning", "learning_base"])
 @pytest.mark.parametrize("precision", ["double", "float"])
 def test_cppcheck_finds_nothing(shape: str, precision: str, golden_model: StepModel, tmp_path: Path) -> None:

@@ -77,26 +77,6 @@ def test_broken_files_stand_beside_good_ones_in_their_order(tmp_path: Path, cyli
     assert subjects[3].verdict.startswith("usable for labelling; worth knowing: ")
 
 
-def test_a_copy_is_refused_and_the_first_of_them_is_not(tmp_path: Path, cylinder: Cylinder, recipe: Recipe) -> None:
-    good = made_strokes(cylinder)
-    files = logged(tmp_path, {"a1_first.csv": good, "a2_again.csv": good})
-    first, again = inspect_files(files, recipe)
-    assert first.outcome == "ok"
-    assert "not usable: is the same measurement as recording 'a1_first'" in again.verdict
-    assert again.recording is not None
-
-
-def test_lost_samples_are_a_repair_and_a_gap_makes_parts(tmp_path: Path, cylinder: Cylinder, recipe: Recipe) -> None:
-    lost = made_strokes(cylinder)
-    lost = replace(lost, table=lost.table.drop(index=[4000]))
-    gap = shifted(made_strokes(cylinder, seconds=80.0), 3)
-    gap = replace(gap, table=gap.table.drop(index=range(8000, 8100)))
-    repaired, *parts = inspect_files(logged(tmp_path, {"a1_lost.csv": lost, "a2_gap.csv": gap}), recipe)
-    assert repaired.verdict.startswith("usable with these repairs: ")
-    assert "1 lost sample" in repaired.verdict
-    assert [part.title for part in parts] == ["a2_gap.csv (part 1)", "a2_gap.csv (part 2)"]
-
-
 def test_what_was_not_vented_is_zeroed_by_its_session(
     tmp_path: Path, cylinder: Cylinder, recipe: Recipe, labeller: Labeller, filters: dict[str, SignalFilter]
 ) -> None:

@@ -39,14 +39,8 @@ def noisy(x: Array, row: int, by: float) -> Array:
 
 HELD = "holds .* mm from .* to .* s while the piston moves on; left out"
 FAULTS: dict[str, tuple[Callable[[Array, int], Array], str]] = {
-    "held for 0.5 s": (
-        lambda x, row: held(x, row, 50),
-        "holds .* mm from .* to .* s while the piston moves on; left out",
-    ),
-    "held for long": (
-        lambda x, row: held(x, row, 200),
-        "holds .* mm from .* to .* s while the piston moves on; left out",
-    ),
+    "held for 0.5 s": (lambda x, row: held(x, row, 50), HELD),
+    "held for long": (lambda x, row: held(x, row, 200), HELD),
     "a step of 8 mm": (lambda x, row: shifted(x, row, 0.008), r"jumps by \+[78].* mm at .* s; split there"),
     "a step of -20 mm": (lambda x, row: shifted(x, row, -0.02), r"jumps by -(19|2\d).* mm at .* s; split there"),
     "another scale": (lambda x, row: np.append(x[:row], 1.1 * x[row:]), r"jumps by \+.* mm at .* s; split there"),
