@@ -67,11 +67,6 @@ def test_without_its_compiler_the_step_gives_the_same(folder: Path, tmp_path: Pa
     assert other_flags == 0
 
 
-def test_guard_and_bounds_are_the_estimators(small_hybrid: HybridEstimator) -> None:
-    model = small_hybrid.step_model()
-    assert (model.guard, model.bounds) == (small_hybrid.guard, small_hybrid.bounds)
-
-
 def test_an_estimator_that_was_never_calibrated_says_nothing_about_its_error(
     cylinder: Cylinder, small_hybrid: HybridEstimator
 ) -> None:

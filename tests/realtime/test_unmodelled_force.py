@@ -178,14 +178,6 @@ def test_a_load_is_not_learned_as_an_offset(
     assert abs(offsets_n["careful"]) < 0.5 * abs(offsets_n["careless"])
 
 
-def test_reset_forgets_it(small_model: StepModel, cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
-    samples = labelled_recordings[0].samples()[:50]
-    stream = RealTimeStream(small_model)
-    assert stream.step(samples[0, 0] + AWAY_N / cylinder.piston_area_m2, *samples[0, 1:]).flags & 1024
-    stream.reset()
-    assert not stream.step(*samples[0]).flags & Flag.UNMODELLED_FORCE
-
-
 def test_what_cannot_know_a_range_never_raises_it(
     designed: FrictionEstimator,
     small_hybrid: HybridEstimator,
