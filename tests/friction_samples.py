@@ -9,11 +9,7 @@ from cylinder_friction.friction_models.parameters import ModelParameters
 
 CURVE = {"coulomb_n": 240.0, "static_n": 360.0, "stribeck_velocity_m_s": 8e-3, "stribeck_exponent": 1.5}
 PLAIN_LUGRE = LugreParameters(
-    **CURVE,
-    viscous_n_s_m=1500.0,
-    bristle_stiffness_n_m=5e6,
-    bristle_damping_n_s_m=4000.0,
-    damping_velocity_m_s=8e-3,
+    **CURVE, viscous_n_s_m=1500.0, bristle_stiffness_n_m=5e6, bristle_damping_n_s_m=4000.0, damping_velocity_m_s=8e-3
 )
 ODD: dict[str, ModelParameters] = {"lugre": PLAIN_LUGRE}
 """Without pressure or direction."""

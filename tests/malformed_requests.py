@@ -471,10 +471,7 @@ def _wire(rows: Array) -> list[Case]:
     head = b"POST /invocations HTTP/1.1\r\nHost: x\r\nContent-Type: application/json\r\n"
     much = head + b"Content-Length: 99999999999\r\n\r\n"
     chunked = head + b"Transfer-Encoding: chunked\r\n\r\n%x\r\n%s\r\n0\r\n\r\n" % (len(body), body)
-    return [
-        Case("wire: 100 GB announced", 413, raw=much),
-        Case("wire: chunked", 200, samples=[rows], raw=chunked),
-    ]
+    return [Case("wire: 100 GB announced", 413, raw=much), Case("wire: chunked", 200, samples=[rows], raw=chunked)]
 
 
 Reference = Callable[[Array], tuple[Array, NDArray[np.int64]]]

@@ -5,13 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from cylinder_friction.import_graph import (
-    SOURCE,
-    code_key,
-    imported_modules,
-    remove_stale_machine_code,
-    used_files,
-)
+from cylinder_friction.import_graph import SOURCE, code_key, imported_modules, remove_stale_machine_code, used_files
 
 MODULES = {
     "__init__.py": '"""The front page."""\n_LAZY = {"a": "cylinder_friction.unused"}\ndef __getattr__(name): ...\n',

@@ -74,10 +74,7 @@ def test_ctrl_c_says_what_is_kept_and_how_to_go_on(
     assert "Traceback" not in printed
 
 
-@pytest.mark.parametrize(
-    ("command", "unbuffered"),
-    [("--help", ""), ("check", ""), ("check", "1")],
-)
+@pytest.mark.parametrize(("command", "unbuffered"), [("--help", ""), ("check", ""), ("check", "1")])
 def test_a_reader_that_has_ended_ends_the_command_without_a_traceback(command: str, unbuffered: str) -> None:
     code = (
         "import sys; from cylinder_friction.commands import check, cli\n"
@@ -116,14 +113,8 @@ def test_an_unexpected_error_is_not_hidden(monkeypatch: pytest.MonkeyPatch, tmp_
     ("error", "words"),
     [
         (OSError(errno.ENOSPC, "No space left on device"), "no space left on device; make room, then run the same"),
-        (
-            PermissionError(errno.EACCES, "Permission denied", "a/log.csv"),
-            "a/log.csv: permission denied; choose",
-        ),
-        (
-            OSError(errno.EROFS, "Read-only file system", "/logs/.friction.draft"),
-            "/logs: read-only file system;",
-        ),
+        (PermissionError(errno.EACCES, "Permission denied", "a/log.csv"), "a/log.csv: permission denied; choose"),
+        (OSError(errno.EROFS, "Read-only file system", "/logs/.friction.draft"), "/logs: read-only file system;"),
         (NotADirectoryError(errno.ENOTDIR, "Not a directory", "log.csv/x"), "log.csv/x: not a directory; check"),
     ],
 )

@@ -14,11 +14,7 @@ from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories, trace
 from golden_fixtures import GOLDEN
 
-MODELS = {
-    "pressures": GOLDEN,
-    "pressure_free": GOLDEN / "pressure_free",
-    "learns_offset": GOLDEN / "learns_offset",
-}
+MODELS = {"pressures": GOLDEN, "pressure_free": GOLDEN / "pressure_free", "learns_offset": GOLDEN / "learns_offset"}
 """Golden sets by name: both pressures and the position; position and oil temperature, with the history of motion; the
 first again, with the offset of the sensors' zeros learned."""
 TRAJECTORIES = {name: read_trajectories(folder) for name, folder in MODELS.items()}

@@ -161,11 +161,7 @@ def test_a_graph_that_computes_something_else_is_refused(saved: Path, change: st
 
 @pytest.mark.parametrize("count", [300, pytest.param(10_000, marks=pytest.mark.extended)])
 def test_damaged_models_are_refused_or_give_the_same_bits(
-    small_hybrid: HybridEstimator,
-    cylinder: Cylinder,
-    labelled_recordings: list[Recording],
-    tmp_path: Path,
-    count: int,
+    small_hybrid: HybridEstimator, cylinder: Cylinder, labelled_recordings: list[Recording], tmp_path: Path, count: int
 ) -> None:
     small_hybrid.save(tmp_path / "hybrid")
     ForestEstimator(cylinder, ForestPlan(trees=3, depth=3)).fit(labelled_recordings).save(tmp_path / "forest")

@@ -112,9 +112,7 @@ def test_a_worker_that_dies_as_it_is_asked_for_its_environment_is_left_out(
     assert len(calls) == 2
 
 
-def test_a_piece_that_kills_every_worker_is_reported_by_name_and_the_others_are_done(
-    on_cluster: Any,
-) -> None:
+def test_a_piece_that_kills_every_worker_is_reported_by_name_and_the_others_are_done(on_cluster: Any) -> None:
     names = [f"recording {n}" for n in range(6)]
     done = []
     with workers_from_environment() as workers, pytest.raises(WorkersError) as caught:

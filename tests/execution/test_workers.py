@@ -10,14 +10,7 @@ from functools import partial
 import pytest
 
 from cylinder_friction.execution.selection import workers_from_environment
-from cylinder_friction.execution.workers import (
-    ONE_THREAD,
-    VARIABLE,
-    Died,
-    Processes,
-    Workers,
-    WorkersError,
-)
+from cylinder_friction.execution.workers import ONE_THREAD, VARIABLE, Died, Processes, Workers, WorkersError
 from process_work import die, minutes_if_first, slow_if_first, threads, twice
 
 

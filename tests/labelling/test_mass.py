@@ -5,12 +5,7 @@ import pytest
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.labelling.load import LoadPlan
-from cylinder_friction.labelling.mass import (
-    MotionIdentification,
-    MotionPlan,
-    identify_motion,
-    motion_points,
-)
+from cylinder_friction.labelling.mass import MotionIdentification, MotionPlan, identify_motion, motion_points
 from cylinder_friction.labelling.session import identify_session
 from cylinder_friction.labelling.strokes import stroke_points
 from cylinder_friction.recordings.recording import RecordingError

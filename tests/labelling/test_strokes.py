@@ -55,10 +55,7 @@ def test_strokes_of_several_recordings_are_counted_on() -> None:
     assert len(joined.where(joined.stroke == 3)) == len(one.where(one.stroke == 1))
 
 
-@given(
-    st.lists(st.floats(-0.1, 0.1, allow_nan=False), min_size=1, max_size=300),
-    st.floats(0.0, 0.02),
-)
+@given(st.lists(st.floats(-0.1, 0.1, allow_nan=False), min_size=1, max_size=300), st.floats(0.0, 0.02))
 def test_every_point_is_a_mean_of_rows_that_move_one_way(speeds: list[float], settling_m: float) -> None:
     points = strokes(np.repeat(np.array(speeds), 5), settling_m=settling_m)
     assert (np.abs(points.velocity_m_s) >= 0.01 - 1e-12).all()

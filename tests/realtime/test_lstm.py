@@ -23,11 +23,7 @@ VALUES = np.concatenate(
 
 
 @pytest.mark.parametrize(
-    ("function", "exact", "largest"),
-    [
-        (tanh, np.tanh, 4e-7),
-        (sigmoid, lambda x: 0.5 + 0.5 * np.tanh(0.5 * x), 3e-7),
-    ],
+    ("function", "exact", "largest"), [(tanh, np.tanh, 4e-7), (sigmoid, lambda x: 0.5 + 0.5 * np.tanh(0.5 * x), 3e-7)]
 )
 def test_it_is_right_to_single_precision(function, exact, largest: float) -> None:  # type: ignore[no-untyped-def]
     got = _every(function, VALUES)

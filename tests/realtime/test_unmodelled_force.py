@@ -179,10 +179,7 @@ def test_a_load_is_not_learned_as_an_offset(
 
 
 def test_what_cannot_know_a_range_never_raises_it(
-    designed: FrictionEstimator,
-    small_hybrid: HybridEstimator,
-    cylinder: Cylinder,
-    labelled_recordings: list[Recording],
+    designed: FrictionEstimator, small_hybrid: HybridEstimator, cylinder: Cylinder, labelled_recordings: list[Recording]
 ) -> None:
     model = designed.step_model()
     knows = designed.kind == "hybrid" and set(SAMPLE_COLUMNS) <= set(designed.inputs)

@@ -96,10 +96,6 @@ def test_table_one_shows_ranges_choices_and_published_values():
 
 def test_the_difference_table_colours_what_is_clear(compared):
     table = difference_table(compared(hybrid=3.0, ridge=1.0, lugre=40.0, lstm=(3.0, 0.1)), "hybrid")
-    assert [row[0].words for row in table.cells] == [
-        "Ridge on lagged samples",
-        "LuGre",
-        "LSTM alone",
-    ]
+    assert [row[0].words for row in table.cells] == ["Ridge on lagged samples", "LuGre", "LSTM alone"]
     assert [row[1].style for row in table.cells] == ["bad", "good", ""]
     assert table.cells[0][1].words.startswith("-0.6")

@@ -3,14 +3,7 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.rig.duty_cycles import duty_cycle, lever_for_speed
-from cylinder_friction.rig.lever import (
-    APPROACH,
-    CHAINED,
-    KIND,
-    SINE,
-    hand_step,
-    new_hand,
-)
+from cylinder_friction.rig.lever import APPROACH, CHAINED, KIND, SINE, hand_step, new_hand
 from cylinder_friction.rig.parameters import RigParameters
 from cylinder_friction.rig.simulate import balanced_state, simulate
 

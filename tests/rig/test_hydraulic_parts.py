@@ -3,9 +3,7 @@ from __future__ import annotations
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.rig.hydraulics import (
-    bulk_modulus,
-)
+from cylinder_friction.rig.hydraulics import bulk_modulus
 from cylinder_friction.rig.parameters import default_rig, hydraulic_constants
 
 CYLINDER = Cylinder(

@@ -16,10 +16,7 @@ from cylinder_friction.execution.ports import free_port
 
 SOURCE = Path(__file__).parents[2] / "examples" / "c" / "live_client.c"
 COMPILER = shutil.which("gcc") or shutil.which("cc")
-pytestmark = [
-    pytest.mark.extended,
-    pytest.mark.skipif(COMPILER is None, reason="no C compiler is installed"),
-]
+pytestmark = [pytest.mark.extended, pytest.mark.skipif(COMPILER is None, reason="no C compiler is installed")]
 
 
 @pytest.fixture(scope="module")

@@ -21,10 +21,7 @@ DOUBLE_N = 1e-9
 
 @pytest.mark.parametrize("shape", sorted(SHAPES))
 def test_double_is_python(
-    shape: str,
-    compiled: Callable[..., CompiledEstimator],
-    golden_model: StepModel,
-    trajectories: dict[str, np.ndarray],
+    shape: str, compiled: Callable[..., CompiledEstimator], golden_model: StepModel, trajectories: dict[str, np.ndarray]
 ) -> None:
     names = ("bad_samples", "frozen", "stick_slip_reversals")
     samples = np.concatenate([trajectories[name][:900] for name in names])

@@ -153,26 +153,13 @@ def test_nothing_is_kept_outside_the_state_and_nothing_is_needed_but_libm(
 @pytest.mark.parametrize("precision", ["double", "float"])
 @pytest.mark.parametrize("shape", ["whole", "hidden_only", "forest_alone", "learning"])
 def test_it_is_clean_under_sanitizers(
-    shape: str,
-    precision: str,
-    name: str,
-    golden_model: StepModel,
-    trajectories: dict[str, np.ndarray],
-    tmp_path: Path,
+    shape: str, precision: str, name: str, golden_model: StepModel, trajectories: dict[str, np.ndarray], tmp_path: Path
 ) -> None:
     exported = export_model(SHAPES[shape](golden_model), tmp_path, precision=precision)
     (tmp_path / "main.c").write_text(HOST, encoding="utf-8")
     np.concatenate([trajectories["bad_samples"], trajectories["frozen"]]).tofile(tmp_path / "samples")
     program = tmp_path / "main"
-    run(
-        sanitizing_compiler(name),
-        *SANITIZED.split(),
-        tmp_path / "main.c",
-        exported.source,
-        "-o",
-        program,
-        "-lm",
-    )
+    run(sanitizing_compiler(name), *SANITIZED.split(), tmp_path / "main.c", exported.source, "-o", program, "-lm")
     printed = run(program, tmp_path / "samples")
     assert len(printed.splitlines()) == len(trajectories["bad_samples"]) + len(trajectories["frozen"])
     assert "nan" not in printed

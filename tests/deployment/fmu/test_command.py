@@ -19,11 +19,7 @@ def folder(small_hybrid: HybridEstimator, tmp_path: Path) -> Path:
 
 @pytest.mark.parametrize(("options", "version"), [([], "2.0"), (["--fmi", "2"], "2.0"), (["--fmi", "3"], "3.0")])
 def test_it_writes_the_file_and_says_what_is_in_it(
-    folder: Path,
-    options: list[str],
-    version: str,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
+    folder: Path, options: list[str], version: str, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
 
     def without_compiler() -> str:

@@ -86,12 +86,7 @@ def test_a_rest_at_which_no_friction_could_hold_the_piston_is_named() -> None:
 
 
 @pytest.mark.parametrize(
-    "load",
-    [
-        lambda x, _: 0.0 * x,
-        lambda x, _: 4e3 + 20e3 * x,
-        lambda x, other: 4e3 + 20e3 * x - 10e3 * other,
-    ],
+    "load", [lambda x, _: 0.0 * x, lambda x, _: 4e3 + 20e3 * x, lambda x, other: 4e3 + 20e3 * x - 10e3 * other]
 )
 def test_a_sound_position_contradicts_nothing(load: Callable[[Array, Array], Array]) -> None:
     finding = check_position_against_force(strokes(load), CheckLimits(stroke_m=0.25))

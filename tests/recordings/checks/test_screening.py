@@ -94,12 +94,7 @@ def test_many_bad_samples_are_refused(values: Array, message: str) -> None:
         screen(values)
 
 
-@given(
-    st.integers(200, ROWS - 200),
-    st.integers(1, 3),
-    st.sampled_from([-1.0, 1.0]),
-    st.floats(8e5, 2e8),
-)
+@given(st.integers(200, ROWS - 200), st.integers(1, 3), st.sampled_from([-1.0, 1.0]), st.floats(8e5, 2e8))
 @settings(max_examples=60, deadline=None)
 def test_every_lone_spike_is_found_and_nothing_else(row: int, width: int, sign: float, height_pa: float) -> None:
     values = pressure()
@@ -136,8 +131,7 @@ def test_what_hydraulics_do_is_no_spike(values: Array) -> None:
 
 
 @pytest.mark.parametrize(
-    ("column", "value"),
-    [("pressure_1_pa", 0.0), ("position_m", 0.0), ("position_m", 0.25), ("pressure_1_pa", -2e5)],
+    ("column", "value"), [("pressure_1_pa", 0.0), ("position_m", 0.0), ("position_m", 0.25), ("pressure_1_pa", -2e5)]
 )
 def test_resting_at_a_legal_end_is_no_saturation(column: str, value: float) -> None:
     values = np.full(ROWS, value)

@@ -27,10 +27,7 @@ def test_groups_conversions_and_text(tmp_path: Path, version: str) -> None:
     words = from_dict({"val_0": 0, "text_0": b"up", "val_1": 1, "text_1": b"down", "default": b"?"})
     file = MDF(version=version)
     file.append(
-        [
-            Signal(raw, T, name="P1", unit="bar", conversion=linear),
-            Signal(raw % 2, T, name="state", conversion=words),
-        ]
+        [Signal(raw, T, name="P1", unit="bar", conversion=linear), Signal(raw % 2, T, name="state", conversion=words)]
     )
     file.append([Signal(np.arange(3.0), np.arange(3) * 0.02, name="P1", unit="mm")])
     fast, slow = read_logged_file(saved(file, tmp_path))

@@ -19,11 +19,7 @@ from cylinder_friction.recordings.recording import RecordingError
 
 @pytest.mark.parametrize(
     ("column", "unit", "scale"),
-    [
-        ("pressure_1_pa", "bar", 1e5),
-        ("position_m", "mm", 1e-3),
-        ("position_m", "in", 0.0254),
-    ],
+    [("pressure_1_pa", "bar", 1e5), ("position_m", "mm", 1e-3), ("position_m", "in", 0.0254)],
 )
 def test_usual_units_are_one_exact_product(column: str, unit: str, scale: float) -> None:
     values = np.random.default_rng(1).normal(100.0, 30.0, 1000)

@@ -112,10 +112,7 @@ def test_rows_with_neither_stamp_nor_value_are_no_rows() -> None:
         (np.zeros_like, "time_s stands at 0 s in all 400 rows, expected increasing time"),
         (lambda time_s: -time_s, "time_s runs backwards from row to row in all 400 rows, expected increasing time"),
         (stamps(dict.fromkeys(range(30, 60), np.nan)), "time_s is not a number, or beyond 1e+15 s, in 30 of 400"),
-        (
-            lambda time_s: np.random.default_rng(0).permutation(time_s),
-            "of 400 rows (here from",
-        ),
+        (lambda time_s: np.random.default_rng(0).permutation(time_s), "of 400 rows (here from"),
         (
             lambda time_s: np.mod(time_s, 0.05),
             "time_s runs backwards or jumps in 21 or more of 400 rows (here from 0.05 to 0.005 s), expected at most 20",
@@ -159,10 +156,7 @@ def test_the_first_of_two_rows_with_one_stamp_stays() -> None:
     assert repairs == ["2 rows with the stamp of the row before but other values left out (first: row 6)"]
 
 
-@pytest.mark.parametrize(
-    ("rate_hz", "tick_s"),
-    [(200.0, 0.015625), (1000.0, 0.1), (210.0, 0.010), (97.3, 0.05)],
-)
+@pytest.mark.parametrize(("rate_hz", "tick_s"), [(200.0, 0.015625), (1000.0, 0.1), (210.0, 0.010), (97.3, 0.05)])
 def test_a_coarse_clock_is_spread_evenly(rate_hz: float, tick_s: float) -> None:
     true_s = np.arange(COARSE_ROWS) / rate_hz
     stamps_s = np.floor(true_s / tick_s + 1e-9) * tick_s

@@ -3,10 +3,7 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.timeline.timestamps import (
-    even_rate,
-    stamps_to_seconds,
-)
+from cylinder_friction.recordings.timeline.timestamps import even_rate, stamps_to_seconds
 
 RNG = np.random.default_rng(0)
 ROWS = np.arange(5000)

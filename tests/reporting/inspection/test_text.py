@@ -12,13 +12,7 @@ UNIT = Finding("unit", "refused", "position_m is 251 m in row 5")
 
 
 def test_one_line_a_check_and_a_closing_line() -> None:
-    report = text_report(
-        [
-            Inspected("a.csv", [RATE]),
-            Inspected("b.csv", [RATE, SPIKES]),
-            Inspected("c.csv", [UNIT]),
-        ]
-    )
+    report = text_report([Inspected("a.csv", [RATE]), Inspected("b.csv", [RATE, SPIKES]), Inspected("c.csv", [UNIT])])
     assert report == (
         "a.csv: usable for labelling\n"
         "  ok        rate  200 Hz throughout\n"

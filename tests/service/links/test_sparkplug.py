@@ -20,11 +20,7 @@ from cylinder_friction.service.links.sparkplug_payload import REBIRTH, Sparkplug
 from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveService
-from cylinder_friction.service.live.settings import (
-    BrokerSettings,
-    LiveLimits,
-    SparkplugSettings,
-)
+from cylinder_friction.service.live.settings import BrokerSettings, LiveLimits, SparkplugSettings
 from live_process import Mosquitto, by_hand, needs_broker, served
 
 KINDS = {"u32": 13, "u64": 4, "f64": 1, "bool": 8, "text": 9, "metric": 11}
