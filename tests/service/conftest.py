@@ -1,5 +1,6 @@
 """A small hybrid's engine, samples for it, and services in this process."""
 
+import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, closing
 from pathlib import Path
@@ -70,6 +71,16 @@ def served(engine: Engine, tmp_path: Path) -> Iterator[Callable[..., str]]:
             return running.enter_context(serving(app, access=access))
 
         yield start
+
+
+@pytest.fixture
+def certificate(tmp_path: Path) -> tuple[Path, Path]:
+    """A server's certificate for this machine, which signs itself, and its key."""
+    certificate, key = tmp_path / "certificate.pem", tmp_path / "key.pem"
+    made = ["req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=localhost", "-addext"]
+    made += ["subjectAltName=IP:127.0.0.1,DNS:localhost", "-keyout", str(key), "-out", str(certificate)]
+    subprocess.run(["openssl", *made], check=True, capture_output=True)
+    return certificate, key
 
 
 @pytest.fixture

@@ -3,7 +3,6 @@
 import base64
 import json
 import select
-import subprocess
 import time
 import urllib.error
 import urllib.request
@@ -122,20 +121,17 @@ def test_other_names_and_origins_are_refused_also_with_a_token(address: str) -> 
 
 
 def test_a_client_brings_its_token_over_tls_and_gives_up_at_once_where_it_may_not(
-    served: Served, tokens: Path, samples: Array, small_hybrid: HybridEstimator, tmp_path: Path
+    served: Served, tokens: Path, samples: Array, small_hybrid: HybridEstimator, certificate: tuple[Path, Path]
 ) -> None:
-    certificate, key = tmp_path / "certificate.pem", tmp_path / "key.pem"
-    made = ["req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2", "-subj", "/CN=localhost", "-addext"]
-    made += ["subjectAltName=IP:127.0.0.1", "-keyout", str(key), "-out", str(certificate)]
-    subprocess.run(["openssl", *made], check=True, capture_output=True)
-    address = served(LiveAccess(tokens=tokens, tls_certificate=certificate, tls_key=key))
+    trusted, key = certificate
+    address = served(LiveAccess(tokens=tokens, tls_certificate=trusted, tls_key=key))
     url = f"wss://{address}/stream"
-    with Client(url, "press", 0.005, token="the write token", ca=certificate) as client:
+    with Client(url, "press", 0.005, token="the write token", ca=trusted) as client:
         client.send(samples[:50])
         np.testing.assert_array_equal(client.estimates()[1], small_hybrid.real_time().run(samples[:50])[0])
     for token, ca, words in (
-        ("the read token", certificate, "expected write or admin"),
-        ("", certificate, "expected a known token"),
+        ("the read token", trusted, "expected write or admin"),
+        ("", trusted, "expected a known token"),
         ("the write token", None, "certificate is not trusted"),
     ):
         with pytest.raises(LiveClientError, match=words):

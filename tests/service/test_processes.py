@@ -276,15 +276,12 @@ def received(connection: socket.socket) -> bytes:
         return b""
 
 
-def test_tls(model: str, tmp_path: Path) -> None:
-    certificate, key = tmp_path / "certificate.pem", tmp_path / "key.pem"
-    made = ["req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-days", "1"]
-    made += ["-subj", "/CN=localhost", "-addext", "subjectAltName=IP:127.0.0.1", "-keyout", key, "-out", certificate]
-    subprocess.run(["openssl", *made], check=True, capture_output=True)
-    options = ("--tls-certificate", str(certificate), "--tls-key", str(key))
+def test_tls(model: str, certificate: tuple[Path, Path]) -> None:
+    public, key = certificate
+    options = ("--tls-certificate", str(public), "--tls-key", str(key))
     with serving(model, "--port", "0", *options) as served:
         assert served.url.startswith("https://")
-        trusted = ssl.create_default_context(cafile=str(certificate))
+        trusted = ssl.create_default_context(cafile=str(public))
         assert len(served.ask(trusted)) == 1
         key.write_text("no key", "utf-8")
         served.process.send_signal(signal.SIGHUP)

@@ -222,23 +222,21 @@ def test_results_are_retained_json_and_the_state_is_known(
 
 
 @needs_broker
-def test_a_broker_with_tls_and_a_password(engine: Engine, samples: Array, tmp_path: Path) -> None:
-    key, certificate, passwords = tmp_path / "key.pem", tmp_path / "cert.pem", tmp_path / "passwords"
-    subprocess.run(
-        ["openssl", "req", "-x509", "-newkey", "rsa:2048", "-nodes", "-days", "1", "-subj", "/CN=localhost", "-addext",
-         "subjectAltName=DNS:localhost", "-keyout", key, "-out", certificate], check=True, capture_output=True,
-    )  # fmt: skip
+def test_a_broker_with_tls_and_a_password(
+    engine: Engine, samples: Array, tmp_path: Path, certificate: tuple[Path, Path]
+) -> None:
+    (public, key), passwords = certificate, tmp_path / "passwords"
     subprocess.run(["mosquitto_passwd", "-b", "-c", passwords, "live", "a word"], check=True, capture_output=True)
     given = tmp_path / "password"
     given.write_text("a word\n", encoding="utf-8")
-    secured = [f"certfile {certificate}", f"keyfile {key}", "allow_anonymous false", f"password_file {passwords}"]
+    secured = [f"certfile {public}", f"keyfile {key}", "allow_anonymous false", f"password_file {passwords}"]
     service = LiveService(engine, Journal(tmp_path / "journal.db"))
     with Mosquitto(tmp_path, *secured) as broker:
-        place = BrokerSettings("localhost", broker.port, True, str(certificate), "live", str(given))
+        place = BrokerSettings("localhost", broker.port, True, str(public), "live", str(given))
         url = f"mqtts://live:a%20word@localhost:{broker.port}/cylinder-friction/press"
 
         def use() -> int:
-            with Client(url, "press", engine.sample_time_s, ca=certificate) as client:
+            with Client(url, "press", engine.sample_time_s, ca=public) as client:
                 client.send(samples[:50])
                 return len(client.estimates(10.0)[2])
 

@@ -47,13 +47,20 @@ PATIENCE_S = 120.0
 
 
 @asynccontextmanager
-async def shown(engine: Engine, folder: Path, **settings: Any) -> AsyncIterator[tuple[LiveService, Client]]:
-    """A service with an OPC UA server, and a client of that."""
+async def serving(engine: Engine, folder: Path, **settings: Any) -> AsyncIterator[tuple[LiveService, OpcUaServerLink]]:
+    """A service with an OPC UA server."""
     link = OpcUaServerLink(OpcUaServerSettings(port=free_port(), update_hz=10.0, **settings))
     service = LiveService(engine, Journal(folder / "journal.db"), takers=[link.note])
-    async with link.running(service, Peers()), connected(link.address) as client:
-        yield service, client
+    async with link.running(service, Peers()):
+        yield service, link
     service.journal.close()
+
+
+@asynccontextmanager
+async def shown(engine: Engine, folder: Path, **settings: Any) -> AsyncIterator[tuple[LiveService, Client]]:
+    """The same, and a client of that."""
+    async with serving(engine, folder, **settings) as (service, link), connected(link.address) as client:
+        yield service, client
 
 
 @asynccontextmanager
@@ -222,9 +229,7 @@ def test_sessions_beyond_the_configured_number_are_counted_not_shown(
     engine: Engine, samples: Array, tmp_path: Path
 ) -> None:
     async def look() -> int:
-        link = OpcUaServerLink(OpcUaServerSettings(port=free_port(), update_hz=10.0, sessions=1))
-        service = LiveService(engine, Journal(tmp_path / "journal.db"), takers=[link.note])
-        async with link.running(service, Peers()), connected(link.address) as client:
+        async with serving(engine, tmp_path, sessions=1) as (service, link), connected(link.address) as client:
             for name in ("one", "two"):
                 session = service.open(name, engine.inputs, engine.sample_time_s)
                 service.receive([SampleBlock(session.handle, 0, BEGAN_S, samples[:3])])
@@ -242,9 +247,7 @@ def test_a_killed_process_comes_back_with_the_values_that_were_shown(
     monkeypatch.setattr(opcua_server, "RESTARTS_S", (0.1, 60.0))
 
     async def look() -> None:
-        link = OpcUaServerLink(OpcUaServerSettings(port=free_port(), update_hz=10.0))
-        service = LiveService(engine, Journal(tmp_path / "journal.db"), takers=[link.note])
-        async with link.running(service, Peers()):
+        async with serving(engine, tmp_path) as (service, link):
             session = service.open("press", engine.inputs, engine.sample_time_s)
             service.receive([SampleBlock(session.handle, 0, BEGAN_S, samples[:3])])
             async with connected(link.address) as client:
@@ -264,9 +267,7 @@ def test_a_killed_process_comes_back_with_the_values_that_were_shown(
 
 def test_what_a_held_up_process_does_not_read_is_merged(engine: Engine, samples: Array, tmp_path: Path) -> None:
     async def look() -> None:
-        link = OpcUaServerLink(OpcUaServerSettings(port=free_port(), update_hz=10.0))
-        service = LiveService(engine, Journal(tmp_path / "journal.db"), takers=[link.note])
-        async with link.running(service, Peers()), connected(link.address) as client:
+        async with serving(engine, tmp_path) as (service, link), connected(link.address) as client:
             sessions = [service.open(f"press {place}", engine.inputs, engine.sample_time_s) for place in range(50)]
             process, index = server_process(os.getpid()), 0
             process.suspend()
