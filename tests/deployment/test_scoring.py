@@ -1,4 +1,4 @@
-"""What the served model does with rows: its own sequences, its flag, and everything it refuses."""
+"""What the served model does with rows: its own sequences, its flag, and refusals that the guide does not list."""
 
 import itertools
 import os
@@ -158,40 +158,13 @@ def test_a_sample_out_of_range_makes_doubtful_the_second_after_it(
     assert score(small_graph, both)["in_training_range"].to_numpy()[500:].all(), "another recording is not affected"
 
 
-def changed(rows: pd.DataFrame, **columns: object) -> pd.DataFrame:
-    return rows.assign(**columns)
-
-
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda rows: rows.iloc[:0], "got no row; expected at least one sample"),
-        (lambda rows: rows.drop(columns="position_m"), "column 'position_m' is missing; got"),
         (lambda rows: rows.rename(columns={"position_m": "position_mm"}), "'position_mm'.*, expected .*'position_m'"),
-        (
-            lambda rows: changed(rows, pressure_1_pa="high"),
-            "column 'pressure_1_pa' holds 'high' at row 0, expected numbers",
-        ),
-        (lambda rows: changed(rows, pressure_1_pa=True), "column 'pressure_1_pa' holds bool, expected numbers"),
-        (lambda rows: changed(rows, position_m=np.nan), "position_m is nan at row 0 .5 such values in all."),
-        (lambda rows: changed(rows, pressure_2_pa=[1.0, 1.0, np.inf, 1.0, 1.0]), "pressure_2_pa is inf at row 2"),
-        (
-            lambda rows: changed(rows, recording=["a", "a", None, "b", "b"]),
-            "recording is (None|nan) at row 2; expected the",
-        ),
-        (lambda rows: changed(rows, recording=["", "a", "b", "b", "b"]), "recording is '' at row 0"),
-        (
-            lambda rows: changed(rows, recording=["a", "b", "b", "a", "a"]),
-            "recording 'a' comes back at row 3; expected",
-        ),
-        (
-            lambda rows: changed(rows, recording=["a", "a", 1, "b", "b"]),
-            "recording is 1 at row 2; expected .* all text",
-        ),
-        (lambda rows: changed(rows, recordings="a"), r"'recordings' is not known .is it 'recording'..; got"),
-        (lambda rows: changed(rows, **{"x" * 9999: 1}), r"column 'x{79}\.\.\. is not known; got .{0,900}$"),
-        (lambda rows: changed(rows, recording=[["x"]] * 5), r"recording is \['x'\] at row 0"),
-        (lambda rows: changed(rows, recording=[1.5] * 5), "recording is 1.5 at row 0"),
+        (lambda rows: rows.assign(position_m=np.nan), "position_m is nan at row 0 .5 such values in all."),
+        (lambda rows: rows.assign(**{"x" * 9999: 1}), r"column 'x{79}\.\.\. is not known; got .{0,900}$"),
+        (lambda rows: rows.assign(recording=[["x"]] * 5), r"recording is \['x'\] at row 0"),
     ],
 )
 def test_what_cannot_be_scored_is_refused_by_name(
@@ -200,17 +173,6 @@ def test_what_cannot_be_scored_is_refused_by_name(
     assert callable(change)
     with pytest.raises(ScoringError, match=message):
         score(small_graph, change(rows_of(labelled_recordings[0], 5)))
-
-
-def test_a_value_that_no_sensor_gives_is_held_and_flagged(
-    small_graph: ServedGraph, labelled_recordings: list[Recording]
-) -> None:
-    rows = rows_of(labelled_recordings[0], 300)
-    rows.loc[200, "pressure_1_pa"] = 1e308
-    scored = score(small_graph, rows)
-    assert np.isfinite(scored["friction_n"]).all()
-    assert scored["flags"][200] & Flag.INVALID_PRESSURE_1
-    assert not scored["in_training_range"][200]
 
 
 @settings(max_examples=40, deadline=None)
