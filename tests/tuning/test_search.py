@@ -3,33 +3,24 @@
 import threading
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 from optuna.storages.journal import JournalFileSymlinkLock
 
+import process_work
 from cylinder_friction.tuning.search import Objective, Report, SearchPlan, Trial, Values, run_search
 from cylinder_friction.tuning.space import SearchSpace
 
 SPACE = SearchSpace((1, 2, 3), (16, 32, 64), (0.1, 0.3), (1e-5, 1e-3), (32, 100), (10, 50))
 PLAN = SearchPlan(trials=14, startup_trials=4, maximum_multiply_adds=190, seed=3)
+bowl, cost = partial(process_work.bowl, ""), process_work.cost
 
 
 class KilledError(Exception):
     """Stands for the kill signal."""
-
-
-def cost(params: Values) -> int:
-    return int(params["layers"] * params["nodes"])
-
-
-def bowl(params: Values, report: Report) -> float:
-    """Best at one layer of 64 nodes; reports its error falling over three epochs."""
-    error = 10.0 + 5.0 * (params["layers"] - 1) + abs(params["nodes"] - 64) / 8 + params["dropout"]
-    for epoch in range(3):
-        report(error * (2.0 - 0.3 * epoch))
-    return float(error)
 
 
 def killed_at(*calls: int) -> tuple[list[Values], Objective]:

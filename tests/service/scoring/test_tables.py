@@ -1,6 +1,5 @@
 """Arrow, Parquet and CSV: what columns they become, and bodies that would take far more memory than they are long."""
 
-import io
 import tracemalloc
 from collections.abc import Callable
 from contextlib import suppress
@@ -10,28 +9,15 @@ import pyarrow as pa
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from pyarrow import parquet
 
 from cylinder_friction.service.scoring.errors import Expected, RequestError
 from cylinder_friction.service.scoring.tables import from_arrow, from_csv, from_parquet
+from malformed_requests import arrow_stream, parquet_file
 
 EXPECTED = Expected(("a", "b"), 30_000)
 
 
-def arrow_body(table: pa.Table) -> bytes:
-    sink = io.BytesIO()
-    with pa.ipc.new_stream(sink, table.schema) as writer:
-        writer.write_table(table)
-    return sink.getvalue()
-
-
-def parquet_body(table: pa.Table, compression: str = "snappy") -> bytes:
-    sink = io.BytesIO()
-    parquet.write_table(table, sink, compression=compression)
-    return sink.getvalue()
-
-
-@pytest.mark.parametrize(("decode", "write"), [(from_arrow, arrow_body), (from_parquet, parquet_body)])
+@pytest.mark.parametrize(("decode", "write"), [(from_arrow, arrow_stream), (from_parquet, parquet_file)])
 def test_columns_keep_their_values(decode: Callable[..., dict[str, object]], write: Callable[..., bytes]) -> None:
     table = pa.table(
         {
@@ -47,7 +33,7 @@ def test_columns_keep_their_values(decode: Callable[..., dict[str, object]], wri
     assert (columns["recording"], columns["c"]) == (["x", None], [True, False])
 
 
-@pytest.mark.parametrize(("decode", "write"), [(from_arrow, arrow_body), (from_parquet, parquet_body)])
+@pytest.mark.parametrize(("decode", "write"), [(from_arrow, arrow_stream), (from_parquet, parquet_file)])
 def test_one_long_name_is_not_repeated_for_every_row(
     decode: Callable[..., dict[str, object]], write: Callable[..., bytes]
 ) -> None:
@@ -72,15 +58,15 @@ def test_one_long_name_is_not_repeated_for_every_row(
 )
 def test_a_column_that_stands_for_far_more_rows_than_bytes_is_refused(values: pa.Array, kind: str) -> None:
     with pytest.raises(RequestError, match=f"column 'a' holds {kind}"):
-        from_arrow(arrow_body(pa.table({"a": values})), EXPECTED)
+        from_arrow(arrow_stream(pa.table({"a": values})), EXPECTED)
 
 
 GOOD = pa.table(
     {"a": np.arange(9.0), "b": pa.array([1, None, 3] * 3), "recording": pa.array(["x", "yy", None] * 3), "c": ["q"] * 9}
 )
 BODIES = [
-    (from_arrow, arrow_body(GOOD)),
-    *((from_parquet, parquet_body(GOOD, how)) for how in ("none", "snappy", "zstd")),
+    (from_arrow, arrow_stream(GOOD)),
+    *((from_parquet, parquet_file(GOOD, how)) for how in ("none", "snappy", "zstd")),
 ]
 
 
@@ -110,7 +96,7 @@ def test_corrupted_bodies_are_refused_or_read(
 )
 def test_an_index_with_gaps_is_refused(metadata: str, message: str) -> None:
     table = pa.table({"a": [1.0, 2.0]}).replace_schema_metadata({"pandas": metadata})
-    for decode, body in ((from_arrow, arrow_body(table)), (from_parquet, parquet_body(table))):
+    for decode, body in ((from_arrow, arrow_stream(table)), (from_parquet, parquet_file(table))):
         with pytest.raises(RequestError, match=message):
             decode(body, EXPECTED)
 
