@@ -12,33 +12,27 @@ Prints the mean absolute error against the label in percent of its mean absolute
 true friction, each session's mean error taken off, and what the adapted bounds hold.
 """
 
-from __future__ import annotations
-
 import argparse
 import importlib
 import warnings
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.labelling.label import label
 from cylinder_friction.recordings.columns import LOAD_FORCE, SAMPLE_COLUMNS
 from cylinder_friction.recordings.reading_logs import read_recordings
+from cylinder_friction.recordings.recording import Recording
 
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.recordings.recording import Recording
-
-    Truth = Mapping[str, Array] | None  # True friction by the name of a recording [N]
-    Makers = dict[str, Callable[[Sequence[Recording]], FrictionEstimator]]
+Truth = Mapping[str, Array] | None  # True friction by the name of a recording [N]
+Makers = dict[str, Callable[[Sequence[Recording]], FrictionEstimator]]
 
 MINUTES = (1, 2, 5, 10, 20, 30)
 TEST_SESSIONS, FIRST_TEST = 9, 100

@@ -1,18 +1,12 @@
 """The comparison for several campaign seeds: each is recorded, searched, trained and compared from scratch.
 
     python performance/campaign_seeds.py 1 2 3 [--keep=FOLDER] [OVERRIDE ...]
-    python performance/campaign_seeds.py --asymmetry-sd 0.01 0 [--keep=FOLDER] [OVERRIDE ...]
 
 Prints, for each seed and condition, the default hybrid's error beside the estimators it has to beat, in percent of mean
 |friction|, against the label and against true friction, whether it beats them, and the figures of ``true_friction.py``.
 
 ``CYLINDER_FRICTION_WORKERS`` names workers that take a seed each.
-
-With ``--asymmetry-sd`` it runs each seed twice, with an asymmetry of friction that is the same in all sessions and with
-one that varies by so much and is stated so, and prints how sure offsets and bounds are and what the bounds hold.
 """
-
-from __future__ import annotations
 
 import argparse
 import contextlib
@@ -24,8 +18,7 @@ import tempfile
 from functools import partial
 from pathlib import Path
 
-import numpy as np
-from true_friction import bounds_line, report
+from true_friction import report
 
 from cylinder_friction.commands.cli import main as cylinder_friction
 from cylinder_friction.execution.selection import workers_from_environment
@@ -53,38 +46,17 @@ def campaign(seed: int | None, overrides: list[str], folder: Path) -> dict[str, 
 def main() -> int:
     """Print the table; returns 1 if any claim fails. Arguments are seeds, and Hydra overrides for all of them."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--asymmetry-sd", type=float, help="print how asymmetry that varies widens uncertainty instead")
     parser.add_argument("--keep", type=Path, metavar="FOLDER", help="keep the campaigns there")
     parser.add_argument("arguments", nargs="*", help="seeds, and Hydra overrides for all of them")
     given = parser.parse_intermixed_args()
     seeds = [int(argument) for argument in given.arguments if argument.isdecimal()] or [1, 2, 3]
     overrides = [argument for argument in given.arguments if not argument.isdecimal()]
-    if given.asymmetry_sd is None:
-        return compare_seeds(seeds, overrides, given.keep)
-    for seed in seeds:
-        for uneven in (0.0, given.asymmetry_sd):
-            print_uncertainty(seed, uneven, overrides, given.keep)
-    return 0
+    return compare_seeds(seeds, overrides, given.keep)
 
 
 def place(keep: Path | None, name: str) -> contextlib.AbstractContextManager[str]:
     """Return where a campaign lies: below the folder that keeps it, or in one that is removed."""
     return contextlib.nullcontext(str(keep / name)) if keep else tempfile.TemporaryDirectory()
-
-
-def print_uncertainty(seed: int, asymmetry_sd: float, overrides: list[str], keep: Path | None) -> None:
-    """Print how sure a campaign's offsets and bounds are; without asymmetry that varies, its default is stated."""
-    uneven = [f"{stage}.asymmetry_sd={asymmetry_sd:g}" for stage in ("record", "offset")] if asymmetry_sd else []
-    with place(keep, f"seed_{seed}_asymmetry_{asymmetry_sd:g}") as folder:
-        campaign(seed, [*overrides, *uneven], Path(folder))
-        bounds = bounds_line(Path(folder))
-        sessions = json.loads((Path(folder) / "data/processed/offset.json").read_text("utf-8"))["sessions"]
-    stated_n = np.mean([each["standard_uncertainty_n"] for each in sessions if each["role"] == "test"])
-    sys.stdout.write(
-        f"seed {seed}, asymmetry varies by {asymmetry_sd:g}: {bounds}; offset of a test session known to "
-        f"{stated_n:.2f} N (k = 1)\n"
-    )
-    sys.stdout.flush()
 
 
 def compare_seeds(seeds: list[int], overrides: list[str], keep: Path | None) -> int:

@@ -19,8 +19,6 @@ and how often the hybrid's bounds hold the label, as they are and as wide as `es
 standard error of means over 2 s.
 """
 
-from __future__ import annotations
-
 import argparse
 import warnings
 from collections.abc import Callable, Sequence

@@ -5,10 +5,7 @@ moment and starts it anew at once. At the end what the clients got, and what lie
 stream of each session's own.
 
     python performance/live_kills.py --kills 100
-    python performance/live_kills.py --kills 5 --signal TERM --sessions 500 --readers 3
 """
-
-from __future__ import annotations
 
 import argparse
 import signal
@@ -27,7 +24,6 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 from live_service import running
-from websockets.sync.client import connect
 
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.execution.ports import free_port
@@ -57,9 +53,7 @@ def main() -> int:
     options.add_argument("--model", type=Path, default=Path("models/hybrid"))
     options.add_argument("--recordings", type=Path, default=Path("data/processed/test"))
     options.add_argument("--sessions", type=int, default=50)
-    options.add_argument("--readers", type=int, default=0, help="connections that open a session each and never read")
     options.add_argument("--kills", type=int, default=100)
-    options.add_argument("--signal", choices=("KILL", "TERM"), default="KILL")
     options.add_argument("--seed", type=int, default=1)
     given = options.parse_args()
     estimator = load_estimator(given.model)
@@ -78,7 +72,6 @@ def main() -> int:
         ]
         for thread in threads:
             thread.start()
-        stalled = [connect(f"ws://127.0.0.1:{PORT}/watch", max_size=None) for _ in range(given.readers)]
         try:
             service, times = kill_again_and_again(
                 given, service, lambda: services.enter_context(start()), cylinders, rows
@@ -87,8 +80,6 @@ def main() -> int:
             if any(each.error for each in cylinders):
                 stop.set()
                 service.kill()
-        for each in stalled:
-            each.socket.close()
         stop.set()
         for thread in threads:
             thread.join()
@@ -100,8 +91,8 @@ def main() -> int:
                 service.wait()
         problems = compare(cylinders, recorded, estimator, folder / "history")
     samples = sum(each.sent for each in cylinders)
-    print(f"{given.sessions} sessions, {samples:,} samples, {len(times)} times SIG{given.signal}")
-    measured = ("signal to exit", "start to ready", "to newtons of the first session", "of the last session")
+    print(f"{given.sessions} sessions, {samples:,} samples, {len(times)} times killed")
+    measured = ("kill to exit", "start to ready", "to newtons of the first session", "of the last session")
     for what, column in zip(measured, np.array(times).T, strict=True):
         print(f"{what:<32} median {np.median(column):.2f} s, worst {column.max():.2f} s")
     print("differing bits, lost samples: " + ("none" if not problems else "; ".join(problems[:5])))
@@ -156,7 +147,7 @@ def kill_again_and_again(
     for _ in range(given.kills):
         time.sleep(draw.uniform(0.1, 2.5))
         begun_s = time.monotonic()
-        service.send_signal(signal.SIGKILL if given.signal == "KILL" else signal.SIGTERM)
+        service.kill()
         service.wait()
         ended_s = time.monotonic()
         for each in cylinders:

@@ -6,8 +6,6 @@ its sessions, at the rate of the model; every estimate is compared with that of 
     python performance/live_load.py --sessions 500 --connections 20 --frame-ms 20 --seconds 600
 """
 
-from __future__ import annotations
-
 import argparse
 import asyncio
 import json

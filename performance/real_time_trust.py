@@ -3,24 +3,19 @@
 Run from the repository's root after `dvc repro`: `python performance/real_time_trust.py [models/hybrid]`.
 """
 
-from __future__ import annotations
-
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.evaluation.strata import StrataLimits, strata_masks
 from cylinder_friction.realtime.bounds import REGIMES, regimes_of
+from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_stored
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.realtime.model import StepModel
-    from cylinder_friction.recordings.recording import Recording
 
 LIMITS = StrataLimits(1e-3, 16e-3, 0.1)
 LENGTHS = (1, 20, 200, 1000)

@@ -1,9 +1,7 @@
-"""What the served model is compared with: a minimal FastAPI application with the same graph, and an MLflow echo model.
+"""What the served model is compared with: a minimal FastAPI application with the same graph.
 
-``serving_load.py`` starts both; the application finds its graph through the environment variable ``GRAPH``.
+``serving_load.py`` starts it; it finds its graph through the environment variable ``GRAPH``.
 """
-
-from __future__ import annotations
 
 import io
 import os
@@ -14,24 +12,6 @@ import onnxruntime
 import pyarrow as pa
 from fastapi import FastAPI, Request, Response
 from pydantic import BaseModel
-
-ECHO = """
-import mlflow
-import pandas as pd
-from mlflow.pyfunc.model import PythonModel
-
-
-class Echo(PythonModel):
-    def predict(self, context, model_input: pd.DataFrame, params=None) -> pd.DataFrame:
-        first = model_input["pressure_1_pa"]
-        newtons = {"friction_n": first, "lower_n": first, "upper_n": first}
-        newtons |= {"offset_n": 0.0, "offset_uncertainty_n": 0.0}
-        return pd.DataFrame({**newtons, "flags": 0, "flag_names": "WARMING", "in_training_range": True})
-
-
-mlflow.models.set_model(Echo())
-"""
-"""The code of an MLflow model that computes nothing; its inputs and outputs are those of the served model."""
 
 
 class Table(BaseModel):

@@ -11,14 +11,12 @@ With ``--lags`` it prints what it is worth to wait: the hybrid, trained anew wit
 lag of 0, 25 and 50 ms, all with the same number of epochs.
 """
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
@@ -26,13 +24,10 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
 from cylinder_friction.recordings.files import read_json
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.recordings.truth import known_truth
 from cylinder_friction.signals.motion import near_events
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.recordings.recording import Recording
 
 ROLES = ("train", "validation", "calibration", "test")
 EVENT_WINDOW_S = 0.1

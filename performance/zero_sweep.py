@@ -1,7 +1,6 @@
 """Does identifying the zeros of pressure sensors ever make friction worse? Labels of short campaigns with known truth.
 
     python performance/zero_sweep.py [--seeds N] [KIND ...]
-    python performance/zero_sweep.py --lugre [--seeds N] [KIND ...]
     python performance/zero_sweep.py --train [--seeds N] [KIND ...]
 
 A kind of campaign is a rig, the zeros' limits as they are and as stated [bar], and how asymmetric friction is. Every
@@ -11,14 +10,11 @@ with identified zeros over that without (median, worst decile, largest; share ab
 mean friction, how often the label's bounds hold true friction, intervals of Stribeck points those of true friction,
 and how often an offset lies within what is stated.
 
-With ``--lugre`` it prints how often intervals of LuGre's parameters hold what the same search finds on true friction.
 With ``--train`` a hybrid is trained on four sessions of each condition, as the pipeline does; of those held out it
 prints the error and how often its bounds hold true friction, with and without what it learns of their zeros.
 
 The kinds of the servo rig need the package in ``benchmark``.
 """
-
-from __future__ import annotations
 
 import argparse
 import importlib
@@ -31,7 +27,6 @@ import pandas as pd
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.identification import ModelSearch
 from cylinder_friction.estimation.stribeck_points import stribeck_points
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.labelling.known_offset import (
@@ -165,8 +160,14 @@ def one_call(labelled: list[Recording], truths_n: list[Array], cylinder: Cylinde
 def points_held(labelled: list[Recording], truths_n: list[Array], known: dict[str, KnownOffset]) -> dict[str, float]:
     """Return how often the interval of a Stribeck point holds that of true friction, by condition [%]."""
     held = {}
-    for condition, own, true in beside_truth(labelled, truths_n, known):
-        offsets = [known[each.metadata.session] for each in own]
+    for condition in sorted({each.metadata.condition for each in labelled}):
+        own, true, offsets = [], [], []
+        for each, truth_n in zip(labelled, truths_n, strict=True):
+            if each.metadata.condition == condition:
+                offsets.append(found := known[each.metadata.session])
+                less_n = found.offset_n if found.source == STROKES else 0.0
+                own.append(each.with_columns(friction_n=each.column("friction_n") - less_n))
+                true.append(each.with_columns(friction_n=truth_n))
         points = stribeck_points(own, PLAN.slowest_m_s, 0.95, mean_uncertainty_n(offsets))
         within = [
             abs(mine.friction_n - theirs.friction_n) <= mine.half_width_n
@@ -175,36 +176,6 @@ def points_held(labelled: list[Recording], truths_n: list[Array], known: dict[st
         ]
         held[condition] = 100.0 * float(np.mean(within)) if within else np.nan
     return held
-
-
-def beside_truth(
-    labelled: list[Recording], truths_n: list[Array], known: dict[str, KnownOffset]
-) -> Iterator[tuple[str, list[Recording], list[Recording]]]:
-    """Yield each condition with its recordings, identified offsets taken off, and the same with true friction."""
-    for condition in sorted({each.metadata.condition for each in labelled}):
-        own, true = [], []
-        for each, truth_n in zip(labelled, truths_n, strict=True):
-            if each.metadata.condition == condition:
-                found = known[each.metadata.session]
-                less_n = found.offset_n if found.source == STROKES else 0.0
-                own.append(each.with_columns(friction_n=each.column("friction_n") - less_n))
-                true.append(each.with_columns(friction_n=truth_n))
-        yield condition, own, true
-
-
-def parameters_held(name: str, seed: int, generations: int = 10) -> pd.DataFrame:
-    """Return, for each of LuGre's parameters that has an interval, whether this holds what true friction gives."""
-    cylinder, labelled, truths_n = recordings(KINDS[name], seed, 6, 30.0)
-    rows = []
-    for condition, *both in beside_truth(labelled, truths_n, known := identified(labelled, cylinder)):
-        mine, theirs = (ModelSearch(each, cylinder, generations, 0, known).plain().parameters for each in both)
-        values = {each.name: each.value for each in theirs}
-        for each in mine:
-            true = values.get(each.name)
-            if each.interval and true is not None:
-                held = each.interval[0] <= true <= each.interval[1]
-                rows.append({"kind": name, "condition": condition, "parameter": each.name, "held %": 100.0 * held})
-    return pd.DataFrame(rows)
 
 
 def sweep(kinds: list[str], seeds: range, sessions: int = 6, duration_s: float = 30.0) -> pd.DataFrame:
@@ -265,19 +236,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("kinds", metavar="KIND", nargs="*", default=list(KINDS), help=f"of: {', '.join(KINDS)}")
     parser.add_argument("--seeds", type=int, default=4, help="campaigns of each kind")
-    parser.add_argument("--lugre", action="store_true", help="identify LuGre in each condition of each campaign")
     parser.add_argument("--train", action="store_true", help="train a hybrid on each campaign")
     arguments = parser.parse_args()
     warnings.simplefilter("ignore", UserWarning)
     if arguments.train:
         found = [trained(name, seed) for name in arguments.kinds for seed in range(arguments.seeds)]
         print(pd.DataFrame(found).round(2).to_string(index=False))
-        return
-    if arguments.lugre:
-        held = pd.concat([parameters_held(name, seed) for name in arguments.kinds for seed in range(arguments.seeds)])
-        print(held.groupby(["kind", "parameter"])["held %"].agg(["count", "mean"]).unstack(0).round(0).to_string())
-        print(held.groupby("kind")["held %"].agg(["count", "mean"]).round(1).to_string())
-        print(f"{len(held)} intervals, {held['held %'].mean():.1f} % hold")
         return
     table = sweep(arguments.kinds, range(arguments.seeds))
     groups = table.groupby(["kind", "call"], sort=False)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from latency_peers import WINDOW, OnnxWindow, TorchWindow, scikit_learn_forest
+from latency import WINDOW, OnnxWindow, TorchWindow, scikit_learn_forest
 
 from cylinder_friction.estimators.front_end import FrontEndBlock
 from cylinder_friction.estimators.hybrid import forest_input
