@@ -294,9 +294,9 @@ def test_the_paragraph_of_a_task_follows_from_its_numbers(results: BenchmarkResu
         f"On other sessions of the rig that models were trained on, {title} is nearest to the label: "
         f"{best.score.percent.value:.2f} %"
     )
-    assert "do not beat the baseline" in findings["identity"] or "does not beat the baseline" in findings["identity"]
-    assert "Without a figure, because they failed: Raises; and Nan." in findings["identity"]
-    assert "As a virtual load cell" in findings["external_load"]
+    assert "It is not beaten by" in findings["identity"]
+    assert "Without a figure, because they failed: Raises; Nan." in findings["identity"]
+    assert "is nearest to true friction" in findings["external_load"]
     assert "The baseline, Constant, has" in findings["pressure_free"]
 
 

@@ -1,16 +1,11 @@
 """How sure a percentage is: the block bootstrap, which keeps the memory inside a block."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.arrays import Array, Mask
 
 INTERVAL = (0.025, 0.975)
 

@@ -4,24 +4,18 @@ Adding a model computes that model alone, a changed module recomputes the jobs t
 killed goes on where it was. ``prune`` removes what a run did not use.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.recordings.files import read_json, whole_file, write_json
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array, Mask
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,21 +34,13 @@ class Estimates:
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """One model on one task, split and seed, or a fold of that.
+    """One model on one task, split and seed, or a fold of that."""
 
-    Attributes:
-        estimates: By the recording's name.
-        multiply_adds: Of one sample.
-        training_s: Of the processor, for all these folds together [s].
-        step_us: Processor time of one sample while whole recordings are estimated, median over recordings [µs].
-        validation_percent: MAE / mean |label| on the fold's validation sessions [%].
-    """
-
-    estimates: Mapping[str, Estimates]
-    multiply_adds: int
-    training_s: float
-    step_us: float
-    validation_percent: float
+    estimates: Mapping[str, Estimates]  # By the recording's name
+    multiply_adds: int  # Of one sample
+    training_s: float  # Of the processor, for all these folds together [s]
+    step_us: float  # Processor time of one sample while whole recordings are estimated, median over recordings [µs]
+    validation_percent: float  # MAE / mean |label| on the fold's validation sessions [%]
 
 
 @dataclass(frozen=True)

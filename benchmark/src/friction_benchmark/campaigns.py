@@ -6,13 +6,13 @@ campaign is among them: their seeds begin far beyond the others'. Friction, hydr
 their whole ranges, so that what is learnt holds for an unknown rig.
 """
 
-from __future__ import annotations
-
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.recordings.checks.screening import screen_signals
@@ -25,20 +25,13 @@ from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.recordings.timeline.aligning import align
-from cylinder_friction.rig.campaign import CampaignPlan, campaign
+from cylinder_friction.rig.campaign import CampaignPlan, RigRecording, campaign
 from cylinder_friction.rig.sensors import as_written
 from cylinder_friction.signals.methods import default_filter
 from cylinder_friction.signals.smooth_signals import filtered
 from friction_benchmark.cases import LabelledRecording
-from friction_benchmark.datasets import TRUE_FRICTION, TRUE_LOAD
+from friction_benchmark.datasets import TRUE_FRICTION, TRUE_LOAD, Kind, Sizes, Sources
 from friction_benchmark.rig_channels import NAME_PATTERN, logger_channels
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.rig.campaign import RigRecording
-    from friction_benchmark.datasets import Kind, Sizes, Sources
 
 END_STOP_MARGIN_M = 0.003
 UNSEEN_SEEDS = 1000

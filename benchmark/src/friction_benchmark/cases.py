@@ -3,25 +3,20 @@
 A task hides columns, adds sensor errors or moves the target; an estimator is given an ordinary labelled recording.
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
+from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.uncertainty import sensitivities
 from cylinder_friction.recordings.columns import OIL_TEMPERATURE, PRESSURES, SAMPLE_COLUMNS
-from cylinder_friction.recordings.recording import IdentifiedZero, SensorUncertainty
+from cylinder_friction.recordings.recording import IdentifiedZero, Recording, SensorUncertainty
 from cylinder_friction.signals.causal import ExponentialLowPass
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array, Mask
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.recording import Recording
-    from friction_benchmark.results import Reference
+from friction_benchmark.results import Reference
 
 CampaignKind = Literal["campaign", "loaded"]
 
@@ -42,74 +37,46 @@ SENSOR_DRAWS = 4
 
 @dataclass(frozen=True)
 class Task:
-    """One task.
+    """One task."""
 
-    Attributes:
-        name: In files and tables.
-        title: In words.
-        explanation: What is asked and why, in one sentence.
-        inputs: Columns that estimators see; the oil's temperature only where it was measured.
-        baseline: Name of the model to beat.
-        reference: What errors are against.
-        campaign: Where its recordings come from: the load cases, or those with an external load on the rod.
-        ahead_s: How far ahead the target lies [s].
-        drifts: Whether the pressure sensors have an offset and drift.
-        tuned_as: Name of the task whose tuning is taken over; empty where it is tuned itself.
-        needs_truth: Whether it can only be scored where true friction is known.
-    """
-
-    name: str
-    title: str
-    explanation: str
-    inputs: tuple[str, ...]
-    baseline: str
-    reference: Reference = "label"
+    name: str  # In files and tables
+    title: str  # In words
+    explanation: str  # What is asked and why, in one sentence
+    inputs: tuple[str, ...]  # Columns that estimators see; the oil's temperature only where it was measured
+    baseline: str  # Name of the model to beat
+    reference: Reference = "label"  # What errors are against
+    # Where its recordings come from: the load cases, or those with an external load on the rod
     campaign: CampaignKind = "campaign"
-    ahead_s: float = 0.0
-    drifts: bool = False
-    tuned_as: str = ""
-    needs_truth: bool = False
+    ahead_s: float = 0.0  # How far ahead the target lies [s]
+    drifts: bool = False  # Whether the pressure sensors have an offset and drift
+    tuned_as: str = ""  # Name of the task whose tuning is taken over; empty where it is tuned itself
+    needs_truth: bool = False  # Whether it can only be scored where true friction is known
 
 
 @dataclass(frozen=True, eq=False)
 class LabelledRecording:
-    """A recording as the pipeline labels it, and the truth where it is known.
+    """A recording as the pipeline labels it, and the truth where it is known."""
 
-    Attributes:
-        recording: With ``friction_n`` and ``usable``; ``load_force_n``, the load cell's reading, only where an external
-            load works on the rod.
-        true_friction_n: Shape ``(n,)``, at the recording's rows; positive when it opposes positive velocity [N].
-        true_load_n: External force that resists extension, shape ``(n,)``; zero where there is none [N].
-    """
-
+    # With ``friction_n`` and ``usable``; ``load_force_n``, the load cell's reading, only where an external load works
+    # on the rod
     recording: Recording
+    # Shape ``(n,)``, at the recording's rows; positive when it opposes positive velocity [N]
     true_friction_n: Array | None
-    true_load_n: Array | None
+    true_load_n: Array | None  # External force that resists extension, shape ``(n,)``; zero where there is none [N]
 
 
 @dataclass(frozen=True, eq=False)
 class EvaluationCase:
-    """A recording as a task shows it, and what only the scoring knows; arrays have shape ``(n,)``.
+    """A recording as a task shows it, and what only the scoring knows; arrays have shape ``(n,)``."""
 
-    Attributes:
-        recording: What an estimator is given: its target is ``friction_n``, columns it must not see are zero.
-        reference_n: What errors are against [N].
-        true_friction_n: At the time of the target [N]; None where it is not known.
-        label_n: The off-line label at the time of the target [N].
-        true_load_n: External force that resists extension [N]; None where there is none.
-        pressures_pa: As the sensors gave them [Pa], shape ``(n, 2)``.
-        velocity_m_s: From the off-line filter, at the time of the target [m/s].
-        oil_temperature_c: [°C]; None where it was not measured.
-    """
-
-    recording: Recording
-    reference_n: Array
-    true_friction_n: Array | None
-    label_n: Array
-    true_load_n: Array | None
-    pressures_pa: Array
-    velocity_m_s: Array
-    oil_temperature_c: Array | None
+    recording: Recording  # What an estimator is given: its target is ``friction_n``, columns it must not see are zero
+    reference_n: Array  # What errors are against [N]
+    true_friction_n: Array | None  # At the time of the target [N]; None where it is not known
+    label_n: Array  # The off-line label at the time of the target [N]
+    true_load_n: Array | None  # External force that resists extension [N]; None where there is none
+    pressures_pa: Array  # As the sensors gave them [Pa], shape ``(n, 2)``
+    velocity_m_s: Array  # From the off-line filter, at the time of the target [m/s]
+    oil_temperature_c: Array | None  # [°C]; None where it was not measured
 
     @property
     def usable(self) -> Mask:

@@ -1,18 +1,13 @@
 """The command line of the comparison of the literature: ``friction-benchmark COMMAND``."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from cylinder_friction.commands.cli import INTERRUPTED, refusals, until_unread
 from cylinder_friction.extras import explained
 from friction_benchmark.servo_rig import command as servo_rig
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 COMMANDS = {
     "run": "evaluate every model on every task and write the page; what is in the cache is not computed again",

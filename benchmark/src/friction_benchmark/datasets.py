@@ -1,17 +1,25 @@
 """What the benchmark is run on: simulated campaigns, one of each kind per seed, or labelled recordings of one's own."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
-from typing import TYPE_CHECKING, Any, Literal
+from pathlib import Path
+from typing import Any, Literal
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.columns import OIL_TEMPERATURE
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.splits import split_sessions
 from cylinder_friction.recordings.storage import read_stored
-from friction_benchmark.cases import SENSOR_DRAWS, EvaluationCase, LabelledRecording, evaluation_case, shown_inputs
+from friction_benchmark.cases import (
+    SENSOR_DRAWS,
+    EvaluationCase,
+    LabelledRecording,
+    Task,
+    evaluation_case,
+    shown_inputs,
+)
 from friction_benchmark.folds import (
     HELD_OUT,
     LEAVE_LOAD,
@@ -23,13 +31,6 @@ from friction_benchmark.folds import (
     refuse_leaks,
     unseen_rig,
 )
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.recording import Recording
-    from friction_benchmark.cases import Task
 
 Kind = Literal["campaign", "loaded", "unseen", "unseen_loaded", "twin", "twin_loaded"]
 
@@ -43,25 +44,15 @@ def key_of(content: Any) -> str:
 
 @dataclass(frozen=True)
 class Sizes:
-    """How much is simulated.
+    """How much is simulated."""
 
-    Attributes:
-        sessions_per_condition: In each of the four conditions.
-        recordings_per_session: Of each session.
-        duration_s: Of a recording [s].
-        test_sessions: Of each condition, held out.
-        validation_sessions: Of each condition; they choose while tuning and calibrate bounds.
-        unseen_sessions: Of each condition on the unseen rig.
-        twin_rigs: Rigs of the simulated twin; two recordings of each condition on each.
-    """
-
-    sessions_per_condition: int
-    recordings_per_session: int
-    duration_s: float
-    test_sessions: int
-    validation_sessions: int
-    unseen_sessions: int
-    twin_rigs: int
+    sessions_per_condition: int  # In each of the four conditions
+    recordings_per_session: int  # Of each session
+    duration_s: float  # Of a recording [s]
+    test_sessions: int  # Of each condition, held out
+    validation_sessions: int  # Of each condition; they choose while tuning and calibrate bounds
+    unseen_sessions: int  # Of each condition on the unseen rig
+    twin_rigs: int  # Rigs of the simulated twin; two recordings of each condition on each
 
     def simulated(self, kind: Kind) -> dict[str, float]:
         """Return the sizes that a campaign of this kind depends on."""
@@ -73,23 +64,15 @@ class Sizes:
 
 @dataclass(frozen=True)
 class Sources:
-    """Where the recordings are; small, so that every worker can have it.
+    """Where the recordings are; small, so that every worker can have it."""
 
-    Attributes:
-        folder: Of the simulated campaigns, which are found by what they were made from.
-        sizes: Of the simulated campaigns.
-        cylinder: Of all recordings.
-        code: Hash of the code that simulates and labels.
-        own: Role (train, validation, test) and folder, where one's own recordings are used; empty otherwise.
-        own_hashes: Role and hash of the content of that folder.
-    """
-
-    folder: Path
-    sizes: Sizes
-    cylinder: Cylinder
-    code: str = ""
+    folder: Path  # Of the simulated campaigns, which are found by what they were made from
+    sizes: Sizes  # Of the simulated campaigns
+    cylinder: Cylinder  # Of all recordings
+    code: str = ""  # Hash of the code that simulates and labels
+    # Role (train, validation, test) and folder, where one's own recordings are used; empty otherwise
     own: tuple[tuple[str, Path], ...] = ()
-    own_hashes: tuple[tuple[str, str], ...] = ()
+    own_hashes: tuple[tuple[str, str], ...] = ()  # Role and hash of the content of that folder
 
     @property
     def simulated(self) -> bool:

@@ -1,11 +1,7 @@
 """A few items of many, spread evenly."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, TypeVar
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
+from collections.abc import Sequence
+from typing import TypeVar
 
 Item = TypeVar("Item")
 

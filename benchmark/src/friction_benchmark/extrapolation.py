@@ -1,21 +1,14 @@
 """Where an estimate is an extrapolation: any input, or the speed, outside the range of the training recordings."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
+from cylinder_friction.arrays import Mask
 from cylinder_friction.realtime.bounds import causal_velocity
 from cylinder_friction.realtime.guard import TrainingRange
-from friction_benchmark.datasets import cases_of, twin_recordings
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from cylinder_friction.arrays import Mask
-    from cylinder_friction.recordings.recording import Recording
-    from friction_benchmark.cases import Task
-    from friction_benchmark.datasets import Sources
+from cylinder_friction.recordings.recording import Recording
+from friction_benchmark.cases import Task
+from friction_benchmark.datasets import Sources, cases_of, twin_recordings
 
 VELOCITY = "velocity_m_s"
 """The column that counts besides an estimator's inputs: by the off-line filter, or ``with_causal_velocity``."""

@@ -1,16 +1,9 @@
 """Which sessions train, validate and test: whole sessions, never rows."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
-from cylinder_friction.recordings.recording import RecordingError
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from cylinder_friction.recordings.recording import RecordingMetadata
+from cylinder_friction.recordings.recording import RecordingError, RecordingMetadata
 
 HELD_OUT = "held_out_sessions"
 LEAVE_LOAD = "leave_one_load_out"
@@ -29,19 +22,13 @@ TEMPERATURES = ("cold", "medium", "warm")
 
 @dataclass(frozen=True)
 class Fold:
-    """Names of recordings by role; a session has one role.
+    """Names of recordings by role; a session has one role."""
 
-    Attributes:
-        split: Key of ``SPLITS``.
-        left_out: Which load or temperature; empty where nothing is left out.
-        train, validation, test: Sorted; ``validation`` calibrates bounds and chooses while tuning.
-    """
-
-    split: str
-    left_out: str
-    train: tuple[str, ...]
-    validation: tuple[str, ...]
-    test: tuple[str, ...]
+    split: str  # Key of ``SPLITS``
+    left_out: str  # Which load or temperature; empty where nothing is left out
+    train: tuple[str, ...]  # Sorted; ``validation`` calibrates bounds and chooses while tuning
+    validation: tuple[str, ...]  # Sorted; ``validation`` calibrates bounds and chooses while tuning
+    test: tuple[str, ...]  # Sorted; ``validation`` calibrates bounds and chooses while tuning
 
 
 Roles = dict[str, tuple[str, ...]]

@@ -4,43 +4,31 @@ That is the task and what its recordings are made from, the model with its hyper
 source of every module that the worker and the model's module import. What is only shown (titles) does not count.
 """
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import asdict, dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Self
 
 from cylinder_friction.import_graph import module_path
 from friction_benchmark.cache import Cache
-from friction_benchmark.datasets import key_of, twin_kind, unseen_kind
+from friction_benchmark.cases import Task
+from friction_benchmark.datasets import Kind, Sources, key_of, twin_kind, unseen_kind
 from friction_benchmark.folds import HELD_OUT, LEAVE_LOAD, LEAVE_TEMPERATURE, UNSEEN_RIG
+from friction_benchmark.registry import RegisteredModel, Values
 from friction_benchmark.source_code import PACKAGES, code_key
-
-if TYPE_CHECKING:
-    from friction_benchmark.cases import Task
-    from friction_benchmark.datasets import Kind, Sources
-    from friction_benchmark.registry import RegisteredModel, Values
 
 WORKER = "friction_benchmark.worker"
 
 
 @dataclass(frozen=True)
 class Context:
-    """What all jobs share.
+    """What all jobs share."""
 
-    Attributes:
-        sources: Where the recordings are.
-        folder: Of the cache.
-        effort: Share of the full training, in (0, 1].
-        code: Hash of the worker's code.
-    """
-
-    sources: Sources
-    folder: Path
-    effort: float
-    code: str
+    sources: Sources  # Where the recordings are
+    folder: Path  # Of the cache
+    effort: float  # Share of the full training, in (0, 1]
+    code: str  # Hash of the worker's code
 
     @property
     def cache(self) -> Cache:
@@ -58,23 +46,17 @@ class Context:
 
 @dataclass(frozen=True)
 class Job:
-    """One fit, validated and used to predict: one model on one task, seed and fold of a split.
-
-    Attributes:
-        fold: Its number.
-        hyperparameters: By name.
-        code: Hash of the model's code.
-    """
+    """One fit, validated and used to predict: one model on one task, seed and fold of a split."""
 
     model: RegisteredModel
     task: Task
     split: str
-    fold: int
+    fold: int  # Its number
     seed: int
-    hyperparameters: Values
-    code: str
+    hyperparameters: Values  # By name
+    code: str  # Hash of the model's code
 
-    def trial(self, hyperparameters: Values) -> Job:
+    def trial(self, hyperparameters: Values) -> Self:
         """Return the same job with other hyperparameters."""
         return replace(self, hyperparameters=hyperparameters)
 
@@ -107,7 +89,7 @@ class Job:
         return (self.model.name, str(self.seed), task, f"{self.split} {self.fold}" if leaves_out else "")
 
 
-def tuning_job(model: RegisteredModel, task: Task, seed: int, code: str) -> Job:
+def tuning_job(model: RegisteredModel, task: Task, seed: int, code: str) -> Self:
     """Return the job that the trials of a tuning vary: with the defaults, on held-out sessions."""
     return Job(model, task, HELD_OUT, 0, seed, model.defaults, code)
 

@@ -1,50 +1,34 @@
 """One leaderboard: predictions read back and held beside the baseline's; each of its lines is a job of its own."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from friction_benchmark.bootstrap import block_sums, bootstrap_percent, interval
+from friction_benchmark.cache import Prediction
+from friction_benchmark.cases import EvaluationCase, Task
 from friction_benchmark.datasets import cases_of, folds_of, inputs_of, key_of, unseen_kind
 from friction_benchmark.extrapolation import outside, training_range
 from friction_benchmark.folds import UNSEEN_RIG
+from friction_benchmark.jobs import Context
 from friction_benchmark.results import Interval
-from friction_benchmark.scoring import ScoredRecording, leaderboard_entry
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-
-    from friction_benchmark.cache import Prediction
-    from friction_benchmark.cases import EvaluationCase, Task
-    from friction_benchmark.jobs import Context
-    from friction_benchmark.scoring import ScoreSettings
-    from friction_benchmark.tuning import Tuned
+from friction_benchmark.scoring import ScoredRecording, ScoreSettings, leaderboard_entry
+from friction_benchmark.tuning import Tuned
 
 
 @dataclass(frozen=True)
 class ScoringJob:
-    """One line of a leaderboard.
+    """One line of a leaderboard."""
 
-    Attributes:
-        model: Its name.
-        predictions: Keys of its predictions, one per fold, by seed.
-        baseline: Those of the baseline; empty where the baseline failed.
-        tuned: What was chosen.
-        settings: How to score.
-        code: Hash of the code that scores.
-    """
-
-    model: str
+    model: str  # Its name
     task: Task
     split: str
-    predictions: Mapping[int, tuple[str, ...]]
-    baseline: Mapping[int, tuple[str, ...]]
-    tuned: Tuned
-    settings: ScoreSettings
-    code: str
+    predictions: Mapping[int, tuple[str, ...]]  # Keys of its predictions, one per fold, by seed
+    baseline: Mapping[int, tuple[str, ...]]  # Those of the baseline; empty where the baseline failed
+    tuned: Tuned  # What was chosen
+    settings: ScoreSettings  # How to score
+    code: str  # Hash of the code that scores
 
     def key(self) -> str:
         tuned = [dict(self.tuned.choice), self.tuned.validation_percent]

@@ -1,9 +1,8 @@
 """The benchmark's configuration: ``benchmark/conf`` composed into ``benchmark/params.yaml``, and its types."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal, Self
 
 import yaml
 from pydantic import AfterValidator, Field, model_validator
@@ -14,9 +13,6 @@ from cylinder_friction.params.checking import PARAMS_FILE, ParamsError, checked
 from cylinder_friction.params.section import Count, Positive, Section, Seed
 from cylinder_friction.recordings.files import write_text
 from friction_benchmark.tasks import task_named
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
 
 FOLDER = Path("benchmark")
 CONF = Path("conf")
@@ -44,7 +40,7 @@ class CampaignParams(Section):
     twin_rigs: Count
 
     @model_validator(mode="after")
-    def _some_sessions_train(self) -> CampaignParams:
+    def _some_sessions_train(self) -> Self:
         if self.test_sessions + self.validation_sessions >= self.sessions_per_condition:
             raise ValueError(
                 f"sessions_per_condition is {self.sessions_per_condition}, of which test_sessions and "
@@ -62,7 +58,7 @@ class PlanParams(Section):
     models: list[str]
 
     @model_validator(mode="after")
-    def _splits_have_known_tasks(self) -> PlanParams:
+    def _splits_have_known_tasks(self) -> Self:
         for split, names in self.splits.items():
             for name in names:
                 if name not in self.tasks:

@@ -1,47 +1,29 @@
 """The benchmark plan: which models are evaluated on which tasks, splits and seeds, and what each may spend."""
 
-from __future__ import annotations
-
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from cylinder_friction.params.checking import ParamsError
 from cylinder_friction.recordings.columns import OIL_TEMPERATURE
 from cylinder_friction.recordings.recording import RecordingError
-from friction_benchmark.datasets import folds_of, labelled_recordings
+from friction_benchmark.cases import Task
+from friction_benchmark.datasets import Sources, folds_of, labelled_recordings
 from friction_benchmark.folds import HELD_OUT, LEAVE_LOAD, LEAVE_TEMPERATURE, UNSEEN_RIG
-from friction_benchmark.registry import MODULES, registered_models
+from friction_benchmark.registry import MODULES, RegisteredModel, registered_models
 from friction_benchmark.tasks import task_named
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping
-
-    from friction_benchmark.cases import Task
-    from friction_benchmark.datasets import Sources
-    from friction_benchmark.registry import RegisteredModel
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What is evaluated.
+    """What is evaluated."""
 
-    Attributes:
-        tasks: Names of tasks, all evaluated on held-out sessions.
-        splits: For each other split the tasks that are evaluated on it.
-        seeds: Of campaigns and models; models are tuned on the first.
-        effort: Share of the full training, in (0, 1].
-        trials: Of every model's tuning.
-        models: Names of registered models; empty for all.
-        modules: Of the model registry.
-    """
-
-    tasks: tuple[str, ...]
-    splits: Mapping[str, tuple[str, ...]]
-    seeds: tuple[int, ...]
-    effort: float
-    trials: int
-    models: tuple[str, ...] = ()
-    modules: tuple[str, ...] = MODULES
+    tasks: tuple[str, ...]  # Names of tasks, all evaluated on held-out sessions
+    splits: Mapping[str, tuple[str, ...]]  # For each other split the tasks that are evaluated on it
+    seeds: tuple[int, ...]  # Of campaigns and models; models are tuned on the first
+    effort: float  # Share of the full training, in (0, 1]
+    trials: int  # Of every model's tuning
+    models: tuple[str, ...] = ()  # Names of registered models; empty for all
+    modules: tuple[str, ...] = MODULES  # Of the model registry
 
     def chosen_models(self) -> dict[str, RegisteredModel]:
         """Return the models by name, in the order of tables.

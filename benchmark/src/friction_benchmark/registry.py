@@ -1,20 +1,14 @@
 """The model registry: how each model is built, what may be tuned in it, and where it comes from."""
 
-from __future__ import annotations
-
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import Literal, Protocol
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording
 
 Value = float | int | str
 Family = Literal["baseline", "analytical", "related work", "modern"]
@@ -63,21 +57,13 @@ Values = Mapping[str, Value]
 
 @dataclass(frozen=True)
 class BuildConfiguration:
-    """What an estimator is built from.
+    """What an estimator is built from."""
 
-    Attributes:
-        cylinder: Its areas and moving mass.
-        inputs: The columns that the task shows.
-        seed: Seeds everything random in it.
-        effort: Share of the full training it may spend, in (0, 1]; each model states what it cuts.
-        hyperparameters: One value for each name in the model's ``space``.
-    """
-
-    cylinder: Cylinder
-    inputs: tuple[str, ...]
-    seed: int
-    effort: float
-    hyperparameters: Values
+    cylinder: Cylinder  # Its areas and moving mass
+    inputs: tuple[str, ...]  # The columns that the task shows
+    seed: int  # Seeds everything random in it
+    effort: float  # Share of the full training it may spend, in (0, 1]; each model states what it cuts
+    hyperparameters: Values  # One value for each name in the model's ``space``
 
     def share(self, full: float, least: int = 1) -> int:
         """Return this effort's share of what full training spends, at least ``least``."""
@@ -102,34 +88,23 @@ def needs_raw_pressures(inputs: tuple[str, ...]) -> bool:
 
 @dataclass(frozen=True)
 class RegisteredModel:
-    """One model of the benchmark.
+    """One model of the benchmark."""
 
-    Attributes:
-        name: In files and tables.
-        title: In words.
-        family: Where it stands in the leaderboard's legend.
-        source: Author and year.
-        build: Returns the estimator, not yet fitted. Importable, because worker processes receive it by name.
-        space: What is tuned, and where.
-        defaults: What is tried first: the source's values or our own best guess, one for each name in ``space``.
-        supports: Whether it can be built for given inputs.
-        trained_on: The task's recordings, or the simulated twin's with their true friction.
-        learns_offset: Whether it learns the sensors' offset while running. Its training recordings then state their
-            zeros, which the labels show.
-        chosen: What was taken where the source leaves a choice.
-    """
-
-    name: str
-    title: str
-    family: Family
-    source: str
+    name: str  # In files and tables
+    title: str  # In words
+    family: Family  # Where it stands in the leaderboard's legend
+    source: str  # Author and year
+    # Returns the estimator, not yet fitted. Importable, because worker processes receive it by name.
     build: Callable[[BuildConfiguration], Estimator]
-    space: Space = field(default_factory=dict)
+    space: Space = field(default_factory=dict)  # What is tuned, and where
+    # What is tried first: the source's values or our own best guess, one for each name in ``space``
     defaults: Values = field(default_factory=dict)
-    supports: Callable[[tuple[str, ...]], bool] = needs_only_position
-    trained_on: TrainedOn = "recordings"
+    supports: Callable[[tuple[str, ...]], bool] = needs_only_position  # Whether it can be built for given inputs
+    trained_on: TrainedOn = "recordings"  # The task's recordings, or the simulated twin's with their true friction
+    # Whether it learns the sensors' offset while running. Its training recordings then state their zeros, which the
+    # labels show.
     learns_offset: bool = False
-    chosen: str = ""
+    chosen: str = ""  # What was taken where the source leaves a choice
 
     def __post_init__(self) -> None:
         if set(self.space) != set(self.defaults):

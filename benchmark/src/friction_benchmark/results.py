@@ -1,12 +1,8 @@
 """What the benchmark found: plain numbers, written to ``reports/benchmark.json`` and drawn by the report."""
 
-from __future__ import annotations
-
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Literal, Self
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+from typing import Any, Literal, Self
 
 Reference = Literal["label", "truth"]
 NEEDS_MORE = "it needs more than"
@@ -24,44 +20,29 @@ class Interval:
 
 @dataclass(frozen=True)
 class Score:
-    """How far estimates are from the reference, over the usable rows of a set of recordings.
+    """How far estimates are from the reference, over the usable rows of a set of recordings."""
 
-    Attributes:
-        percent: MAE / mean |friction| [%], with its block-bootstrap interval.
-        mae_n, rmse_n, p95_n: Of the absolute error [N].
-        bias_n: Mean of estimate - reference [N].
-        lag_s: Shift at which estimate and reference are most alike; positive when the estimate is late [s].
-    """
-
-    percent: Interval
-    mae_n: float
-    rmse_n: float
-    p95_n: float
-    bias_n: float
-    lag_s: float
+    percent: Interval  # MAE / mean |friction| [%], with its block-bootstrap interval
+    mae_n: float  # Of the absolute error [N]
+    rmse_n: float  # Of the absolute error [N]
+    p95_n: float  # Of the absolute error [N]
+    bias_n: float  # Mean of estimate - reference [N]
+    lag_s: float  # Shift at which estimate and reference are most alike; positive when the estimate is late [s]
 
 
 @dataclass(frozen=True)
 class Trust:
-    """How far bounds and flags can be relied on.
+    """How far bounds and flags can be relied on."""
 
-    Attributes:
-        coverage: Share of usable rows whose label lies in the 90 % bounds, which were calibrated on labels, by the
-            recordings' condition; ``""`` for all of them.
-        coverage_after_reversal: The same, just after reversals alone.
-        width_n: Mean width of the bounds [N].
-        flagged: Share of rows that the model flags as outside its training range, by samples until then.
-        outside: Share of rows whose inputs or velocity, filtered off line, lie outside the training range.
-        caught: Share of the rows outside that are flagged; None where no row is outside.
-        coverage_of_truth: Share of usable rows whose true friction lies in the bounds; None where it is not known.
-    """
-
+    # Share of usable rows whose label lies in the 90 % bounds, which were calibrated on labels, by the recordings'
+    # condition; ``""`` for all of them
     coverage: Mapping[str, float]
-    coverage_after_reversal: float
-    width_n: float
-    flagged: float
-    outside: float
-    caught: float | None = None
+    coverage_after_reversal: float  # The same, just after reversals alone
+    width_n: float  # Mean width of the bounds [N]
+    flagged: float  # Share of rows that the model flags as outside its training range, by samples until then
+    outside: float  # Share of rows whose inputs or velocity, filtered off line, lie outside the training range
+    caught: float | None = None  # Share of the rows outside that are flagged; None where no row is outside
+    # Share of usable rows whose true friction lies in the bounds; None where it is not known
     coverage_of_truth: float | None = None
 
 
@@ -77,38 +58,24 @@ class Residuals:
 
 @dataclass(frozen=True)
 class Entry:
-    """One model on one task and split.
+    """One model on one task and split."""
 
-    Attributes:
-        model: Name in the registry.
-        score: Over all seeds' test recordings together.
-        seeds: Percent of each seed.
-        by_condition: Percent, by the recordings' condition.
-        strata: Percent and MAE [N] by stratum (``evaluation.strata.STRATA``).
-        below_baseline: Baseline's percent minus this model's, paired bootstrap; positive where the model is better.
-            None where the baseline failed.
-        trust: None where there are no bounds.
-        residuals: None where they were not examined.
-        multiply_adds: In one step.
-        step_us: Processor time of one sample while whole recordings are estimated [µs].
-        training_s: Processor time, median over seeds, each with all its folds [s].
-        tuning: What was chosen, and the validation percent that it reached; empty where there is nothing to tune.
-        extras: Other figures of the task, for example ``load_mae_n``.
-    """
-
-    model: str
-    score: Score
-    seeds: Mapping[str, float]
-    by_condition: Mapping[str, float]
-    strata: Mapping[str, tuple[float, float]]
+    model: str  # Name in the registry
+    score: Score  # Over all seeds' test recordings together
+    seeds: Mapping[str, float]  # Percent of each seed
+    by_condition: Mapping[str, float]  # Percent, by the recordings' condition
+    strata: Mapping[str, tuple[float, float]]  # Percent and MAE [N] by stratum (``evaluation.strata.STRATA``)
+    # Baseline's percent minus this model's, paired bootstrap; positive where the model is better. None where the
+    # baseline failed.
     below_baseline: Interval | None
-    trust: Trust | None
-    residuals: Residuals | None
-    multiply_adds: int
-    step_us: float
-    training_s: float
+    trust: Trust | None  # None where there are no bounds
+    residuals: Residuals | None  # None where they were not examined
+    multiply_adds: int  # In one step
+    step_us: float  # Processor time of one sample while whole recordings are estimated [µs]
+    training_s: float  # Processor time, median over seeds, each with all its folds [s]
+    # What was chosen, and the validation percent that it reached; empty where there is nothing to tune
     tuning: Mapping[str, float | int | str] = field(default_factory=dict)
-    extras: Mapping[str, float] = field(default_factory=dict)
+    extras: Mapping[str, float] = field(default_factory=dict)  # Other figures of the task, for example ``load_mae_n``
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
@@ -125,33 +92,20 @@ class Entry:
 
 @dataclass(frozen=True)
 class TaskResult:
-    """One task on one split: a leaderboard.
+    """One task on one split: a leaderboard."""
 
-    Attributes:
-        task: Name, for example ``forecast_100ms``.
-        split: ``held_out_sessions``, ``leave_one_load_out``, ``leave_one_temperature_out`` or ``unseen_rig``.
-        title: In words.
-        inputs: Columns that models see.
-        reference: What errors are against.
-        baseline: Name of the model to beat.
-        mean_friction_n: The denominator of percentages: mean |reference| of the test recordings [N].
-        entries: Best first.
-        missing: Models without an entry, and why: they need other inputs, or failed.
-        explanation: What is asked and why, in one sentence.
-        label_truth_percent: How far the off-line label itself is from true friction, MAE / mean |truth| [%]; None where
-            truth is not known.
-    """
-
-    task: str
-    split: str
-    title: str
-    inputs: tuple[str, ...]
-    reference: Reference
-    baseline: str
-    mean_friction_n: float
-    entries: tuple[Entry, ...]
+    task: str  # Name, for example ``forecast_100ms``
+    split: str  # ``held_out_sessions``, ``leave_one_load_out``, ``leave_one_temperature_out`` or ``unseen_rig``
+    title: str  # In words
+    inputs: tuple[str, ...]  # Columns that models see
+    reference: Reference  # What errors are against
+    baseline: str  # Name of the model to beat
+    mean_friction_n: float  # The denominator of percentages: mean |reference| of the test recordings [N]
+    entries: tuple[Entry, ...]  # Best first
+    # Models without an entry, and why: they need other inputs, or failed
     missing: Mapping[str, str] = field(default_factory=dict)
-    explanation: str = ""
+    explanation: str = ""  # What is asked and why, in one sentence
+    # How far the off-line label itself is from true friction, MAE / mean |truth| [%]; None where truth is not known
     label_truth_percent: Interval | None = None
 
 
@@ -167,16 +121,10 @@ class ModelInfo:
 
 @dataclass(frozen=True)
 class BenchmarkResults:
-    """The whole benchmark.
+    """The whole benchmark."""
 
-    Attributes:
-        tasks: One leaderboard for each task and split.
-        models: By name.
-        budget: In words and numbers: trials, effort, seeds, recordings.
-        missing: Tasks, or splits of a task, that the recordings do not allow, and why.
-    """
-
-    tasks: tuple[TaskResult, ...]
-    models: Mapping[str, ModelInfo]
-    budget: Mapping[str, float | int | str]
+    tasks: tuple[TaskResult, ...]  # One leaderboard for each task and split
+    models: Mapping[str, ModelInfo]  # By name
+    budget: Mapping[str, float | int | str]  # In words and numbers: trials, effort, seeds, recordings
+    # Tasks, or splits of a task, that the recordings do not allow, and why
     missing: Mapping[str, str] = field(default_factory=dict)

@@ -1,7 +1,5 @@
 """What the channels of the rig's logger mean: the mapping that ingest is given for the rig's files (conf/ingest)."""
 
-from __future__ import annotations
-
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, SensorScale
 from cylinder_friction.rig.sensors import LOAD_COLUMN, LOGGER_COLUMNS
 

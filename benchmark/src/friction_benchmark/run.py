@@ -1,16 +1,13 @@
 """One benchmark from configuration to page: results, report and MLflow runs, below the folder ``benchmark/``."""
 
-from __future__ import annotations
-
 import time
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from cylinder_friction.evaluation.strata import StrataLimits
 from cylinder_friction.import_graph import relative_to_source, used_files
 from cylinder_friction.recordings.files import hash_of, read_json, write_json
-from cylinder_friction.run_record import RunRecord
+from cylinder_friction.run_record import Dataset, RunRecord, Scalar
 from cylinder_friction.stages._stage import artifacts, datasets, flat
 from cylinder_friction.tracking.log_run import log_run, track_or_warn
 from cylinder_friction.tracking.measurement import measured
@@ -18,18 +15,14 @@ from cylinder_friction.tracking.repository import TrackingError, repository_root
 from friction_benchmark.cache import Cache
 from friction_benchmark.conclusions import findings_of
 from friction_benchmark.datasets import Sizes, Sources
-from friction_benchmark.params import RIG
+from friction_benchmark.params import RIG, BenchmarkParams
 from friction_benchmark.plan import Plan
 from friction_benchmark.registry import MODULES
 from friction_benchmark.report.write import write_report
+from friction_benchmark.results import BenchmarkResults, Entry, TaskResult
 from friction_benchmark.runner import Runner
 from friction_benchmark.scoring import ScoreSettings
 from friction_benchmark.source_code import PACKAGES, code_key
-
-if TYPE_CHECKING:
-    from cylinder_friction.run_record import Dataset, Scalar
-    from friction_benchmark.params import BenchmarkParams
-    from friction_benchmark.results import BenchmarkResults, Entry, TaskResult
 
 EXPERIMENT = "benchmark"
 """The hundreds of runs have an MLflow experiment of their own, ``cylinder-friction-benchmark``."""
@@ -180,36 +173,21 @@ def _run_of(found: TaskResult, entry: Entry, shared: dict[str, Scalar], results:
 
 
 def _metrics(entry: Entry) -> dict[str, float]:
-    score = entry.score
-    metrics: dict[str, float] = {
-        "percent": score.percent.value,
-        "percent_low": score.percent.low,
-        "percent_high": score.percent.high,
-        "mae_n": score.mae_n,
-        "rmse_n": score.rmse_n,
-        "p95_n": score.p95_n,
-        "bias_n": score.bias_n,
-        "lag_ms": 1e3 * score.lag_s,
-        "multiply_adds": float(entry.multiply_adds),
-        "step_us": entry.step_us,
-        "training_s": entry.training_s,
-    }
+    score, trust, ahead = entry.score, entry.trust, entry.below_baseline
+    metrics = {"percent": score.percent.value, "percent_low": score.percent.low, "percent_high": score.percent.high}
+    metrics |= {name: getattr(score, name) for name in ("mae_n", "rmse_n", "p95_n", "bias_n")}
+    metrics |= {"lag_ms": 1e3 * score.lag_s, "multiply_adds": float(entry.multiply_adds)}
+    metrics |= {"step_us": entry.step_us, "training_s": entry.training_s, **entry.extras}
     metrics |= {f"condition_{test}.percent": value for test, value in entry.by_condition.items()}
     metrics |= {f"seed_{seed}.percent": value for seed, value in entry.seeds.items()}
     metrics |= {f"{stratum}.mae_n": mae_n for stratum, (_, mae_n) in entry.strata.items()}
-    metrics |= dict(entry.extras)
     if "validation_percent" in entry.tuning:
         metrics["validation_percent"] = float(entry.tuning["validation_percent"])
-    if entry.below_baseline is not None:
-        ahead = entry.below_baseline
+    if ahead is not None:
         metrics |= {"below_baseline": ahead.value, "below_baseline_low": ahead.low, "below_baseline_high": ahead.high}
-    if entry.trust is not None:
-        metrics |= {f"coverage.condition_{test}" if test else "coverage": v for test, v in entry.trust.coverage.items()}
-        metrics |= {
-            "coverage.after_reversal": entry.trust.coverage_after_reversal,
-            "bounds_width_n": entry.trust.width_n,
-            "flagged": entry.trust.flagged,
-        }
-        if entry.trust.coverage_of_truth is not None:
-            metrics["coverage.of_truth"] = entry.trust.coverage_of_truth
+    if trust is not None:
+        metrics |= {f"coverage.condition_{test}" if test else "coverage": v for test, v in trust.coverage.items()}
+        metrics |= {"coverage.after_reversal": trust.coverage_after_reversal, "bounds_width_n": trust.width_n}
+        metrics |= {"flagged": trust.flagged}
+        metrics |= {} if trust.coverage_of_truth is None else {"coverage.of_truth": trust.coverage_of_truth}
     return metrics

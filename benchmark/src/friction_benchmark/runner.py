@@ -1,60 +1,44 @@
 """The whole benchmark: recordings, tunings, predictions, scores; each phase shared among processes, each job cached."""
 
-from __future__ import annotations
-
 from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any
 
 from tqdm import tqdm
 
 from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.execution.workers import Died
 from friction_benchmark.campaigns import simulate
-from friction_benchmark.datasets import folds_of, inputs_of, labelled_recordings, twin_kind, unseen_kind
+from friction_benchmark.cases import Task
+from friction_benchmark.datasets import Kind, Sources, folds_of, inputs_of, labelled_recordings, twin_kind, unseen_kind
 from friction_benchmark.folds import UNSEEN_RIG
 from friction_benchmark.jobs import WORKER, Context, Job, model_code, tuning_job
 from friction_benchmark.leaderboard import ScoringJob, denominators
+from friction_benchmark.plan import Plan
 from friction_benchmark.results import NEEDS_MORE, BenchmarkResults, Entry, ModelInfo, TaskResult
+from friction_benchmark.scoring import ScoreSettings
 from friction_benchmark.source_code import code_key
 from friction_benchmark.tasks import task_named
 from friction_benchmark.tuning import Tuned
 from friction_benchmark.worker import do_jobs, do_tuning
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Sequence
-    from pathlib import Path
-
-    from friction_benchmark.cases import Task
-    from friction_benchmark.datasets import Kind, Sources
-    from friction_benchmark.plan import Plan
-    from friction_benchmark.scoring import ScoreSettings
 
 SCORER = "friction_benchmark.leaderboard"
 
 
 @dataclass
 class Runner:
-    """One run of the benchmark; the number of workers and their order change nothing but times.
+    """One run of the benchmark; the number of workers and their order change nothing but times."""
 
-    Attributes:
-        plan: What is evaluated.
-        sources: Where the recordings are.
-        cache: Folder in which all that is computed is kept.
-        settings: How predictions are scored.
-        workers: Processes, where ``CYLINDER_FRICTION_WORKERS`` names no other workers.
-        progress: Whether bars are drawn; None for only on a terminal.
-        computed: How many jobs of each kind were not in the cache.
-    """
-
-    plan: Plan
-    sources: Sources
-    cache: Path
-    settings: ScoreSettings
-    workers: int = 1
-    progress: bool | None = None
-    computed: Counter[str] = field(default_factory=Counter)
+    plan: Plan  # What is evaluated
+    sources: Sources  # Where the recordings are
+    cache: Path  # Folder in which all that is computed is kept
+    settings: ScoreSettings  # How predictions are scored
+    workers: int = 1  # Processes, where ``CYLINDER_FRICTION_WORKERS`` names no other workers
+    progress: bool | None = None  # Whether bars are drawn; None for only on a terminal
+    computed: Counter[str] = field(default_factory=Counter)  # How many jobs of each kind were not in the cache
 
     def run(self) -> BenchmarkResults:
         """Return what the benchmark found.

@@ -1,29 +1,22 @@
 """From predictions to one line of a leaderboard: all seeds' test recordings together, beside the baseline's."""
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.evaluation.comparison import with_gaps
 from cylinder_friction.evaluation.metrics import errors, lag_s
 from cylinder_friction.evaluation.residuals import autocorrelation, dependence, residual_figures
 from cylinder_friction.evaluation.strata import STRATA, StrataLimits, strata_masks
 from friction_benchmark.bootstrap import block_sums, bootstrap_percent, interval
-from friction_benchmark.cases import low_passed
+from friction_benchmark.cache import Estimates, Prediction
+from friction_benchmark.cases import EvaluationCase, low_passed
 from friction_benchmark.evenly import evenly
 from friction_benchmark.results import Entry, Interval, Residuals, Score, Trust
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from cylinder_friction.arrays import Array, Mask
-    from cylinder_friction.cylinder import Cylinder
-    from friction_benchmark.cache import Estimates, Prediction
-    from friction_benchmark.cases import EvaluationCase
-    from friction_benchmark.tuning import Tuned
+from friction_benchmark.tuning import Tuned
 
 MEMORY_LAGS_S = (0.005, 0.05, 0.1, 0.5, 1.0)
 """Lags at which the residuals' autocorrelation is given [s]."""
@@ -33,21 +26,13 @@ MOST_DIAGNOSED = 36
 
 @dataclass(frozen=True)
 class ScoreSettings:
-    """How predictions are scored.
+    """How predictions are scored."""
 
-    Attributes:
-        limits: Where the strata end.
-        maximum_lag_s: Shifts tried when looking for an estimate's lag [s].
-        bootstrap_repeats: Draws of the block bootstrap.
-        bootstrap_block_s: Length of a block [s].
-        load_low_pass_s: Time constant of the low-pass of the force balance, from which friction is subtracted to have
-            the load [s].
-    """
-
-    limits: StrataLimits
-    maximum_lag_s: float = 0.3
-    bootstrap_repeats: int = 1000
-    bootstrap_block_s: float = 2.0
+    limits: StrataLimits  # Where the strata end
+    maximum_lag_s: float = 0.3  # Shifts tried when looking for an estimate's lag [s]
+    bootstrap_repeats: int = 1000  # Draws of the block bootstrap
+    bootstrap_block_s: float = 2.0  # Length of a block [s]
+    # Time constant of the low-pass of the force balance, from which friction is subtracted to have the load [s]
     load_low_pass_s: float = 0.03
 
 

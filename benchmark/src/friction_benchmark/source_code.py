@@ -1,7 +1,5 @@
 """The code that a result depends on: modules of the benchmark and of the product."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from cylinder_friction import import_graph

@@ -1,7 +1,5 @@
 """The tasks of the benchmark, in the order of its tables."""
 
-from __future__ import annotations
-
 from cylinder_friction.recordings.columns import OIL_TEMPERATURE, SAMPLE_COLUMNS
 from friction_benchmark.cases import LEVELS, Task
 

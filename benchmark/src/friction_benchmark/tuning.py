@@ -1,33 +1,22 @@
 """The same number of trials for every model: its defaults first, then what Optuna's seeded sampler proposes."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import optuna
 
-from friction_benchmark.registry import OneOf
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from friction_benchmark.registry import Range, RegisteredModel, Value, Values
+from friction_benchmark.registry import OneOf, Range, RegisteredModel, Value, Values
 
 REASON = "reason"
 
 
 @dataclass(frozen=True)
 class Tuned:
-    """What tuning found.
+    """What tuning found."""
 
-    Attributes:
-        choice: The best, one value for each name in the space.
-        validation_percent: What it reached on validation sessions [%]; None if there was nothing to tune.
-    """
-
-    choice: Values
-    validation_percent: float | None
+    choice: Values  # The best, one value for each name in the space
+    validation_percent: float | None  # What it reached on validation sessions [%]; None if there was nothing to tune
 
 
 class TuningError(RuntimeError):

@@ -1,16 +1,17 @@
 """The work of the benchmark: tuning, training and prediction, in pieces that any worker can do in any order."""
 
-from __future__ import annotations
-
 import hashlib
 import json
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from time import process_time
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.realtime.bounds import calibrated_bounds, regimes_of
+from cylinder_friction.realtime.model import Bounds
+from cylinder_friction.recordings.recording import Recording
 from friction_benchmark.cache import Estimates, Prediction
 from friction_benchmark.cases import with_known_zeros
 from friction_benchmark.datasets import (
@@ -22,19 +23,10 @@ from friction_benchmark.datasets import (
     unseen_kind,
 )
 from friction_benchmark.extrapolation import outside, training_range, with_causal_velocity
-from friction_benchmark.folds import UNSEEN_RIG
-from friction_benchmark.registry import BuildConfiguration
+from friction_benchmark.folds import UNSEEN_RIG, Fold
+from friction_benchmark.jobs import Context, Job
+from friction_benchmark.registry import BuildConfiguration, Estimator, Values
 from friction_benchmark.tuning import Tuned, TuningError, tune
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from cylinder_friction.arrays import Array, Mask
-    from cylinder_friction.realtime.model import Bounds
-    from cylinder_friction.recordings.recording import Recording
-    from friction_benchmark.folds import Fold
-    from friction_benchmark.jobs import Context, Job
-    from friction_benchmark.registry import Estimator, Values
 
 POSITION_ALONE = ("position_m",)
 

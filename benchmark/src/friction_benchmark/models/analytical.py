@@ -1,16 +1,10 @@
 """The analytical friction models: identification is their tuning, so nothing else of them is tuned."""
 
-from __future__ import annotations
-
 from functools import partial
-from typing import TYPE_CHECKING
 
 from cylinder_friction.estimators.analytical import PRESSURE_PAIRS, AnalyticalEstimator, scaled_effort
 from friction_benchmark.friction_models import FRICTION_MODELS
-from friction_benchmark.registry import RegisteredModel, needs_only_position
-
-if TYPE_CHECKING:
-    from friction_benchmark.registry import BuildConfiguration
+from friction_benchmark.registry import BuildConfiguration, RegisteredModel, needs_only_position
 
 _SOURCES = {
     "stribeck": ("Armstrong-Hélouvry, Dupont and Canudas de Wit 1994", "At standstill a share, identified, is kept."),

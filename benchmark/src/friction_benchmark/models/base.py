@@ -1,26 +1,20 @@
 """What every model of the benchmark is: it fits labelled recordings and estimates friction."""
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
-from typing import TYPE_CHECKING, Any, Self
+from collections.abc import Sequence
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.front_end import FrontEnd, FrontEndBlock, fit_front_end
 from cylinder_friction.estimators.training_plan import SequenceData
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import Recording
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.recording import Recording
-
-    Single = NDArray[np.float32]
+Single = NDArray[np.float32]
 
 
 class Model(ABC):

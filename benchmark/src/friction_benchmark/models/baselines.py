@@ -1,41 +1,29 @@
 """The baselines: what costs next to nothing, and therefore what every other model has to beat; effort cuts nothing."""
 
-from __future__ import annotations
-
 from abc import abstractmethod
-from typing import TYPE_CHECKING, Self
+from collections.abc import Sequence
+from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.baselines import baselines
 from cylinder_friction.estimators.linear import labelled_rows
+from cylinder_friction.recordings.recording import Recording
 from friction_benchmark.models.base import Model
 from friction_benchmark.models.steady_motion import AVERAGED, VELOCITY_WINDOW, steady_motion
-from friction_benchmark.registry import RegisteredModel, needs_raw_pressures
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.recordings.recording import Recording
-    from friction_benchmark.registry import BuildConfiguration
+from friction_benchmark.registry import BuildConfiguration, RegisteredModel, needs_raw_pressures
 
 SITUATIONS = ("extending", "retracting", "at_rest_after_extending", "at_rest_after_retracting", "never_moved")
 
 
 class ByDirectionModel(Model):
-    """A straight line over velocity in each of five situations; a subclass finds it.
+    """A straight line over velocity in each of five situations; a subclass finds it."""
 
-    Attributes:
-        levels_n: Friction in each situation, at vanishing velocity, in the order of ``SITUATIONS`` [N].
-        viscous_n_s_m: Slope over velocity [N s/m].
-    """
-
-    levels_n: Array
-    viscous_n_s_m: float
+    levels_n: Array  # Friction in each situation, at vanishing velocity, in the order of ``SITUATIONS`` [N]
+    viscous_n_s_m: float  # Slope over velocity [N s/m]
 
     @abstractmethod
     def _learn(self, situation: NDArray[np.int64], velocity_m_s: Array, friction_n: Array) -> None:

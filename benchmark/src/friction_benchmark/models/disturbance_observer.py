@@ -9,29 +9,23 @@ coefficients per direction. The memory ``h`` follows ``exp(-|v| / v_2)`` with a 
 does (Yanada and Sekikawa 2008). It is linear in the coefficients, so that robust least squares finds them.
 """
 
-from __future__ import annotations
-
 import math
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass, fields, replace
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numba
 import numpy as np
 
+from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.estimators.linear import labelled_rows, refuse_missing_inputs
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import Recording
 from friction_benchmark.evenly import evenly
 from friction_benchmark.models.base import Model
 from friction_benchmark.models.robust_regression import robust_weights
 from friction_benchmark.models.steady_motion import causal_motion
-from friction_benchmark.registry import RegisteredModel, needs_raw_pressures
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from cylinder_friction.arrays import Array, Mask
-    from cylinder_friction.recordings.recording import Recording
-    from friction_benchmark.registry import BuildConfiguration
+from friction_benchmark.registry import BuildConfiguration, RegisteredModel, needs_raw_pressures
 
 STATES = 7
 BIAS_1, BIAS_2, RATE_1, RATE_2, SCALE, SLOW, FAST = range(STATES)
@@ -53,33 +47,22 @@ GATES = (1.2, 5.0)
 class ObserverNoise:
     """Noises of the states and of the force balance.
 
-    Attributes:
-        bias_n: Standard deviation of the sensors' contribution to the force balance at the start [N].
-        bias_rate_n_s: Of its rate [N/s].
-        bias_walk_n: Of its random walk within a second [N].
-        scale: Standard deviation of the friction law's scale.
-        slow_n, slow_s: Standard deviation [N] and time constant [s] of the law's residual while sliding.
-        fast_n, fast_s: The same for the part that settles quickly after a start.
-        rest_n, rest_s: The same at standstill, where friction balances the pressures.
-        balance_n: Noise of one sample of the force balance [N].
-        gate: Innovations beyond so many standard deviations are a jump of friction.
-
     Raises:
         ValueError: A number is not finite and positive.
     """
 
-    bias_n: float = 5.0
-    bias_rate_n_s: float = 0.1
-    bias_walk_n: float = 0.1
-    scale: float = 0.03
-    slow_n: float = 35.0
-    slow_s: float = 1.2
-    fast_n: float = 30.0
-    fast_s: float = 0.06
-    rest_n: float = 250.0
-    rest_s: float = 3.0
-    balance_n: float = 30.0
-    gate: float = 2.2
+    bias_n: float = 5.0  # Standard deviation of the sensors' contribution to the force balance at the start [N]
+    bias_rate_n_s: float = 0.1  # Of its rate [N/s]
+    bias_walk_n: float = 0.1  # Of its random walk within a second [N]
+    scale: float = 0.03  # Standard deviation of the friction law's scale
+    slow_n: float = 35.0  # Standard deviation [N] and time constant [s] of the law's residual while sliding
+    slow_s: float = 1.2  # Standard deviation [N] and time constant [s] of the law's residual while sliding
+    fast_n: float = 30.0  # The same for the part that settles quickly after a start
+    fast_s: float = 0.06  # The same for the part that settles quickly after a start
+    rest_n: float = 250.0  # The same at standstill, where friction balances the pressures
+    rest_s: float = 3.0  # The same at standstill, where friction balances the pressures
+    balance_n: float = 30.0  # Noise of one sample of the force balance [N]
+    gate: float = 2.2  # Innovations beyond so many standard deviations are a jump of friction
 
     def __post_init__(self) -> None:
         for field in fields(self):

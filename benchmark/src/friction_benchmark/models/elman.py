@@ -8,17 +8,19 @@ speed. What the abstract does not give is chosen here and described in ``Elman``
 the context's self-feedback a of Pham and Liu 1992. All weights lie in one vector, in the order W_u, W_c, b, w, b_o.
 """
 
-from __future__ import annotations
-
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.estimators.training import reproducible
+from cylinder_friction.estimators.training_plan import SequenceData
 from friction_benchmark.models.base import FeatureModel
 from friction_benchmark.models.related_work import (
     VELOCITIES,
@@ -29,18 +31,9 @@ from friction_benchmark.models.related_work import (
 )
 from friction_benchmark.models.swarm import SIDE, swarm_then_simplex
 from friction_benchmark.models.training import minimise
-from friction_benchmark.registry import Range, RegisteredModel
+from friction_benchmark.registry import BuildConfiguration, Range, RegisteredModel
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.estimators.training_plan import SequenceData
-    from friction_benchmark.registry import BuildConfiguration
-
-    Single = NDArray[np.float32]
+Single = NDArray[np.float32]
 
 Trainer = Literal["swarm", "adam"]
 STRIDE = 4

@@ -1,24 +1,16 @@
 """Histogram gradient boosting on features of the present, of some samples ago, and of slow averages."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from sklearn.ensemble import HistGradientBoostingRegressor
 from threadpoolctl import threadpool_limits  # comes with scikit-learn
 
+from cylinder_friction.estimators.training_plan import SequenceData
 from friction_benchmark.models.base import FeatureModel
 from friction_benchmark.models.lagged import Past
-from friction_benchmark.registry import OneOf, Range, RegisteredModel
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.estimators.training_plan import SequenceData
-    from friction_benchmark.registry import BuildConfiguration, Space, Values
+from friction_benchmark.registry import BuildConfiguration, OneOf, Range, RegisteredModel, Space, Values
 
 PAST = Past(lags=(6, 20, 60), averages=(100.0, 1000.0))
 """30, 100 and 300 ms ago; averages over 0.5 and 5 s, which show the contribution of sensor zeros or of a load."""

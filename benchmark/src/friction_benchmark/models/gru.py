@@ -1,12 +1,12 @@
 """The gated recurrent unit (Cho et al. 2014, with the reset gate after the recurrent product, as PyTorch has it)."""
 
-from __future__ import annotations
-
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import torch
 from torch import nn
 
+from cylinder_friction.estimators.training_plan import Architecture
 from friction_benchmark.models.sequence_network import (
     DEFAULTS,
     RECURRENT_STRIDE,
@@ -16,13 +16,7 @@ from friction_benchmark.models.sequence_network import (
     training_plan,
     zero_head,
 )
-from friction_benchmark.registry import RegisteredModel
-
-if TYPE_CHECKING:
-    import torch
-
-    from cylinder_friction.estimators.training_plan import Architecture
-    from friction_benchmark.registry import BuildConfiguration
+from friction_benchmark.registry import BuildConfiguration, RegisteredModel
 
 
 class GruNetwork(nn.Module):

@@ -5,38 +5,31 @@ paper was not at hand; that it learns from LuGre, and how well it does if LuGre 
 its citations. What is left open is chosen here and described in ``HanEstimator``.
 """
 
-from __future__ import annotations
-
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 from torch import nn
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.training import reproducible
+from cylinder_friction.estimators.training_plan import SequenceData
 from cylinder_friction.friction_models.lugre import LuGre, LugreParameters, passive_damping_velocity
+from cylinder_friction.recordings.recording import Recording
 from friction_benchmark.models.base import FeatureModel
 from friction_benchmark.models.related_work import last_motion, places_of, task_columns
 from friction_benchmark.models.training import minimise, outputs, perceptron, weights_in
 from friction_benchmark.models.velocity_window import EVERY, WINDOW_INPUTS, windows
-from friction_benchmark.registry import OneOf, Range, RegisteredModel
+from friction_benchmark.registry import BuildConfiguration, OneOf, Range, RegisteredModel, Space
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.estimators.training_plan import SequenceData
-    from cylinder_friction.recordings.recording import Recording
-    from friction_benchmark.registry import BuildConfiguration, Space
-
-    Single = NDArray[np.float32]
+Single = NDArray[np.float32]
 
 MOTION = ("position_m",)
 VARIANTS = 8

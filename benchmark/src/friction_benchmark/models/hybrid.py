@@ -1,9 +1,5 @@
 """The product's hybrid of LSTM and random forest, and its LSTM alone."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from friction_benchmark.models.sequence_network import (
@@ -13,10 +9,7 @@ from friction_benchmark.models.sequence_network import (
     architecture,
     training_plan,
 )
-from friction_benchmark.registry import Range, RegisteredModel
-
-if TYPE_CHECKING:
-    from friction_benchmark.registry import BuildConfiguration
+from friction_benchmark.registry import BuildConfiguration, Range, RegisteredModel
 
 
 def _hybrid(build: BuildConfiguration) -> HybridEstimator:

@@ -1,17 +1,12 @@
 """The past of the features, for models without memory of their own: earlier rows, and slow averages."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    Rows = NDArray[np.float32]
+Rows = NDArray[np.float32]
 
 
 @dataclass(frozen=True)
@@ -20,14 +15,10 @@ class Past:
 
     Before the first row every lag repeats that row. Averages begin at zero, the features' mean, because one row is a
     poor estimate of a mean.
-
-    Attributes:
-        lags: How many samples ago, each at least 1.
-        averages: Time constants of first-order averages, in samples, each at least 1.
     """
 
-    lags: tuple[int, ...]
-    averages: tuple[float, ...]
+    lags: tuple[int, ...]  # How many samples ago, each at least 1
+    averages: tuple[float, ...]  # Time constants of first-order averages, in samples, each at least 1
 
     def width(self, features: int) -> int:
         """Return how many columns ``of`` gives for so many features."""

@@ -10,35 +10,36 @@ gain can give: a sensor's error, delay, a load); it sees no innovation of its ow
 that it can be trained over whole sequences.
 """
 
-from __future__ import annotations
-
 import itertools
 import math
-from typing import TYPE_CHECKING, Self
+from collections.abc import Iterator, Sequence
+from typing import Self
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import nn
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.linear import force_balance_taps
 from cylinder_friction.estimators.training import reproducible, side_by_side
 from cylinder_friction.estimators.training_plan import SequenceData
+from cylinder_friction.recordings.recording import Recording
 from friction_benchmark.models.base import Model
 from friction_benchmark.models.tracking_features import TrackingFeatures
 from friction_benchmark.models.training import minimise, weights_in
-from friction_benchmark.registry import OneOf, Range, RegisteredModel, needs_raw_pressures
+from friction_benchmark.registry import (
+    BuildConfiguration,
+    OneOf,
+    Range,
+    RegisteredModel,
+    Space,
+    Values,
+    needs_raw_pressures,
+)
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator, Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.recording import Recording
-    from friction_benchmark.registry import BuildConfiguration, Space, Values
-
-    Single = NDArray[np.float32]
+Single = NDArray[np.float32]
 
 LARGE_OFFSET_N = 30.0
 """Mean distance of a recording's friction from its force balance, above which the mean of past strokes helps: about

@@ -1,25 +1,18 @@
 """LuGre, and boosted trees for its residual: physics where data are scarce, learning where they are not."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Self
+from collections.abc import Sequence
+from typing import Self
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.estimators.analytical import PRESSURE_PAIRS, AnalyticalEstimator, scaled_effort
 from cylinder_friction.friction_models.lugre import LuGre
+from cylinder_friction.recordings.recording import Recording
 from friction_benchmark.evenly import evenly
 from friction_benchmark.models.gradient_boosting import DEFAULTS, SPACE, GradientBoosting
-from friction_benchmark.registry import OneOf, RegisteredModel
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.recordings.recording import Recording
-    from friction_benchmark.registry import BuildConfiguration
+from friction_benchmark.registry import BuildConfiguration, OneOf, RegisteredModel
 
 
 class LugreResidual(GradientBoosting):

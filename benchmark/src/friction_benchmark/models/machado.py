@@ -6,15 +6,15 @@ variable friction coefficient, its own output fed forward; inputs are the veloci
 standstill, the stiction force. What is left open is chosen here and described in ``Machado``.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import nn
 
 from cylinder_friction.estimators.training import reproducible
+from cylinder_friction.estimators.training_plan import SequenceData
 from friction_benchmark.models.base import FeatureModel
 from friction_benchmark.models.related_work import (
     VELOCITIES,
@@ -24,17 +24,9 @@ from friction_benchmark.models.related_work import (
     task_columns,
 )
 from friction_benchmark.models.training import outputs, perceptron, weights_in
-from friction_benchmark.registry import OneOf, Range, RegisteredModel
+from friction_benchmark.registry import BuildConfiguration, OneOf, Range, RegisteredModel
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.estimators.training_plan import SequenceData
-    from friction_benchmark.registry import BuildConfiguration
-
-    Single = NDArray[np.float32]
+Single = NDArray[np.float32]
 
 CREEP_M_S = 3e-3
 """Below this speed the stiction force is given: above the noise of the velocity of a 12-bit potentiometer."""

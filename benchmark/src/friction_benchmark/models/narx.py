@@ -4,29 +4,21 @@ A term is a product of two columns, of which column 0 is one: ``(0, 0)`` is the 
 of second degree.
 """
 
-from __future__ import annotations
-
+from collections.abc import Sequence
 from itertools import accumulate
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.estimators.training_plan import SequenceData
 from friction_benchmark.evenly import evenly
 from friction_benchmark.models.base import FeatureModel
 from friction_benchmark.models.lagged import Past
 from friction_benchmark.models.robust_regression import robust_weights
-from friction_benchmark.registry import Range, RegisteredModel
+from friction_benchmark.registry import BuildConfiguration, Range, RegisteredModel
 
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.estimators.training_plan import SequenceData
-    from friction_benchmark.registry import BuildConfiguration
-
-    Terms = NDArray[np.int64]
+Terms = NDArray[np.int64]
 
 PAST = Past(lags=(4, 12, 40), averages=(100.0, 1000.0))
 """20, 60 and 200 ms ago; averages over 0.5 and 5 s."""

@@ -3,19 +3,12 @@
 Ten times as costly as others, it has its epochs cut by effort to the power 1.7: of its 40, 4 serve it as well as 10.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import TrainingPlan
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from friction_benchmark.models.sequence_network import architecture
-from friction_benchmark.registry import OneOf, Range, RegisteredModel
-
-if TYPE_CHECKING:
-    from friction_benchmark.registry import BuildConfiguration
+from friction_benchmark.registry import BuildConfiguration, OneOf, Range, RegisteredModel
 
 
 def _build(build: BuildConfiguration) -> HybridEstimator:

@@ -1,21 +1,14 @@
 """What the networks of the related work share: the features they are given, and the error they minimise."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
+import torch
+from numpy.typing import NDArray
 
+from cylinder_friction.estimators.front_end import FrontEnd
 from cylinder_friction.realtime.history import HISTORY_NAMES
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    import torch
-    from numpy.typing import NDArray
-
-    from cylinder_friction.estimators.front_end import FrontEnd
 
 VELOCITIES = ("velocity_m_s", "creep_velocity")
 """The velocity as it is, and through a soft limit: the same signal, with resolution for what happens at creep."""

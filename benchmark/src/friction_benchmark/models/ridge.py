@@ -1,14 +1,7 @@
 """Ridge regression on lagged samples; effort cuts nothing."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 from cylinder_friction.estimators.linear import RidgeEstimator
-from friction_benchmark.registry import Range, RegisteredModel
-
-if TYPE_CHECKING:
-    from friction_benchmark.registry import BuildConfiguration
+from friction_benchmark.registry import BuildConfiguration, Range, RegisteredModel
 
 
 def _build(build: BuildConfiguration) -> RidgeEstimator:

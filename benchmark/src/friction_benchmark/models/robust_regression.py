@@ -1,14 +1,8 @@
 """Regression towards least absolute error, robust against outliers, by iteratively reweighted least squares."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
-
+from cylinder_friction.arrays import Array
 
 RIDGE = 1e-6
 """Penalty of standardised weights, as a share of the mean squared regressor: keeps collinear columns in bounds."""

@@ -7,27 +7,18 @@ the time that this saves goes into epochs. Effort cuts the epochs, and the rows 
 stacks get fewer epochs in proportion.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import nn
 
 from cylinder_friction.estimators.training import train_network
-from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
+from cylinder_friction.estimators.training_plan import Architecture, SequenceData, TrainingPlan
 from friction_benchmark.models.base import FeatureModel
 from friction_benchmark.models.training import weights_in
-from friction_benchmark.registry import OneOf, Range, needs_raw_pressures
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.estimators.training_plan import SequenceData
-    from friction_benchmark.registry import BuildConfiguration, Space, Values
+from friction_benchmark.registry import BuildConfiguration, OneOf, Range, Space, Values, needs_raw_pressures
 
 RECURRENT_STRIDE = 4
 PRESSURE_FREE_EPOCHS = 2

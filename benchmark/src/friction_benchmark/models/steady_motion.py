@@ -5,19 +5,14 @@ last motion had gone the other way. A moving average never overshoots, so here t
 velocity still comes from a filter without its delay.
 """
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.signals.backlash import DIRECTION, new_backlash, pushing_velocity
 from cylinder_friction.signals.causal import FirFilter, moving_average_taps, one_sided_savitzky_golay_taps
 from cylinder_friction.signals.kalman import constant_jerk
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
 
 AVERAGED = 10
 """Samples of the moving average before the backlash operator."""

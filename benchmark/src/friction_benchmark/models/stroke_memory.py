@@ -4,14 +4,9 @@ Friction changes sign with the direction, an offset does not: the sum of the mea
 offset, as far as friction is equal in both. How far it is, a network can learn from rigs whose friction is known.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.arrays import Array, Mask
 
 MEMORY_NAMES = (
     "stroke_sum",

@@ -6,21 +6,15 @@ in Shi and Eberhart 1998. Simplex: SciPy's Nelder-Mead with the coefficients of 
 dimension. Pan et al. 2017 join the two to identify friction.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
+from cylinder_friction.arrays import Array
 
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-
-    Cost = Callable[[Array], float]
+Cost = Callable[[Array], float]
 
 
 SIDE = 6

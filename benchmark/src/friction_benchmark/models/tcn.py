@@ -5,11 +5,9 @@ normalisation, ReLU and spatial dropout; the block's input is added and goes thr
 input goes through a 1×1 convolution, because it has another width. Before the first sample every layer sees zeros.
 """
 
-from __future__ import annotations
-
 import math
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import torch
 from torch import nn
@@ -17,10 +15,7 @@ from torch.nn.functional import conv1d, relu
 from torch.nn.utils.parametrizations import weight_norm
 
 from friction_benchmark.models.sequence_network import SequenceModel, training_plan, zero_head
-from friction_benchmark.registry import OneOf, Range, RegisteredModel
-
-if TYPE_CHECKING:
-    from friction_benchmark.registry import BuildConfiguration
+from friction_benchmark.registry import BuildConfiguration, OneOf, Range, RegisteredModel
 
 
 class CausalConvolution(nn.Module):

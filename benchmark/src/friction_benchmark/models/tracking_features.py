@@ -4,12 +4,13 @@ Every change of the force balance is softly limited at tens of newtons, the size
 friction: noise and friction then separate alike on a rig of 150 N and on one of 900 N, and training carries over.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.front_end import (
     CREEP_VELOCITY_M_S,
     FeatureRow,
@@ -20,6 +21,7 @@ from cylinder_friction.estimators.front_end import (
 )
 from cylinder_friction.estimators.linear import force_balance_taps
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.causal import (
     cascade_taps,
     difference_taps,
@@ -28,15 +30,6 @@ from cylinder_friction.signals.causal import (
 )
 from friction_benchmark.evenly import evenly
 from friction_benchmark.models.stroke_memory import MEMORY_NAMES, remember_strokes
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.recording import Recording
 
 PRESSURE_1, PRESSURE_2, POSITION = range(3)
 SCALED_ON = 32

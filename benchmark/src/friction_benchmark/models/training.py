@@ -1,21 +1,15 @@
 """One training loop for the networks in PyTorch that the product's own training does not cover."""
 
-from __future__ import annotations
-
 import math
+from collections.abc import Iterable, Sequence
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import nn
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
-
-    from numpy.typing import NDArray
-
-    Single = NDArray[np.float32]
+Single = NDArray[np.float32]
 
 
 def minimise(

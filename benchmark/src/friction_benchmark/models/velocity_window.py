@@ -4,16 +4,10 @@ Friction depends on a reversal for milliseconds and on a standstill for seconds;
 too short or too wide for a small network.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array
 
 EVERY = 4
 """Samples between two steps of the window: 20 ms at 200 Hz."""

@@ -1,19 +1,14 @@
 """Charts of one leaderboard: errors with their intervals, error against cost, errors and coverage by condition."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
 
 from cylinder_friction.reporting.page_figure import PageFigure
 from cylinder_friction.reporting.style import BLACK, BROWN, CONDITION_MARKS, GREEN, INK, QUIET
+from friction_benchmark.report.model_titles import ModelTitles
 from friction_benchmark.report.words import capital, counted, denominator, of_size, share, within
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
-
-    from friction_benchmark.report.model_titles import ModelTitles
-    from friction_benchmark.results import Entry, TaskResult
+from friction_benchmark.results import Entry, TaskResult
 
 COVERED = (0.87, 0.93)
 """Where 90 % bounds are meant to be."""

@@ -1,17 +1,11 @@
 """Titles and marks of the models: colour and shape both state the family, either alone suffices."""
 
-from __future__ import annotations
-
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from cylinder_friction.reporting import estimator_titles
 from cylinder_friction.reporting.style import BLACK, BLUE, ORANGE, PINK, QUIET
-
-if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
-
-    from friction_benchmark.results import ModelInfo
+from friction_benchmark.results import ModelInfo
 
 Mark = tuple[str, str, str]
 """Colour, a letter that looks like the shape, and Plotly's name of the shape."""

@@ -1,19 +1,13 @@
 """All tasks at once: who wins what, and every model's error in every task against the baseline."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
 
 from cylinder_friction.reporting.page import Cell, Table
+from friction_benchmark.report.model_titles import ModelTitles
 from friction_benchmark.report.task_tables import EMPTY, against_baseline, margin_cell
 from friction_benchmark.report.words import SPLITS, capital, of_size, plain, split_words, within
-
-if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from friction_benchmark.report.model_titles import ModelTitles
-    from friction_benchmark.results import BenchmarkResults, Entry, TaskResult
+from friction_benchmark.results import BenchmarkResults, Entry, TaskResult
 
 
 def anchor(task: str) -> str:

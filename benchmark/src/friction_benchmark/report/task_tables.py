@@ -1,12 +1,11 @@
 """Tables of one leaderboard: errors, where they arise, the cost of an estimate and how far it can be trusted."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 from cylinder_friction.evaluation.strata import STRATA
 from cylinder_friction.reporting.page import Cell, Table
+from friction_benchmark.report.model_titles import ModelTitles
 from friction_benchmark.report.words import (
     NOTHING,
     counted,
@@ -18,12 +17,7 @@ from friction_benchmark.report.words import (
     signed,
     within,
 )
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from friction_benchmark.report.model_titles import ModelTitles
-    from friction_benchmark.results import Entry, Interval, TaskResult
+from friction_benchmark.results import Entry, Interval, TaskResult
 
 EMPTY = Cell(NOTHING, style="none")
 

@@ -1,12 +1,8 @@
 """Numbers and names as readers see them."""
 
-from __future__ import annotations
-
 import math
-from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:
-    from friction_benchmark.results import Interval, TaskResult
+from friction_benchmark.results import Interval, TaskResult
 
 NOTHING = "–"
 

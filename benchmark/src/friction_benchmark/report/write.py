@@ -1,8 +1,8 @@
 """The benchmark as one HTML page: an overview of all tasks, then every leaderboard with its charts and tables."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
 
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.reporting.page import Cell, Table, page_html
@@ -10,12 +10,7 @@ from friction_benchmark.report import charts, task_tables
 from friction_benchmark.report.model_titles import ModelTitles
 from friction_benchmark.report.overview import anchor, heat_map, main_split, winners
 from friction_benchmark.report.words import REFERENCES, capital, of_size, plain, split_words, within
-
-if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
-    from pathlib import Path
-
-    from friction_benchmark.results import BenchmarkResults, TaskResult
+from friction_benchmark.results import BenchmarkResults, TaskResult
 
 
 def write_report(results: BenchmarkResults, findings: Mapping[str, str], path: Path) -> None:

@@ -1,12 +1,7 @@
 """``friction-benchmark servo-rig``: its arguments, and what it prints. Imports nothing heavy until it runs."""
 
-from __future__ import annotations
-
+import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    import argparse
 
 HELP = "score the product's estimators, trained there and elsewhere, on a simulated rig of another structure"
 

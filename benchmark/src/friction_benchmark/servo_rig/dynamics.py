@@ -13,8 +13,6 @@ grows with the logarithm of the dwell. The film's shear grows with the root of `
 lubrication). Viscosity is Vogel's of an ISO VG 46 oil. Friction is positive when it opposes positive velocity.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

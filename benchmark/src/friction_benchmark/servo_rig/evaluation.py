@@ -7,19 +7,20 @@ the servo rig then. Sensor offsets are identified before training, as by the pip
 test session from a cold start.
 """
 
-from __future__ import annotations
-
 import copy
 import warnings
 from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from tqdm import tqdm
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.analytical import AnalyticalEstimator
+from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassForceBalanceEstimator, RidgeEstimator
 from cylinder_friction.estimators.training_plan import TrainingPlan
@@ -27,25 +28,16 @@ from cylinder_friction.evaluation.sessions import half_width_points
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.labelling.label import label
 from cylinder_friction.labelling.offset_identification import fit_offset_model
+from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import LOAD_FORCE, SAMPLE_COLUMNS
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.splits import split
 from cylinder_friction.rig.campaign import CampaignPlan
 from friction_benchmark.campaigns import labelled_campaign, twin_campaign
 from friction_benchmark.models.learned_gain import MODELS, LearnedGain
-from friction_benchmark.registry import BuildConfiguration
+from friction_benchmark.registry import BuildConfiguration, Estimator
 from friction_benchmark.servo_rig.parameters import CYLINDER
-from friction_benchmark.servo_rig.sessions import CONDITIONS, SessionPlan, as_seen_by, record_sessions
-
-if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
-
-    from cylinder_friction.arrays import Array
-    from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.recordings.checks.limits import LoadMode
-    from cylinder_friction.recordings.recording import Recording
-    from friction_benchmark.registry import Estimator
-    from friction_benchmark.servo_rig.sessions import ServoSession
+from friction_benchmark.servo_rig.sessions import CONDITIONS, ServoSession, SessionPlan, as_seen_by, record_sessions
 
 DEFAULT_RIG_CYLINDER = Cylinder(
     name="Bosch H160CA 63x28", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0

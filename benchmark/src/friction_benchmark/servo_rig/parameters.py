@@ -4,8 +4,6 @@ Nothing is taken over from ``cylinder_friction.rig``: another cylinder, drive, l
 are of the order of data sheets of such parts; no particular rig is meant.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from cylinder_friction.cylinder import Cylinder

@@ -1,18 +1,11 @@
 """Position references of the servo rig, one value each millisecond [m]: sine sweeps, trapezoids, random steps."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
+from numpy.random import Generator
 from scipy import signal
 
+from cylinder_friction.arrays import Array
 from friction_benchmark.servo_rig.dynamics import TICK_S
-
-if TYPE_CHECKING:
-    from numpy.random import Generator
-
-    from cylinder_friction.arrays import Array
 
 LOWEST_M, HIGHEST_M = 0.035, 0.265
 """References keep within this, so that overshoot stays clear of the ends."""

@@ -1,14 +1,15 @@
 """Sessions on the servo rig: three conditions, drawn parameters, sensors, and recordings with the truth beside them."""
 
-from __future__ import annotations
-
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 import pandas as pd
+from numpy.random import Generator
 from scipy import signal
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import OIL_TEMPERATURE, POSITION, PRESSURES, TIME
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata, SensorUncertainty
 from friction_benchmark.servo_rig.dynamics import TICK_S
@@ -23,13 +24,6 @@ from friction_benchmark.servo_rig.parameters import (
 )
 from friction_benchmark.servo_rig.references import random_steps, sine_sweeps, trapezoids
 from friction_benchmark.servo_rig.simulate import simulate
-
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.random import Generator
-
-    from cylinder_friction.arrays import Array
 
 Mounting = Literal["horizontal", "vertical"]
 """Vertical: the mass hangs on the rod's upper end, on a spring; both resist extension, and nobody measures them."""

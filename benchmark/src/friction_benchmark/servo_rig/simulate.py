@@ -1,18 +1,11 @@
 """One run of the servo rig: parameters and a position reference in, a trace out."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pandas as pd
 
+from cylinder_friction.arrays import Array
 from friction_benchmark.servo_rig.dynamics import TICK_S, run
-from friction_benchmark.servo_rig.parameters import BAR
-
-if TYPE_CHECKING:
-    from cylinder_friction.arrays import Array
-    from friction_benchmark.servo_rig.parameters import Drive, Seals
+from friction_benchmark.servo_rig.parameters import BAR, Drive, Seals
 
 TRACE_COLUMNS = (
     "time_s",
