@@ -20,7 +20,7 @@ from friction_benchmark.cases import (
     shown_inputs,
     with_known_zeros,
 )
-from friction_benchmark.models.baselines import ConstantByDirection
+from friction_benchmark.models.baselines import ByDirection
 from friction_benchmark.tasks import TASKS, task_named
 from friction_benchmark_models import CYLINDER, made_recording
 
@@ -103,7 +103,7 @@ def test_a_linear_filter_does_not_recover_friction_from_the_level() -> None:
         return float(np.mean([np.abs(estimator.estimate(each) - each.column("friction_n")) for each in cases]))
 
     levels = shown_inputs(task_named("pressure_level"), RAW)
-    constant_n = error_n(ConstantByDirection(levels), "pressure_level")
+    constant_n = error_n(ByDirection(levels, viscous=False), "pressure_level")
     assert error_n(RidgeEstimator(60, 1e-3), "identity") < 0.5 * constant_n
     assert error_n(RidgeEstimator(60, 1e-3, levels), "pressure_level") > constant_n
 

@@ -9,7 +9,7 @@ import pytest
 
 from cylinder_friction.realtime.guard import TrainingRange
 from friction_benchmark.datasets import Sources, folds_of, training_cases, twin_recordings
-from friction_benchmark.extrapolation import VELOCITY, outside, training_range, with_causal_velocity
+from friction_benchmark.extrapolation import outside, range_of, training_range
 from friction_benchmark.folds import HELD_OUT, LEAVE_LOAD, UNSEEN_RIG
 from friction_benchmark.tasks import task_named
 from friction_benchmark_models import CYLINDER, SIZES, write_campaign
@@ -23,13 +23,9 @@ INPUTS = ("pressure_1_pa", "pressure_2_pa", "position_m")
 FORECAST = task_named("forecast_250ms")
 
 
-def known_from(recordings: list[Recording], inputs: tuple[str, ...] = INPUTS) -> TrainingRange:
-    return TrainingRange.of([with_causal_velocity(recording) for recording in recordings], (*inputs, VELOCITY))
-
-
 @pytest.fixture
 def known(labelled_recordings: list[Recording]) -> TrainingRange:
-    return known_from(labelled_recordings)
+    return range_of(labelled_recordings, INPUTS)
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +38,7 @@ def sources(tmp_path_factory: pytest.TempPathFactory) -> Sources:
 
 
 def test_the_training_recordings_are_inside(known: TrainingRange, labelled_recordings: list[Recording]) -> None:
-    assert not any(outside(known, with_causal_velocity(recording)).any() for recording in labelled_recordings)
+    assert not any(outside(known, recording).any() for recording in labelled_recordings)
 
 
 def test_a_pressure_never_seen_is_outside_while_it_lasts(
@@ -51,39 +47,33 @@ def test_a_pressure_never_seen_is_outside_while_it_lasts(
     recording = labelled_recordings[0]
     pressure = recording.column("pressure_1_pa").copy()
     pressure[100:200] += 1e8
-    flagged = outside(known, with_causal_velocity(recording.with_columns(pressure_1_pa=pressure)))
+    flagged = outside(known, recording.with_columns(pressure_1_pa=pressure))
     np.testing.assert_array_equal(np.flatnonzero(flagged), np.arange(100, 200))
 
 
 def test_a_speed_never_seen_is_outside_though_every_input_is_inside(labelled_recordings: list[Recording]) -> None:
     slow = labelled_recordings[0]
-    known = known_from([slow], ("position_m",))
+    known = range_of([slow], ("position_m",))
     position = slow.column("position_m")
     stroke = np.linspace(position.min(), position.max(), 40)
     position = np.concatenate([np.full(500, stroke[0]), stroke, np.full(len(position) - 540, stroke[-1])])
-    flagged = outside(known, with_causal_velocity(slow.with_columns(position_m=position)))
+    flagged = outside(known, slow.with_columns(position_m=position))
     assert flagged[510:540].all()
     assert not flagged[:500].any()
     assert not flagged[600:].any()
-
-
-def test_both_velocities_agree_on_a_clean_recording(labelled_recordings: list[Recording]) -> None:
-    recording = labelled_recordings[0]
-    apart = np.abs(with_causal_velocity(recording).column(VELOCITY) - recording.column(VELOCITY))
-    assert np.quantile(apart[50:], 0.99) < 5e-3
 
 
 @pytest.mark.parametrize("of_now", [False, True])
 def test_the_range_is_that_of_the_training_recordings_whatever_their_target(sources: Sources, of_now: bool) -> None:
     fold = folds_of(sources, FORECAST, HELD_OUT, 0)[0]
     cases = training_cases(sources, FORECAST, 0, of_now=of_now)
-    found = training_range(sources, FORECAST, 0, fold.train, INPUTS, causal=True)
-    assert found == known_from([cases[name].recording for name in fold.train])
+    found = training_range(sources, FORECAST, 0, fold.train, INPUTS)
+    assert found == range_of([cases[name].recording for name in fold.train], INPUTS)
 
 
 def test_a_model_trained_on_the_twin_has_its_range(sources: Sources) -> None:
-    found = training_range(sources, FORECAST, 0, (), INPUTS, causal=True)
-    assert found == known_from(list(twin_recordings(sources, FORECAST, 0)))
+    found = training_range(sources, FORECAST, 0, (), INPUTS)
+    assert found == range_of(twin_recordings(sources, FORECAST, 0), INPUTS)
 
 
 def test_the_range_is_made_once_for_the_models_and_splits_that_share_it(sources: Sources) -> None:
@@ -91,15 +81,6 @@ def test_the_range_is_made_once_for_the_models_and_splits_that_share_it(sources:
     for _ in ("one model", "another"):
         for split in (HELD_OUT, UNSEEN_RIG, LEAVE_LOAD):
             for fold in folds_of(sources, FORECAST, split, 0):
-                training_range(sources, FORECAST, 0, fold.train, INPUTS, causal=False)
+                training_range(sources, FORECAST, 0, fold.train, INPUTS)
     assert training_range.cache_info().misses == 1 + 4
     assert training_range.cache_info().hits == 7
-
-
-def test_scoring_goes_by_the_off_line_velocity(sources: Sources) -> None:
-    fold = folds_of(sources, FORECAST, HELD_OUT, 0)[0]
-    causal, off_line = (
-        training_range(sources, FORECAST, 0, fold.train, INPUTS, causal=causal) for causal in (True, False)
-    )
-    assert causal.lower[:-1] == off_line.lower[:-1]
-    assert causal.lower[-1] < off_line.lower[-1] < 0.0  # noise widens what is seen from samples until now

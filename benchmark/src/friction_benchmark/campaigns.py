@@ -8,31 +8,30 @@ their whole ranges, so that what is learnt holds for an unknown rig.
 
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from pathlib import Path
 from typing import Literal
 
 import numpy as np
+import yaml
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller
-from cylinder_friction.recordings.checks.screening import screen_signals
-from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of
+from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of, pieces_from
 from cylinder_friction.recordings.files import whole_folder
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
-from cylinder_friction.recordings.mapping.channel_mapping import sensor_limits
-from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import write_recording
-from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.rig.campaign import CampaignPlan, RigRecording, campaign
 from cylinder_friction.rig.sensors import as_written
 from cylinder_friction.signals.methods import default_filter
 from cylinder_friction.signals.smooth_signals import filtered
 from friction_benchmark.cases import LabelledRecording
 from friction_benchmark.datasets import TRUE_FRICTION, TRUE_LOAD, Kind, Sizes, Sources
-from friction_benchmark.rig_channels import NAME_PATTERN, logger_channels
 
+INGEST = Path(__file__).parents[3] / "conf" / "ingest"
+"""The product's mappings of the rig's files, one with and one without its load cell."""
 END_STOP_MARGIN_M = 0.003
 UNSEEN_SEEDS = 1000
 """Seeds of unseen rigs begin here, so that none of them is a rig that models are trained on."""
@@ -150,16 +149,15 @@ def twin_campaign(
 
 def campaign_recipe(cylinder: Cylinder, *, load: bool) -> Recipe:
     """Return how the rig's log becomes recordings, by default; ``load``: whether there is a load cell."""
-    settings = {"channels": logger_channels(load=load)}
-    return Recipe.from_settings(settings, NameRules(NAME_PATTERN), cylinder, "measured" if load else "none")
+    rig, loaded = (yaml.safe_load((INGEST / f"{each}.yaml").read_text("utf-8")) for each in ("rig", "rig_loaded"))
+    settings = {"channels": rig["channels"] | (loaded["channels"] if load else {})}
+    return Recipe.from_settings(settings, NameRules(rig["name_pattern"]), cylinder, "measured" if load else "none")
 
 
 def _labelled(logged: RigRecording, recipe: Recipe, labeller: Labeller) -> Iterator[LabelledRecording]:
     """Yield a log's recordings: one, unless samples that cannot be bridged part it."""
     file = f"{logged.metadata.name}.csv"
-    mapped = map_signals([LoggedTable(as_written(logged.logger))], recipe.channels)
-    signals, _ = screen_signals(mapped.signals, sensor_limits(recipe.channels), recipe.screen, recipe.limits.stroke_m)
-    pieces = align(signals, recipe.time)
+    pieces = pieces_from([LoggedTable(as_written(logged.logger))], recipe)
     truth, signal_filter = logged.truth, default_filter(labeller.cylinder)
     for number, piece in enumerate(pieces, start=1):
         metadata = metadata_of(piece, recipe.names.names(file), number, len(pieces), file, "", recipe)

@@ -30,7 +30,7 @@ OFFSET_PA = 1.25e5
 DRIFT_PA_S = 1e3
 """Largest drift of that offset: 0.3 bar within half a minute."""
 CALIBRATED_PA = 3e3
-"""Standard uncertainty of the zeros of the calibrated transmitters that labels are from, as in ``rig_channels``."""
+"""Standard uncertainty of the zeros of the calibrated transmitters that labels are from, as in ``rig.yaml``."""
 SENSOR_DRAWS = 4
 """How many pairs of sensors each validation and test recording was made with: one pair shows little of others."""
 

@@ -5,9 +5,12 @@ import json
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
+
+from pydantic import model_validator
 
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.params.section import Count, Positive, Section
 from cylinder_friction.recordings.columns import OIL_TEMPERATURE
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.splits import split_sessions
@@ -42,17 +45,25 @@ def key_of(content: Any) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
 
 
-@dataclass(frozen=True)
-class Sizes:
+class Sizes(Section):
     """How much is simulated."""
 
-    sessions_per_condition: int  # In each of the four conditions
-    recordings_per_session: int  # Of each session
-    duration_s: float  # Of a recording [s]
-    test_sessions: int  # Of each condition, held out
-    validation_sessions: int  # Of each condition; they choose while tuning and calibrate bounds
-    unseen_sessions: int  # Of each condition on the unseen rig
-    twin_rigs: int  # Rigs of the simulated twin; two recordings of each condition on each
+    sessions_per_condition: Count  # In each of the four conditions
+    recordings_per_session: Count  # Of each session
+    duration_s: Positive  # Of a recording [s]
+    test_sessions: Count  # Of each condition, held out
+    validation_sessions: Count  # Of each condition; they choose while tuning and calibrate bounds
+    unseen_sessions: Count  # Of each condition on the unseen rig
+    twin_rigs: Count  # Rigs of the simulated twin; two recordings of each condition on each
+
+    @model_validator(mode="after")
+    def _some_sessions_train(self) -> Self:
+        if self.test_sessions + self.validation_sessions >= self.sessions_per_condition:
+            raise ValueError(
+                f"sessions_per_condition is {self.sessions_per_condition}, of which test_sessions and "
+                "validation_sessions leave none to train on; expected at least one more than both together"
+            )
+        return self
 
     def simulated(self, kind: Kind) -> dict[str, float]:
         """Return the sizes that a campaign of this kind depends on."""

@@ -11,41 +11,34 @@ from friction_benchmark.cases import Task
 from friction_benchmark.datasets import Sources, cases_of, twin_recordings
 
 VELOCITY = "velocity_m_s"
-"""The column that counts besides an estimator's inputs: by the off-line filter, or ``with_causal_velocity``."""
+"""The column that counts besides an estimator's inputs, made from samples until now."""
 
 
 @lru_cache(maxsize=1024)
 def training_range(
-    sources: Sources, task: Task, seed: int, names: tuple[str, ...], inputs: tuple[str, ...], *, causal: bool
+    sources: Sources, task: Task, seed: int, names: tuple[str, ...], inputs: tuple[str, ...]
 ) -> TrainingRange:
-    """Return the range of the inputs, and of the velocity last, in the training recordings.
+    """Return the range of the inputs, and of the velocity last, in the named training recordings; without, the twin's.
 
     It is the same for all models with one training set, and a handful of numbers, so that a worker keeps those of all
     tasks, folds and seeds.
-
-    Args:
-        sources: Where the recordings are.
-        task: Which.
-        seed: Of the campaign.
-        names: Training recordings of the task's campaign; none for the twin's.
-        inputs: Columns that count.
-        causal: Whether the velocity is made from samples until now, not off line.
     """
-    recordings: Iterable[Recording]
-    if names:
-        # A model whose target is friction now, not ahead, sees the same columns: targets are of no account here.
-        cases = cases_of(sources, task, task.campaign, seed)
-        recordings = [cases[name].recording for name in names]
-    else:
-        recordings = twin_recordings(sources, task, seed)
-    return TrainingRange.of(map(with_causal_velocity, recordings) if causal else recordings, (*inputs, VELOCITY))
+    if not names:
+        return range_of(twin_recordings(sources, task, seed), inputs)
+    # A model whose target is friction now, not ahead, sees the same columns: targets are of no account here.
+    cases = cases_of(sources, task, task.campaign, seed)
+    return range_of((cases[name].recording for name in names), inputs)
+
+
+def range_of(recordings: Iterable[Recording], inputs: tuple[str, ...]) -> TrainingRange:
+    """Return the range of the inputs, and of the velocity last, in recordings."""
+    return TrainingRange.of(map(_with_causal_velocity, recordings), (*inputs, VELOCITY))
 
 
 def outside(known: TrainingRange, recording: Recording) -> Mask:
-    """Return which rows of a recording lie outside a range, shape ``(n,)``; its columns are the range's."""
-    return ~known.holds(recording.samples(known.columns))
+    """Return which rows of a recording lie outside a range, shape ``(n,)``."""
+    return ~known.holds(_with_causal_velocity(recording).samples(known.columns))
 
 
-def with_causal_velocity(recording: Recording) -> Recording:
-    """Return the recording with the velocity that a flag goes by, from samples until now [m/s]."""
+def _with_causal_velocity(recording: Recording) -> Recording:
     return recording.with_columns(**{VELOCITY: causal_velocity(recording)})

@@ -8,8 +8,7 @@ import numpy as np
 from friction_benchmark.bootstrap import block_sums, bootstrap_percent, interval
 from friction_benchmark.cache import Prediction
 from friction_benchmark.cases import EvaluationCase, Task
-from friction_benchmark.datasets import cases_of, folds_of, inputs_of, key_of, unseen_kind
-from friction_benchmark.extrapolation import outside, training_range
+from friction_benchmark.datasets import cases_of, folds_of, key_of, unseen_kind
 from friction_benchmark.folds import UNSEEN_RIG
 from friction_benchmark.jobs import Context
 from friction_benchmark.results import Interval
@@ -77,14 +76,6 @@ def tested_cases(context: Context, task: Task, split: str, seed: int) -> dict[st
 def _scored(
     context: Context, task: Task, split: str, seed: int, prediction: Prediction, baseline: Prediction | None
 ) -> list[ScoredRecording]:
-    sources = context.sources
-    inputs = inputs_of(sources, task, seed)
     tested = tested_cases(context, task, split, seed)
-    scored = []
-    for fold in folds_of(sources, task, split, seed):
-        known = training_range(sources, task, seed, fold.train, inputs, causal=False)
-        for name in fold.test:
-            baseline_n = None if baseline is None else baseline.estimates[name].friction_n
-            beyond = outside(known, tested[name].recording)
-            scored.append(ScoredRecording(seed, tested[name], prediction.estimates[name], baseline_n, beyond))
-    return scored
+    beside = {} if baseline is None else {name: each.friction_n for name, each in baseline.estimates.items()}
+    return [ScoredRecording(seed, case, prediction.estimates[name], beside.get(name)) for name, case in tested.items()]

@@ -12,6 +12,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.params.checking import PARAMS_FILE, ParamsError, checked
 from cylinder_friction.params.section import Count, Positive, Section, Seed
 from cylinder_friction.recordings.files import write_text
+from friction_benchmark.datasets import Sizes
 from friction_benchmark.tasks import task_named
 
 FOLDER = Path("benchmark")
@@ -26,27 +27,6 @@ def _known_task(name: str) -> str:
 
 TaskName = Annotated[str, AfterValidator(_known_task)]
 SplitName = Literal["unseen_rig", "leave_one_load_out", "leave_one_temperature_out"]
-
-
-class CampaignParams(Section):
-    """The simulated campaigns; see ``friction_benchmark.datasets.Sizes``."""
-
-    sessions_per_condition: Count
-    recordings_per_session: Count
-    duration_s: Positive
-    test_sessions: Count
-    validation_sessions: Count
-    unseen_sessions: Count
-    twin_rigs: Count
-
-    @model_validator(mode="after")
-    def _some_sessions_train(self) -> Self:
-        if self.test_sessions + self.validation_sessions >= self.sessions_per_condition:
-            raise ValueError(
-                f"sessions_per_condition is {self.sessions_per_condition}, of which test_sessions and "
-                "validation_sessions leave none to train on; expected at least one more than both together"
-            )
-        return self
 
 
 class PlanParams(Section):
@@ -89,7 +69,7 @@ class BenchmarkParams(Section):
 
     cylinder: Cylinder
     source: str
-    campaign: CampaignParams
+    campaign: Sizes
     plan: PlanParams
     budget: BudgetParams
     scoring: ScoringParams

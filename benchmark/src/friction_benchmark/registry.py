@@ -1,9 +1,10 @@
 """The model registry: how each model is built, what may be tuned in it, and where it comes from."""
 
+from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib import import_module
-from typing import Literal, Protocol
+from typing import Literal, Protocol, Self
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
@@ -20,12 +21,15 @@ class Estimator(Protocol):
 
     inputs: tuple[str, ...]
 
-    def fit(self, recordings: Sequence[Recording], /) -> object:
-        """Learn from labelled recordings."""
+    @abstractmethod
+    def fit(self, recordings: Sequence[Recording], /) -> Self:
+        """Learn from the usable rows of labelled recordings, and return the model itself."""
 
+    @abstractmethod
     def estimate(self, recording: Recording, /) -> Array:
         """Return friction [N] at each sample, shape ``(n,)``; each value depends on samples until then alone."""
 
+    @abstractmethod
     def multiply_adds(self) -> int:
         """Return the multiply-adds of one sample, the usual measure of a network's cost."""
 

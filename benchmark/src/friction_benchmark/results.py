@@ -1,6 +1,6 @@
 """What the benchmark found: plain numbers, written to ``reports/benchmark.json`` and drawn by the report."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, Literal, Self
 
@@ -40,20 +40,8 @@ class Trust:
     coverage_after_reversal: float  # The same, just after reversals alone
     width_n: float  # Mean width of the bounds [N]
     flagged: float  # Share of rows that the model flags as outside its training range, by samples until then
-    outside: float  # Share of rows whose inputs or velocity, filtered off line, lie outside the training range
-    caught: float | None = None  # Share of the rows outside that are flagged; None where no row is outside
     # Share of usable rows whose true friction lies in the bounds; None where it is not known
     coverage_of_truth: float | None = None
-
-
-@dataclass(frozen=True)
-class Residuals:
-    """The residuals: moments, autocorrelation at lags, and correlation with what was measured."""
-
-    skewness: float
-    excess_kurtosis: float
-    autocorrelation: Mapping[str, float]
-    correlation_with: Mapping[str, float]
 
 
 @dataclass(frozen=True)
@@ -68,8 +56,7 @@ class Entry:
     # Baseline's percent minus this model's, paired bootstrap; positive where the model is better. None where the
     # baseline failed.
     below_baseline: Interval | None
-    trust: Trust | None  # None where there are no bounds
-    residuals: Residuals | None  # None where they were not examined
+    trust: Trust
     multiply_adds: int  # In one step
     step_us: float  # Processor time of one sample while whole recordings are estimated [µs]
     training_s: float  # Processor time, median over seeds, each with all its folds [s]
@@ -80,14 +67,11 @@ class Entry:
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
         """Return what ``dataclasses.asdict`` and JSON made a dictionary of."""
-
-        def of(kind: Callable[..., Any], name: str) -> Any:
-            return None if content[name] is None else kind(**content[name])
-
         score = Score(**{**content["score"], "percent": Interval(**content["score"]["percent"])})
         strata = {name: (percent, mae_n) for name, (percent, mae_n) in content["strata"].items()}
-        parts = {"below_baseline": Interval, "trust": Trust, "residuals": Residuals}
-        return cls(**{**content, "score": score, "strata": strata, **{name: of(parts[name], name) for name in parts}})
+        below = content["below_baseline"] and Interval(**content["below_baseline"])
+        parts = {"score": score, "strata": strata, "below_baseline": below, "trust": Trust(**content["trust"])}
+        return cls(**{**content, **parts})
 
 
 @dataclass(frozen=True)

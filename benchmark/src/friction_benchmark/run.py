@@ -13,8 +13,9 @@ from cylinder_friction.tracking.log_run import log_run, track_or_warn
 from cylinder_friction.tracking.measurement import measured
 from cylinder_friction.tracking.repository import TrackingError, repository_root
 from friction_benchmark.cache import Cache
+from friction_benchmark.campaigns import INGEST
 from friction_benchmark.conclusions import findings_of
-from friction_benchmark.datasets import Sizes, Sources
+from friction_benchmark.datasets import Sources, key_of
 from friction_benchmark.params import RIG, BenchmarkParams
 from friction_benchmark.plan import Plan
 from friction_benchmark.registry import MODULES
@@ -103,9 +104,9 @@ def runner_from(params: BenchmarkParams) -> Runner:
     recordings = _recordings(params)
     sources = Sources(
         folder=Cache(cache).campaigns,
-        sizes=Sizes(**params.campaign.model_dump()),
+        sizes=params.campaign,
         cylinder=params.cylinder,
-        code=code_key("friction_benchmark.campaigns"),
+        code=key_of([code_key("friction_benchmark.campaigns"), hash_of(INGEST)]),
         own=tuple((role, Path(params.source) / role) for role in recordings),
         own_hashes=tuple(recordings.items()),
     )
@@ -185,9 +186,7 @@ def _metrics(entry: Entry) -> dict[str, float]:
         metrics["validation_percent"] = float(entry.tuning["validation_percent"])
     if ahead is not None:
         metrics |= {"below_baseline": ahead.value, "below_baseline_low": ahead.low, "below_baseline_high": ahead.high}
-    if trust is not None:
-        metrics |= {f"coverage.condition_{test}" if test else "coverage": v for test, v in trust.coverage.items()}
-        metrics |= {"coverage.after_reversal": trust.coverage_after_reversal, "bounds_width_n": trust.width_n}
-        metrics |= {"flagged": trust.flagged}
-        metrics |= {} if trust.coverage_of_truth is None else {"coverage.of_truth": trust.coverage_of_truth}
-    return metrics
+    metrics |= {f"coverage.condition_{test}" if test else "coverage": v for test, v in trust.coverage.items()}
+    metrics |= {"coverage.after_reversal": trust.coverage_after_reversal, "bounds_width_n": trust.width_n}
+    of_truth = {} if trust.coverage_of_truth is None else {"coverage.of_truth": trust.coverage_of_truth}
+    return {**metrics, **of_truth, "flagged": trust.flagged}

@@ -9,19 +9,16 @@ from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.evaluation.comparison import with_gaps
 from cylinder_friction.evaluation.metrics import errors, lag_s
-from cylinder_friction.evaluation.residuals import autocorrelation, dependence, residual_figures
 from cylinder_friction.evaluation.strata import STRATA, StrataLimits, strata_masks
 from friction_benchmark.bootstrap import block_sums, bootstrap_percent, interval
 from friction_benchmark.cache import Estimates, Prediction
 from friction_benchmark.cases import EvaluationCase, low_passed
 from friction_benchmark.evenly import evenly
-from friction_benchmark.results import Entry, Interval, Residuals, Score, Trust
+from friction_benchmark.results import Entry, Interval, Score, Trust
 from friction_benchmark.tuning import Tuned
 
-MEMORY_LAGS_S = (0.005, 0.05, 0.1, 0.5, 1.0)
-"""Lags at which the residuals' autocorrelation is given [s]."""
 MOST_DIAGNOSED = 36
-"""Lag and residuals are taken from at most so many recordings, evenly: they are means that more would not move."""
+"""The lag is taken from at most so many recordings, evenly: more would not move it."""
 
 
 @dataclass(frozen=True)
@@ -38,21 +35,16 @@ class ScoreSettings:
 
 @dataclass(frozen=True, eq=False)
 class ScoredRecording:
-    """One recording: its case, the estimates, the baseline's estimate [N], and the rows outside the training range."""
+    """One recording: its case, the estimates, and the baseline's estimate [N]."""
 
     seed: int
     case: EvaluationCase
     estimate: Estimates
     baseline_n: Array | None
-    outside: Mask
 
     @property
     def condition(self) -> str:
         return self.case.recording.metadata.condition
-
-    @property
-    def residual_n(self) -> Array:
-        return np.asarray(self.case.reference_n - self.estimate.friction_n)
 
     def strata(self, limits: StrataLimits) -> dict[str, Mask]:
         return strata_masks(self.case.velocity_m_s, self.case.recording.sample_time_s, limits)
@@ -78,7 +70,6 @@ def leaderboard_entry(
     """
     references, estimates, masks = _columns(recordings)
     sample_time_s = recordings[0].case.recording.sample_time_s
-    diagnosed = evenly(recordings, MOST_DIAGNOSED)
     block_rows = max(1, round(settings.bootstrap_block_s / sample_time_s))
     draws = bootstrap_percent(block_sums(references, estimates, masks, block_rows), settings.bootstrap_repeats, 0)
     conditions = sorted({one.condition for one in recordings})
@@ -92,7 +83,7 @@ def leaderboard_entry(
             rmse_n=total.rmse_n,
             p95_n=total.p95_n,
             bias_n=total.bias_n,
-            lag_s=_lag_s(diagnosed, sample_time_s, settings),
+            lag_s=_lag_s(evenly(recordings, MOST_DIAGNOSED), sample_time_s, settings),
         ),
         seeds={
             str(seed): _percent([one for one in recordings if one.seed == seed])
@@ -102,7 +93,6 @@ def leaderboard_entry(
         strata=_strata(recordings, settings.limits),
         below_baseline=_below_baseline(recordings, draws, block_rows, settings),
         trust=_trust(recordings, conditions, settings.limits),
-        residuals=_residuals(diagnosed, sample_time_s),
         multiply_adds=predictions[0].multiply_adds,
         step_us=float(np.median([prediction.step_us for prediction in predictions])),
         training_s=float(np.median([prediction.training_s for prediction in predictions])),
@@ -126,7 +116,8 @@ def _lag_s(recordings: Sequence[ScoredRecording], sample_time_s: float, settings
     gap = round(settings.maximum_lag_s / sample_time_s) + 1
     reference, usable = with_gaps(references, masks, gap)
     estimate, _ = with_gaps(estimates, masks, gap)
-    return _or_zero(lag_s(reference, estimate, usable, sample_time_s, settings.maximum_lag_s))
+    late_s = lag_s(reference, estimate, usable, sample_time_s, settings.maximum_lag_s)
+    return float(late_s) if np.isfinite(late_s) else 0.0
 
 
 def _percent(recordings: Sequence[ScoredRecording]) -> float:
@@ -182,43 +173,12 @@ def _trust(recordings: Sequence[ScoredRecording], conditions: Sequence[str], lim
     coverage = {condition: float(np.concatenate(parts).mean()) for condition, parts in held.items()}
     coverage[""] = float(np.concatenate([part for parts in held.values() for part in parts]).mean())
     reversals = np.concatenate(after)
-    flagged = np.concatenate([one.estimate.outside for one in recordings])
-    outside = np.concatenate([one.outside for one in recordings])
     return Trust(
         coverage=coverage,
         coverage_after_reversal=float(reversals.mean()) if len(reversals) else coverage[""],
         coverage_of_truth=float(np.concatenate(of_truth).mean()) if of_truth else None,
         width_n=float(np.concatenate(widths).mean()),
-        flagged=float(flagged.mean()),
-        outside=float(outside.mean()),
-        caught=float(flagged[outside].mean()) if outside.any() else None,
-    )
-
-
-def _residuals(recordings: Sequence[ScoredRecording], sample_time_s: float) -> Residuals:
-    masks = [one.case.usable for one in recordings]
-    lags = [max(1, round(lag / sample_time_s)) for lag in MEMORY_LAGS_S]
-    residuals = [one.residual_n for one in recordings]
-    residual, usable = with_gaps(residuals, masks, max(lags) + 1)
-    figures = residual_figures(residual, usable)
-    memory = autocorrelation(residual, usable, max(lags))
-    seen: dict[str, list[Array]] = {
-        "velocity_m_s": [one.case.velocity_m_s for one in recordings],
-        "position_m": [one.case.recording.column("position_m") for one in recordings],
-        "pressure_1_pa": [one.case.pressures_pa[:, 0] for one in recordings],
-        "pressure_2_pa": [one.case.pressures_pa[:, 1] for one in recordings],
-    }
-    temperatures = [one.case.oil_temperature_c for one in recordings if one.case.oil_temperature_c is not None]
-    if len(temperatures) == len(recordings):
-        seen["oil_temperature_c"] = temperatures
-    columns = {name: np.concatenate(values) for name, values in seen.items()}
-    return Residuals(
-        skewness=_or_zero(figures.skewness),
-        excess_kurtosis=_or_zero(figures.excess_kurtosis),
-        autocorrelation={
-            f"{lag * sample_time_s:g} s": _or_zero(float(memory[lag])) for lag in lags if lag < len(memory)
-        },
-        correlation_with=dependence(np.concatenate(residuals), np.concatenate(masks), columns),
+        flagged=float(np.concatenate([one.estimate.outside for one in recordings]).mean()),
     )
 
 
@@ -249,8 +209,3 @@ def _extras(recordings: Sequence[ScoredRecording], cylinder: Cylinder, settings:
         extras["load_mae_n"] = load_off / rows
         extras |= {"load_percent": 100.0 * load_off / load} if load > 0.0 else {}
     return extras
-
-
-def _or_zero(value: float) -> float:
-    """JSON has no NaN; a residual that never varies has neither shape nor memory."""
-    return float(value) if np.isfinite(value) else 0.0

@@ -22,7 +22,7 @@ from friction_benchmark.datasets import (
     twin_recordings,
     unseen_kind,
 )
-from friction_benchmark.extrapolation import outside, training_range, with_causal_velocity
+from friction_benchmark.extrapolation import outside, training_range
 from friction_benchmark.folds import UNSEEN_RIG, Fold
 from friction_benchmark.jobs import Context, Job
 from friction_benchmark.registry import BuildConfiguration, Estimator, Values
@@ -84,7 +84,7 @@ def prediction(context: Context, job: Job) -> Prediction:
     fold = folds_of(sources, task, job.split, job.seed)[job.fold]
     trained = _trained(context, job, fold)
     names = () if job.model.trained_on == "twin" else fold.train
-    known = training_range(sources, task, job.seed, names, inputs_of(sources, task, job.seed), causal=True)
+    known = training_range(sources, task, job.seed, names, inputs_of(sources, task, job.seed))
     validation = [own[name].recording for name in fold.validation]
     validated_n = [trained.estimator.estimate(recording) for recording in validation]
     percent = validation_percent(validation, validated_n)
@@ -95,8 +95,7 @@ def prediction(context: Context, job: Job) -> Prediction:
         friction_n = trained.estimator.estimate(recording)
         steps_us.append(1e6 * (process_time() - started_s) / len(recording))
         _refuse_not_finite(recording, friction_n)
-        beyond = outside(known, with_causal_velocity(recording))
-        estimates[name] = _estimates(recording, friction_n, bounds, beyond)
+        estimates[name] = _estimates(recording, friction_n, bounds, outside(known, recording))
     step_us = float(np.median(steps_us))
     return Prediction(estimates, trained.estimator.multiply_adds(), trained.training_s, step_us, percent)
 

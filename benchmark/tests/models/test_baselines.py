@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
-from friction_benchmark.models.baselines import SITUATIONS, ConstantByDirection, CoulombViscousLine
+from friction_benchmark.models.baselines import SITUATIONS, ByDirection
 from friction_benchmark.models.steady_motion import causal_motion, steady_motion
 
 SPEED_M_S, STEP_S = 0.02, 0.005
@@ -65,7 +65,7 @@ def stroke_recording(viscous_n_s_m: float = 0.0) -> Recording:
 
 
 def test_constants_are_the_medians_of_each_situation() -> None:
-    model = ConstantByDirection(("position_m",)).fit([stroke_recording()])
+    model = ByDirection(("position_m",), viscous=False).fit([stroke_recording()])
     assert model.levels_n.tolist() == pytest.approx([300.0, -250.0, 100.0, -60.0, 7.0])
     assert set(model.estimate(stroke_recording())[760:1000]) == {100.0}, "noise at standstill turns no direction"
 
@@ -75,15 +75,15 @@ def test_the_line_finds_coulomb_and_viscous_friction() -> None:
     settled = np.ones(len(recording), dtype=bool)
     for change in (200, 600, 1000, 1400):
         settled[change - 30 : change + 120] = False
-    model = CoulombViscousLine(("position_m",)).fit([recording.with_columns(usable=settled)])
+    model = ByDirection(("position_m",), viscous=True).fit([recording.with_columns(usable=settled)])
     # One speed in each direction determines level and slope only together: check the fitted line.
     assert model.levels_n[0] + SPEED_M_S * model.viscous_n_s_m == pytest.approx(330.0, abs=3.0)
     assert model.levels_n[1] - 2.0 * SPEED_M_S * model.viscous_n_s_m == pytest.approx(-310.0, abs=3.0)
 
 
-@pytest.mark.parametrize("kind", [ConstantByDirection, CoulombViscousLine])
-def test_a_situation_that_never_occurs_gets_zero(kind: type[ConstantByDirection]) -> None:
+@pytest.mark.parametrize("viscous", [False, True])
+def test_a_situation_that_never_occurs_gets_zero(viscous: bool) -> None:
     recording = stroke_recording()
     still = Recording(recording.metadata, recording.table.iloc[:150].reset_index(drop=True))
-    levels = kind(("position_m",)).fit([still]).levels_n
+    levels = ByDirection(("position_m",), viscous=viscous).fit([still]).levels_n
     np.testing.assert_allclose(levels, [0.0] * (len(SITUATIONS) - 1) + [7.0], atol=1e-9)

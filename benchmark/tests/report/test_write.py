@@ -23,7 +23,6 @@ from friction_benchmark.results import (
     Entry,
     Interval,
     ModelInfo,
-    Residuals,
     Score,
     TaskResult,
     Trust,
@@ -118,13 +117,7 @@ def _entry(draw: np.random.Generator, model: str, scale: float, baseline: str) -
         float(draw.uniform(0.6, 0.93)),
         4.0 * mae_n,
         float(draw.uniform(0.0, 0.1)),
-        float(draw.uniform(0.0, 0.1)),
-        float(draw.uniform(0.4, 1.0)),
         float(draw.uniform(0.5, 1.0)),
-    )
-    correlations = {name: float(draw.uniform(-0.5, 0.5)) for name in ("velocity", "speed", "pressure 1", "dwell")}
-    residuals = Residuals(
-        float(draw.normal()), float(draw.exponential(6.0)), {"5 ms": 0.9, "25 ms": 0.5, "100 ms": 0.1}, correlations
     )
     below = Interval(scale - percent, scale - percent - 1.5 * spread, scale - percent + 1.5 * spread)
     return Entry(
@@ -141,8 +134,7 @@ def _entry(draw: np.random.Generator, model: str, scale: float, baseline: str) -
         by_condition={test: percent * float(np.exp(draw.normal(0.0, 0.2))) for test in tests},
         strata={name: (percent * float(np.exp(draw.normal(0.0, 0.4))), mae_n) for name in STRATA},
         below_baseline=None if model == baseline else below,
-        trust=None if model == "hold" else trust,
-        residuals=residuals,
+        trust=trust,
         multiply_adds=MODELS[model][2],
         step_us=0.4 + 1e-3 * MODELS[model][2],
         training_s=float(draw.exponential(10.0)),
@@ -275,10 +267,7 @@ def test_the_label_stands_among_the_models_only_where_errors_are_against_truth(
 
 
 def test_what_nobody_asked_for_is_left_out(results: BenchmarkResults) -> None:
-    bare = [
-        replace(entry, trust=None, residuals=None, by_condition={}, strata={}, seeds={}, tuning={})
-        for entry in results.tasks[0].entries
-    ]
+    bare = [replace(entry, by_condition={}, strata={}, seeds={}, tuning={}) for entry in results.tasks[0].entries]
     text = report_html(replace(results, tasks=(replace(results.tasks[0], entries=tuple(bare)),)), {})
     assert "<summary>Residuals" not in text
     assert "Tuned choices" not in text

@@ -1,6 +1,6 @@
 """What every model of the benchmark is: it fits labelled recordings and estimates friction."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 from typing import Any, Self
 
@@ -13,11 +13,12 @@ from cylinder_friction.estimators.front_end import FrontEnd, FrontEndBlock, fit_
 from cylinder_friction.estimators.training_plan import SequenceData
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
+from friction_benchmark.registry import Estimator
 
 Single = NDArray[np.float32]
 
 
-class Model(ABC):
+class Model(Estimator):
     """A model that is fitted to labelled recordings and then estimates friction.
 
     Args:
@@ -31,18 +32,6 @@ class Model(ABC):
         self.inputs = tuple(inputs)
         if "position_m" not in self.inputs:
             raise ValueError(f"expected position_m among the inputs, but got {self.inputs}")
-
-    @abstractmethod
-    def fit(self, recordings: Sequence[Recording]) -> Self:
-        """Learn from the usable rows of labelled recordings, and return the model itself."""
-
-    @abstractmethod
-    def estimate(self, recording: Recording) -> Array:
-        """Return friction [N] at each sample, shape ``(n,)``; each value depends on samples until then alone."""
-
-    @abstractmethod
-    def multiply_adds(self) -> int:
-        """Return the multiply-adds of one sample, the usual measure of a network's cost."""
 
 
 class FeatureModel(Model):

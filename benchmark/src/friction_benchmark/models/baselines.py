@@ -1,7 +1,7 @@
 """The baselines: what costs next to nothing, and therefore what every other model has to beat; effort cuts nothing."""
 
-from abc import abstractmethod
 from collections.abc import Sequence
+from functools import partial
 from typing import Self
 
 import numpy as np
@@ -19,22 +19,31 @@ from friction_benchmark.registry import BuildConfiguration, RegisteredModel, nee
 SITUATIONS = ("extending", "retracting", "at_rest_after_extending", "at_rest_after_retracting", "never_moved")
 
 
-class ByDirectionModel(Model):
-    """A straight line over velocity in each of five situations; a subclass finds it."""
+class ByDirection(Model):
+    """A straight line over velocity in each of five situations; a situation that never occurs gets 0 N.
 
-    levels_n: Array  # Friction in each situation, at vanishing velocity, in the order of ``SITUATIONS`` [N]
-    viscous_n_s_m: float  # Slope over velocity [N s/m]
+    Without ``viscous`` friction, lines are level, at the median: of all constants the one with the smallest absolute
+    error. With it, least squares on direction and velocity finds Coulomb and viscous friction, without Stribeck.
+    """
 
-    @abstractmethod
-    def _learn(self, situation: NDArray[np.int64], velocity_m_s: Array, friction_n: Array) -> None:
-        """Set levels and slope from the usable rows; a situation that never occurs gets 0 N."""
+    def __init__(self, inputs: Sequence[str], *, viscous: bool) -> None:
+        super().__init__(inputs)
+        self.viscous = viscous
+        self.levels_n = np.zeros(len(SITUATIONS))  # Friction at vanishing velocity, in the order of ``SITUATIONS`` [N]
+        self.viscous_n_s_m = 0.0  # Slope over velocity [N s/m]
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
-        labels, masks = labelled_rows(recordings)
+        friction_n, masks = labelled_rows(recordings)
         seen = [_situations(recording) for recording in recordings]
         situation = np.concatenate([each[mask] for (each, _), mask in zip(seen, masks, strict=True)])
+        rows = [situation == number for number in range(len(SITUATIONS))]
+        if not self.viscous:
+            self.levels_n = np.array([np.median(friction_n[each]) if each.any() else 0.0 for each in rows])
+            return self
         velocity = np.concatenate([each[mask] for (_, each), mask in zip(seen, masks, strict=True)])
-        self._learn(situation, velocity, labels)
+        design = np.column_stack([*rows, velocity])
+        found = np.linalg.lstsq(design.T @ design, design.T @ friction_n, rcond=None)[0]
+        self.levels_n, self.viscous_n_s_m = found[:-1], float(found[-1])
         return self
 
     def estimate(self, recording: Recording) -> Array:
@@ -45,25 +54,6 @@ class ByDirectionModel(Model):
         return AVERAGED + VELOCITY_WINDOW + 1
 
 
-class ConstantByDirection(ByDirectionModel):
-    """The median friction of each situation: of all constants the one with the smallest absolute error."""
-
-    def _learn(self, situation: NDArray[np.int64], velocity_m_s: Array, friction_n: Array) -> None:  # noqa: ARG002
-        rows = [situation == number for number in range(len(SITUATIONS))]
-        self.levels_n = np.array([np.median(friction_n[each]) if each.any() else 0.0 for each in rows])
-        self.viscous_n_s_m = 0.0
-
-
-class CoulombViscousLine(ByDirectionModel):
-    """Coulomb and viscous friction without Stribeck: least squares on direction and velocity."""
-
-    def _learn(self, situation: NDArray[np.int64], velocity_m_s: Array, friction_n: Array) -> None:
-        columns = [situation == number for number in range(len(SITUATIONS))]
-        design = np.column_stack([*columns, velocity_m_s])
-        found = np.linalg.lstsq(design.T @ design, design.T @ friction_n, rcond=None)[0]
-        self.levels_n, self.viscous_n_s_m = found[:-1], float(found[-1])
-
-
 def _situations(recording: Recording) -> tuple[NDArray[np.int64], Array]:
     """Return each row's place in ``SITUATIONS`` and its velocity [m/s], shape ``(n,)`` each."""
     velocity, direction = steady_motion(recording.column("position_m"), recording.sample_time_s).T
@@ -71,20 +61,12 @@ def _situations(recording: Recording) -> tuple[NDArray[np.int64], Array]:
     return np.select([velocity > 0.0, velocity < 0.0], [0, 1], default=rest), velocity
 
 
-def _low_pass(build: BuildConfiguration) -> FrictionEstimator:
-    return baselines(build.cylinder, build.inputs)["force_balance_low_pass"]
+def _balance(name: str, build: BuildConfiguration) -> FrictionEstimator:
+    return baselines(build.cylinder, build.inputs)[name]
 
 
-def _hold(build: BuildConfiguration) -> FrictionEstimator:
-    return baselines(build.cylinder, build.inputs)["force_balance_unfiltered"]
-
-
-def _constant(build: BuildConfiguration) -> Model:
-    return ConstantByDirection(build.inputs)
-
-
-def _line(build: BuildConfiguration) -> Model:
-    return CoulombViscousLine(build.inputs)
+def _by_direction(viscous: bool, build: BuildConfiguration) -> ByDirection:
+    return ByDirection(build.inputs, viscous=viscous)
 
 
 MODELS = (
@@ -93,7 +75,7 @@ MODELS = (
         title="Force balance behind a tuned low-pass",
         family="baseline",
         source="equation of motion; Jelali and Kroll 2003",
-        build=_low_pass,
+        build=partial(_balance, "force_balance_low_pass"),
         supports=needs_raw_pressures,
         chosen="First order; its weight is the best for the task's own target. Fitted to a target that lies ahead it "
         "is the last value held, filtered as well as one weight can.",
@@ -103,7 +85,7 @@ MODELS = (
         title="Force balance of this sample, held",
         family="baseline",
         source="equation of motion; Jelali and Kroll 2003",
-        build=_hold,
+        build=partial(_balance, "force_balance_unfiltered"),
         supports=needs_raw_pressures,
         chosen="Unfiltered, without inertia; as a forecast it means that friction stays as it is.",
     ),
@@ -112,7 +94,7 @@ MODELS = (
         title="One constant per direction",
         family="baseline",
         source="Coulomb friction",
-        build=_constant,
+        build=partial(_by_direction, False),
         chosen="The median friction while extending, while retracting, and at rest after either; a backlash of "
         "0.06 mm separates motion from noise.",
     ),
@@ -121,7 +103,7 @@ MODELS = (
         title="Coulomb and viscous friction, a straight line",
         family="baseline",
         source="Coulomb and viscous friction",
-        build=_line,
+        build=partial(_by_direction, True),
         chosen="Least squares on direction and velocity; at rest the mean after either direction; no Stribeck.",
     ),
 )

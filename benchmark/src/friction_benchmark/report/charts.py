@@ -1,17 +1,14 @@
 """Charts of one leaderboard: errors with their intervals, error against cost, errors and coverage by condition."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from cylinder_friction.reporting.page_figure import PageFigure
-from cylinder_friction.reporting.style import BLACK, BROWN, CONDITION_MARKS, GREEN, INK, QUIET
+from cylinder_friction.reporting.style import BLACK, BROWN, INK, QUIET
 from friction_benchmark.report.model_titles import ModelTitles
-from friction_benchmark.report.words import capital, counted, denominator, of_size, share, within
+from friction_benchmark.report.words import capital, counted, denominator, of_size, within
 from friction_benchmark.results import Entry, TaskResult
-
-COVERED = (0.87, 0.93)
-"""Where 90 % bounds are meant to be."""
 
 ROW = 22
 LONGEST = 34
@@ -107,46 +104,6 @@ def error_against_cost(result: TaskResult, titles: ModelTitles) -> PageFigure:
     figure.x_axis(title="multiply-adds per sample", type="log", exponentformat="power", dtick=1)
     figure.y_axis(title=f"MAE [% of {denominator(result)}]", type="log", **_ticks(shown))
     return figure.look(max(400, ROW * len(result.entries) + 110), legend_rows=2)
-
-
-def errors_by_condition(result: TaskResult, titles: ModelTitles) -> PageFigure:
-    """Return one row per model, one mark per condition; the number at the right is the worst."""
-    entries = [entry for entry in result.entries if entry.by_condition]
-    found = [entry.by_condition for entry in entries]
-    figure = PageFigure()
-    _condition_marks(figure, found, lambda value: f"{of_size(value)} %")
-    worst = [of_size(max(values.values())) for values in found]
-    shown = [value for values in found for value in values.values()]
-    return _rows(figure, result, titles, entries, worst, "MAE [% of mean |friction| of the condition]", shown)
-
-
-def coverage(result: TaskResult, titles: ModelTitles) -> PageFigure:
-    """Return every model's coverage by condition and just after reversals, over the band aimed at."""
-    entries = [entry for entry in result.entries if entry.trust is not None]
-    trusts = [entry.trust for entry in entries if entry.trust is not None]
-    figure = PageFigure()
-    figure.band("x", *COVERED, GREEN, 0.16)
-    stroke = {"symbol": "line-ns-open", "size": 17, "color": BLACK, "line": {"width": 2}}
-    overall = [(row, trust.coverage.get("", math.nan)) for row, trust in enumerate(trusts)]
-    _add(figure, overall, "all", stroke, [f"all conditions: {share(value)}" for _, value in overall])
-    after = [(row, trust.coverage_after_reversal) for row, trust in enumerate(trusts)]
-    hollow = {"symbol": "diamond-open", "size": 9, "color": BLACK}
-    _add(figure, after, "after reversal", hollow, [f"just after reversals: {share(value)}" for _, value in after])
-    _condition_marks(figure, [trust.coverage for trust in trusts], share)
-    numbers = [share(value) for _, value in overall]
-    _rows(figure, result, titles, entries, numbers, "rows within their bounds")
-    figure.x_axis(tickformat=".0%")
-    return figure
-
-
-def _condition_marks(figure: PageFigure, found: Sequence[Mapping[str, float]], form: Callable[[float], str]) -> None:
-    conditions = sorted({condition for values in found for condition in values if condition})
-    for index, condition in enumerate(conditions):
-        colour, _, symbol = CONDITION_MARKS[index % len(CONDITION_MARKS)]
-        name = f"condition {condition}" if len(condition) < 3 else condition
-        values = [(row, each[condition]) for row, each in enumerate(found) if condition in each]
-        tips = [f"{name}: {form(value)}" for _, value in values]
-        _add(figure, values, name, {"symbol": symbol, "size": 8, "color": colour}, tips)
 
 
 def _add(

@@ -107,59 +107,25 @@ def against_baseline(percent: float, baseline: float) -> float | None:
 
 def cost_table(result: TaskResult, titles: ModelTitles) -> Table:
     """Return the cost of a step and of training, and how far bounds and flags can be trusted."""
-    head = ["Model", "multiply-adds per sample", "time per sample [µs]", "training", "coverage of the 90 % bounds"]
-    head += ["coverage just after reversals", "coverage of true friction", "mean width of bounds [N]", "rows flagged"]
-    head += ["rows out of range", "of those, flagged"]
+    conditions = sorted({name for entry in result.entries for name in entry.trust.coverage if name})
+    costs = ["multiply-adds per sample", "time per sample [µs]", "training"]
+    covered = ["all labels", *conditions, "after reversals", "true friction"]
     rows = []
     for entry in result.entries:
         trust = entry.trust
-        cells = [
-            model_cell(entry, result, titles),
-            number(entry.multiply_adds, counted),
-            number(entry.step_us),
-            number(entry.training_s, seconds),
-        ]
-        if trust is None:
-            cells += [EMPTY] * 7
-        else:
-            cells += [
-                _coverage(trust.coverage.get("", math.nan)),
-                _coverage(trust.coverage_after_reversal),
-                number(math.nan if trust.coverage_of_truth is None else trust.coverage_of_truth, share),
-                number(trust.width_n),
-                number(trust.flagged, share),
-                number(trust.outside, share),
-                number(math.nan if trust.caught is None else trust.caught, share),
-            ]
-        rows.append(cells)
-    return Table(head, rows, groups=[("", 1), ("cost", 3), ("trust", 7)], sortable=True)
+        cells = [model_cell(entry, result, titles), number(entry.multiply_adds, counted)]
+        cells += [number(entry.step_us), number(entry.training_s, seconds)]
+        cells += [_coverage(trust.coverage.get(name, math.nan)) for name in ("", *conditions)]
+        cells += [_coverage(trust.coverage_after_reversal)]
+        cells += [number(math.nan if trust.coverage_of_truth is None else trust.coverage_of_truth, share)]
+        rows.append([*cells, number(trust.width_n), number(trust.flagged, share)])
+    groups = [("", 1), ("cost", len(costs)), ("coverage of the 90 % bounds", len(covered)), ("", 2)]
+    head = ["Model", *costs, *covered, "mean width of bounds [N]", "rows flagged"]
+    return Table(head, rows, groups=groups, sortable=True)
 
 
 def _coverage(value: float) -> Cell:
     return number(value, share, style="good" if 0.87 <= value <= 0.93 else "bad")
-
-
-def residual_table(result: TaskResult, titles: ModelTitles) -> Table | None:
-    """Return shape and memory of the residuals and what they still depend on; None where they were not computed."""
-    known = [(entry, entry.residuals) for entry in result.entries if entry.residuals is not None]
-    if not known:
-        return None
-    lags = sorted({lag for _, found in known for lag in found.autocorrelation}, key=lambda lag: (len(lag), lag))
-    inputs = sorted({name for _, found in known for name in found.correlation_with})
-    rows = []
-    for entry, found in known:
-        cells = [model_cell(entry, result, titles)]
-        cells += [number(found.skewness, signed), number(found.excess_kurtosis, signed)]
-        cells += [_correlation(found.autocorrelation.get(lag, math.nan)) for lag in lags]
-        cells += [_correlation(found.correlation_with.get(name, math.nan)) for name in inputs]
-        rows.append(cells)
-    head = ["Model", "skewness", "excess kurtosis", *(plain(key) for key in (*lags, *inputs))]
-    groups = [("", 1), ("shape", 2), ("autocorrelation at", len(lags)), ("correlation with", len(inputs))]
-    return Table(head, rows, groups=[group for group in groups if group[1]], style="heat", sortable=True)
-
-
-def _correlation(value: float) -> Cell:
-    return Cell(signed(value), value=value, shade=abs(value)) if math.isfinite(value) else EMPTY
 
 
 def tuning_table(result: TaskResult, titles: ModelTitles) -> Table | None:

@@ -90,18 +90,11 @@ def _split(result: TaskResult, titles: ModelTitles) -> dict[str, Any]:
         "label_drawn": charts.label_percent(result) is not None,
         "leaderboard": charts.leaderboard(result, titles),
         "cost_chart": charts.error_against_cost(result, titles),
-        "conditions": charts.errors_by_condition(result, titles) if _any(result, "by_condition") else None,
-        "coverage": charts.coverage(result, titles) if _any(result, "trust") else None,
         "errors": task_tables.error_table(result, titles),
         "motion": task_tables.motion_table(result, titles),
         "cost": task_tables.cost_table(result, titles),
-        "residuals": task_tables.residual_table(result, titles),
         "tuning": task_tables.tuning_table(result, titles),
     }
-
-
-def _any(result: TaskResult, name: str) -> bool:
-    return any(getattr(entry, name) for entry in result.entries)
 
 
 def _models(results: BenchmarkResults, titles: ModelTitles) -> Table:

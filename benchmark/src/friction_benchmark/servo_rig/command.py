@@ -20,24 +20,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FOLDER",
         help="labelled recordings of the default rig; else some are simulated",
     )
-    parser.add_argument("--json", type=Path, metavar="FILE", help="write the scores of each session there too")
 
 
 def run(options: argparse.Namespace) -> str:
-    """Return the table; writes the JSON file where one is asked for.
+    """Return the table.
 
     Raises:
         FileNotFoundError: The folder of recordings is not there.
         RecordingError: Its recordings are not labelled, or of another cylinder; or there are too few sessions.
     """
-    from cylinder_friction.recordings.files import write_json
     from cylinder_friction.recordings.storage import read_stored
-    from friction_benchmark.servo_rig.evaluation import EvaluationPlan, content, evaluate, table
+    from friction_benchmark.servo_rig.evaluation import EvaluationPlan, evaluate, table
     from friction_benchmark.servo_rig.sessions import SessionPlan
 
     sessions = SessionPlan(options.seed, options.sessions, options.duration_s, options.mounting)
     plan = EvaluationPlan(sessions, epochs=options.epochs, twin_rigs=options.twin_rigs)
-    scores = evaluate(plan, None if options.elsewhere is None else read_stored(options.elsewhere))
-    if options.json is not None:
-        write_json(options.json, content(plan, scores))
-    return table(scores)
+    return table(evaluate(plan, None if options.elsewhere is None else read_stored(options.elsewhere)))

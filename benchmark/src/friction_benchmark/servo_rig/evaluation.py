@@ -11,8 +11,7 @@ import copy
 import warnings
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from tqdm import tqdm
@@ -177,11 +176,6 @@ def table(scores: Sequence[Score]) -> str:
         cells += [f"{percent(own, error):.2f}" for error in ("offset_free_mae_n", "label_mae_n")]
         lines.append(_line(wide, name, cells))
     return "\n".join([*lines, "", *_sentences(grouped)])
-
-
-def content(plan: EvaluationPlan, scores: Sequence[Score]) -> dict[str, Any]:
-    """Return plan and scores as JSON-compatible values."""
-    return {"plan": asdict(plan), "scores": [asdict(each) for each in scores]}
 
 
 def _line(wide: int, name: str, cells: Sequence[str]) -> str:
