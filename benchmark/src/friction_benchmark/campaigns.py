@@ -33,10 +33,8 @@ from friction_benchmark.datasets import TRUE_FRICTION, TRUE_LOAD, Kind, Sizes, S
 INGEST = Path(__file__).parents[3] / "conf" / "ingest"
 """The product's mappings of the rig's files, one with and one without its load cell."""
 END_STOP_MARGIN_M = 0.003
-UNSEEN_SEEDS = 1000
-"""Seeds of unseen rigs begin here, so that none of them is a rig that models are trained on."""
-TWIN_SEEDS = 1_000_000
-"""Seeds of the twin's rigs begin here, so that no rig that is estimated is one of the twin's."""
+UNSEEN_SEEDS = 1000  # Seeds of unseen rigs begin here, so that none of them is a rig that models are trained on
+TWIN_SEEDS = 1_000_000  # Seeds of the twin's rigs begin here, so that no rig that is estimated is one of the twin's
 MOST_RIGS = 1_000
 
 LoadKind = Literal["none", "varied"]

@@ -21,14 +21,10 @@ from friction_benchmark.results import Reference
 CampaignKind = Literal["campaign", "loaded"]
 
 LEVELS = ("pressure_1_level_pa", "pressure_2_level_pa")
-LEVEL_TIME_S = 1.0
-"""Interval over which a pressure is averaged to its level, which is then held for as long."""
-LEVEL_STEP_PA = 250e5 / 4096
-"""Step to which a level is rounded: that of the transmitters' converter."""
-OFFSET_PA = 1.25e5
-"""Largest offset of a transmitter: ±0.5 % of a span of 250 bar, as in the data sheet."""
-DRIFT_PA_S = 1e3
-"""Largest drift of that offset: 0.3 bar within half a minute."""
+LEVEL_TIME_S = 1.0  # Interval over which a pressure is averaged to its level, which is then held for as long
+LEVEL_STEP_PA = 250e5 / 4096  # Step to which a level is rounded: that of the transmitters' converter
+OFFSET_PA = 1.25e5  # Largest offset of a transmitter: ±0.5 % of a span of 250 bar, as in the data sheet
+DRIFT_PA_S = 1e3  # Largest drift of that offset: 0.3 bar within half a minute
 CALIBRATED_PA = 3e3
 """Standard uncertainty of the zeros of the calibrated transmitters that labels are from, as in ``rig.yaml``."""
 SENSOR_DRAWS = 4

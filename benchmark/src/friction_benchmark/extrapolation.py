@@ -10,8 +10,7 @@ from cylinder_friction.recordings.recording import Recording
 from friction_benchmark.cases import Task
 from friction_benchmark.datasets import Sources, cases_of, twin_recordings
 
-VELOCITY = "velocity_m_s"
-"""The column that counts besides an estimator's inputs, made from samples until now."""
+VELOCITY = "velocity_m_s"  # The column that counts besides an estimator's inputs, made from samples until now
 
 
 @lru_cache(maxsize=1024)

@@ -126,8 +126,8 @@ class RegisteredModel:
 _IN_ORDER = (
     "baselines", "analytical",
     "machado", "elman", "han",
-    "ridge", "narx", "gradient_boosting", "lugre_residual", "disturbance_observer",
-    "hybrid", "gru", "tcn", "paper_hybrid",
+    "narx", "gradient_boosting", "lugre_residual", "disturbance_observer",
+    "product_estimators", "gru", "tcn",
     "learned_gain",
 )  # fmt: skip
 MODULES = tuple(f"friction_benchmark.models.{name}" for name in _IN_ORDER)

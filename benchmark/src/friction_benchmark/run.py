@@ -25,8 +25,7 @@ from friction_benchmark.runner import Runner
 from friction_benchmark.scoring import ScoreSettings
 from friction_benchmark.source_code import PACKAGES, code_key
 
-EXPERIMENT = "benchmark"
-"""The hundreds of runs have an MLflow experiment of their own, ``cylinder-friction-benchmark``."""
+EXPERIMENT = "benchmark"  # The hundreds of runs have an MLflow experiment of their own, ``cylinder-friction-benchmark``
 OWN_ROLES = ("train", "validation", "test")
 RESULTS_FILE = Path("reports/benchmark.json")
 REPORT_FILE = Path("reports/benchmark.html")

@@ -17,8 +17,7 @@ from friction_benchmark.evenly import evenly
 from friction_benchmark.results import Entry, Interval, Score, Trust
 from friction_benchmark.tuning import Tuned
 
-MOST_DIAGNOSED = 36
-"""The lag is taken from at most so many recordings, evenly: more would not move it."""
+MOST_DIAGNOSED = 36  # The lag is taken from at most so many recordings, evenly: more would not move it
 
 
 @dataclass(frozen=True)
@@ -58,16 +57,7 @@ def leaderboard_entry(
     cylinder: Cylinder,
     settings: ScoreSettings,
 ) -> Entry:
-    """Return one model's line.
-
-    Args:
-        model: Its name.
-        recordings: Every recording of every seed.
-        predictions: One per seed, for costs.
-        tuned: What was chosen.
-        cylinder: For the force balance from which loads are computed.
-        settings: How to score.
-    """
+    """Return one model's line, from every recording of every seed, and one prediction per seed for its costs."""
     references, estimates, masks = _columns(recordings)
     sample_time_s = recordings[0].case.recording.sample_time_s
     block_rows = max(1, round(settings.bootstrap_block_s / sample_time_s))

@@ -153,8 +153,7 @@ def _trained(context: Context, job: Job, fold: Fold) -> Trained:
     return _LAST_FIT[key]
 
 
-_LAST_FIT: dict[str, Trained] = {}
-"""The latest fit of this process: jobs that share a fit come one after another."""
+_LAST_FIT: dict[str, Trained] = {}  # The latest fit of this process: jobs that share a fit come one after another
 
 
 def _fit_key(

@@ -164,8 +164,8 @@ def test_the_registry_names_what_workers_find_again() -> None:
         assert pickle.loads(pickle.dumps(model)).name == model.name
         assert model.module.startswith("friction_benchmark.models.")
         assert model.source
-    with pytest.raises(ValueError, match=r"two models are called 'ridge'; the second is in friction"):
-        registered_models(["friction_benchmark.models.ridge"] * 2)
+    with pytest.raises(ValueError, match=r"two models are called 'gru'; the second is in friction"):
+        registered_models(["friction_benchmark.models.gru"] * 2)
     with pytest.raises(ValueError, match=r"ridge: space has \['lags', 'penalty'\], but defaults have \['lags'\]"):
         replace(MODELS["ridge"], defaults={"lags": 3})
 

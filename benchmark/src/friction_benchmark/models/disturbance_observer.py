@@ -32,14 +32,12 @@ BIAS_1, BIAS_2, RATE_1, RATE_2, SCALE, SLOW, FAST = range(STATES)
 BAR_PA = 1e5
 FADING_M_S = (0.004, 0.012, 0.035)
 """Speeds over which the exponentials fade [m/s]: the span of Stribeck velocities of cylinder seals."""
-TERMS = 6
-"""Without pressure: 1, |v|, three exponentials, memory; pressure multiplies all but |v|."""
+TERMS = 6  # Without pressure: 1, |v|, three exponentials, memory; pressure multiplies all but |v|
 COEFFICIENTS = 2 * TERMS - 1
 SMALL_RESIDUAL_N, PASSES = 5.0, 15
 TUNED = ("slow_n", "balance_n", "fast_n", "slow_s", "rest_n", "fast_s", "scale", "gate", "bias_walk_n", "rest_s")
 """Noises that are searched, the most influential first."""
-FARTHEST = 8.0
-"""Largest factor by which the search may change a noise."""
+FARTHEST = 8.0  # Largest factor by which the search may change a noise
 GATES = (1.2, 5.0)
 
 

@@ -14,8 +14,7 @@ from friction_benchmark.registry import BuildConfiguration, OneOf, Range, Regist
 
 PAST = Past(lags=(6, 20, 60), averages=(100.0, 1000.0))
 """30, 100 and 300 ms ago; averages over 0.5 and 5 s, which show the contribution of sensor zeros or of a load."""
-LEAST_ROWS, PENALTY = 40, 1.0
-"""Fewest rows in a leaf, and the L2 penalty of its value."""
+LEAST_ROWS, PENALTY = 40, 1.0  # Fewest rows in a leaf, and the L2 penalty of its value
 
 
 class GradientBoosting(FeatureModel):

@@ -32,11 +32,9 @@ from friction_benchmark.registry import BuildConfiguration, OneOf, Range, Regist
 Single = NDArray[np.float32]
 
 MOTION = ("position_m",)
-VARIANTS = 8
-"""Synthetic friction signals along each recording's motion."""
+VARIANTS = 8  # Synthetic friction signals along each recording's motion
 
-OTHERS = 0.5
-"""Standard deviation of the first weights of the task's other columns."""
+OTHERS = 0.5  # Standard deviation of the first weights of the task's other columns
 MOTION_INPUTS = WINDOW_INPUTS + 1
 RIDGE = 1e-3
 
@@ -52,8 +50,7 @@ DAMPING_RATIO = 0.5
 """Typical values for cylinders of a few centimetres' bore: the middle of the usual range, geometric over decades."""
 
 MOTION_WINDOW, MOTION_ORDER = 31, 3
-REST_M_S = 1.5e-3
-"""Slower counts as rest: four times the noise of the smoothed velocity of a 12-bit potentiometer."""
+REST_M_S = 1.5e-3  # Slower counts as rest: four times the noise of the smoothed velocity of a 12-bit potentiometer
 NODES, BATCH = 64, 1024
 
 

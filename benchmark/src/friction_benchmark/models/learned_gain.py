@@ -44,10 +44,8 @@ Single = NDArray[np.float32]
 LARGE_OFFSET_N = 30.0
 """Mean distance of a recording's friction from its force balance, above which the mean of past strokes helps: about
 10 N with zeroed transmitters, 200 N with transmitters as bought."""
-FIRST_GAIN_LOGIT = -1.0
-"""Start of training: a gain of 0.27, about the best constant one."""
-WARM_UP = 0.05
-"""Share of training over which the learning rate rises to its maximum."""
+FIRST_GAIN_LOGIT = -1.0  # Start of training: a gain of 0.27, about the best constant one
+WARM_UP = 0.05  # Share of training over which the learning rate rises to its maximum
 BATCH_SIZE, STRETCH, BURN_IN, WEIGHT_DECAY = 32, 200, 100, 1e-3
 """Recordings side by side, samples between two updates, first samples that are not scored, and AdamW's decay."""
 

@@ -30,10 +30,8 @@ Single = NDArray[np.float32]
 
 CREEP_M_S = 3e-3
 """Below this speed the stiction force is given: above the noise of the velocity of a 12-bit potentiometer."""
-ROWS = 24_000
-"""Training rows, drawn at random from all usable ones."""
-CHANGE_SCALE = 10.0
-"""Brings the change of a standardised velocity over some samples to the size of the velocity."""
+ROWS = 24_000  # Training rows, drawn at random from all usable ones
+CHANGE_SCALE = 10.0  # Brings the change of a standardised velocity over some samples to the size of the velocity
 
 
 class Machado(FeatureModel):

@@ -20,15 +20,12 @@ from friction_benchmark.registry import BuildConfiguration, Range, RegisteredMod
 
 Terms = NDArray[np.int64]
 
-PAST = Past(lags=(4, 12, 40), averages=(100.0, 1000.0))
-"""20, 60 and 200 ms ago; averages over 0.5 and 5 s."""
+PAST = Past(lags=(4, 12, 40), averages=(100.0, 1000.0))  # 20, 60 and 200 ms ago; averages over 0.5 and 5 s
 POLES = (0.0, 0.5, 0.8, 0.9, 0.95, 0.98)
 """How much of the last estimate may be kept: the greatest remembers for a quarter of a second."""
 SMALL_RESIDUAL, PASSES = 0.2, 6
-SEARCHED = 8
-"""Recordings that the poles are searched on."""
-CLIP = 6.0
-"""Standard deviations at which a column is clipped: every term is bounded whatever the sensors give."""
+SEARCHED = 8  # Recordings that the poles are searched on
+CLIP = 6.0  # Standard deviations at which a column is clipped: every term is bounded whatever the sensors give
 COLLINEAR = 1e-8
 
 

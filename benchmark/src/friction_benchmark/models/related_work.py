@@ -21,8 +21,7 @@ OF_PRESSURES = (
     "pressure_2_pa",
     "pressure_1_rate_pa_s",
 )
-KNEE = 0.05
-"""Error, in standard deviations of the target, below which the cost turns from absolute to squared."""
+KNEE = 0.05  # Error, in standard deviations of the target, below which the cost turns from absolute to squared
 
 
 def task_columns(features: FrontEnd) -> tuple[str, ...]:

@@ -21,8 +21,7 @@ from friction_benchmark.models.training import weights_in
 from friction_benchmark.registry import BuildConfiguration, OneOf, Range, Space, Values, needs_raw_pressures
 
 RECURRENT_STRIDE = 4
-PRESSURE_FREE_EPOCHS = 2
-"""Factor on the epochs of hybrid and LSTM without raw pressures."""
+PRESSURE_FREE_EPOCHS = 2  # Factor on the epochs of hybrid and LSTM without raw pressures
 SPACE: Space = {
     "layers": OneOf((1, 2)),
     "nodes": Range(16, 48, logarithmic=True, integer=True),

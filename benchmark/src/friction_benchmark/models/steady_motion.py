@@ -14,17 +14,13 @@ from cylinder_friction.signals.backlash import DIRECTION, new_backlash, pushing_
 from cylinder_friction.signals.causal import FirFilter, moving_average_taps, one_sided_savitzky_golay_taps
 from cylinder_friction.signals.kalman import constant_jerk
 
-AVERAGED = 10
-"""Samples of the moving average before the backlash operator."""
-BACKLASH_M = 6e-5
-"""Half-width of the backlash [m], about five times the noise of a 12-bit potentiometer so averaged."""
-LASTING_S = 0.06
-"""How long velocity counts after the last push [s]."""
+AVERAGED = 10  # Samples of the moving average before the backlash operator
+BACKLASH_M = 6e-5  # Half-width of the backlash [m], about five times the noise of a 12-bit potentiometer so averaged
+LASTING_S = 0.06  # How long velocity counts after the last push [s]
 CENTRING_S = 0.5
 """How fast the backlash closes up on the position [s]. Creep below its half-width in this time, 0.12 mm/s, is lost."""
 VELOCITY_WINDOW, VELOCITY_ORDER = 21, 2
-MEMORY_M_S, MEMORY_S = 0.012, 0.2
-"""Speed over which the memory of ``causal_motion`` fades, and how fast it follows."""
+MEMORY_M_S, MEMORY_S = 0.012, 0.2  # Speed over which the memory of ``causal_motion`` fades, and how fast it follows
 JERK_M_S3, POSITION_NOISE_M = 12.0, 3.5e-5
 
 

@@ -18,12 +18,9 @@ MEMORY_NAMES = (
     "speed_out",
     "speed_in",
 )
-SLIDING_M_S = 3e-3
-"""Slower rows do not count as part of a stroke: friction falls with velocity there."""
-LONGEST_SAMPLES = 3000
-"""Sliding samples that a mean covers; older ones fade."""
-TRUSTED_SAMPLES = 200.0
-"""Sliding samples after which a mean counts half."""
+SLIDING_M_S = 3e-3  # Slower rows do not count as part of a stroke: friction falls with velocity there
+LONGEST_SAMPLES = 3000  # Sliding samples that a mean covers; older ones fade
+TRUSTED_SAMPLES = 200.0  # Sliding samples after which a mean counts half
 SUM_BEND_N, LEAST_DIFFERENCE_N = 50.0, 50.0
 FORCE_N, PRESSURE_PA, SPEED_M_S = 500.0, 30e5, 0.05
 

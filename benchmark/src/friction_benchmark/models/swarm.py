@@ -17,18 +17,13 @@ from cylinder_friction.arrays import Array
 Cost = Callable[[Array], float]
 
 
-SIDE = 6
-"""Agents along one side of the lattice, which wraps around."""
-INERTIA = (0.9, 0.4)
-"""At the start and at the end."""
-OWN, COMMON = 2.0, 2.0
-"""Attraction to an agent's own best position and to the best of all, c1 and c2."""
-FASTEST = 0.05
-"""Largest step in a coordinate, as a share of the box's side."""
+SIDE = 6  # Agents along one side of the lattice, which wraps around
+INERTIA = (0.9, 0.4)  # At the start and at the end
+OWN, COMMON = 2.0, 2.0  # Attraction to an agent's own best position and to the best of all, c1 and c2
+FASTEST = 0.05  # Largest step in a coordinate, as a share of the box's side
 SELF_LEARNING_RADIUS, SELF_LEARNING_AGENTS = 0.02, 9
 """The small lattice around the best agent, as a share of the box's side, and its positions in each generation."""
-SIMPLEX_SHARE = 0.3
-"""Share of all evaluations that is left to the simplex."""
+SIMPLEX_SHARE = 0.3  # Share of all evaluations that is left to the simplex
 
 
 class _Counted:

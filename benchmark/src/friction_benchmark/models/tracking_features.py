@@ -32,8 +32,7 @@ from friction_benchmark.evenly import evenly
 from friction_benchmark.models.stroke_memory import MEMORY_NAMES, remember_strokes
 
 PRESSURE_1, PRESSURE_2, POSITION = range(3)
-SCALED_ON = 32
-"""Recordings that suffice to scale features, taken evenly from all."""
+SCALED_ON = 32  # Recordings that suffice to scale features, taken evenly from all
 CHANGES = ((1, 3, 40.0), (2, 6, 30.0), (4, 12, 20.0), (8, 24, 15.0), (16, 64, 10.0))
 """Samples of the latest mean, samples of the mean before it that is subtracted, and the soft limit of the difference
 [N]: the longer both, the smaller the remaining noise."""

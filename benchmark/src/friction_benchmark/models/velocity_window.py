@@ -9,12 +9,10 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 
-EVERY = 4
-"""Samples between two steps of the window: 20 ms at 200 Hz."""
+EVERY = 4  # Samples between two steps of the window: 20 ms at 200 Hz
 SPANS = np.repeat(np.array([1, 2, 4, 8, 16, 32, 64]), [6, 4, 4, 4, 4, 3, 2])
 """Steps that each mean of the window spans, newest first; together 7.2 s at 200 Hz."""
-FAST_M_S, CREEP_M_S = 0.05, 5e-3
-"""Scales of the two forms of each mean: linear, and through a soft limit."""
+FAST_M_S, CREEP_M_S = 0.05, 5e-3  # Scales of the two forms of each mean: linear, and through a soft limit
 WINDOW_INPUTS = 2 * len(SPANS)
 
 

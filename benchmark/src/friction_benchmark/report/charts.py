@@ -1,4 +1,4 @@
-"""Charts of one leaderboard: errors with their intervals, error against cost, errors and coverage by condition."""
+"""Charts of one leaderboard: errors with their intervals, and error against cost."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -11,8 +11,7 @@ from friction_benchmark.report.words import capital, counted, denominator, of_si
 from friction_benchmark.results import Entry, TaskResult
 
 ROW = 22
-LONGEST = 34
-"""Longer titles are cut at the axis; the mouse shows them whole."""
+LONGEST = 34  # Longer titles are cut at the axis; the mouse shows them whole
 
 
 def leaderboard(result: TaskResult, titles: ModelTitles) -> PageFigure:
@@ -47,9 +46,15 @@ def leaderboard(result: TaskResult, titles: ModelTitles) -> PageFigure:
         _upright(figure, baseline.value, "baseline", BLACK, "dash")
     if (label := label_percent(result)) is not None and _drawable(label):
         _upright(figure, label, "label", BROWN, "dot")
+    for row, entry in enumerate(result.entries):
+        figure.note(of_size(entry.score.percent.value), xref="paper", x=1.0, xanchor="left", xshift=6, y=row)
+        if entry.model == result.baseline:
+            figure.band("y", row - 0.5, row + 0.5, "#EBEEF1")
     shown = [entry.score.percent.value for entry in result.entries]
-    numbers = [of_size(value) for value in shown]
-    return _rows(figure, result, titles, result.entries, numbers, f"MAE [% of {denominator(result)}]", shown)
+    names = [_cut(titles(entry.model), LONGEST) for entry in result.entries]
+    figure.x_axis(title=f"MAE [% of {denominator(result)}]", type="log", **_ticks(shown))
+    figure.y_axis(tickvals=list(range(len(names))), ticktext=names, range=[len(names) - 0.5, -0.5], showgrid=False)
+    return figure.look(ROW * len(names) + 130, legend_rows=2, margin={"r": 62, "l": 8, "t": 78, "b": 48})
 
 
 def label_percent(result: TaskResult) -> float | None:
@@ -119,28 +124,6 @@ def _add(
     hover: dict[str, Any] = {"hovertext": tips, "hoverinfo": "text"} if tips else {}
     x = [_short(number) for number in numbers]
     figure.add(x=x, y=list(rows), mode="markers", name=name, marker=marker, **hover, **options)
-
-
-def _rows(
-    figure: PageFigure,
-    result: TaskResult,
-    titles: ModelTitles,
-    entries: Sequence[Entry],
-    numbers: Sequence[str],
-    axis: str,
-    logarithmic: Sequence[float] = (),
-) -> PageFigure:
-    """Return the figure with the entries' titles at the left and numbers at the right, the baseline's row shaded."""
-    for row, (entry, words) in enumerate(zip(entries, numbers, strict=True)):
-        figure.note(words, xref="paper", x=1.0, xanchor="left", xshift=6, y=row)
-        if entry.model == result.baseline:
-            figure.band("y", row - 0.5, row + 0.5, "#EBEEF1")
-    names = [_cut(titles(entry.model), LONGEST) for entry in entries]
-    last = len(entries) - 0.5
-    scale = {"type": "log", **_ticks(logarithmic)} if logarithmic else {}
-    figure.x_axis(title=axis, **scale)
-    figure.y_axis(tickvals=list(range(len(entries))), ticktext=names, range=[last, -0.5], showgrid=False)
-    return figure.look(ROW * len(entries) + 130, legend_rows=2, margin={"r": 62, "l": 8, "t": 78, "b": 48})
 
 
 def _upright(figure: PageFigure, value: float, words: str, colour: str, dash: str) -> None:

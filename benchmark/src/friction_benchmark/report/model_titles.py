@@ -3,12 +3,10 @@
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from cylinder_friction.reporting import estimator_titles
-from cylinder_friction.reporting.style import BLACK, BLUE, ORANGE, PINK, QUIET
+from cylinder_friction.reporting.style import BLACK, BLUE, ORANGE, PINK
 from friction_benchmark.results import ModelInfo
 
-Mark = tuple[str, str, str]
-"""Colour, a letter that looks like the shape, and Plotly's name of the shape."""
+Mark = tuple[str, str, str]  # Colour, a letter that looks like the shape, and Plotly's name of the shape
 
 FAMILIES: dict[str, Mark] = {
     "baseline": (BLACK, "✚", "cross"),
@@ -18,8 +16,6 @@ FAMILIES: dict[str, Mark] = {
 }
 """In the order of legends."""
 
-_OTHER = (QUIET, "◆", "diamond")
-
 
 @dataclass(frozen=True)
 class ModelTitles:
@@ -28,20 +24,16 @@ class ModelTitles:
     models: Mapping[str, ModelInfo]
 
     def __call__(self, model: str) -> str:
-        """Return a model's title; one that is not registered keeps the name the project knows it by."""
-        return self.models[model].title if model in self.models else estimator_titles.title(model)
+        return self.models[model].title
 
     def family(self, model: str) -> str:
-        return self.models[model].family if model in self.models else "other"
+        return self.models[model].family
 
     def legend(self, models: Iterable[str]) -> list[tuple[str, Mark]]:
         """Return every family among the models and its mark, baselines first."""
-        present = sorted({self.family(model) for model in models}, key=lambda family: (self._place(family), family))
-        return [(family, FAMILIES.get(family, _OTHER)) for family in present]
+        present = {self.family(model) for model in models}
+        return [(family, mark) for family, mark in FAMILIES.items() if family in present]
 
     def by_family(self, models: Iterable[str]) -> list[str]:
         """Return the models family by family, each family in the order given."""
-        return sorted(models, key=lambda model: self._place(self.family(model)))
-
-    def _place(self, family: str) -> int:
-        return list(FAMILIES).index(family) if family in FAMILIES else len(FAMILIES)
+        return sorted(models, key=lambda model: list(FAMILIES).index(self.family(model)))

@@ -16,10 +16,7 @@ from friction_benchmark.results import BenchmarkResults, TaskResult
 def write_report(results: BenchmarkResults, findings: Mapping[str, str], path: Path) -> None:
     """Write the benchmark as one HTML page that loads nothing; equal results make equal bytes.
 
-    Args:
-        results: At least one leaderboard with at least one entry, each best first.
-        findings: The conclusion of each task, by the task's name.
-        path: Of the HTML file; its folder is made.
+    ``results`` have leaderboards with entries, best first; ``findings`` are by the task's name.
 
     Raises:
         ValueError: There is no leaderboard, or one without entries.

@@ -20,18 +20,15 @@ import numba
 import numpy as np
 
 ELEMENTS = 8
-TICK_S = 1e-3
-"""The controller's cycle, and the time between two rows of a trace [s]."""
+TICK_S = 1e-3  # The controller's cycle, and the time between two rows of a trace [s]
 BAR_PA = 1e5
 ATMOSPHERE_PA = 1.013e5
 POLYTROPIC = 1.3
 REFERENCE_CONTACT_BAR, REFERENCE_VELOCITY_M_S, REFERENCE_C = 50.0, 0.1, 40.0
 ROOT_SHIFT = 0.01
 """Below this share of the reference velocity the film's shear is proportional to velocity, not to its root."""
-VOGEL_K, VOGEL_C = 838.7, 95.0
-"""Of ISO VG 46: 46 mm²/s at 40 °C, 6.8 mm²/s at 100 °C."""
-POSITION_STEP_M = 0.3 / 2**16
-"""The controller reads the position in these steps."""
+VOGEL_K, VOGEL_C = 838.7, 95.0  # Of ISO VG 46: 46 mm²/s at 40 °C, 6.8 mm²/s at 100 °C
+POSITION_STEP_M = 0.3 / 2**16  # The controller reads the position in these steps
 
 
 @numba.njit(cache=True)

@@ -44,15 +44,11 @@ DEFAULT_RIG_CYLINDER = Cylinder(
 SMALL_CAMPAIGN = CampaignPlan(sessions_per_condition=3, recordings_per_session=1, duration_s=40.0)
 """What is simulated where no folder of recordings is given: twelve sessions of the default rig."""
 LABEL = "off-line label"
-ELSEWHERE = "elsewhere: "
-"""Before the names of estimators that were trained on the default rig."""
-OFFSET_LEFT = "hybrid, offset left"
-"""The same hybrid where it learns the sensors' offset, if it did not."""
+ELSEWHERE = "elsewhere: "  # Before the names of estimators that were trained on the default rig
+OFFSET_LEFT = "hybrid, offset left"  # The same hybrid where it learns the sensors' offset, if it did not
 TWIN = "twin: hybrid"
-TWIN_S = 30.0
-"""Duration of a recording on a rig of the twin [s]."""
-COLUMN = 23
-"""Characters of a column of the table."""
+TWIN_S = 30.0  # Duration of a recording on a rig of the twin [s]
+COLUMN = 23  # Characters of a column of the table
 
 
 @dataclass(frozen=True)

@@ -89,5 +89,4 @@ class Sensors(NamedTuple):
     offset_2_pa: float = 0.0  # Zero of the rod side's [Pa]
 
 
-GREATEST_OFFSET_PA = 0.15 * BAR
-"""A transmitter's zero is anywhere within plus and minus this, drawn for each session."""
+GREATEST_OFFSET_PA = 0.15 * BAR  # A transmitter's zero is anywhere within plus and minus this, drawn for each session

@@ -7,10 +7,8 @@ from scipy import signal
 from cylinder_friction.arrays import Array
 from friction_benchmark.servo_rig.dynamics import TICK_S
 
-LOWEST_M, HIGHEST_M = 0.035, 0.265
-"""References keep within this, so that overshoot stays clear of the ends."""
-LONGEST_STROKE_S = 3.0
-"""Slow strokes are short, so that a session has many."""
+LOWEST_M, HIGHEST_M = 0.035, 0.265  # References keep within this, so that overshoot stays clear of the ends
+LONGEST_STROKE_S = 3.0  # Slow strokes are short, so that a session has many
 
 
 def sine_sweeps(generator: Generator, rows: int) -> Array:

@@ -29,8 +29,7 @@ Mounting = Literal["horizontal", "vertical"]
 """Vertical: the mass hangs on the rod's upper end, on a spring; both resist extension, and nobody measures them."""
 
 SPRING_N_M = 1500.0
-SEED_WORD = 4025
-"""First word of every seed, so that no other simulation shares random numbers with this one."""
+SEED_WORD = 4025  # First word of every seed, so that no other simulation shares random numbers with this one
 
 
 @dataclass(frozen=True)

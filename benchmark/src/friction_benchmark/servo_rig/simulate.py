@@ -21,8 +21,7 @@ TRACE_COLUMNS = (
     "volume_1_m3",
     "volume_2_m3",
 )
-TICK_STEPS = 20
-"""Steps of the integration in a tick of 1 ms."""
+TICK_STEPS = 20  # Steps of the integration in a tick of 1 ms
 
 
 def simulate(
