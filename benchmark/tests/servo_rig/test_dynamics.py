@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+import numba
 import numpy as np
 import pytest
 
@@ -16,9 +17,9 @@ from friction_benchmark.servo_rig.dynamics import (
     damping,
     edge,
     element_shares,
-    friction_of_motion,
     opening,
     strengths,
+    stretch,
     viscosity_ratio,
 )
 from friction_benchmark.servo_rig.parameters import BAR, Drive, Seals
@@ -41,6 +42,24 @@ def sine(seconds: float, amplitude_m: float = 0.04, hertz: float = 0.5) -> np.nd
 def drive_force_n(trace: pd.DataFrame) -> np.ndarray:
     force = trace["pressure_1_pa"] * DRIVE.piston_area_m2 - trace["pressure_2_pa"] * DRIVE.annulus_area_m2
     return np.asarray(force - trace["load_force_n"])
+
+
+@numba.njit
+def friction_of_motion(
+    seals: Any, velocity_m_s: Any, p1: float, p2: float, oil_c: float, place: float, age_s: float, dt: float
+) -> Any:
+    """Return friction [N], one value per velocity, at constant pressures: the friction law alone, without the rig."""
+    share, stiffness = element_shares(seals)
+    force, found = np.zeros(ELEMENTS), np.empty(len(velocity_m_s))
+    viscosity, film = viscosity_ratio(oil_c), 0.0
+    for k in range(len(velocity_m_s)):
+        v = velocity_m_s[k]
+        film += (abs(v) - film) * dt / (seals.film_lag_s + dt)
+        age_s = (age_s + dt) / (1.0 + dt * abs(v) / seals.renewal_m)
+        extend_n, retract_n, chi = strengths(seals, p1, p2, place, film, age_s, viscosity)
+        stretch(force, share, stiffness, dt * v, extend_n, retract_n)
+        found[k] = force.sum() + damping(seals, p1, p2, abs(v), chi, viscosity) * v
+    return found
 
 
 def breakaway_n(rest_s: float) -> float:

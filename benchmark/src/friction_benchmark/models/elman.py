@@ -2,7 +2,7 @@
 
 Source: Pan et al. 2017, Advances in Mechanical Engineering, doi 10.1177/1687814017744473. Only its abstract was at
 hand: Elman network; multi-agent particle swarm, then Nelder and Mead's downhill simplex; better than LuGre at low
-speed. What the abstract does not give is chosen here and described in ``Elman``.
+speed. The models' ``chosen`` states what was taken where it leaves something open.
 
 ``x_c(k) = x(k-1) + a x_c(k-1)``, ``x(k) = tanh(u(k) W_u + x_c(k) W_c + b)``, ``y(k) = x(k) w + b_o``: Elman 1990 with
 the context's self-feedback a of Pham and Liu 1992. All weights lie in one vector, in the order W_u, W_c, b, w, b_o.
@@ -60,11 +60,6 @@ class Batch:
 
 class Elman(FeatureModel):
     """An Elman network on velocity and the task's other columns; gives friction or corrects the force balance.
-
-    Chosen where the source leaves it open: 8 hidden nodes; context self-feedback; inputs are the velocity, as it is and
-    softly limited, the direction of the last motion and the task's other columns; the network corrects the force
-    balance where raw pressures are available; the cost is the absolute error, rounded at zero, over 64 pieces of 250
-    steps; the swarm's box.
 
     Args:
         trainer: ``swarm``, with the simplex after it, or ``adam``.

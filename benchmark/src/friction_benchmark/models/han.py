@@ -2,7 +2,7 @@
 
 Source: Han et al. 2023, a deep network for friction of hydraulic actuators, trained on synthetic data of LuGre. The
 paper was not at hand; that it learns from LuGre, and how well it does if LuGre is not like the actuator, is known from
-its citations. What is left open is chosen here and described in ``HanEstimator``.
+its citations. The models' ``chosen`` states what was taken where they leave something open.
 """
 
 import math
@@ -57,13 +57,9 @@ NODES, BATCH = 64, 1024
 class Han(FeatureModel):
     """A rectified network on a window of velocity, trained on LuGre friction alone or fine-tuned on labels.
 
-    Chosen where the source leaves it open: 3 layers of 64; a window of 7.2 s whose spans grow with age, each mean
-    velocity as it is and softly limited, and the direction of the last motion, which outlives a long rest; each LuGre
-    parameter drawn within 40 % of the middle of what is usual for cylinders (``generic_parameters``), along the
-    training recordings' motion; mean absolute error, Adam. Without fine-tuning it sees the position alone, whatever
-    the task provides. Fine-tuned, the task's other columns join the first layer, raw pressures give a force balance
-    that it corrects, the head is fitted anew by ridge regression, and then all layers by Adam. Where it corrects the
-    force balance it steps at every sample, else every 20 ms.
+    Without fine-tuning it sees the position alone, whatever the task provides. Fine-tuned, the other columns join
+    the first layer, and the head is fitted anew by ridge regression before all layers are trained. Where it corrects
+    the force balance it steps at every sample, else every 20 ms.
 
     Args:
         fine_tuned: Whether it is trained on the recordings' labels too.

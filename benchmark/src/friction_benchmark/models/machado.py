@@ -3,7 +3,8 @@
 Source: Machado et al. 2006, a neural network friction compensator in the cascade control of a hydraulic actuator. The
 paper itself was not at hand; from its citations: one small network, trained offline on the output of a model with a
 variable friction coefficient, its own output fed forward; inputs are the velocity now and one sample ago and, at
-standstill, the stiction force. What is left open is chosen here and described in ``Machado``.
+standstill, the stiction force. The model's ``chosen`` states what was taken where the source leaves it open.
+A variable-coefficient model of the labels, as a target, could only be worse than the labels.
 """
 
 from collections.abc import Sequence
@@ -37,11 +38,8 @@ CHANGE_SCALE = 10.0  # Brings the change of a standardised velocity over some sa
 class Machado(FeatureModel):
     """A perceptron of one hyperbolic layer on two velocities and the stiction force, without memory of its own.
 
-    Chosen where the source leaves it open: the labels are the targets (a variable-coefficient model of the same labels
-    could only be worse); 10 nodes; velocity also through a soft limit, the earlier velocity as a difference, which
-    spans the same space and is better scaled; the stiction force is the force balance below 3 mm/s, and without
-    pressures, where it is unknown, the direction of the last motion; the task's other columns are inputs too; all
-    weights by L-BFGS (Liu and Nocedal 1989) on 24,000 rows, absolute error rounded at zero.
+    Velocity also goes through a soft limit. The earlier velocity is given as a difference, which spans the same space
+    and is better scaled. All weights are found by L-BFGS (Liu and Nocedal 1989) on the absolute error rounded at zero.
     """
 
     def __init__(self, build: BuildConfiguration) -> None:

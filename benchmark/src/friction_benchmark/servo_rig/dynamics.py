@@ -123,24 +123,6 @@ def stretch(force: Any, share: Any, stiffness: Any, travel_m: float, extend_n: f
 
 
 @numba.njit(cache=True)
-def friction_of_motion(
-    seals: Any, velocity_m_s: Any, p1: float, p2: float, oil_c: float, place: float, age_s: float, dt: float
-) -> Any:
-    """Return friction [N], one value per velocity, at constant pressures: the friction law alone, without the rig."""
-    share, stiffness = element_shares(seals)
-    force, found = np.zeros(ELEMENTS), np.empty(len(velocity_m_s))
-    viscosity, film = viscosity_ratio(oil_c), 0.0
-    for k in range(len(velocity_m_s)):
-        v = velocity_m_s[k]
-        film += (abs(v) - film) * dt / (seals.film_lag_s + dt)
-        age_s = (age_s + dt) / (1.0 + dt * abs(v) / seals.renewal_m)
-        extend_n, retract_n, chi = strengths(seals, p1, p2, place, film, age_s, viscosity)
-        stretch(force, share, stiffness, dt * v, extend_n, retract_n)
-        found[k] = force.sum() + damping(seals, p1, p2, abs(v), chi, viscosity) * v
-    return found
-
-
-@numba.njit(cache=True)
 def command(drive: Any, reference_m: Any, tick: int, x: float, integral: float) -> tuple[float, float]:
     """Return the spool command, -1 to 1, and the integral of the error: P or PI with velocity feed-forward."""
     error = reference_m[tick] - round(x / POSITION_STEP_M) * POSITION_STEP_M

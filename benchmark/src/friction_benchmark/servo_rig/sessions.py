@@ -66,7 +66,6 @@ class ServoSession:
 
     recording: Recording
     true_friction_n: Array
-    true_velocity_m_s: Array
     true_load_n: Array  # Resists extension [N]
 
 
@@ -99,7 +98,7 @@ def record(plan: SessionPlan, condition: str, number: int) -> ServoSession:
     truth = trace.iloc[:: _stride(sensors)]
     return ServoSession(
         Recording(metadata, logged),
-        *(truth[name].to_numpy() for name in ("friction_n", "velocity_m_s", "load_force_n")),
+        *(truth[name].to_numpy() for name in ("friction_n", "load_force_n")),
     )
 
 
