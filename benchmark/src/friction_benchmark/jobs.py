@@ -89,7 +89,7 @@ class Job:
         return (self.model.name, str(self.seed), task, f"{self.split} {self.fold}" if leaves_out else "")
 
 
-def tuning_job(model: RegisteredModel, task: Task, seed: int, code: str) -> Self:
+def tuning_job(model: RegisteredModel, task: Task, seed: int, code: str) -> Job:
     """Return the job that the trials of a tuning vary: with the defaults, on held-out sessions."""
     return Job(model, task, HELD_OUT, 0, seed, model.defaults, code)
 
