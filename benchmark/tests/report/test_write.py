@@ -220,7 +220,8 @@ def test_words_from_results_cannot_break_the_page(results: BenchmarkResults) -> 
     first = results.tasks[0]
     entries = (replace(first.entries[0], model=evil, tuning={evil: evil}), *first.entries[1:])
     task = replace(first, task=evil, title=evil, baseline=evil, entries=entries, missing={"hold": evil})
-    text = report_html(replace(results, tasks=(task,), budget={evil: evil}), {evil: evil})
+    models = {**results.models, evil: ModelInfo(evil, "modern", evil, evil)}
+    text = report_html(replace(results, tasks=(task,), models=models, budget={evil: evil}), {evil: evil})
     assert evil not in text
     assert 'onclick="x"' not in text
 

@@ -24,7 +24,8 @@ class ModelTitles:
     models: Mapping[str, ModelInfo]
 
     def __call__(self, model: str) -> str:
-        return self.models[model].title
+        """Return a model's title; a baseline that was not run has its name in the registry alone."""
+        return self.models[model].title if model in self.models else model
 
     def family(self, model: str) -> str:
         return self.models[model].family
