@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 
 from cylinder_friction.evaluation.strata import STRATA
 from cylinder_friction.reporting.page import static
-from friction_benchmark.report.overview import verdict
 from friction_benchmark.report.words import of_size
 from friction_benchmark.report.write import report_html, write_report
 from friction_benchmark.results import (
@@ -239,21 +238,6 @@ def test_words_from_results_cannot_break_the_page(results: BenchmarkResults) -> 
 def test_results_without_entries_are_refused(tasks: tuple[TaskResult, ...], message: str) -> None:
     with pytest.raises(ValueError, match=f"^{re.escape(message)}$"):
         report_html(BenchmarkResults(tasks, {}, {}), {})
-
-
-@pytest.mark.parametrize(
-    ("model", "below", "words"),
-    [
-        ("baseline", None, "nothing beats the baseline"),
-        ("lugre", Interval(1.0, 0.1, 2.0), "beats the baseline"),
-        ("lugre", Interval(1.0, -0.1, 2.0), "not distinguishable from the baseline"),
-        ("lugre", None, "not compared with the baseline"),
-    ],
-)
-def test_the_verdict_rests_on_the_paired_interval(model: str, below: Interval | None, words: str) -> None:
-    result = random_results(0, SPLITS[:1], 1).tasks[0]
-    best = replace(result.entries[0], model=model, below_baseline=below)
-    assert verdict(replace(result, baseline="baseline", entries=(best,))) == words
 
 
 def test_a_model_that_its_task_leaves_out_says_why_in_the_heat_map(page: str) -> None:

@@ -1,60 +1,18 @@
-"""All tasks at once: who wins what, and every model's error in every task against the baseline."""
+"""All tasks at once: every model's error in every task against the baseline."""
 
 import math
 from collections.abc import Sequence
 
 from cylinder_friction.reporting.page import Cell, Table
 from friction_benchmark.report.model_titles import ModelTitles
-from friction_benchmark.report.task_tables import EMPTY, against_baseline, margin_cell
-from friction_benchmark.report.words import SPLITS, capital, of_size, plain, split_words, within
-from friction_benchmark.results import BenchmarkResults, Entry, TaskResult
+from friction_benchmark.report.task_tables import EMPTY, against_baseline
+from friction_benchmark.report.words import capital, of_size, plain, split_words, within
+from friction_benchmark.results import Entry, TaskResult
 
 
 def anchor(task: str) -> str:
     """Return the address of a task's section within the page."""
     return "task-" + "".join(letter if letter.isalnum() else "-" for letter in task)
-
-
-def main_split(results: BenchmarkResults) -> str:
-    """Return the split of the first heat map: held-out sessions, or the first there is."""
-    splits = [result.split for result in results.tasks]
-    return min(splits, key=lambda split: (split != next(iter(SPLITS)), splits.index(split)))
-
-
-def verdict(result: TaskResult) -> str:
-    """Return in words whether the best model beats the baseline outside the paired interval."""
-    best = result.entries[0]
-    if best.model == result.baseline:
-        return "nothing beats the baseline"
-    if best.below_baseline is None:
-        return "not compared with the baseline"
-    return "beats the baseline" if best.below_baseline.low > 0.0 else "not distinguishable from the baseline"
-
-
-def winners(results: BenchmarkResults, titles: ModelTitles) -> Table:
-    """Return one row per leaderboard: its best model, the baseline, and the margin between them."""
-    rows = []
-    for result in results.tasks:
-        best, baseline, words = result.entries[0], found(result.baseline, result), verdict(result)
-        better = sum(entry.below_baseline is not None and entry.below_baseline.low > 0.0 for entry in result.entries)
-        beaten = Cell(titles(result.baseline))
-        if baseline is not None:
-            value = baseline.score.percent.value
-            beaten = Cell(of_size(value), titles(baseline.model), value)
-        percent = best.score.percent
-        rows.append(
-            [
-                Cell(capital(result.title), split_words(result.split), link=f"#{anchor(result.task)}"),
-                Cell(titles(best.model), titles.family(best.model), style="words"),
-                Cell(of_size(percent.value), within(percent), percent.value),
-                beaten,
-                margin_cell(best.below_baseline),
-                Cell(words, style="words good" if words == "beats the baseline" else "words bad"),
-                Cell(f"{better} of {len(result.entries) - (baseline is not None)}", value=better),
-            ]
-        )
-    head = ["Task", "best model", "its error [%]", "baseline [%]", "margin [points]", "verdict"]
-    return Table([*head, "models that beat the baseline"], rows, words=(1, 5), sortable=True)
 
 
 def heat_map(results: Sequence[TaskResult], titles: ModelTitles) -> Table:

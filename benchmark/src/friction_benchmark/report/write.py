@@ -6,9 +6,10 @@ from typing import Any
 
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.reporting.page import Cell, Table, page_html
+from friction_benchmark.folds import HELD_OUT
 from friction_benchmark.report import charts, task_tables
 from friction_benchmark.report.model_titles import ModelTitles
-from friction_benchmark.report.overview import anchor, heat_map, main_split, winners
+from friction_benchmark.report.overview import anchor, heat_map
 from friction_benchmark.report.words import REFERENCES, capital, of_size, plain, split_words, within
 from friction_benchmark.results import BenchmarkResults, TaskResult
 
@@ -34,8 +35,7 @@ def report_html(results: BenchmarkResults, findings: Mapping[str, str]) -> str:
     for result in results.tasks:
         tasks.setdefault(result.task, []).append(result)
     models = {entry.model for result in results.tasks for entry in result.entries}
-    main = main_split(results)
-    others = [result for result in results.tasks if result.split != main]
+    others = [result for result in results.tasks if result.split != HELD_OUT]
     splits = list(dict.fromkeys(result.split for result in others))
     sections = {"overview": "Overview"} | {anchor(task): capital(found[0].title) for task, found in tasks.items()}
     return page_html(
@@ -44,10 +44,9 @@ def report_html(results: BenchmarkResults, findings: Mapping[str, str]) -> str:
         title="Friction models compared",
         sections=sections | {"models": "Models", "budget": "Budget", "reading": "How to read the numbers"},
         counts=(len(models), len(tasks), len(results.tasks)),
-        main_split=split_words(main),
-        heat=heat_map([result for result in results.tasks if result.split == main], titles),
+        main_split=split_words(HELD_OUT),
+        heat=heat_map([result for result in results.tasks if result.split == HELD_OUT], titles),
         other_heat=heat_map(sorted(others, key=lambda each: splits.index(each.split)), titles) if others else None,
-        winners=winners(results, titles),
         missing=[f"{capital(plain(task))}: {reason}" for task, reason in sorted(results.missing.items())],
         families=titles.legend(models),
         tasks=[_task(found, titles, findings.get(task, "")) for task, found in tasks.items()],
