@@ -17,7 +17,7 @@ from cylinder_friction.recordings.storage import write_recording
 from friction_benchmark.cases import LabelledRecording
 from friction_benchmark.datasets import TRUE_FRICTION, TRUE_LOAD, Kind, Sizes, Sources
 from friction_benchmark.models.base import Model
-from friction_benchmark.registry import BuildConfiguration, Range, RegisteredModel, needs_raw_pressures
+from friction_benchmark.registry import BuildConfiguration, Float, Int, RegisteredModel, needs_raw_pressures
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -150,7 +150,7 @@ MODELS = (
         "modern",
         "own",
         _ridge,
-        space={"lags": Range(2, 20, integer=True), "penalty": Range(1e-2, 1e2, logarithmic=True)},
+        space={"lags": Int(2, 20), "penalty": Float(1e-2, 1e2, log=True)},
         defaults={"lags": 5, "penalty": 1.0},
         supports=needs_raw_pressures,
     ),

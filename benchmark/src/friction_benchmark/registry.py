@@ -6,6 +6,8 @@ from dataclasses import dataclass, field
 from importlib import import_module
 from typing import Literal, Protocol, Self
 
+from optuna.distributions import CategoricalDistribution, FloatDistribution, IntDistribution
+
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
@@ -34,28 +36,10 @@ class Estimator(Protocol):
         """Return the multiply-adds of one sample, the usual measure of a network's cost."""
 
 
-@dataclass(frozen=True)
-class Range:
-    """Numbers that tuning may choose from, both ends included."""
-
-    low: float
-    high: float
-    logarithmic: bool = False
-    integer: bool = False
-
-    def __post_init__(self) -> None:
-        if not self.low <= self.high or (self.logarithmic and self.low <= 0.0):
-            raise ValueError(f"expected low <= high, above 0 if logarithmic, but got {self}")
-
-
-@dataclass(frozen=True)
-class OneOf:
-    """Values that tuning may choose from."""
-
-    values: tuple[Value, ...]
-
-
-Space = Mapping[str, Range | OneOf]
+Float = FloatDistribution
+Int = IntDistribution
+OneOf = CategoricalDistribution
+Space = Mapping[str, Int | Float | OneOf]  # What tuning may choose from, ends included
 Values = Mapping[str, Value]
 
 

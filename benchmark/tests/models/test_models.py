@@ -11,7 +11,7 @@ import pytest
 
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
-from friction_benchmark.registry import BuildConfiguration, OneOf, Range, registered_models
+from friction_benchmark.registry import BuildConfiguration, Float, Int, OneOf, registered_models
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
@@ -151,8 +151,8 @@ def test_a_model_takes_part_if_it_has_its_inputs(inputs: tuple[str, ...], unable
 @pytest.mark.parametrize("end", [0, -1])
 @pytest.mark.parametrize("name", [name for name, model in MODELS.items() if model.space])
 def test_both_ends_of_what_may_be_tuned_can_be_built(name: str, end: int, cylinder: Cylinder) -> None:
-    def corner(where: Range | OneOf) -> Value:
-        return (where.low, where.high)[end] if isinstance(where, Range) else where.values[end]
+    def corner(where: Int | Float | OneOf) -> Value:
+        return where.choices[end] if isinstance(where, OneOf) else (where.low, where.high)[end]
 
     chosen = {key: corner(where) for key, where in MODELS[name].space.items()}
     MODELS[name].build(BuildConfiguration(cylinder, SAMPLE_COLUMNS, 0, EFFORT, chosen))

@@ -31,7 +31,7 @@ from friction_benchmark.models.related_work import (
 )
 from friction_benchmark.models.swarm import SIDE, swarm_then_simplex
 from friction_benchmark.models.training import minimise
-from friction_benchmark.registry import BuildConfiguration, Range, RegisteredModel
+from friction_benchmark.registry import BuildConfiguration, Float, Int, RegisteredModel, Space
 
 Single = NDArray[np.float32]
 
@@ -176,7 +176,7 @@ def network_outputs(weights: torch.Tensor, nodes: int, feedback: float, rows: to
     return torch.stack(states) @ head + last
 
 
-_SPACE = {"nodes": Range(6, 12, integer=True), "feedback": Range(0.0, 0.9)}
+_SPACE: Space = {"nodes": Int(6, 12), "feedback": Float(0.0, 0.9)}
 _DEFAULTS = {"nodes": 8, "feedback": 0.3}
 _CHOSEN = (
     "8 hidden nodes; self-feedback of the context; inputs: velocity (straight and softly limited), side of the last "
@@ -191,7 +191,7 @@ MODELS = (
         family="related work",
         source="Pan et al. 2017",
         build=partial(Elman, "swarm"),
-        space={**_SPACE, "bound": Range(0.2, 2.0, True)},
+        space={**_SPACE, "bound": Float(0.2, 2.0, log=True)},
         defaults={**_DEFAULTS, "bound": 0.4},
         chosen=f"{_CHOSEN}; 6 x 6 agents, steps of at most 5 % of the box, 30 % of the budget for the simplex; effort "
         "cuts the evaluations of the network (16,000)",
@@ -202,7 +202,7 @@ MODELS = (
         family="related work",
         source="Pan et al. 2017 (network), Kingma and Ba 2015 (training)",
         build=partial(Elman, "adam"),
-        space={**_SPACE, "learning_rate": Range(3e-3, 6e-2, True)},
+        space={**_SPACE, "learning_rate": Float(3e-3, 6e-2, log=True)},
         defaults={**_DEFAULTS, "learning_rate": 2e-2},
         chosen=f"{_CHOSEN}; the swarm's rows and number of evaluations of the network, a gradient counted as three; "
         "effort cuts them (16,000)",

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits  # comes with scikit-learn
 from cylinder_friction.estimators.training_plan import SequenceData
 from friction_benchmark.models.base import FeatureModel
 from friction_benchmark.models.lagged import Past
-from friction_benchmark.registry import BuildConfiguration, OneOf, Range, RegisteredModel, Space, Values
+from friction_benchmark.registry import BuildConfiguration, Float, OneOf, RegisteredModel, Space, Values
 
 PAST = Past(lags=(6, 20, 60), averages=(100.0, 1000.0))
 """30, 100 and 300 ms ago; averages over 0.5 and 5 s, which show the contribution of sensor zeros or of a load."""
@@ -60,7 +60,7 @@ class GradientBoosting(FeatureModel):
 
 
 SPACE: Space = {
-    "learning_rate": Range(0.04, 0.25, logarithmic=True),
+    "learning_rate": Float(0.04, 0.25, log=True),
     "leaves": OneOf((15, 31, 63)),
     "loss": OneOf(("absolute_error", "squared_error")),
 }

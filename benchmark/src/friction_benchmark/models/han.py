@@ -27,7 +27,7 @@ from friction_benchmark.models.base import FeatureModel
 from friction_benchmark.models.related_work import last_motion, places_of, task_columns
 from friction_benchmark.models.training import minimise, outputs, perceptron, weights_in
 from friction_benchmark.models.velocity_window import EVERY, WINDOW_INPUTS, windows
-from friction_benchmark.registry import BuildConfiguration, OneOf, Range, RegisteredModel, Space
+from friction_benchmark.registry import BuildConfiguration, Float, OneOf, RegisteredModel, Space
 
 Single = NDArray[np.float32]
 
@@ -203,7 +203,7 @@ def synthetic_friction(parameters: LugreParameters, velocity_m_s: Array, sample_
     return model.simulate(parameters.packed(), velocity_m_s, sample_time_s, model.new_state())
 
 
-_SPACE: Space = {"layers": OneOf((3, 4)), "spread": Range(0.3, 0.5)}
+_SPACE: Space = {"layers": OneOf((3, 4)), "spread": Float(0.3, 0.5)}
 _DEFAULTS = {"layers": 3, "spread": 0.4}
 _CHOSEN = (
     "3 or 4 rectified layers of 64; a 7.2 s window whose spans grow with age, and the side of the last motion; LuGre "
@@ -218,7 +218,7 @@ MODELS = (
         family="related work",
         source="Han et al. 2023",
         build=partial(Han, False),
-        space={**_SPACE, "learning_rate": Range(1e-3, 1e-2, True)},
+        space={**_SPACE, "learning_rate": Float(1e-3, 1e-2, log=True)},
         defaults={**_DEFAULTS, "learning_rate": 3e-3},
         chosen=f"{_CHOSEN}; sees no label and no column but the position; effort cuts the batches (2000)",
     ),
@@ -228,7 +228,7 @@ MODELS = (
         family="related work",
         source="Han et al. 2023",
         build=partial(Han, True),
-        space={**_SPACE, "tuning_rate": Range(5e-4, 1e-2, True)},
+        space={**_SPACE, "tuning_rate": Float(5e-4, 1e-2, log=True)},
         defaults={**_DEFAULTS, "tuning_rate": 4e-3},
         chosen=f"{_CHOSEN}; then on the task's labels: head by ridge regression, all layers by Adam; the task's other "
         "columns join the first layer; corrects the force balance where raw pressures are there; effort cuts the "

@@ -31,8 +31,8 @@ from friction_benchmark.models.tracking_features import TrackingFeatures
 from friction_benchmark.models.training import minimise, weights_in
 from friction_benchmark.registry import (
     BuildConfiguration,
+    Float,
     OneOf,
-    Range,
     RegisteredModel,
     Space,
     Values,
@@ -191,7 +191,7 @@ def track(gain: torch.Tensor, balance: torch.Tensor, last: torch.Tensor) -> torc
     return tracked
 
 
-_SPACE: Space = {"nodes": OneOf((32, 48)), "learning_rate": Range(2e-3, 1e-2, logarithmic=True)}
+_SPACE: Space = {"nodes": OneOf((32, 48)), "learning_rate": Float(2e-3, 1e-2, log=True)}
 _DEFAULTS: Values = {"nodes": 32, "learning_rate": 5e-3}
 _SOURCE = "after Revach et al. 2022 (KalmanNet)"
 MODELS = (

@@ -25,7 +25,7 @@ from friction_benchmark.models.related_work import (
     task_columns,
 )
 from friction_benchmark.models.training import outputs, perceptron, weights_in
-from friction_benchmark.registry import BuildConfiguration, OneOf, Range, RegisteredModel
+from friction_benchmark.registry import BuildConfiguration, Float, Int, OneOf, RegisteredModel
 
 Single = NDArray[np.float32]
 
@@ -100,7 +100,7 @@ MODELS = (
         family="related work",
         source="Machado et al. 2006",
         build=Machado,
-        space={"nodes": Range(6, 20, integer=True), "delay": OneOf((1, 4, 10, 20)), "penalty": Range(1e-5, 1e-1, True)},
+        space={"nodes": Int(6, 20), "delay": OneOf((1, 4, 10, 20)), "penalty": Float(1e-5, 1e-1, log=True)},
         defaults={"nodes": 10, "delay": 10, "penalty": 1e-4},
         chosen="labels as targets; stiction force: the force balance below 3 mm/s, the side of the last motion where "
         "no pressure is measured; the task's other columns are inputs too; corrects the force balance where raw "

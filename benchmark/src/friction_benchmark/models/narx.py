@@ -16,7 +16,7 @@ from friction_benchmark.evenly import evenly
 from friction_benchmark.models.base import FeatureModel
 from friction_benchmark.models.lagged import Past
 from friction_benchmark.models.robust_regression import robust_weights
-from friction_benchmark.registry import BuildConfiguration, Range, RegisteredModel
+from friction_benchmark.registry import BuildConfiguration, Int, RegisteredModel
 
 Terms = NDArray[np.int64]
 
@@ -167,7 +167,7 @@ MODELS = (
         family="modern",
         source="Ljung 1999; Billings 2013",
         build=Narx,
-        space={"terms": Range(20, 120, integer=True)},
+        space={"terms": Int(20, 120)},
         defaults={"terms": 60},
         chosen="Second degree; terms by orthogonal forward regression; its last estimate is fed back with a weight in "
         "[0, 0.98] that depends on speed, so that it is stable whatever comes in; fitted in free run.",

@@ -18,7 +18,7 @@ from friction_benchmark.models.sequence_network import (
     architecture,
     training_plan,
 )
-from friction_benchmark.registry import BuildConfiguration, OneOf, Range, RegisteredModel
+from friction_benchmark.registry import BuildConfiguration, Float, Int, OneOf, RegisteredModel
 
 
 def _forest(build: BuildConfiguration, rows: int, leaf: int) -> ForestPlan:
@@ -57,7 +57,7 @@ MODELS = (
         family="modern",
         source="after the paper; Hochreiter and Schmidhuber 1997, Breiman 2001",
         build=partial(_hybrid, True),
-        space={**SPACE, "trees": Range(16, 32, integer=True), "depth": Range(6, 12, integer=True)},
+        space={**SPACE, "trees": Int(16, 32), "depth": Int(6, 12)},
         defaults={**DEFAULTS, "trees": 24, "depth": 10},
         learns_offset=True,
         chosen="The LSTM corrects the force balance where there is one; the forest learns the LSTM's residual, from "
@@ -84,10 +84,10 @@ MODELS = (
         space={
             "layers": OneOf((3, 4, 5)),
             "nodes": OneOf((16, 32, 64)),
-            "learning_rate": Range(1e-5, 1e-3, logarithmic=True),
+            "learning_rate": Float(1e-5, 1e-3, log=True),
             "dropout": OneOf((0.1, 0.2, 0.3, 0.4, 0.5)),
-            "trees": Range(32, 100, integer=True),
-            "depth": Range(10, 50, integer=True),
+            "trees": Int(32, 100),
+            "depth": Int(10, 50),
         },
         defaults={"layers": 4, "nodes": 64, "learning_rate": 1e-3, "dropout": 0.3, "trees": 64, "depth": 10},
         supports=_has_the_papers_inputs,
@@ -100,7 +100,7 @@ MODELS = (
         family="modern",
         source="Hoerl and Kennard 1970",
         build=_ridge,
-        space={"lags": Range(5, 60, integer=True), "penalty": Range(1e-3, 1e3, logarithmic=True)},
+        space={"lags": Int(5, 60), "penalty": Float(1e-3, 1e3, log=True)},
         defaults={"lags": 20, "penalty": 1.0},
         chosen="Raw samples, no features: linear in everything.",
     ),

@@ -18,14 +18,14 @@ from cylinder_friction.estimators.training import train_network
 from cylinder_friction.estimators.training_plan import Architecture, SequenceData, TrainingPlan
 from friction_benchmark.models.base import FeatureModel
 from friction_benchmark.models.training import weights_in
-from friction_benchmark.registry import BuildConfiguration, OneOf, Range, Space, Values, needs_raw_pressures
+from friction_benchmark.registry import BuildConfiguration, Float, Int, OneOf, Space, Values, needs_raw_pressures
 
 RECURRENT_STRIDE = 4
 PRESSURE_FREE_EPOCHS = 2  # Factor on the epochs of hybrid and LSTM without raw pressures
 SPACE: Space = {
     "layers": OneOf((1, 2)),
-    "nodes": Range(16, 48, logarithmic=True, integer=True),
-    "learning_rate": Range(4e-3, 3e-2, logarithmic=True),
+    "nodes": Int(16, 48, log=True),
+    "learning_rate": Float(4e-3, 3e-2, log=True),
     "dropout": OneOf((0.0, 0.05, 0.1)),
 }
 DEFAULTS: Values = {"layers": 1, "nodes": 32, "learning_rate": 1e-2, "dropout": 0.05}

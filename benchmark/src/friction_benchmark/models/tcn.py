@@ -15,7 +15,7 @@ from torch.nn.functional import conv1d, relu
 from torch.nn.utils.parametrizations import weight_norm
 
 from friction_benchmark.models.sequence_network import SequenceModel, training_plan, zero_head
-from friction_benchmark.registry import BuildConfiguration, OneOf, Range, RegisteredModel
+from friction_benchmark.registry import BuildConfiguration, Float, Int, OneOf, RegisteredModel
 
 
 class CausalConvolution(nn.Module):
@@ -89,8 +89,8 @@ MODELS = (
         space={
             "receptive_field_steps": OneOf((128, 256, 512)),
             "kernel": OneOf((3, 4)),
-            "channels": Range(8, 20, integer=True),
-            "learning_rate": Range(2e-3, 2e-2, logarithmic=True),
+            "channels": Int(8, 20),
+            "learning_rate": Float(2e-3, 2e-2, log=True),
             "dropout": OneOf((0.0, 0.05)),
         },
         defaults={"receptive_field_steps": 128, "kernel": 4, "channels": 16, "learning_rate": 1e-2, "dropout": 0.0},
