@@ -289,8 +289,7 @@ def test_the_paragraph_of_a_task_follows_from_its_numbers(results: BenchmarkResu
     best = identity.entries[0]
     title = results.models[best.model].title
     assert findings["identity"].startswith(
-        f"On other sessions of the rig that models were trained on, {title} is nearest to the label: "
-        f"{best.score.percent.value:.2f} %"
+        f"On held-out sessions, {title} is nearest to the label: {best.score.percent.value:.2f} %"
     )
     assert "It is not beaten by" in findings["identity"]
     assert "Without a figure, because they failed: Raises; Nan." in findings["identity"]

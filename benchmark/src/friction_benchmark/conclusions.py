@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 
-from friction_benchmark.folds import HELD_OUT, SPLITS
+from friction_benchmark.folds import HELD_OUT
 from friction_benchmark.report.model_titles import ModelTitles
-from friction_benchmark.report.words import within
+from friction_benchmark.report.words import split_words, within
 from friction_benchmark.results import NEEDS_MORE, BenchmarkResults, TaskResult
 
 MOST_NAMES = 6
@@ -32,11 +32,11 @@ def _paragraph(splits: Sequence[TaskResult], titles: ModelTitles) -> str:
 
 def _standing(found: TaskResult, titles: ModelTitles) -> list[str]:
     if not found.entries:
-        return [f"On {SPLITS[found.split]}, no model has a figure."]
+        return [f"On {split_words(found.split)}, no model has a figure."]
     best, percent = found.entries[0], found.entries[0].score.percent
     against = "true friction" if found.reference == "truth" else "the label"
     sentences = [
-        f"On {SPLITS[found.split]}, {titles(best.model)} is nearest to {against}: {percent.value:.2f} % "
+        f"On {split_words(found.split)}, {titles(best.model)} is nearest to {against}: {percent.value:.2f} % "
         f"({within(percent)}), {best.score.mae_n:.1f} N."
     ]
     tied = [entry.model for entry in found.entries[1:] if entry.score.percent.value <= percent.high]

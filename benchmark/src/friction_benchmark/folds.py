@@ -9,14 +9,6 @@ HELD_OUT = "held_out_sessions"
 LEAVE_LOAD = "leave_one_load_out"
 LEAVE_TEMPERATURE = "leave_one_temperature_out"
 UNSEEN_RIG = "unseen_rig"
-SPLITS = {
-    HELD_OUT: "other sessions of the rig that models were trained on",
-    LEAVE_LOAD: "a load that no training session had",
-    LEAVE_TEMPERATURE: "oil colder or warmer than in any training session",
-    UNSEEN_RIG: "another rig, nothing refitted",
-}
-"""Every split and what is tested in it, in words."""
-
 TEMPERATURES = ("cold", "medium", "warm")
 
 
@@ -24,7 +16,7 @@ TEMPERATURES = ("cold", "medium", "warm")
 class Fold:
     """Names of recordings by role; a session has one role."""
 
-    split: str  # Key of ``SPLITS``
+    split: str
     left_out: str  # Which load or temperature; empty where nothing is left out
     train: tuple[str, ...]  # Sorted; ``validation`` calibrates bounds and chooses while tuning
     validation: tuple[str, ...]  # Sorted; ``validation`` calibrates bounds and chooses while tuning

@@ -13,6 +13,7 @@ that it can be trained over whole sequences.
 import itertools
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Self
 
 import numpy as np
@@ -34,8 +35,6 @@ from friction_benchmark.registry import (
     Float,
     OneOf,
     RegisteredModel,
-    Space,
-    Values,
     needs_raw_pressures,
 )
 
@@ -191,33 +190,28 @@ def track(gain: torch.Tensor, balance: torch.Tensor, last: torch.Tensor) -> torc
     return tracked
 
 
-_SPACE: Space = {"nodes": OneOf((32, 48)), "learning_rate": Float(2e-3, 1e-2, log=True)}
-_DEFAULTS: Values = {"nodes": 32, "learning_rate": 5e-3}
-_SOURCE = "after Revach et al. 2022 (KalmanNet)"
+_TWIN = RegisteredModel(
+    name="twin_hybrid",
+    title="Hybrid trained on the twin",
+    family="modern",
+    source="after Revach et al. 2022 (KalmanNet); own training",
+    build=LearnedGain,
+    space={"nodes": OneOf((32, 48)), "learning_rate": Float(2e-3, 1e-2, log=True)},
+    defaults={"nodes": 32, "learning_rate": 5e-3},
+    supports=needs_raw_pressures,
+    trained_on="twin",
+    chosen="A filter of the force balance whose gain and offset an LSTM of one layer sets at every sample; where "
+    "sensors are far off, it also sees the mean force balance of the strokes so far. Trained on true friction of "
+    "random rigs, never on a recording of the rig that it is used on.",
+)
 MODELS = (
-    RegisteredModel(
-        name="twin_hybrid",
-        title="Hybrid trained on the twin",
-        family="modern",
-        source=f"{_SOURCE}; own training",
-        build=LearnedGain,
-        space=_SPACE,
-        defaults=_DEFAULTS,
-        supports=needs_raw_pressures,
-        trained_on="twin",
-        chosen="A filter of the force balance whose gain and offset an LSTM of one layer sets at every sample; where "
-        "sensors are far off, it also sees the mean force balance of the strokes so far. Trained on true friction of "
-        "random rigs, never on a recording of the rig that it is used on.",
-    ),
-    RegisteredModel(
+    _TWIN,
+    replace(
+        _TWIN,
         name="learned_gain",
         title="Learned gain, trained on labels",
-        family="modern",
-        source=_SOURCE,
-        build=LearnedGain,
-        space=_SPACE,
-        defaults=_DEFAULTS,
-        supports=needs_raw_pressures,
+        source="after Revach et al. 2022 (KalmanNet)",
+        trained_on="recordings",
         chosen="The same filter and network as the hybrid trained on the twin, but trained on the rig's own labels.",
     ),
 )
