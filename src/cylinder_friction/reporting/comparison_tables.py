@@ -11,7 +11,7 @@ from cylinder_friction.evaluation.coverage import Coverage
 from cylinder_friction.evaluation.residuals import ResidualFigures
 from cylinder_friction.evaluation.starts import Starts
 from cylinder_friction.evaluation.timing import StepTime
-from cylinder_friction.reporting.estimator_titles import phrase, title
+from cylinder_friction.reporting.estimator_titles import REFERENCES, phrase, title
 from cylinder_friction.reporting.page import Cell, Table
 from cylinder_friction.reporting.published import HYPERPARAMETERS, PERCENT_BY_TEST, STEP_SECONDS
 from cylinder_friction.reporting.summary import best_reference, leaders, ranked, verdict
@@ -68,10 +68,9 @@ def row_notes(comparison: Comparison) -> dict[str, str]:
 
 def coverage_table(found: Sequence[Coverage]) -> Table:
     """Return how often the bounds hold the label and true friction, in each condition and in the worst session."""
-    words = {"label": "label", "truth": "true friction"}
     rows = [
         (
-            words[each.reference],
+            REFERENCES[each.reference],
             each.condition,
             f"{each.rows:,}",
             f"{each.held_percent:.1f}",
@@ -87,7 +86,6 @@ def coverage_table(found: Sequence[Coverage]) -> Table:
 
 def start_table(found: Sequence[Starts]) -> Table:
     """Return what the offset learned in a session's earlier recording is worth, by condition."""
-    words = {"label": "label", "truth": "true friction"}
     rows = [
         (
             each.condition,
@@ -98,7 +96,7 @@ def start_table(found: Sequence[Starts]) -> Table:
         )
         for each in found
     ]
-    against = words[found[0].reference] if found else "label"
+    against = REFERENCES[found[0].reference] if found else "label"
     share = f"[% of mean |{against}|]"
     return Table(("Condition", "Recordings", f"Mean |{against}| [N]", f"Cold {share}", f"Warm {share}"), rows)
 

@@ -38,6 +38,9 @@ _KNOWN = {
     "label": Naming("Label itself", "the label itself", "label"),
 }
 
+REFERENCES = {"label": "label", "truth": "true friction"}
+"""What errors are measured against, in words."""
+
 FAMILY_COLOURS = {
     "hybrid": BLUE,
     "friction model": ORANGE,

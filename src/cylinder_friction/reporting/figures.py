@@ -15,7 +15,7 @@ from cylinder_friction.evaluation.comparison import Comparison, Scores, equal_to
 from cylinder_friction.evaluation.strata import STRATA
 from cylinder_friction.evaluation.views import Agreement, Excerpt, Histogram, LearningCurve, VelocityProfile
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.reporting.estimator_titles import TRACE_COLOURS, colour, title
+from cylinder_friction.reporting.estimator_titles import REFERENCES, TRACE_COLOURS, colour, title
 from cylinder_friction.reporting.print_figure import draw, grid_of, panels
 from cylinder_friction.reporting.style import (
     BLACK,
@@ -33,7 +33,6 @@ from cylinder_friction.reporting.style import (
 )
 
 PANEL = (4.8, 3.3)  # Width and height of one panel [in]; so wide, letters stay legible on a screen of 400 pixels
-LINE_TITLES = {"label": "label", "truth": "true friction"}
 LINE_WIDTHS = {"label": 3.0, "truth": 0.9}
 ESTIMATE_WIDTH = 1.1
 
@@ -342,7 +341,7 @@ def autocorrelation_plot(memories: Mapping[str, tuple[Array, float]], sample_tim
 
 
 def line_title(name: str) -> str:
-    return LINE_TITLES.get(name, title(name))
+    return REFERENCES.get(name, title(name))
 
 
 def line_colour(name: str) -> str:

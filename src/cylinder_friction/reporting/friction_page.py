@@ -12,13 +12,14 @@ from cylinder_friction.evaluation.inspection.friction_view import FrictionView
 from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
-from cylinder_friction.reporting.inspection.friction_figures import MM_PER_M, against_velocity, of_recordings
+from cylinder_friction.reporting.inspection.frequency_figures import MM_PER_M
+from cylinder_friction.reporting.inspection.friction_figures import against_velocity, of_recordings
 from cylinder_friction.reporting.inspection.recording_pane import (
     measured_panels,
     stribeck_table,
 )
 from cylinder_friction.reporting.offset_table import offset_table
-from cylinder_friction.reporting.page import Cell, Table, packed, page_html
+from cylinder_friction.reporting.page import NONE, Cell, Table, number_cell, packed, page_html
 from cylinder_friction.reporting.style import BLUE, GREEN, PALE, QUIET
 from cylinder_friction.reporting.time_figure import Line, Panel, over_time
 
@@ -81,9 +82,9 @@ def write_friction_page(
     cells: list[list[str | Cell]] = [
         [
             Cell(name, link=f"#pane={quote(name)}" if usable else ""),
-            Cell(start[:16].replace("T", " ") + "Z" * start.endswith("Z")) if start else Cell("–", style="none"),
-            Cell("–", style="none") if friction_n is None else Cell(f"{friction_n:.0f}", value=friction_n),
-            usable or Cell("–", style="none"),
+            Cell(start[:16].replace("T", " ") + "Z" * start.endswith("Z")) if start else NONE,
+            number_cell(friction_n),
+            usable or NONE,
             Cell(words, style="words"),
         ]
         for name, start, friction_n, usable, words in rows

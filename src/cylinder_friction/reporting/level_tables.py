@@ -10,9 +10,7 @@ from cylinder_friction.evaluation.friction_levels import (
     RecordingDifference,
     in_words,
 )
-from cylinder_friction.reporting.page import Cell, Table
-
-NONE = Cell("–", style="none")
+from cylinder_friction.reporting.page import NONE, Cell, Table, number_cell
 
 
 def level_tables(
@@ -29,11 +27,11 @@ def level_tables(
         rows = [
             [
                 each.name,
-                *map(_number, (each.friction_n, each.differs_n, *each.left_n.values())),
+                *map(number_cell, (each.friction_n, each.differs_n, *each.left_n.values())),
                 *(
                     (NONE, NONE, NONE)
                     if each.equal is None
-                    else map(_number, (each.equal.newtons, each.equal.half_width_n, each.equal.seconds))
+                    else map(number_cell, (each.equal.newtons, each.equal.half_width_n, each.equal.seconds))
                 ),
             ]
             for each in found
@@ -52,10 +50,6 @@ def level_tables(
         )
         tables.append(("Friction by pressure", words, Table(head, rows)))
     return tables
-
-
-def _number(value: float | None) -> Cell:
-    return NONE if value is None else Cell(f"{value:.0f}", value=value)
 
 
 def _at(levels: Sequence[FrictionLevel], pressure_bar: float) -> Cell:

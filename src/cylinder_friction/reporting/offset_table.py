@@ -1,10 +1,9 @@
 """The offset of the sensors' zeros by session, as lines of text and as a table of a page."""
 
-import math
 from collections.abc import Sequence
 
 from cylinder_friction.labelling.known_offset import KnownOffset
-from cylinder_friction.reporting.page import Cell, Table
+from cylinder_friction.reporting.page import Cell, Table, number_cell
 
 
 def offset_lines(offsets: Sequence[KnownOffset]) -> list[str]:
@@ -19,10 +18,7 @@ def offset_table(offsets: Sequence[KnownOffset]) -> Table:
     rows: list[list[str | Cell]] = [
         [
             each.session,
-            *(
-                Cell(f"{number:.1f}", value=number) if math.isfinite(number) else Cell("–", style="none")
-                for number in (each.offset_n, each.uncertainty_n, each.stated_n)
-            ),
+            *(number_cell(number, ".1f") for number in (each.offset_n, each.uncertainty_n, each.stated_n)),
             each.source,
             Cell(each.words, style="words"),
         ]

@@ -48,6 +48,15 @@ class Cell:
         return self.value is not None and math.isfinite(self.value)
 
 
+NONE = Cell("–", style="none")
+"""A value that is not known."""
+
+
+def number_cell(value: float | None, digits: str = ".0f") -> Cell:
+    """Return a number as a cell that its column is sorted by; ``NONE`` where there is no finite one."""
+    return NONE if value is None or not math.isfinite(value) else Cell(f"{value:{digits}}", value=value)
+
+
 @dataclass(frozen=True)
 class Table:
     """Rows below a head."""

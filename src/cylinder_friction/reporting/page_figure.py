@@ -96,9 +96,9 @@ class PageFigure:
         fill = {"fillcolor": colour, "opacity": opacity, "line": {"width": 0}, "layer": "below"}
         self.layout["shapes"].append({"type": "rect", **ends, **fill})
 
-    def upright(self, x: float, line: Mapping[str, Any]) -> None:
-        """Add a line from bottom to top."""
-        ends = {"x0": x, "x1": x, "xref": "x", "y0": 0, "y1": 1, "yref": "y domain"}
+    def upright(self, x: Any, line: Mapping[str, Any], across: str = "y domain") -> None:
+        """Add a line from bottom to top of the first panel, or of all panels if ``across`` is ``paper``."""
+        ends = {"x0": x, "x1": x, "xref": "x", "y0": 0, "y1": 1, "yref": across}
         self.layout["shapes"].append({"type": "line", **ends, "line": dict(line)})
 
     def look(self, height: int, legend_rows: int = 1, **layout: Any) -> Self:

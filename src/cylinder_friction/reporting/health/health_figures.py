@@ -188,9 +188,7 @@ def _title(figure: PageFigure, panel: int, words: str) -> None:
 def _upright(figure: PageFigure, place: Any, colour: str, words: str) -> None:
     if place is None:
         return
-    line = {"color": colour, "width": 1.4, "dash": "dot" if colour == BLUE else "solid"}
-    ends = {"x0": place, "x1": place, "xref": "x", "y0": 0, "y1": 1, "yref": "paper"}
-    figure.layout["shapes"].append({"type": "line", **ends, "line": line})
+    figure.upright(place, {"color": colour, "width": 1.4, "dash": "dot" if colour == BLUE else "solid"}, "paper")
     side = "right" if colour == ORANGE else "left"
     font = {"size": 11, "color": colour}
     figure.note(words, x=place, xref="x", y=1.0, yref="paper", xanchor=side, yanchor="bottom", font=font)

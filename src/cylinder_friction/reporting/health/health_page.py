@@ -14,7 +14,7 @@ from cylinder_friction.monitoring.session_row import INDICATORS, SessionRow
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.recordings.ingesting import Quarantined
 from cylinder_friction.reporting.health.health_figures import life_figure, strokes_figure, trend_picture
-from cylinder_friction.reporting.page import Cell, Table, packed, page_html
+from cylinder_friction.reporting.page import NONE, Cell, Table, packed, page_html
 
 BADGES: Mapping[Answer, str] = {
     "alarm": "refused",
@@ -150,7 +150,7 @@ def _baselines(found: Assessment) -> Table:
     for name, trend in found.trends.items():
         base = trend.baseline
         if base is None:
-            rows.append([NAMES[name], *(Cell("–", style="none") for _ in range(7)), Cell(trend.why, style="words")])
+            rows.append([NAMES[name], *[NONE] * 7, Cell(trend.why, style="words")])
             continue
         cells = [f"{base.sessions} of {base.needed}", f"{base.level:.4g}", f"{base.scatter:.3g}"]
         cells += [

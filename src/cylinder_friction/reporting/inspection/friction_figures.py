@@ -11,6 +11,7 @@ from cylinder_friction.evaluation.inspection.friction_view import FrictionView
 from cylinder_friction.evaluation.inspection.sliding_friction import WAYS, MeanFriction
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, StribeckPoint
 from cylinder_friction.friction_models.stribeck import StribeckCurve
+from cylinder_friction.reporting.inspection.frequency_figures import MM_PER_M
 from cylinder_friction.reporting.page_figure import PageFigure, compact, speed_ticks
 from cylinder_friction.reporting.style import BLUE, GREEN, INK, ORANGE, PALE, SERIES
 from cylinder_friction.reporting.time_figure import spread_evenly
@@ -18,7 +19,6 @@ from cylinder_friction.reporting.time_figure import spread_evenly
 CURVE_POINTS = 200
 WIDE = 200
 """From so many recordings on, their marks are small."""
-MM_PER_M = 1e3
 
 
 def against_velocity(view: FrictionView, points: int) -> PageFigure:

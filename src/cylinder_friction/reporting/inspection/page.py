@@ -14,7 +14,7 @@ from cylinder_friction.reporting.inspection.frequency_figures import MM_PER_M, M
 from cylinder_friction.reporting.inspection.friction_figures import compared, of_files
 from cylinder_friction.reporting.inspection.recording_pane import Pane, Panes
 from cylinder_friction.reporting.offset_table import offset_table
-from cylinder_friction.reporting.page import Cell, Table, page_html
+from cylinder_friction.reporting.page import NONE, Cell, Table, page_html
 
 
 def write_page(path: Path, panes: Sequence[Pane], made_by: Panes, offsets: Sequence[KnownOffset] = ()) -> None:
@@ -66,9 +66,7 @@ def _files(panes: Sequence[Pane]) -> Table:
     for number, pane in enumerate(panes, start=1):
         subject = pane.subject
         friction = [
-            Cell(str(pane.friction[way]), value=pane.friction[way].mean_n)
-            if way in pane.friction
-            else Cell("–", style="none")
+            Cell(str(pane.friction[way]), value=pane.friction[way].mean_n) if way in pane.friction else NONE
             for way in WAYS
         ]
         title = Cell(f"{number}. {subject.title}", value=number, link=f"#{pane.name}")

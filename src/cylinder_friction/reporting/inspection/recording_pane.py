@@ -20,7 +20,7 @@ from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan, zero_uncertainty_n
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from cylinder_friction.reporting.inspection.frequency_figures import spectra
+from cylinder_friction.reporting.inspection.frequency_figures import MM_PER_M, PA_PER_BAR, spectra
 from cylinder_friction.reporting.inspection.friction_figures import against_position, against_velocity
 from cylinder_friction.reporting.page import Cell, Table, packed, page_html
 from cylinder_friction.reporting.style import BLUE, GREEN, INK, ORANGE, QUIET
@@ -33,8 +33,6 @@ FULL_DETAIL, LEAST_DETAIL = 6, 0.05
 """So many files are drawn with all points; of more, each gets fewer, but no less than this share."""
 LINE_POINTS = 12_000
 CLOUD_POINTS = 3000
-PA_PER_BAR = 1e5
-MM_PER_M = 1e3
 
 COLUMNS = (
     ("pressure", "P1, piston side", "pressure_1_pa", PA_PER_BAR, "bar", ORANGE),
