@@ -8,7 +8,7 @@ import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -32,7 +32,11 @@ def run_ui(root: Path, port: int | None = None) -> int:
             f"  registered models      {url}/#/models?workflowType=machine_learning\n"
         )
         sys.stdout.flush()
-        return _wait_for_interrupt()
+        with suppress(KeyboardInterrupt):
+            while True:
+                time.sleep(3600.0)
+    sys.stdout.write("\n")
+    return 0
 
 
 @contextmanager
@@ -42,10 +46,10 @@ def served_ui(root: Path, port: int | None = None) -> Iterator[str]:
     Raises:
         TrackingError: Something else listens there, or the server does not start.
     """
-    from cylinder_friction.tracking.store import artifact_folder, open_store, tracking_uri
+    from cylinder_friction.tracking.store import LOCAL_FOLDER, artifact_folder, open_store, tracking_uri
 
-    with open_store(root, create=False):  # the UI would make an empty one
-        pass
+    with open_store(root, create=False) as store:  # the UI would make an empty one
+        log_folder = store.root / LOCAL_FOLDER
     uri = tracking_uri(root)
     if uri.startswith(("http://", "https://")):  # a tracking server brings its own
         yield uri
@@ -54,10 +58,24 @@ def served_ui(root: Path, port: int | None = None) -> Iterator[str]:
         port = free_port(port or 0)
     except (OSError, OverflowError) as error:
         raise TrackingError(f"port {port}: {error}; name another one, or leave --port out") from error
-    arguments = ["server", "--backend-store-uri", uri, "--default-artifact-root", artifact_folder(root).as_uri()]
-    arguments += ["--host", _HOST, "--port", str(port), "--workers", "1"]
-    with _mlflow(arguments, root, f"http://{_HOST}:{port}", "/health") as url:
-        yield url
+    command = [sys.executable, "-m", "mlflow", "server", "--backend-store-uri", uri, "--host", _HOST]
+    command += ["--default-artifact-root", artifact_folder(root).as_uri(), "--port", str(port), "--workers", "1"]
+    environment = {**_WITHOUT_JOBS, **os.environ, "MLFLOW_TRACKING_URI": uri, "MLFLOW_REGISTRY_URI": uri}
+    environment["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{environment.get('PATH', '')}"
+    url, log_path = f"http://{_HOST}:{port}", log_folder / f"server-{port}.log"
+    started: list[subprocess.Popen[bytes]] = []
+    with log_path.open("w+b") as log:
+        try:
+            with _interrupts_held_back():  # or a process that is not in the list yet would be left behind
+                started += [subprocess.Popen(  # noqa: S603
+                    command, stdout=log, stderr=subprocess.STDOUT, env=environment, start_new_session=True
+                )]  # fmt: skip
+            _wait_until_ready(started[0], f"{url}/health", log_path)
+            yield url
+        finally:
+            for process in started:
+                _stop(process)
+    log_path.unlink(missing_ok=True)  # kept only where something went wrong
 
 
 def runs_page(url: str, root: Path) -> str:
@@ -66,32 +84,6 @@ def runs_page(url: str, root: Path) -> str:
 
     with open_store(root, create=False) as store:
         return f"{url}/#/experiments/{store.experiment_id}/runs?workflowType=machine_learning&compareRunsMode=CHART"
-
-
-@contextmanager
-def _mlflow(arguments: Sequence[str], root: Path, url: str, health: str) -> Iterator[str]:
-    from cylinder_friction.tracking.repository import repository_root
-    from cylinder_friction.tracking.store import LOCAL_FOLDER, tracking_uri
-
-    uri = tracking_uri(root)
-    environment = {**_WITHOUT_JOBS, **os.environ, "MLFLOW_TRACKING_URI": uri, "MLFLOW_REGISTRY_URI": uri}
-    environment["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{environment.get('PATH', '')}"
-    log_path = repository_root(root) / LOCAL_FOLDER / f"{arguments[0]}-{url.rpartition(':')[2]}.log"
-    log_path.parent.mkdir(parents=True, exist_ok=True)
-    started: list[subprocess.Popen[bytes]] = []
-    with log_path.open("w+b") as log:
-        try:
-            with _interrupts_held_back():  # or a process that is not in the list yet would be left behind
-                started += [subprocess.Popen(  # noqa: S603
-                    [sys.executable, "-m", "mlflow", *arguments],
-                    stdout=log, stderr=subprocess.STDOUT, env=environment, start_new_session=True,
-                )]  # fmt: skip
-            _wait_until_ready(started[0], url + health, log_path)
-            yield url
-        finally:
-            for process in started:
-                _stop(process)
-    log_path.unlink(missing_ok=True)  # kept only where something went wrong
 
 
 def _wait_until_ready(process: subprocess.Popen[bytes], url: str, log_path: Path) -> None:
@@ -161,13 +153,3 @@ def _interrupts_held_back() -> Iterator[None]:
             signal.signal(number, handler)
     for received in held:
         signal.raise_signal(received)
-
-
-def _wait_for_interrupt() -> int:
-    """Wait for Ctrl-C or a polite kill."""
-    try:
-        while True:
-            time.sleep(3600.0)
-    except KeyboardInterrupt:
-        sys.stdout.write("\n")
-    return 0

@@ -42,24 +42,24 @@ def compiler_version() -> str:
     return done.stdout.partition("\n")[0] or Path(compiler).name
 
 
-def compile_library(exported: ExportedC, compiler: str | None = None, options: Sequence[str] = OPTIMISED) -> Path:
+def compile_library(exported: ExportedC, options: Sequence[str] = OPTIMISED) -> Path:
     """Compile an exported source into a shared library beside it, with every warning an error; returns its path.
 
     Raises:
         NoCompilerError: There is no compiler, or it refused the source; its messages are included.
     """
     library = exported.source.with_suffix(".so")
-    compile_shared((exported.source,), library, ("-std=c99", *WARNINGS, *options), compiler)
+    compile_shared((exported.source,), library, ("-std=c99", *WARNINGS, *options))
     return library
 
 
-def compile_shared(sources: Sequence[Path], library: Path, options: Sequence[str], compiler: str | None = None) -> None:
+def compile_shared(sources: Sequence[Path], library: Path, options: Sequence[str]) -> None:
     """Compile sources into a shared library.
 
     Raises:
         NoCompilerError: There is no compiler, or it refused a source; its messages are included.
     """
-    command = [compiler or find_compiler(), *options, "-shared", "-fPIC", *map(str, sources), "-o", str(library), "-lm"]
+    command = [find_compiler(), *options, "-shared", "-fPIC", *map(str, sources), "-o", str(library), "-lm"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - the user's compiler
     if done.returncode != 0:
         raise NoCompilerError(f"{command[0]} refused {sources[0].name}:\n{done.stderr}")
@@ -70,15 +70,14 @@ class CompiledEstimator:
 
     Args:
         exported: Return value of ``export_c``.
-        library: Return value of ``compile_library``; None compiles now.
     """
 
-    def __init__(self, exported: ExportedC, library: Path | None = None) -> None:
+    def __init__(self, exported: ExportedC) -> None:
         self.exported = exported
         real = ctypes.c_double if exported.real == "double" else ctypes.c_float
         fields = [("friction_n", real), ("lower_n", real), ("upper_n", real), ("flags", ctypes.c_uint32)]
         self.output: type[ctypes.Structure] = type("Output", (ctypes.Structure,), {"_fields_": fields})
-        self._loaded = ctypes.CDLL(str(library or compile_library(exported)))
+        self._loaded = ctypes.CDLL(str(compile_library(exported)))
         state, sample = ctypes.c_void_p, [real] * len(exported.inputs)
         self.init = self._function("init", state)
         self.reset = self._function("reset", state)

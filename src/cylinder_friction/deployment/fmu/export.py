@@ -157,7 +157,7 @@ def _binary(name: str, sources: Mapping[str, bytes], fmi: FmiVersion) -> tuple[s
     if system is None or machine is None:
         return None, b"", "sources only: FMI has no name for this computer; the host program must compile them"
     try:
-        compiler = find_compiler()
+        find_compiler()
     except NoCompilerError:
         missing = f"no C compiler ({', '.join(COMPILERS)}) was found here; install one and export again"
         return None, b"", f"sources only: {missing}"
@@ -168,7 +168,7 @@ def _binary(name: str, sources: Mapping[str, bytes], fmi: FmiVersion) -> tuple[s
         for file, content in sources.items():
             (Path(scratch) / file).write_bytes(content)
         library = Path(scratch) / f"library{suffix}"
-        compile_shared([Path(scratch) / f"{name}.c", Path(scratch) / f"fmi{fmi}.c"], library, OPTIONS, compiler)
+        compile_shared([Path(scratch) / f"{name}.c", Path(scratch) / f"fmi{fmi}.c"], library, OPTIONS)
         content = library.read_bytes()
     return f"binaries/{folder}/{name}{suffix}", content, f"sources, and a binary for {folder}"
 
