@@ -23,6 +23,7 @@ RECORDING_COLUMN = "recording"
 TIME_COLUMN = "time_s"
 LOAD_COLUMN = "load_force_n"
 POSITION_COLUMN = "position_m"
+SHOWN = 80
 MEMORY_S = 1.0
 """How long a sample outside the training range makes those after it doubtful: filters and network remember it."""
 
@@ -144,7 +145,7 @@ def _refuse_unknown(graph: ServedGraph, columns: Mapping[str, Column]) -> None:
     if unknown := [name for name in columns if name not in known]:
         close = difflib.get_close_matches(unknown[0][:100], known, 1)
         raise ScoringError(
-            f"column {_shown(unknown[0])} is not known{f' (is it {close[0]!r}?)' if close else ''}; got "
+            f"column {shown(unknown[0])} is not known{f' (is it {close[0]!r}?)' if close else ''}; got "
             f"{_names(columns)}, expected {list(graph.inputs)} and perhaps {known[-2:]}; rename it or leave it out"
         )
 
@@ -179,7 +180,7 @@ def _numbers(name: str, values: Column) -> NDArray[np.float64]:
         row = values.index(name) if name in values else row  # or a CSV's numbers, which are text beside it, are named
         value, what = values[row], "each value must be a number, not text"
         what = "the header again; remove it" if value == name else what
-        raise ScoringError(f"column {name!r} holds {_shown(value)} at row {row}, expected numbers in SI units; {what}")
+        raise ScoringError(f"column {name!r} holds {shown(value)} at row {row}, expected numbers in SI units; {what}")
     try:
         return np.array(values, dtype=np.float64)
     except OverflowError as error:
@@ -195,7 +196,7 @@ def _recordings(columns: Mapping[str, Column], count: int) -> list[slice]:
     for row, name in enumerate(names):
         if type(name) not in (str, int) or name == "" or type(name) is not type(names[0]):
             raise ScoringError(
-                f"{RECORDING_COLUMN} is {_shown(name)} at row {row}; expected the name of a recording in every row, "
+                f"{RECORDING_COLUMN} is {shown(name)} at row {row}; expected the name of a recording in every row, "
                 "all text or all whole numbers, or no such column when all rows are one recording"
             )
     rows: list[slice] = []
@@ -204,7 +205,7 @@ def _recordings(columns: Mapping[str, Column], count: int) -> list[slice]:
         begin = rows[-1].stop if rows else 0
         if name in seen:
             raise ScoringError(
-                f"{RECORDING_COLUMN} {_shown(name)} comes back at row {begin}; expected the rows of a recording to "
+                f"{RECORDING_COLUMN} {shown(name)} comes back at row {begin}; expected the rows of a recording to "
                 "follow each other; put them together in the order of time, or name two recordings differently"
             )
         seen.add(name)
@@ -262,10 +263,10 @@ def _all_within(inside: NDArray[np.bool_], memory: int) -> NDArray[np.bool_]:
 
 
 def _names(columns: Mapping[str, Column]) -> str:
-    return _shown([str(name) for name in columns], 400)
+    return shown([str(name) for name in columns], 400)
 
 
-def _shown(value: object, length: int = 80) -> str:
+def shown(value: object, length: int = SHOWN) -> str:
     """Return a value as Python writes it, but not at any length."""
-    text = repr(value)
+    text = repr(value[: 2 * length] if isinstance(value, str | bytes) else value)
     return text if len(text) <= length else f"{text[:length]}..."

@@ -2,8 +2,8 @@
 
 from collections.abc import Callable
 
-from cylinder_friction.deployment.scoring import RECORDING_COLUMN
-from cylinder_friction.service.scoring.errors import Columns, Expected, RequestError, shown
+from cylinder_friction.deployment.scoring import RECORDING_COLUMN, shown
+from cylinder_friction.service.scoring.errors import Columns, Expected, RequestError
 from cylinder_friction.service.scoring.json_forms import from_json
 
 JSON = "application/json"

@@ -7,10 +7,9 @@ from typing import Any
 
 import orjson
 
-from cylinder_friction.deployment.scoring import Column
+from cylinder_friction.deployment.scoring import Column, shown
 
 MESSAGE_BYTES = 600
-SHOWN = 80
 RETRY = {"Retry-After": "1"}
 
 
@@ -34,12 +33,6 @@ def error_body(status: int, message: str, request_id: str) -> bytes:
     printable = "".join(letter if letter.isprintable() else "?" for letter in short)
     code = HTTPStatus(status).name
     return orjson.dumps({"error_code": code, "message": printable, "request_id": request_id})
-
-
-def shown(value: object) -> str:
-    """Return a value as Python writes it, but not at any length."""
-    text = repr(value[: 2 * SHOWN] if isinstance(value, str | bytes) else value)
-    return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
 
 
 Columns = dict[str, Column]

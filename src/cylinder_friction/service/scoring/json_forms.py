@@ -9,7 +9,8 @@ import numpy as np
 import orjson
 from numpy.typing import NDArray
 
-from cylinder_friction.service.scoring.errors import Columns, Expected, RequestError, refuse_names, shown
+from cylinder_friction.deployment.scoring import shown
+from cylinder_friction.service.scoring.errors import Columns, Expected, RequestError, refuse_names
 
 FORMS = ("dataframe_split", "dataframe_records", "inputs", "instances")
 

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pyarrow import csv as arrow_csv
 from pyarrow import parquet
 
-from cylinder_friction.deployment.scoring import RECORDING_COLUMN, Column
-from cylinder_friction.service.scoring.errors import SHOWN, Columns, Expected, RequestError, refuse_names, shown
+from cylinder_friction.deployment.scoring import RECORDING_COLUMN, SHOWN, Column, shown
+from cylinder_friction.service.scoring.errors import Columns, Expected, RequestError, refuse_names
 
 _HEADER, _COMPRESSION = 2, 3
 """Fields of Message and of RecordBatch in Arrow's Message.fbs."""
