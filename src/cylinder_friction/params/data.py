@@ -109,22 +109,6 @@ class MovingAverageParams(Section):
     acceleration_window: Count
 
 
-class SavitzkyGolayParams(Section):
-    """Windows in samples and polynomial orders of the zero-phase filter."""
-
-    pressure_window: Count
-    pressure_order: Count
-    velocity_window: Count
-    velocity_order: Count
-    acceleration_window: Count
-    acceleration_order: Count
-
-    @model_validator(mode="after")
-    def _windows_hold_their_orders(self) -> SavitzkyGolayParams:
-        SavitzkyGolay(**self.model_dump())
-        return self
-
-
 class RtsParams(Section):
     """Rauch-Tung-Striebel smoother with a constant-jerk position model and a random-walk pressure model."""
 
@@ -138,7 +122,7 @@ class FilterParams(Section):
     method: Literal["adaptive", "moving_average", "moving_average_centred", "savitzky_golay", "rts"]
     adaptive: AdaptiveParams
     moving_average: MovingAverageParams
-    savitzky_golay: SavitzkyGolayParams
+    savitzky_golay: SavitzkyGolay
     rts: RtsParams
 
 
