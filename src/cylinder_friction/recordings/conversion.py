@@ -13,7 +13,7 @@ import pandas as pd
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits, LoadMode
 from cylinder_friction.recordings.checks.position_faults import without_position_faults
-from cylinder_friction.recordings.checks.recording_checks import check_recording
+from cylinder_friction.recordings.checks.recording_checks import checked_recording, inspect_recording
 from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
 from cylinder_friction.recordings.columns import TIME
 from cylinder_friction.recordings.formats.layout import CsvOptions
@@ -163,4 +163,4 @@ def checked(
 ) -> Recording:
     """Zero a piece's pressures and check it. The first check that it does not pass raises ``RecordingError``."""
     table, with_zero = zeroed(piece, metadata, recipe, session)
-    return check_recording(with_zero, table, recipe.limits, piece.sample_time_s)
+    return checked_recording(with_zero, table, inspect_recording(table, recipe.limits, piece.sample_time_s))

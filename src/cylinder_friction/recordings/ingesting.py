@@ -126,7 +126,6 @@ def convert_in_parts(
     folder: Path | None = None,
     rows: int | None = None,
     workers: Workers | None = None,
-    seen: DuplicateDetection | None = None,
 ) -> Iterator[Recording | LongRecording | Quarantined]:
     """Yield the recordings of each file in turn, those of a long one in parts, and for what is unusable the reason.
 
@@ -139,9 +138,8 @@ def convert_in_parts(
         folder: Where the parts of long files are kept, and what workers elsewhere convert.
         rows: A longer file is processed in parts of about so many rows; None: every file is read whole.
         workers: Convert files side by side; None: one after the other, here.
-        seen: What was converted before; these are added to it.
     """
-    for each in worked_on(files, recipe, folder, rows, workers or Workers(), seen or DuplicateDetection(), None):
+    for each in worked_on(files, recipe, folder, rows, workers or Workers(), DuplicateDetection(), None):
         yield each if isinstance(each, Quarantined) else each.result
 
 
@@ -156,7 +154,8 @@ def worked_on(
 ) -> Iterator[ConvertedPiece | Quarantined]:
     """Yield what ``work`` makes of each recording, beside the worker that converts its file.
 
-    Of a recording that is then refused nothing is yielded. The other arguments are those of ``convert_in_parts``.
+    Of a recording that is then refused nothing is yielded. ``seen`` is what was converted before, to which these are
+    added; the other arguments are those of ``convert_in_parts``.
     """
     zeros = {} if recipe.zero.method == "none" else session_zeros(files, recipe, rows, workers)
     kept = None if workers.here else folder

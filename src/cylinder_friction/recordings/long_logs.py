@@ -342,7 +342,7 @@ class Draft:
         _, metadata = apply_zero(table, metadata, zero, recipe.channels)
         length = length_finding(rows, metadata.sample_time_s, recipe.limits)
         findings = [length, *findings_of_parts(self.findings)]
-        metadata = checked_recording(metadata, table, findings, metadata.sample_time_s).metadata
+        metadata = checked_recording(metadata, table, findings).metadata
         return LongRecording(metadata, tuple(self.paths), tuple(self.own), metadata.zero_offset)
 
 

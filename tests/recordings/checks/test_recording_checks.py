@@ -10,16 +10,22 @@ from hypothesis import strategies as st
 
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.limits import CheckLimits
-from cylinder_friction.recordings.checks.recording_checks import check_recording
+from cylinder_friction.recordings.checks.recording_checks import checked_recording
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording as inspected
-from cylinder_friction.recordings.recording import RecordingError, RecordingMetadata
+from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 
 
 def inspect_recording(table: pd.DataFrame, limits: CheckLimits, sample_time_s: float) -> list[Finding]:
     return list(inspected(table, limits, sample_time_s))
 
 
-METADATA = RecordingMetadata("made", "1", "s1", 0.0)
+def check_recording(
+    metadata: RecordingMetadata, table: pd.DataFrame, limits: CheckLimits, sample_time_s: float
+) -> Recording:
+    return checked_recording(metadata, table, inspected(table, limits, sample_time_s))
+
+
+METADATA = RecordingMetadata("made", "1", "s1", 0.005)
 LIMITS = CheckLimits(stroke_m=0.25)
 SAMPLE_TIME_S = 0.005
 
@@ -45,7 +51,6 @@ def forced(rows: int = 2000) -> pd.DataFrame:
 
 def test_good_recording_passes_unchanged() -> None:
     recording = check_recording(METADATA, good(), LIMITS, SAMPLE_TIME_S)
-    assert recording.sample_time_s == 0.005
     assert recording.metadata.repairs == ()
     pd.testing.assert_frame_equal(recording.table, good())
 

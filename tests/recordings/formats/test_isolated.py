@@ -78,7 +78,7 @@ def write_ring(path: Path) -> Path:
 
 
 def worker() -> int:
-    process = isolated._READER._process
+    process = isolated.READER._process
     assert process is not None
     return process.pid
 
@@ -160,7 +160,7 @@ def test_a_relative_path_is_the_callers(tmp_path: Path, monkeypatch: pytest.Monk
 def script(text: str, *arguments: object) -> subprocess.CompletedProcess[str]:
     head = "import os, sys, signal\nfrom pathlib import Path\n"
     head += "from cylinder_friction.recordings.formats.reading import read_logged_file\n"
-    head += "from cylinder_friction.recordings.formats.isolated import _READER\n"
+    head += "from cylinder_friction.recordings.formats.isolated import READER\n"
     command = [sys.executable, "-W", "error", "-c", head + text, *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
 
@@ -172,7 +172,7 @@ def test_the_process_ends_with_its_parent_and_in_silence(tmp_path: Path, ending:
     (tmp_path / "noise").write_bytes(write_ring(tmp_path / "ring").read_bytes()[:900])
     text = (
         "for path in sys.argv[1:]:\n    try: read_logged_file(Path(path))\n    except ValueError: pass\n"
-        f"print(_READER._process.pid, flush=True)\n{ending}\n"
+        f"print(READER._process.pid, flush=True)\n{ending}\n"
     )
     done = script(text, write_good(tmp_path / "log"), tmp_path / "noise")
     assert done.stderr == ""
@@ -195,13 +195,13 @@ def processes(pid: int) -> list[psutil.Process]:
 def test_a_fork_starts_a_process_of_its_own(tmp_path: Path) -> None:
     text = (
         "log = Path(sys.argv[1])\n"
-        "read_logged_file(log)\nfirst = _READER._process.pid\n"
+        "read_logged_file(log)\nfirst = READER._process.pid\n"
         "if (child := os.fork()) == 0:\n"
         "    tables = read_logged_file(log)\n"
-        "    other = _READER._process.pid\n    _READER.close()\n"
+        "    other = READER._process.pid\n    READER.close()\n"
         "    os._exit(0 if other != first and len(tables[0].channels) == 6 else 1)\n"
         "assert os.waitpid(child, 0)[1] == 0\n"
-        "read_logged_file(log)\nassert _READER._process.pid == first\n"
+        "read_logged_file(log)\nassert READER._process.pid == first\n"
     )
     done = script(text, write_good(tmp_path / "log"))
     assert (done.returncode, done.stderr) == (0, "")

@@ -29,28 +29,19 @@ NOISY_SHARE = 0.25  # A sensor that changes in this share of the rows shows nois
 PLACES = 8192  # steps at most from which the usual one is estimated
 
 
-def check_recording(
-    metadata: RecordingMetadata, table: pd.DataFrame, limits: CheckLimits, sample_time_s: float
-) -> Recording:
-    """Return the table as a recording, with what the checks only noted among its repairs.
+def checked_recording(metadata: RecordingMetadata, table: pd.DataFrame, findings: Iterable[Finding]) -> Recording:
+    """Return the table as a recording, with what its checks only noted among its repairs.
 
     Raises:
         RecordingError: The first finding that is a refusal, see ``inspect_recording``.
     """
-    return checked_recording(metadata, table, inspect_recording(table, limits, sample_time_s), sample_time_s)
-
-
-def checked_recording(
-    metadata: RecordingMetadata, table: pd.DataFrame, findings: Iterable[Finding], sample_time_s: float
-) -> Recording:
-    """Return what ``check_recording`` does, from the findings of its checks."""
     noted = []
     for finding in findings:
         if finding.outcome == "refused":
             raise RecordingError(finding.text)
         if finding.outcome == "noted":
             noted.append(finding.text)
-    return Recording(replace(metadata, sample_time_s=sample_time_s, repairs=(*metadata.repairs, *noted)), table)
+    return Recording(replace(metadata, repairs=(*metadata.repairs, *noted)), table)
 
 
 SOMEWHERE = (

@@ -223,7 +223,7 @@ class _Rows:
         blanks = self.layout.delimiter == "whitespace"
         try:
             table = pa_csv.read_csv(
-                self._padded_stream() if self.ended else self._stream(),
+                self._stream(),
                 read_options=pa_csv.ReadOptions(use_threads=False, column_names=[str(index) for index in range(width)]),
                 parse_options=pa_csv.ParseOptions(
                     delimiter="\t" if blanks else self.layout.delimiter, ignore_empty_lines=width > 1
@@ -248,18 +248,16 @@ class _Rows:
     def _stream(self) -> Any:
         length = self.text.end - self.begin
         spaces = self.layout.delimiter == "whitespace"
-        if not spaces and not repeated_names(self.layout.names):
+        padded = self.ended or (not spaces and repeated_names(self.layout.names))
+        if not (spaces or padded):
             return self.text.file.get_stream(self.begin, length)
         content = self.text.file.read_at(length, self.begin)
-        if not spaces:
+        if padded:
             return pa.BufferReader(self._padded(content))
         content = re.sub(rb"[ \t]+", b"\t", content)
         for outside, end in ((b"\n\t", b"\n"), (b"\r\t", b"\r"), (b"\t\n", b"\n"), (b"\t\r", b"\r")):
             content = content.replace(outside, end)
         return pa.BufferReader(content.strip(b"\t"))
-
-    def _padded_stream(self) -> Any:
-        return pa.BufferReader(self._padded(self.text.file.read_at(self.text.end - self.begin, self.begin)))
 
     def _ended_early(self) -> str:
         """Return that the last rows lack the last channels, which ended before the others; empty where they may not.

@@ -49,19 +49,7 @@ serve()
 """
 
 
-def read_isolated(
-    path: Path, of: Format, wanted: Collection[str] | None, database: Path | None = None
-) -> list[LoggedTable]:
-    """Return a file's tables, read in a process that is started for the first file and kept for the next ones.
-
-    Raises:
-        RecordingError: The file is damaged; reading it crashed the library or took too long.
-        RuntimeError: The process does not start.
-    """
-    return _READER.read(path, of, wanted, database)
-
-
-class _Reader:
+class IsolatedReader:
     """Owns the process, and sends it one request at a time, from any thread."""
 
     def __init__(self) -> None:
@@ -69,6 +57,12 @@ class _Reader:
         self._lock = threading.Lock()
 
     def read(self, path: Path, of: Format, wanted: Collection[str] | None, database: Path | None) -> list[LoggedTable]:
+        """Return a file's tables, read in a process that is started for the first file and kept for the next ones.
+
+        Raises:
+            RecordingError: The file is damaged; reading it crashed the library or took too long.
+            RuntimeError: The process does not start.
+        """
         size = path.stat().st_size
         limit_s = LIMIT_S + LIMIT_PER_BYTE_S * size
         request = {
@@ -259,7 +253,7 @@ def _table(table: Any) -> LoggedTable:
     )
 
 
-_READER = _Reader()
-atexit.register(_READER.close)
+READER = IsolatedReader()
+atexit.register(READER.close)
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_READER.forget)
+    os.register_at_fork(after_in_child=READER.forget)

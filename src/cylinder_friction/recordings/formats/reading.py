@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from cylinder_friction.recordings.formats.format import guarded
-from cylinder_friction.recordings.formats.isolated import read_isolated
+from cylinder_friction.recordings.formats.isolated import READER
 from cylinder_friction.recordings.formats.layout import AUTOMATIC, CsvOptions
 from cylinder_friction.recordings.formats.logged_table import PLACES, ROWS_A_PLACE, LoggedTable, LongTable
 from cylinder_friction.recordings.formats.registry import format_of
@@ -45,7 +45,7 @@ def read_logged_file(
             + ("no such file" if found.databases else f"is for an MDF file of bus frames, not for {found.what}")
         )
     if found.crashes:
-        tables = read_isolated(path, found, wanted, database)
+        tables = READER.read(path, found, wanted, database)
     else:
         source = open_source(path)
         with guarded(found.what):
