@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cylinder_friction.recordings.files import write_json
+from cylinder_friction.recordings.files import json_hash, write_json
 
 DESCRIPTION_FILE = "estimator.json"
 LARGEST_FILE = 64 * 2**20  # Bytes of any file of a model
@@ -23,7 +23,7 @@ class SavedModelError(ValueError):
 def write_description(folder: Path, content: dict[str, Any], files: Sequence[str]) -> None:
     """Write the description of an estimator whose other ``files`` lie in ``folder`` already, with all hashes."""
     content = {**content, FILES: {name: hashlib.sha256(read_plain_file(folder / name)).hexdigest() for name in files}}
-    write_json(folder / DESCRIPTION_FILE, {**content, CONTENT_HASH: _hash_of(content)})
+    write_json(folder / DESCRIPTION_FILE, {**content, CONTENT_HASH: json_hash(content)})
 
 
 def read_description(folder: Path) -> dict[str, Any]:
@@ -46,7 +46,7 @@ def read_description(folder: Path) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise SavedModelError(f"{path}: holds a {type(content).__name__}, but expected what `save` wrote")
     stated = content.pop(CONTENT_HASH, None)
-    if stated is not None and stated != _hash_of(content):
+    if stated is not None and stated != json_hash(content):
         raise SavedModelError(f"{path}: was changed after `save` wrote it; save the model again, or take a whole copy")
     files = content.pop(FILES, {})
     for name, digest in files.items() if isinstance(files, dict) else ():
@@ -77,10 +77,6 @@ def read_plain_file(path: Path) -> bytes:
 
 def _open_without_waiting(path: str, flags: int) -> int:
     return os.open(path, flags | getattr(os, "O_NONBLOCK", 0))
-
-
-def _hash_of(content: dict[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def _refuse_constant(name: str) -> Any:

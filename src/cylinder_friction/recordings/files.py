@@ -90,6 +90,11 @@ def read_yaml(path: Path) -> dict[str, Any]:
     return content or {}
 
 
+def json_hash(content: Any) -> str:
+    """Return the SHA-256 of content as JSON, whatever the order of its keys."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
+
+
 def hash_of(path: Path, ignored: str = "") -> str:
     """Return the SHA-256 of a file's bytes, or of a folder's relative names and their files' hashes.
 

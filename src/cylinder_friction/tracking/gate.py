@@ -1,7 +1,5 @@
 """The promotion gate: may a candidate take the incumbent's place? A pure function of their figures, and its record."""
 
-import hashlib
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,6 +7,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import BeforeValidator, PlainSerializer, TypeAdapter
 
+from cylinder_friction.recordings.files import json_hash
 from cylinder_friction.tracking.versions import Origin
 
 _Error = Annotated[
@@ -50,7 +49,7 @@ class Candidate:
 
     def key(self) -> str:
         """Return the hash by which a candidate is recognised: of the model and of what the gate is asked."""
-        return hashlib.sha256(json.dumps([self.model_key, self.gate()], sort_keys=True).encode()).hexdigest()
+        return json_hash([self.model_key, self.gate()])
 
 
 @dataclass(frozen=True)

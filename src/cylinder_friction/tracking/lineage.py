@@ -16,7 +16,7 @@ from mlflow.exceptions import MlflowException
 from mlflow.models import Model
 
 from cylinder_friction.evaluation.reported import error_metrics
-from cylinder_friction.recordings.files import hash_of
+from cylinder_friction.recordings.files import hash_of, json_hash
 from cylinder_friction.tracking.gate import CANDIDATE_KEY, Decision, decide
 from cylinder_friction.tracking.model_folder import (
     ESTIMATOR_ARTIFACT,
@@ -43,12 +43,11 @@ from cylinder_friction.tracking.versions import (
     LOCK_FILE,
     PARAMS_FILE,
     locked_hashes,
-    params_hash,
     shaping_params,
     where_data_lies,
 )
+from cylinder_friction.wording import in_brief, printable
 
-_LONGEST_REASON = 200
 _REFUSED_CODES = ("RESOURCE_DOES_NOT_EXIST", "INVALID_PARAMETER_VALUE")
 """MLflow's, of what a version names and is not there; others, as of a server that is gone, are no broken link."""
 
@@ -84,12 +83,7 @@ class Lineage:
         unknown = [link.name for link in self.links if not link.checked]
         whole = f"all {len(self.links) - len(unknown)} links hold" + ("; not checked: " if unknown else "")
         lines.append(f"broken: {', '.join(broken)}" if broken else whole + ", ".join(unknown))
-        return "\n".join(map(_printable, lines))
-
-
-def _printable(text: str) -> str:
-    """Return what others wrote on one line, without a terminal's commands."""
-    return "".join(each if each.isprintable() else f"\\x{ord(each):02x}" for each in text)
+        return "\n".join(map(printable, lines))
 
 
 class _BrokenLinkError(Exception):
@@ -145,8 +139,8 @@ def _followed(name: str, check: Callable[[], str]) -> FoundLink:
     except Exception as error:  # a store, a file or a tag may hold anything
         if isinstance(error, MlflowException) and error.error_code not in _REFUSED_CODES:
             raise
-        reason = " ".join(str(error).split())[:_LONGEST_REASON]
-        return FoundLink(name, False, f"what it is checked by cannot be read ({type(error).__name__}: {reason})")
+        why = f"{type(error).__name__}: {in_brief(error)}"
+        return FoundLink(name, False, f"what it is checked by cannot be read ({why})")
 
 
 def _download(store: Store, version: ModelVersion, scratch: Path) -> Path | None:
@@ -308,10 +302,10 @@ def _params(root: Path, origin: dict[str, Any]) -> str:
     if not origin:
         raise _BrokenLinkError("there is no lineage.json to read them from")
     expected = origin["params_sha256"]
-    if params_hash(origin["params"]) != expected:
+    if json_hash(origin["params"]) != expected:
         raise _BrokenLinkError("those inside the model are not those it was registered with")
     where = _where_in_history(
-        root, PARAMS_FILE, lambda text: params_hash(shaping_params(yaml.safe_load(text) or {})) == expected
+        root, PARAMS_FILE, lambda text: json_hash(shaping_params(yaml.safe_load(text) or {})) == expected
     )
     if where is None:
         path = root / PARAMS_FILE

@@ -16,7 +16,7 @@ from mlflow.exceptions import MlflowException
 from mlflow.models import Model
 from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS, MLFLOW_PARENT_RUN_ID
 
-from cylinder_friction.recordings.files import hash_of
+from cylinder_friction.recordings.files import hash_of, json_hash
 from cylinder_friction.run_record import STAGES, RunRecord, records_in
 from cylinder_friction.tracking.executions import allowed, digest_of
 from cylinder_friction.tracking.gate import CANDIDATE_KEY, Candidate
@@ -25,7 +25,6 @@ from cylinder_friction.tracking.measurement import SYSTEM_PREFIX
 from cylinder_friction.tracking.model_folder import save_model_folder
 from cylinder_friction.tracking.repository import TrackingError, commit_of
 from cylinder_friction.tracking.store import Store
-from cylinder_friction.tracking.versions import params_hash
 
 MODEL_KEY = "model_key"
 """Tag of a version and of its logged model: the hash of the candidate's folder."""
@@ -112,7 +111,7 @@ def tags_of(lineage: Mapping[str, Any]) -> dict[str, str]:
         "git_commit": lineage["sha"],
         "git_dirty": lineage["dirty"],
         "data": lineage["data"],
-        "params_sha256": params_hash(lineage["params"]),
+        "params_sha256": json_hash(lineage["params"]),
     }
     return {
         **{key: lineage[key] for key in (MODEL_KEY, CANDIDATE_KEY)},

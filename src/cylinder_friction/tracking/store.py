@@ -19,6 +19,7 @@ from mlflow.store.tracking.sqlalchemy_store import SqlAlchemyStore
 
 from cylinder_friction.recordings.locks import locked
 from cylinder_friction.tracking.repository import TrackingError, repository_root
+from cylinder_friction.wording import in_brief
 
 EXPERIMENT = "cylinder-friction"
 LOCAL_FOLDER = ".cylinder-friction"  # What belongs to this machine and is neither versioned nor shared
@@ -31,7 +32,6 @@ _NOTE = (
 )
 _CONNECT_TIMEOUT_S = 3.0
 _LOCK_TIMEOUT_S = 30.0
-_LONGEST_REASON = 200
 _SERVERS = ("http", "https")
 _LOCATIONS = (
     ("experiments", "artifact_location"),
@@ -102,18 +102,14 @@ def open_store(root: Path, *, create: bool = True) -> Iterator[Store]:
             experiment_id = _experiment(client, uri, root, EXPERIMENT)
         except Exception as error:  # of the server, of its database's driver, of a file
             raise TrackingError(
-                f"{uri} is no MLflow store that can be opened ({_reason(error)}); correct MLFLOW_TRACKING_URI, or the "
+                f"{uri} is no MLflow store that can be opened ({in_brief(error)}); correct MLFLOW_TRACKING_URI, or the "
                 "login in ~/.mlflow/credentials, or unset it to use the repository's own store"
             ) from error
         _quiet()  # creating the schema sets its own levels
         try:
             yield Store(uri, root, client, experiment_id)
         except MlflowException as error:
-            raise TrackingError(f"{uri}: MLflow refused a request ({_reason(error)})") from error
-
-
-def _reason(error: Exception) -> str:
-    return " ".join(str(error).split())[:_LONGEST_REASON]
+            raise TrackingError(f"{uri}: MLflow refused a request ({in_brief(error)})") from error
 
 
 def _experiment(client: MlflowClient, uri: str, root: Path, name: str) -> str:
@@ -150,7 +146,7 @@ def _make_whole(root: Path) -> None:
         draft.replace(path)
     except Exception as error:
         draft.unlink(missing_ok=True)
-        raise TrackingError(f"{path}: cannot be made ({_reason(error)})") from error
+        raise TrackingError(f"{path}: cannot be made ({in_brief(error)})") from error
 
 
 def _follow_a_move(root: Path) -> None:

@@ -1,7 +1,5 @@
 """What data and parameters a model came from: ``dvc.lock``'s hashes, the parameters' hash, and where the data lies."""
 
-import hashlib
-import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,11 +16,12 @@ from dvc_data.hashfile.tree import Tree
 from dvc_objects.errors import ObjectFormatError
 from dvc_objects.fs.local import LocalFileSystem
 
+from cylinder_friction.recordings.files import json_hash
 from cylinder_friction.tracking.repository import LineageError
+from cylinder_friction.wording import in_brief
 
 LOCK_FILE = "dvc.lock"
 PARAMS_FILE = "params.yaml"
-_LONGEST_REASON = 200
 EVALUATING_SECTIONS = ("lugre", "compare", "register")
 """Sections of the parameters that do not shape the model; all others belong to its origin."""
 
@@ -37,7 +36,7 @@ class Origin:
 
     @property
     def params_sha256(self) -> str:
-        return params_hash(self.params)
+        return json_hash(self.params)
 
 
 def origin_of(root: Path, raw: str, processed: Sequence[str]) -> Origin:
@@ -87,10 +86,6 @@ def shaping_params(content: Mapping[str, Any]) -> dict[str, Any]:
     return {section: values for section, values in content.items() if section not in EVALUATING_SECTIONS}
 
 
-def params_hash(params: Mapping[str, Any]) -> str:
-    return hashlib.sha256(json.dumps(params, sort_keys=True).encode()).hexdigest()
-
-
 def dvc_hash(path: Path) -> str:
     """Return the hash that DVC gives a file or a folder (``.dir`` at its end), every byte read."""
     files = LocalFileSystem()
@@ -122,8 +117,7 @@ def where_data_lies(root: Path, path: str, md5: str) -> tuple[bool, str]:
             if _all_on_remote(repo.cloud.get_remote_odb(name), md5):
                 return True, f"on DVC's remote {name!r}"
         except Exception as error:  # each kind of store has its own: no library for it, no key, no connection
-            reason = " ".join(str(error).split())[:_LONGEST_REASON]
-            nowhere.append(f"DVC's remote {name!r} cannot be read ({reason})")
+            nowhere.append(f"DVC's remote {name!r} cannot be read ({in_brief(error)})")
     return False, "; ".join([*nowhere, "run `dvc pull`"])
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cylinder_friction.extras import not_installed
+from cylinder_friction.wording import in_brief
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
 STUDY_STORE = "CYLINDER_FRICTION_STUDY_STORE"
 """Environment variable: URL of the database, ``postgresql+psycopg2://...``; without it the journal is used."""
 _FORM = "postgresql+psycopg2://USER@HOST/DATABASE"
-_LONGEST_REASON = 200
 _CONNECT_TIMEOUT_S = 5
 
 _log = logging.getLogger(__name__)
@@ -87,10 +87,9 @@ def _alone(engine: Engine, study: str) -> Iterator[None]:
         connection = engine.connect()
     except OperationalError as error:
         where = engine.url.render_as_string(hide_password=True)
-        reason = " ".join(str(error.orig).split())[:_LONGEST_REASON]
         raise StudyStoreError(
-            f"{STUDY_STORE} names {where}, which cannot be reached ({reason}); correct it, or unset it to keep trials "
-            "in the repository"
+            f"{STUDY_STORE} names {where}, which cannot be reached ({in_brief(error.orig)}); correct "
+            "it, or unset it to keep trials in the repository"
         ) from None
     with connection:
         if not connection.execute(text("SELECT pg_try_advisory_lock(:key)"), key).scalar():

@@ -12,6 +12,7 @@ import numpy as np
 from cylinder_friction.extras import not_installed
 from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
 from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.wording import in_brief
 
 MOST_UNPACKED = 1100  # DEFLATE packs at most 1032 to 1; a file that claims more than this is damaged
 
@@ -75,7 +76,7 @@ def guarded(what: str) -> Iterator[None]:
     except RecordingError:
         raise
     except Exception as error:
-        text = " ".join(str(error).split())[:300]
+        text = in_brief(error, 300)
         message = f"{type(error).__name__}: {text}" if text else type(error).__name__
         raise RecordingError(
             f"cannot be read as {what} ({message}); it is damaged, cut off or of another kind"

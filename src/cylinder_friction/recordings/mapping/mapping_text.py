@@ -10,6 +10,7 @@ from cylinder_friction.recordings.columns import OTHER_POSITIONS, POSITION, QUAN
 from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts
 from cylinder_friction.recordings.mapping.guessing import GuessedColumn, GuessedMapping
 from cylinder_friction.recordings.mapping.units import COMMON, electrical
+from cylinder_friction.wording import printable
 
 NOT_FOUND = "NOT FOUND"
 """Stands where a channel's name must be filled in; no file has such a channel, so ingest lists those there are."""
@@ -41,7 +42,7 @@ def mapping_yaml(guess: GuessedMapping, database: Path | None = None) -> str:
     """
     suffix = _suffix(guess.path.name)
     filled = {
-        "file": in_comment(guess.path.name),
+        "file": printable(guess.path.name),
         "source": quoted(guess.path.parent.as_posix()),
         "pattern": quoted(f"**/*{glob.escape(suffix)}"),
         "name_pattern": quoted(rf"(?P<session>(?P<condition>[^/]+?)(?:_[^/]*)?){re.escape(suffix)}$"),
@@ -61,7 +62,7 @@ def channel_lines(guess: GuessedMapping) -> list[str]:
         for channel in guess.unused[:LISTED]:
             unit = f" [{channel.unit}]" if channel.unit and channel.words.unit != channel.unit else ""
             place = f" in table {channel.table_name}" if channel.table_name else ""
-            lines.append(f"#   {in_comment(f'{channel.name}{unit}{place}: {channel.described()}')}")
+            lines.append(f"#   {printable(f'{channel.name}{unit}{place}: {channel.described()}')}")
         if len(guess.unused) > LISTED:
             lines.append(f"#   and {len(guess.unused) - LISTED} more")
     return lines
@@ -70,14 +71,14 @@ def channel_lines(guess: GuessedMapping) -> list[str]:
 def _column_lines(column: GuessedColumn, guess: GuessedMapping) -> list[str]:
     if column.channel is None:
         return _not_found(column)
-    lines = [f"# guess: {in_comment(', '.join(column.reasons))}"]
+    lines = [f"# guess: {printable(', '.join(column.reasons))}"]
     if column.others:
         named = [f"{channel.name} ({channel.described()})" for channel in (column.channel, *column.others)]
-        lines.append(f"# AMBIGUOUS: {in_comment(' or '.join(named))}")
+        lines.append(f"# AMBIGUOUS: {printable(' or '.join(named))}")
         if column.column == POSITION:
             other = f"{OTHER_POSITIONS[0]}: {{channel: {quoted(column.others[0].name)}, unit: {_unit(column.unit)}}}"
-            lines.append(f"# if it is another cylinder's, on which the load depends, add {in_comment(other)}")
-    lines += [f"# CHECK: {in_comment(check)}" for check in column.checks]
+            lines.append(f"# if it is another cylinder's, on which the load depends, add {printable(other)}")
+    lines += [f"# CHECK: {printable(check)}" for check in column.checks]
     entry = {"channel": quoted(column.channel.name), "unit": _unit(column.unit)}
     if column.alternatives:
         entry["alternatives"] = f"[{', '.join(map(quoted, column.alternatives))}]"
@@ -127,8 +128,3 @@ def _suffix(name: str) -> str:
 def quoted(text: str) -> str:
     """Return text as a YAML scalar on one line, in quotes, whatever it holds."""
     return yaml.safe_dump(text, default_style='"', allow_unicode=True, width=10**9).rstrip("\n")
-
-
-def in_comment(text: str) -> str:
-    """Return text that ends no comment and that YAML may hold: line ends and other controls are written out."""
-    return "".join(char if char.isprintable() else f"\\u{ord(char):04x}" for char in text)
