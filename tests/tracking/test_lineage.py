@@ -329,7 +329,7 @@ def test_what_others_wrote_is_printed_on_one_line_without_commands_to_the_termin
     in_tag("promoted", "\x1b[2J\nall 99 links hold")(registered)
     found = lineage(URI, registered)
     assert len(found.text().splitlines()) == 1 + len(found.links) + 1
-    assert r"promoted \x1b[2J\x0aall 99 links hold" in found.text()
+    assert r"promoted \u001b[2J\u000aall 99 links hold" in found.text()
 
 
 def test_data_outside_the_project_is_not_looked_at(registered: Path, tmp_path: Path) -> None:

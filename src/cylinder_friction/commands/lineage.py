@@ -12,6 +12,6 @@ def run(options: argparse.Namespace) -> int:
     from cylinder_friction.params.checking import load_params
     from cylinder_friction.tracking.lineage import lineage
 
-    report = lineage(options.model or f"models:/{load_params().registered_name}@champion", Path.cwd())
+    report = lineage(options.model or load_params().champion, Path.cwd())
     print(report.text())
     return 0 if report.holds else 1

@@ -91,7 +91,7 @@ def engine_folder(model: str | None, engines: Path) -> Path:
     if model is None:
         from cylinder_friction.params.checking import load_params
 
-        model = f"models:/{load_params().registered_name}@champion"
+        model = load_params().champion
     with tempfile.TemporaryDirectory() as scratch:
         folder, called = model_folder(model, Path(scratch) / "model")
         return engine_of(folder, engines, called)

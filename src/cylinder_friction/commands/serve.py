@@ -72,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
 def _locate(model: str | None, folder: Path) -> int:
     from cylinder_friction.params.checking import load_params
 
-    locate(model or f"models:/{load_params().registered_name}@champion", Path.cwd(), folder)
+    locate(model or load_params().champion, Path.cwd(), folder)
     return 0
 
 

@@ -67,6 +67,11 @@ class Params(Section):
         suffix = "" if name == REFERENCE_CYLINDER else "-" + re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
         return self.register_.model_name + suffix
 
+    @property
+    def champion(self) -> str:
+        """The model in service, as MLflow addresses it."""
+        return f"models:/{self.registered_name}@champion"
+
     @field_validator("cylinder", mode="before")
     @classmethod
     def _cylinder_has_a_name(cls, content: Any) -> Any:

@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pyarrow.parquet as pq
 from mlflow.entities import Metric, Run
-from mlflow.utils import chunk_list
 from mlflow.utils.mlflow_tags import MLFLOW_RUN_NOTE
 
 from cylinder_friction.monitoring.moments import moment
@@ -17,7 +16,6 @@ from cylinder_friction.tracking.store import Store, open_store
 CYLINDER_TAG, STATE_TAG = "cylinder", "health_state"
 COUNTED = "duration_s"
 """A metric that every session has: its steps are the sessions that a run holds."""
-_METRICS_A_REQUEST = 1000
 
 
 def track_health(root: Path, cylinders: Iterable[tuple[str, str, Path, Path]]) -> int:
@@ -67,8 +65,7 @@ def _log(store: Store, run: Run, sessions: Path, known: Path) -> None:
         counted = {COUNTED: values.pop(COUNTED)}  # last: a kill before it has the session logged again
         at_ms = 1000 * (second or 0)
         metrics += [Metric(name, value, at_ms, step) for name, value in {**values, **counted}.items()]
-    for some in chunk_list(metrics, _METRICS_A_REQUEST):
-        client.log_batch(run_id, metrics=some)
+    store.log_metrics(run_id, metrics)
     client.log_dict(run_id, about["assessment"]["trends"], "baselines.json")
     client.log_dict(run_id, about["assessment"], "assessment.json")
     client.set_tag(run_id, "answer", about["assessment"]["answer"])

@@ -161,7 +161,7 @@ def _origin(folder: Path) -> dict[str, Any]:
 def _run(store: Store, folder: Path | None, version: ModelVersion) -> str:
     """The run must be there, whole, and the one that the files of the model and the logged model name."""
     made = None if folder is None else Model.load(str(folder)).run_id
-    logged = store.client.get_logged_model(str(version.source).removeprefix("models:/")).source_run_id
+    logged = store.logged_model(version).source_run_id
     if {version.run_id} != {logged, version.run_id if folder is None else made}:
         raise _BrokenLinkError(f"the version names run {version.run_id}, but its model was made by {made or logged}")
     try:
@@ -227,7 +227,7 @@ def _model(store: Store, folder: Path | None, version: ModelVersion, key: str) -
     """The tag ``key`` of the version and of its logged model must be the hash of what lies in the store."""
     if folder is None:
         raise _BrokenLinkError(f"its artifacts at {version.source} cannot be read")
-    logged = store.client.get_logged_model(str(version.source).removeprefix("models:/"))
+    logged = store.logged_model(version)
     whole = key == CONTENT_KEY
     files = (each for each in folder.rglob("*") if each.is_file())
     cached = [each for each in files if {".pyc", "__pycache__"} & {each.suffix, *each.relative_to(folder).parts}]

@@ -36,7 +36,6 @@ from cylinder_friction.tracking.store import Store, open_store
 
 KEY_TAG = "record_key"  # Content key of a top-level run's record: how a run is recognised
 TIMES_UNKNOWN = "of logging: the stage ran on another machine"
-_METRICS_A_REQUEST = 1000
 _PARAMS_A_REQUEST = 100
 _LONGEST_PARAM = 6000
 
@@ -91,7 +90,7 @@ def log_in(store: Store, record: RunRecord, root: Path) -> str:
     if record.name in STAGES and not record.experiment:
         parent = execution_of(store, record, root, tags, times_of(timed).started_ms)
     run_id = _write_run(store, timed, root, store.experiment(record.experiment), {**tags, **own}, parent)
-    _write_metrics(store, run_id, samples)
+    store.log_metrics(run_id, samples)
     for child in timed.children:
         child_id = _write_run(store, child, root, store.experiment(record.experiment), tags, run_id)
         store.client.set_terminated(child_id, "FINISHED", times_of(child).ended_ms)
@@ -175,12 +174,7 @@ def _write_values(store: Store, run_id: str, record: RunRecord, times: Times, mo
             Metric(allowed(name), value, step_ms, step)
             for step, (value, step_ms) in enumerate(zip(values, steps_ms, strict=True))
         ]
-    _write_metrics(store, run_id, metrics)
-
-
-def _write_metrics(store: Store, run_id: str, metrics: list[Metric]) -> None:
-    for some in chunk_list(metrics, _METRICS_A_REQUEST):
-        store.client.log_batch(run_id, metrics=some)
+    store.log_metrics(run_id, metrics)
 
 
 def _write_artifact(store: Store, run_id: str, root: Path, path: str) -> None:

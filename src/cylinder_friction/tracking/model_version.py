@@ -98,7 +98,7 @@ def find_version(store: Store, candidate: Candidate) -> ModelVersion | None:
 
 def _show_as_registered(store: Store, version: ModelVersion) -> None:
     """Let the logged model name its version, as ``mlflow.register_model`` does, which can give a version no run."""
-    model = store.client.get_logged_model(str(version.source).removeprefix("models:/"))
+    model = store.logged_model(version)
     known = json.loads(model.tags.get(MLFLOW_MODEL_VERSIONS, "[]"))
     own = {"name": version.name, "version": str(version.version)}
     if own not in known:

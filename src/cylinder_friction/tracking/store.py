@@ -5,7 +5,7 @@ import os
 import socket
 import sqlite3
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,9 +13,12 @@ from urllib.parse import urlsplit
 
 import mlflow
 from mlflow import MlflowClient
+from mlflow.entities import LoggedModel, Metric
+from mlflow.entities.model_registry import ModelVersion
 from mlflow.exceptions import MlflowException
 from mlflow.store.db.db_types import DATABASE_ENGINES
 from mlflow.store.tracking.sqlalchemy_store import SqlAlchemyStore
+from mlflow.utils import chunk_list
 
 from cylinder_friction.recordings.locks import locked
 from cylinder_friction.tracking.repository import TrackingError, repository_root
@@ -31,6 +34,7 @@ _NOTE = (
     "and all estimators in `errors_by_condition.json`."
 )
 _CONNECT_TIMEOUT_S = 3.0
+_METRICS_A_REQUEST = 1000
 _LOCK_TIMEOUT_S = 30.0
 _SERVERS = ("http", "https")
 _LOCATIONS = (
@@ -54,6 +58,15 @@ class Store:
     def experiment(self, part: str) -> str:
         """Return the id of one of the project's experiments, made if it is not there yet; ``""`` is the main one."""
         return _experiment(self.client, self.uri, self.root, experiment_name(part)) if part else self.experiment_id
+
+    def logged_model(self, version: ModelVersion) -> LoggedModel:
+        """Return the logged model that was registered as this version."""
+        return self.client.get_logged_model(str(version.source).removeprefix("models:/"))
+
+    def log_metrics(self, run_id: str, metrics: Sequence[Metric]) -> None:
+        """Log any number of metrics; a server takes only so many at a time."""
+        for some in chunk_list(metrics, _METRICS_A_REQUEST):
+            self.client.log_batch(run_id, metrics=some)
 
 
 def experiment_name(part: str = "") -> str:
