@@ -198,20 +198,17 @@ def _widen(lower: Array, upper: Array, errors_n: Array, deviations_n: Array, gro
             lower[group], upper[group] = _widened(lower[group], upper[group], *known, probability)
 
 
-def conformal_offsets(
-    errors_n: Array, groups: Whole, count: int, probability: float, fewest: int = 1
-) -> tuple[Array, Array]:
+def conformal_offsets(errors_n: Array, groups: Whole, count: int, probability: float) -> tuple[Array, Array]:
     """Return finite-sample quantiles of each group's errors [N], shape ``(count,)`` below and above.
 
-    A group with fewer than ``fewest`` errors, or too few for its quantile, takes those of all errors; where even these
-    are too few, the offsets are so wide that they state nothing.
+    A group with too few errors for its quantile takes those of all errors; where even these are too few, the offsets
+    are so wide that they state nothing.
 
     Args:
         errors_n: Label - estimate, shape ``(n,)``.
         groups: Group of each error, in ``range(count)``, shape ``(n,)``.
         count: Number of groups.
         probability: Of lying between the two, half of the rest on either side; in (0, 1).
-        fewest: Errors that a group needs.
 
     Raises:
         ValueError: The probability is not in (0, 1).
@@ -220,10 +217,7 @@ def conformal_offsets(
         raise ValueError(f"probability must be in (0, 1), but got {probability!r}")
     side = 1.0 - (1.0 - probability) / 2.0
     every = _finite_sample_quantiles(errors_n, side) or (-UNKNOWN_N, UNKNOWN_N)
-    offsets = []
-    for group in range(count):
-        own = errors_n[groups == group]
-        offsets.append((_finite_sample_quantiles(own, side) if len(own) >= fewest else None) or every)
+    offsets = [_finite_sample_quantiles(errors_n[groups == group], side) or every for group in range(count)]
     lower, upper = np.array(offsets).reshape(-1, 2).T
     return lower, upper
 

@@ -50,12 +50,12 @@ class KalmanModel:
             predicted = 0.5 * (following + following.T)
         raise ValueError(f"the Kalman gains have not settled after {MAXIMUM_ROWS} rows; raise the process noise")
 
-    def memory_rows(self, remaining: float = 1e-3) -> int:
-        """Return after how many rows the slowest part of a disturbance has faded to ``remaining`` of what it was."""
+    def memory_rows(self) -> int:
+        """Return after how many rows the slowest part of a disturbance has faded to a thousandth of what it was."""
         gain = self.gains().filter[-1]
         corrected = self.transition - np.outer(gain, self.transition[0])
         slowest = float(np.abs(np.linalg.eigvals(corrected)).max())
-        return max(1, math.ceil(math.log(remaining) / math.log(slowest))) if slowest > 0.0 else 1
+        return max(1, math.ceil(math.log(1e-3) / math.log(slowest))) if slowest > 0.0 else 1
 
 
 def random_walk(step_std: float, noise_std: float) -> KalmanModel:

@@ -85,14 +85,9 @@ class SteadySliding:
         return SteadySliding(self.velocity_m_s[rows], self.friction_n[rows], self.stroke[rows])
 
 
-def steady_points(
-    recordings: Sequence[Recording], slowest_m_s: float, bins: int = 12, rows_per_point: int = 40
-) -> list[SteadyPoint]:
-    """Return points of the friction-velocity curve, slowest retraction to fastest extension.
-
-    The arguments are those of ``steady_sliding_by_speed``, which determines what rows a point stands for.
-    """
-    return [each.point() for each in steady_sliding_by_speed(recordings, slowest_m_s, bins, rows_per_point)]
+def steady_points(recordings: Sequence[Recording], slowest_m_s: float) -> list[SteadyPoint]:
+    """Return points of the friction-velocity curve, those of the rows of ``steady_sliding_by_speed``."""
+    return [each.point() for each in steady_sliding_by_speed(recordings, slowest_m_s)]
 
 
 def steady_sliding_by_speed(
