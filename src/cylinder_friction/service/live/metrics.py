@@ -1,6 +1,6 @@
 """What Prometheus scrapes: sessions, samples by outcome, flags, what waits, how late the loop is."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from prometheus_client import CollectorRegistry, generate_latest
 from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, HistogramMetricFamily, Metric
@@ -29,18 +29,8 @@ class _Live(Collector):
         self._service, self._peers, self._links = service, peers, links
 
     def collect(self) -> Iterator[Metric]:
-        by_outcome = CounterMetricFamily(
-            "cylinder_friction_live_samples", "Samples by outcome since the start.", labels=["outcome"]
-        )
-        for outcome, count in self._service.outcomes().items():
-            by_outcome.add_metric([outcome], count)
-        yield by_outcome
-        refused = CounterMetricFamily(
-            "cylinder_friction_live_refused", "Messages and connections refused.", labels=["kind"]
-        )
-        for kind, count in self._peers.refused.items():
-            refused.add_metric([kind], count)
-        yield refused
+        yield _counter("samples", "Samples by outcome since the start.", "outcome", self._service.outcomes())
+        yield _counter("refused", "Messages and connections refused.", "kind", self._peers.refused)
         events = CounterMetricFamily("cylinder_friction_live_link", "Events of links.", labels=["link", "event"])
         for link in self._links:
             for event, count in link.counts.items():
@@ -48,10 +38,7 @@ class _Live(Collector):
         yield events
         estimates, with_flag = self._service.flags.totals()
         yield CounterMetricFamily("cylinder_friction_live_estimates", "Estimates given.", estimates)
-        flags = CounterMetricFamily("cylinder_friction_live_flags", "Estimates with a flag.", labels=["flag"])
-        for flag, count in with_flag.items():
-            flags.add_metric([flag], count)
-        yield flags
+        yield _counter("flags", "Estimates with a flag.", "flag", with_flag)
         buckets, sum_s = self._peers.delays.buckets()
         described = "From a message's arrival until its estimates were sent."
         yield HistogramMetricFamily("cylinder_friction_live_delay_seconds", described, buckets, sum_s)
@@ -63,3 +50,10 @@ class _Live(Collector):
         yield GaugeMetricFamily(
             "cylinder_friction_live_loop_lag_seconds", "Worst of the last second.", self._service.loop_lag_s
         )
+
+
+def _counter(name: str, described: str, label: str, counts: Mapping[str, int]) -> Metric:
+    counter = CounterMetricFamily(f"cylinder_friction_live_{name}", described, labels=[label])
+    for value, count in counts.items():
+        counter.add_metric([value], count)
+    return counter

@@ -280,7 +280,6 @@ class OpcUaClientSettings:
     password_file: Path | None = None
     certificate: Path | None = None
     private_key: Path | None = None
-    health: Path | None = None
 
     def __post_init__(self) -> None:
         """Refuse half of a pair; raises ``ValueError``."""
