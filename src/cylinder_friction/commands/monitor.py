@@ -5,10 +5,14 @@ from __future__ import annotations
 import argparse
 import json
 import sys
+import tempfile
+from contextlib import ExitStack
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, get_args
 
+from cylinder_friction.commands._model import model_folder
 from cylinder_friction.extras import MissingExtraError
 from cylinder_friction.monitoring.assessment import Entry, EntryKind
 from cylinder_friction.recordings.recording import RecordingError
@@ -60,13 +64,23 @@ def run(options: argparse.Namespace) -> int:
         add_entry(options.into, Entry(cylinder, time, options.name, kind, options.words), fleet)
     elif options.name or options.words or options.time:
         raise ValueError("--name, --words and --time belong to an entry; give --entry CYLINDER KIND as well")
-    with workers_from_environment(options.workers or cores(), MANY_CYLINDERS) as workers:
+    with ExitStack() as stack:
+        fleet = _with_model_folders(fleet, Path(stack.enter_context(tempfile.TemporaryDirectory())))
+        workers = stack.enter_context(workers_from_environment(options.workers or cores(), MANY_CYLINDERS))
         health = monitor_fleet(options.logs, fleet, options.into, now, workers)
     problems = _copied(health, fleet, options)
     _print(health, options.json)
     print("".join(f"cylinder-friction monitor: {each}\n" for each in problems), end="", file=sys.stderr)
     health.announced()
     return health.status or int(bool(problems))
+
+
+def _with_model_folders(fleet: Fleet, scratch: Path) -> Fleet:
+    """Return a fleet whose registered models are folders below ``scratch``."""
+    names = sorted({each.model for each in fleet.cylinders.values() if each.model})
+    folders = {name: str(model_folder(name, scratch / str(number))[0]) for number, name in enumerate(names)}
+    cylinders = {name: replace(each, model=folders.get(each.model, "")) for name, each in fleet.cylinders.items()}
+    return replace(fleet, cylinders=cylinders)
 
 
 def _copied(health: FleetHealth, fleet: Fleet, options: argparse.Namespace) -> list[str]:

@@ -80,7 +80,8 @@ def monitor_fleet(
     """
     paths = [Path(os.path.abspath(path)) for path in log_paths(list(logs))] if logs else []  # noqa: PTH100 - keeps links
     root = _root(logs)
-    read = existing([*logs, *{each.channels for each in fleet.cylinders.values()}])
+    beside = {path for each in fleet.cylinders.values() for path in (each.channels, each.model) if path}
+    read = existing([*logs, *beside])
     target = ResultFolder(into, HEALTH_FILE, WRITTEN_BY, read)
     target.check()
     if not (into / HEALTH_FILE).exists():  # from here on the folder is ours, whenever the run ends

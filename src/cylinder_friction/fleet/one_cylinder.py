@@ -12,14 +12,24 @@ from pathlib import Path
 from typing import Any
 
 from cylinder_friction.estimation.from_logs import estimate_logs
+from cylinder_friction.estimation.running_estimate import loaded_once
 from cylinder_friction.fleet.doubts import doubts
 from cylinder_friction.fleet.plan import FleetCylinder
-from cylinder_friction.fleet.sessions import kept_recordings, read_rows, updated_rows, with_starts, write_rows
-from cylinder_friction.monitoring.assessment import Entry
+from cylinder_friction.fleet.sessions import (
+    kept_recordings,
+    made_with_model,
+    read_rows,
+    updated_rows,
+    with_starts,
+    write_rows,
+)
+from cylinder_friction.monitoring.assessment import Entry, ModelBounds
 from cylinder_friction.monitoring.cylinder_line import CylinderLine, Trend, line_of
+from cylinder_friction.monitoring.held_label import held_label
 from cylinder_friction.monitoring.indicators import session_row
 from cylinder_friction.monitoring.session_row import SessionRow
 from cylinder_friction.monitoring.verdict import assess
+from cylinder_friction.realtime.trained_for import OtherCylinderError
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.files import read_json, write_json, write_text
 from cylinder_friction.recordings.ingesting import Quarantined
@@ -95,6 +105,7 @@ class CylinderRun:
                         self.owned.cylinder(self.name),
                         self.results,
                         channels=self._channels(),
+                        model=self.owned.model or None,
                         load=self.owned.load,
                         names=self.owned.names,
                         units=self.owned.units,
@@ -102,6 +113,9 @@ class CylinderRun:
                     )
                 notes += [f"{self.name}: {each.message}" for each in caught]
                 refused += [Quarantined(f"{self.name}: {each.file}", each.reason, each.piece) for each in found.refused]
+            except OtherCylinderError as error:
+                other = str(error).partition(";")[0]
+                refused.append(Quarantined(self.name, f"{other}; correct `model` or `dimensions` in fleet.yaml"))
             except (ValueError, OSError) as error:
                 refused.append(Quarantined(self.name, f"none of its {len(files)} logs was taken: {error}"))
         logs = {
@@ -121,7 +135,7 @@ class CylinderRun:
         """
         earlier = self._earlier()
         kept = read_rows(self.into / session_file(self.name))
-        made_by = f"{self.code} {self.owned.indicator_plan('none')}"
+        made_by = f"{self.code} {self.owned.indicator_plan('none')} {made_with_model(self.results)}"
         rows, failed = updated_rows(self.results, kept, self._row, made_by)
         placed = with_starts(rows.values(), self.owned.starts)
         left_out = {session: reason for session, reason in foreign.items() if session in rows}
@@ -134,7 +148,7 @@ class CylinderRun:
         left_out |= doubts([row for row in placed if row.session not in left_out], entries, self.now)
         rests_on = [
             self.code,
-            asdict(replace(self.owned, channels=None)),  # what it changes is in the sessions
+            asdict(replace(self.owned, channels=None, model="")),  # what they change is in the sessions
             [asdict(each) for each in entries],
             [(each.session, rows[each.session].key) for each in placed],
             left_out,
@@ -154,7 +168,7 @@ class CylinderRun:
         }
         write_json(draft / state_file(self.name), about | {"assessment": assessment})
         write_text(draft / pane_file(self.name), health_pane(found, placed, entries, left_out))
-        return Known(line, True, left_out, failed, tuple(self._news(earlier, kept, rows, left_out, line)))
+        return Known(line, True, left_out, failed, tuple(self._news(earlier, kept, rows, left_out, line, found.model)))
 
     def _earlier(self) -> dict[str, Any]:
         path = self.into / state_file(self.name)
@@ -173,7 +187,9 @@ class CylinderRun:
             self.owned.load is None and all(LOAD_FORCE in each.table.columns for each in recordings)
         )
         plan = self.owned.indicator_plan("measured" if measured else "none")
-        return session_row(recordings, self.owned.cylinder(self.name), plan, self.name)
+        row = session_row(recordings, self.owned.cylinder(self.name), plan, self.name)
+        bounds = loaded_once(Path(self.owned.model)).bounds if self.owned.model else None
+        return row if bounds is None else replace(row, held=held_label(recordings, bounds.probability))
 
     def _news(
         self,
@@ -182,6 +198,7 @@ class CylinderRun:
         rows: Mapping[str, object],
         left_out: Mapping[str, str],
         line: CylinderLine,
+        model: ModelBounds | None,
     ) -> list[str]:
         news, before = [], earlier.get("dimensions")
         if before and before != asdict(self.owned.dimensions):
@@ -201,6 +218,8 @@ class CylinderRun:
             if why != earlier.get("left_out", {}).get(each)
         ]
         was = earlier["line"]["answer"] if earlier else ""
+        if model and model.proposed and not ((earlier.get("assessment") or {}).get("model") or {}).get("proposed"):
+            news.append(model.words)
         if line.answer != was:
             news.append(f"{line.answer}{was and f', before: {was}'}: {line.words}")
         return [f"{self.name}: {each}" for each in news]

@@ -44,6 +44,8 @@ class FleetCylinder:
     Attributes:
         dimensions: Its bore, rod, stroke and moving mass.
         channels: The mapping of its logs; None: guessed.
+        model: Folder of a saved estimator whose bounds are tested against later labels, or models:/NAME@ALIAS; empty:
+            none.
         load: What it carries; None: as mapped.
         names: Regular expression on a log's path with the groups ``condition`` and ``session``; None: each log is a
             session.
@@ -60,6 +62,7 @@ class FleetCylinder:
 
     dimensions: Dimensions
     channels: Path | None = None
+    model: str = ""
     load: LoadMode | None = None
     names: str | None = None
     units: Mapping[str, str] = field(default_factory=dict)

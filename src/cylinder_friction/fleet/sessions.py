@@ -39,10 +39,20 @@ class KeptRow:
 
 def kept_recordings(results: Path) -> dict[str, list[dict[str, Any]]]:
     """Return what ``estimate_logs`` states of each session's recordings in its folder; nothing without a folder."""
-    summary, sessions = results / SUMMARY_FILE, defaultdict(list)
-    for each in read_json(summary).get("recordings", ()) if summary.is_file() else ():
+    sessions = defaultdict(list)
+    for each in _summary(results).get("recordings", ()):
         sessions[each["session"]].append(each)
     return dict(sessions)
+
+
+def made_with_model(results: Path) -> str:
+    """Return the SHA-256 of the model with which ``estimate_logs`` wrote its folder last; empty without a model."""
+    return str(_summary(results).get("depends_on", {}).get("model", ""))
+
+
+def _summary(results: Path) -> dict[str, Any]:
+    path = results / SUMMARY_FILE
+    return dict(read_json(path)) if path.is_file() else {}
 
 
 def key_of(recordings: Sequence[Mapping[str, Any]], made_by: str) -> str:

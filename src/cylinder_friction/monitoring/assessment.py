@@ -81,6 +81,28 @@ class IndicatorTrend:
 
 
 @dataclass(frozen=True)
+class ModelBounds:
+    """How much of the later labels a model's bounds hold, and whether the model should be trained anew."""
+
+    stated_percent: float  # Of the label's rows, which the bounds state they hold
+    sessions: int  # That this model estimated
+    words: str  # What follows, and from what
+    proposed: bool = False  # Whether retraining is proposed
+    before_percent: float | None = None  # Held in the baseline's sessions; None while there are too few
+    before_interval: tuple[float, float] | None = None  # 95 %, given that sessions differ
+    now_percent: float | None = None  # Held since ``since``; None if the bounds hold as before
+    now_interval: tuple[float, float] | None = None
+    since: str = ""  # Session from which they hold less
+    since_interval: tuple[str, str] | None = None  # First and last session at which that may have begun
+    alarm_session: str = ""  # At which the test alarmed
+
+    @property
+    def lost(self) -> bool:
+        """Whether the bounds hold surely less than they state, and less than before."""
+        return self.now_interval is not None and self.now_interval[1] < self.stated_percent
+
+
+@dataclass(frozen=True)
 class Assessment:
     """What is known of one cylinder."""
 
@@ -92,6 +114,7 @@ class Assessment:
     more_sessions: int | None = None  # For ``not yet``: how many more are needed
     would_decide: tuple[str, ...] = ()  # For ``undecided``: what would decide it
     questions: tuple[str, ...] = ()  # Asked of the user, such as whether a service set a new baseline
+    model: ModelBounds | None = None  # None if no model estimated the newest session
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible values."""

@@ -76,10 +76,14 @@ def line_of(
     if assessment.answer == "alarm":
         at = max((starts.get(each.alarm_session, "") for each in assessment.changes), default="")
         noted = _acknowledged(entries, at)
-    look = ""
+    looks = []
     late = [row for row in rows[-3:] if row.session in left_out]
     if len(late) == min(len(rows), 3) and late:
-        look = f"its last {len(late)} sessions are not assessed" if len(late) > 1 else "its session is not assessed"
+        looks.append(
+            f"its last {len(late)} sessions are not assessed" if len(late) > 1 else "its session is not assessed"
+        )
+    if assessment.model and assessment.model.lost:
+        looks.append(assessment.model.words.rstrip("."))
     rank = ACKNOWLEDGED if noted else RANKS[assessment.answer]
     return CylinderLine(
         cylinder=assessment.cylinder,
@@ -87,14 +91,14 @@ def line_of(
         ne107=NE107[assessment.answer],
         headline=_headline(assessment, starts),
         words=assessment.words,
-        rank=min(rank, LOOK) if look else rank,
+        rank=min(rank, LOOK) if looks else rank,
         trend=_trend(assessment),
         sessions=len(used),
         left_out=len(left_out),
         last_session=last.session if last else "",
         last_start=last.start if last else "",
         acknowledged=f"{noted.name}, {noted.time[:10]}{noted.words and ': '}{noted.words}" if noted else "",
-        look=look,
+        look="; ".join(looks),
         alarms=_alarms(assessment),
         state=state,
     )

@@ -38,6 +38,18 @@ class Indicator:
 
 
 @dataclass(frozen=True)
+class HeldLabel:
+    """How much of a session's label lies between the bounds of a model that estimated the session."""
+
+    model: str  # SHA-256 of the model
+    stated: float  # Share that the bounds state they hold
+    share: float | None  # Share of the usable rows that the bounds hold; None without such rows
+    # The same once the part of label less estimate is taken off that does not turn with the direction: a sensor's zero
+    # or a load
+    share_less_zero: float | None
+
+
+@dataclass(frozen=True)
 class SessionRow:
     """What one session shows of its cylinder."""
 
@@ -53,6 +65,7 @@ class SessionRow:
     profile_n: tuple[float | None, ...] = ()
     # One stroke each way for the page, ``(position [m], force [N])``, a few dozen points; empty where there is none
     stroke: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
+    held: HeldLabel | None = None  # None if no model estimated the session
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible values."""
@@ -63,4 +76,6 @@ class SessionRow:
         """Return what ``to_dict`` gave."""
         indicators = {name: Indicator(**each) for name, each in content["indicators"].items()}
         stroke = {way: tuple((float(x), float(y)) for x, y in points) for way, points in content["stroke"].items()}
-        return cls(**{**content, "indicators": indicators, "profile_n": tuple(content["profile_n"]), "stroke": stroke})
+        held = None if content.get("held") is None else HeldLabel(**content["held"])
+        made = {"indicators": indicators, "profile_n": tuple(content["profile_n"]), "stroke": stroke, "held": held}
+        return cls(**{**content, **made})

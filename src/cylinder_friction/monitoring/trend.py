@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 
 import numpy as np
@@ -19,6 +19,8 @@ from cylinder_friction.monitoring.session_row import INDICATORS, SessionRow
 TESTED = tuple(INDICATORS)
 """Indicators that share the stated rate of false alarms."""
 DAYS_A_YEAR = 365.25
+BEYOND = 5
+"""If this many of the latest sessions lie outside what the baseline holds, nothing is known of the present."""
 
 
 @dataclass(frozen=True)
@@ -136,23 +138,52 @@ def tested(indicator: str, rows: Sequence[SessionRow], plan: MonitorPlan) -> Tes
         return f"{len(own)} of {len(rows)} sessions determine it, where a baseline needs {plan.baseline_sessions}{why}"
     values = np.array([_value(row, indicator) for row in own], dtype=np.float64)
     uncertainties = np.array([row.indicators[indicator].uncertainty or 0.0 for row in own])
-    first = slice(0, plan.baseline_sessions)
     # Half the sum may be about 0, and what shifts it is friction's asymmetry: it is measured by friction.
     whole = "friction_n" if indicator == "half_sum_n" else indicator
-    level = float(np.median([_value(row, whole) or 0.0 for row in own[first]]))
-    reference = fitted(indicator, values[first], uncertainties[first], covariates_of(own[first]), level, plan)
+    level = float(np.median([_value(row, whole) or 0.0 for row in own[: plan.baseline_sessions]]))
+    return against_baseline(indicator, own, values, uncertainties, level, plan)
+
+
+def against_baseline(
+    indicator: str,
+    rows: tuple[SessionRow, ...],
+    values: Array,
+    uncertainties: Array,
+    level: float,
+    plan: MonitorPlan,
+    most: float = np.inf,
+    least_scatter: float = 0.0,
+) -> Tested | str:
+    """Return the test of one value per session, or why it has no baseline.
+
+    Args:
+        indicator: Its name.
+        rows: Sessions in their order, at least as many as the baseline has.
+        values: Of the sessions, shape ``(sessions,)``.
+        uncertainties: Of each value by itself, shape ``(sessions,)``.
+        level: What the prior's shares are of, see ``reference.fitted``.
+        plan: How it is tested.
+        most: At most this is expected of a session, whatever the baseline shows.
+        least_scatter: Sessions are taken to scatter by at least this.
+    """
+    first = slice(0, plan.baseline_sessions)
+    if np.ptp(values[first]) > 0.0:
+        reference = fitted(indicator, values[first], uncertainties[first], covariates_of(rows[first]), level, plan)
+    else:
+        reference = Reference(level, 0.0, 0.0, 0.0, {}, np.ones(1), values[:1], np.zeros((1, 1)))
+    reference = replace(reference, scatter=max(reference.scatter, least_scatter))
     if reference.scatter <= 1e-12 * abs(level):
         return "all sessions of the baseline have the same value, so that their scatter is not known"
-    design = reference.design(covariates_of(own))
-    residuals = values - design @ reference.coefficients
+    design = reference.design(covariates_of(rows))
+    residuals = values - np.minimum(design @ reference.coefficients, most)
     test = cusum(reference, residuals, uncertainties, design, plan.baseline_sessions, plan.widest)
-    per_year = sessions_per_year(own)
+    per_year = sessions_per_year(rows)
     rate = plan.false_alarms_per_year / len(TESTED)
     baseline = Baseline(
         sessions=plan.baseline_sessions,
         needed=plan.baseline_sessions,
-        first=own[0].session,
-        last=own[plan.baseline_sessions - 1].session,
+        first=rows[0].session,
+        last=rows[plan.baseline_sessions - 1].session,
         level=reference.level,
         scatter=reference.scatter,
         autocorrelation=reference.autocorrelation,
@@ -162,7 +193,7 @@ def tested(indicator: str, rows: Sequence[SessionRow], plan: MonitorPlan) -> Tes
         reference=dict(reference.centre),
     )
     expected = reference.uncertainty(np.nan_to_num(design))
-    return Tested(indicator, own, values, residuals, expected, reference, test, baseline, per_year)
+    return Tested(indicator, rows, values, residuals, expected, reference, test, baseline, per_year)
 
 
 def untested(indicator: str, rows: Sequence[SessionRow], why: str) -> IndicatorTrend:

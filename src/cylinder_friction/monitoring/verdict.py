@@ -14,12 +14,11 @@ from cylinder_friction.monitoring.dating import Dated
 from cylinder_friction.monitoring.moments import moment
 from cylinder_friction.monitoring.plan import MonitorPlan
 from cylinder_friction.monitoring.reference import covariates_of
+from cylinder_friction.monitoring.retraining import model_bounds
 from cylinder_friction.monitoring.session_row import SessionRow
-from cylinder_friction.monitoring.trend import TESTED, Tested, tested, untested
+from cylinder_friction.monitoring.trend import BEYOND, TESTED, Tested, tested, untested
 
 NEW_BASELINE = ("service", "reset", "reference")
-BEYOND = 5
-"""If this many of the latest sessions lie outside what the baseline holds, the answer is undecided."""
 UNSEEN_OIL_PERCENT = 25.0
 """Oil whose temperature nobody measures changes friction by up to this."""
 LEAK_BY_ZERO = 4.0
@@ -92,7 +91,10 @@ def assess(
         found = _changed(cylinder, alarms, own, plan)
     else:
         found = _quiet(cylinder, tests)
-    return replace(found, trends=trends)
+    # An acknowledged alarm explains as much as one that is not.
+    worn = bool(alarms) and _changed(cylinder, alarms, (), plan).answer == "alarm"
+    everything = _since([row for row in rows if row.cylinder == cylinder], ())
+    return replace(found, trends=trends, model=model_bounds(everything, tests, worn, plan))
 
 
 def _since(rows: Sequence[SessionRow], begun: Sequence[Entry]) -> list[SessionRow]:

@@ -59,7 +59,8 @@ def load_fleet(path: Path) -> Fleet:
 def _merged(defaults: dict[str, Any], own: Any, folder: Path) -> Any:
     if own is not None and not isinstance(own, dict):
         return own
-    return _placed({**defaults, **(own or {})}, "channels", folder)
+    placed = _placed({**defaults, **(own or {})}, "channels", folder)
+    return placed if str(placed.get("model", "")).startswith(("models:/", "/")) else _placed(placed, "model", folder)
 
 
 def _placed(content: dict[str, Any], key: str, folder: Path) -> dict[str, Any]:

@@ -1,0 +1,46 @@
+"""How much of a session's label the bounds of a model hold, as it is and without what a sensor's zero shifts."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cylinder_friction.monitoring.plan import IndicatorPlan
+from cylinder_friction.monitoring.session_row import HeldLabel
+from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.signals.motion import direction_of_motion
+
+_SETTLING = int(Flag.NOT_READY | Flag.WARMING)
+_COLUMNS = ("label_n", "friction_n", "lower_n", "upper_n", "velocity_m_s")
+
+
+def held_label(recordings: Sequence[Recording], stated: float) -> HeldLabel | None:
+    """Return the share of a session's label between the bounds; None if no model estimated all its recordings.
+
+    Rows count if they are usable, and once the model's state no longer remembers the start.
+
+    Args:
+        recordings: All recordings of the session, as ``estimate`` writes them with a model.
+        stated: Share that the bounds state they hold.
+    """
+    models = {each.metadata.depends_on.get("model", "") for each in recordings}
+    if len(models) != 1 or "" in models:
+        return None
+    (model,), parts = models, []
+    for each in recordings:
+        rows = each.usable() & (each.table["flags"].to_numpy() & _SETTLING == 0)
+        parts.append(np.stack([each.column(name)[rows] for name in _COLUMNS]))
+    known = np.concatenate(parts, axis=1)
+    label_n, friction_n, lower_n, upper_n, velocity_m_s = known[:, np.isfinite(known).all(axis=0)]
+    if not len(label_n):
+        return HeldLabel(model, stated, None, None)
+    error_n, direction = label_n - friction_n, direction_of_motion(velocity_m_s, IndicatorPlan.slowest_m_s)
+    ways = [error_n[direction == sign] for sign in (1.0, -1.0)]
+    zero_n = 0.5 * sum(float(np.median(way)) for way in ways) if all(map(len, ways)) else float(np.median(error_n))
+
+    def share(values_n: np.ndarray) -> float:
+        return float(np.mean((lower_n <= values_n) & (values_n <= upper_n)))
+
+    return HeldLabel(model, stated, share(label_n), share(label_n - zero_n))
