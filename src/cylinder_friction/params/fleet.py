@@ -9,15 +9,45 @@ from pydantic import Field
 
 from cylinder_friction.fleet.plan import Assignment, Fleet, FleetCylinder
 from cylinder_friction.params.file import ParamsError
-from cylinder_friction.params.section import Section, checked
+from cylinder_friction.params.section import Count, Section, Seed, checked
 from cylinder_friction.recordings.files import read_yaml
 
+REGISTERED = "models:/"
+"""How the name of a registered model begins."""
 EXAMPLE = """\
 assign: {by: folder}
 cylinders:
   press-1:
     dimensions: {bore_diameter_m: 0.063, rod_diameter_m: 0.028, stroke_m: 0.25, moving_mass_kg: 6.0}
     channels: channels.yaml"""
+
+
+class SimulatedFleet(Section):
+    """A simulated fleet, as in ``rig.lives.LifePlan``."""
+
+    seed: Seed
+    sessions: Count
+    begins: Count
+    takes: Count
+
+
+class SimulationParams(Section):
+    """The section ``fleet`` of ``params.yaml``: the fleet that is simulated, if any."""
+
+    simulated: SimulatedFleet | None = None
+
+
+class MonitoredFleet(Section):
+    """Paths of a fleet file and of the logs."""
+
+    file: str
+    logs: str
+
+
+class MonitorParams(Section):
+    """The section ``monitor`` of ``params.yaml``: the fleet that is monitored, if any."""
+
+    fleet: MonitoredFleet | None = None
 
 
 class FleetParams(Section):
@@ -60,7 +90,8 @@ def _merged(defaults: dict[str, Any], own: Any, folder: Path) -> Any:
     if own is not None and not isinstance(own, dict):
         return own
     placed = _placed({**defaults, **(own or {})}, "channels", folder)
-    return placed if str(placed.get("model", "")).startswith(("models:/", "/")) else _placed(placed, "model", folder)
+    model = str(placed.get("model", ""))
+    return _placed(placed, "model", folder) if model and not model.startswith(REGISTERED) else placed
 
 
 def _placed(content: dict[str, Any], key: str, folder: Path) -> dict[str, Any]:
