@@ -30,8 +30,6 @@ STAGES = (
     "register",
 )
 """The stages of the pipeline, in its order."""
-FLEET_STAGES = ("fleet", "monitor")
-"""Stages that exist only if the parameters name a fleet; they depend on none of the others."""
 RUNS_FOLDER = Path("reports/runs")
 """One ``<stage>.json`` each: the stage's ``RunRecord``."""
 

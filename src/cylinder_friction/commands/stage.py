@@ -4,7 +4,8 @@ import argparse
 import ast
 from pathlib import Path
 
-from cylinder_friction.run_record import FLEET_STAGES, STAGES
+from cylinder_friction.fleet.stage_names import FLEET_STAGES
+from cylinder_friction.run_record import STAGES
 from cylinder_friction.tuning.study_store import StudyStoreError
 
 EXPECTED = (StudyStoreError,)

@@ -4,12 +4,13 @@ import importlib
 from dataclasses import replace
 from pathlib import Path
 
+from cylinder_friction.fleet.stage_names import FLEET_STAGES
 from cylinder_friction.import_graph import code_key
 from cylinder_friction.params.checking import ParamsError, load_params
 from cylinder_friction.recordings.files import write_json
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import read_metadata, recording_paths
-from cylinder_friction.run_record import FLEET_STAGES, RUNS_FOLDER, STAGES
+from cylinder_friction.run_record import RUNS_FOLDER, STAGES
 from cylinder_friction.stages._stage import PROCESSED_FOLDERS
 from cylinder_friction.tracking.log_run import track_or_warn
 from cylinder_friction.tracking.measurement import measured

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cylinder_friction.execution.selection import workers_from_environment
@@ -10,10 +11,12 @@ from cylinder_friction.params.file import ParamsError
 from cylinder_friction.recordings.files import hash_of, whole_folder
 from cylinder_friction.rig.lives import FATES, LifePlan
 from cylinder_friction.run_record import Dataset, RunRecord
-from cylinder_friction.stages._stage import FLEET_FOLDER, flat
+from cylinder_friction.stages._stage import flat
 
 if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
+
+FLEET_FOLDER = Path("data/raw/fleet")
 
 
 def run(params: Params) -> RunRecord:

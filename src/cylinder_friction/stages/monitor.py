@@ -14,10 +14,12 @@ from cylinder_friction.fleet.nightly import HEALTH_FILE, PAGE_FILE, monitor_flee
 from cylinder_friction.params.file import ParamsError
 from cylinder_friction.params.fleet import REGISTERED, load_fleet
 from cylinder_friction.run_record import RunRecord, by_columns
-from cylinder_friction.stages._stage import HEALTH_FOLDER, artifacts, flat
+from cylinder_friction.stages._stage import REPORTS_FOLDER, artifacts, flat
 
 if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
+
+HEALTH_FOLDER = REPORTS_FOLDER / "health"
 
 
 def run(params: Params) -> RunRecord:
