@@ -16,6 +16,8 @@ from typing import Any
 import pyarrow.parquet as pq
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.fleet import one_cylinder
 from cylinder_friction.fleet.database import SQLITE_FILE, TABLES, update_database
 from cylinder_friction.fleet.entries import add_entry, entries_of
@@ -225,6 +227,42 @@ def test_a_start_is_corrected_in_the_fleet_file(
     assert [(each["start"][:10], each["start_source"]) for each in sessions(folder, "b")][-1] == (
         "2026-03-06",
         "fleet.yaml",
+    )
+
+
+def test_a_model_is_compared_with_the_label_until_it_is_taken_out_again(
+    folder: Path, labelled_recordings: list[Recording], cylinder: Cylinder
+) -> None:
+    ridge = RidgeEstimator().fit(labelled_recordings[:3])
+    ridge.calibrate(labelled_recordings[:3], labelled_recordings[3:], cylinder)
+    ridge.save(folder / "model")
+    health = run(folder, write_fleet(folder, "a", "b", own={"a": {"model": "model"}}))
+    assert health.refused == ()
+
+    def held(name: str) -> list[dict[str, Any] | None]:
+        return [json.loads(each["detail"])["row"]["held"] for each in sessions(folder, name)]
+
+    assert held("b") == [None, None]
+    assert all(each and each["stated"] == 0.9 and each["share"] > 0.5 for each in held("a"))
+    state = folder / "health/cylinders/a.json"
+    words = "The model has estimated 3 of the 90 sessions after which its bounds are tested."
+    assert json.loads(state.read_text())["assessment"]["model"]["words"] == words
+    run(folder, write_fleet(folder, "a", "b"))
+    assert held("a") == [None, None, None]
+    assert json.loads(state.read_text())["assessment"]["model"] is None
+
+
+def test_a_model_of_other_areas_is_refused_with_what_to_correct(
+    folder: Path, labelled_recordings: list[Recording], cylinder: Cylinder
+) -> None:
+    other = replace(cylinder, bore_diameter_m=0.1)
+    ridge = RidgeEstimator().fit(labelled_recordings[:3])
+    ridge.calibrate(labelled_recordings[:3], labelled_recordings[3:], other)
+    ridge.save(folder / "model")
+    health = run(folder, write_fleet(folder, "a", own={"a": {"model": "model"}}))
+    assert reasons(health)[-1] == (
+        "a: the model was trained for a cylinder of 100 mm bore and 28 mm rod, but the one given has 63 mm and 28 mm; "
+        "correct `model` or `dimensions` in fleet.yaml"
     )
 
 
