@@ -23,8 +23,8 @@ ROWS = 100.0
 """A session's label counts as so many independent rows."""
 LEAST_SCATTER = 0.2
 """Sessions are taken to differ by at least this, in the logit of their share: 2 percentage points at 90 %."""
-PRIOR_LEVEL = 9.0
-"""What the prior's shares of the covariates are of, in logits: 10 K of oil may change a share of 90 % by 4 points."""
+PRIOR_LEVEL = 4.5
+"""What the prior's shares of the covariates are of, in logits: 10 K of oil may change a share of 90 % by 2 points."""
 LATEST = 60
 """What the bounds hold by now is seen in at most so many sessions."""
 FEW = 2
