@@ -27,6 +27,7 @@ from cylinder_friction.monitoring.assessment import Assessment, Baseline, Change
 from cylinder_friction.recordings.locks import locked
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from fleet_samples import write_fleet, write_session
+from packed_pages import unpacked_pane
 
 NOW = datetime(2026, 6, 1, tzinfo=UTC)
 
@@ -247,6 +248,7 @@ def test_a_model_is_compared_with_the_label_until_it_is_taken_out_again(
     state = folder / "health/cylinders/a.json"
     words = "The model has estimated 3 of the 90 sessions after which its bounds are tested."
     assert json.loads(state.read_text())["assessment"]["model"]["words"] == words
+    assert words in unpacked_pane(folder / "health/panes/a.js")
     run(folder, write_fleet(folder, "a", "b"))
     assert held("a") == [None, None, None]
     assert json.loads(state.read_text())["assessment"]["model"] is None
