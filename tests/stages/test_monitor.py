@@ -19,7 +19,7 @@ from cylinder_friction.stages.monitor import HEALTH_FOLDER
 from pipeline_workspace import run
 
 CONF = Path(__file__).parents[2] / "conf"
-SHORT = ("fleet.simulated.sessions=1", "fleet.simulated.begins=0", "fleet.simulated.takes=1")
+SHORT = ("fleet.simulated.sessions=1", "fleet.simulated.begins=1", "fleet.simulated.takes=1")
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +59,7 @@ def test_a_registered_model_is_refused(params: Params, monitored: tuple[Path, Ru
     path.write_text(yaml.safe_dump(content))
     with (
         chdir(monitored[0]),
-        pytest.raises(ParamsError, match=r"healthy has the model models:/.*, expected a folder; a"),
+        pytest.raises(ParamsError, match=r"drift has the model models:/.*, expected a folder; a"),
     ):
         monitor.run(params)
     path.write_text(before)
