@@ -20,8 +20,10 @@ VALUES = {
     if isinstance(each.default, float)
 }
 CLOSE = 0.2
-WRITES_RECORDINGS = [SOURCE / each for each in ("commands/init.py", "fleet/demonstration.py", "stages/record.py")]
-"""A new project's example log, the simulated fleet, and the campaign."""
+WRITES_RECORDINGS = [
+    SOURCE / each for each in ("commands/init.py", "fleet/demonstration.py", "stages/fleet.py", "stages/record.py")
+]
+"""A new project's example log, the simulated fleet and its stage, and the campaign."""
 
 
 def repeats(name: str, value: object) -> bool:

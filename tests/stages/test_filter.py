@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +81,6 @@ def test_method_is_the_only_difference_of_the_recipes(recipes: dict[str, Params]
 
 
 def test_impossible_windows_are_refused(recipes: dict[str, Params]) -> None:
-    windows = recipes["savitzky_golay"].filter.savitzky_golay.model_dump() | {"velocity_window": 20}
+    windows = asdict(recipes["savitzky_golay"].filter.savitzky_golay) | {"velocity_window": 20}
     with pytest.raises(ParamsError, match="for velocity: expected an odd window"):
         shipped(filter={"savitzky_golay": windows})
