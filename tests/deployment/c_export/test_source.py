@@ -171,7 +171,8 @@ def test_it_is_clean_under_sanitizers(
 def test_cppcheck_finds_nothing(shape: str, precision: str, golden_model: StepModel, tmp_path: Path) -> None:
     exported = export_model(SHAPES[shape](golden_model), tmp_path, precision=precision)
     about_itself = ("missingIncludeSystem", "checkersReport", "toomanyconfigs", "normalCheckLevelMaxBranches")
-    allowed = [f"--suppress={name}" for name in (*about_itself, "unusedFunction", "staticFunction")]
+    unknown_to_some = ("unmatchedSuppression",)  # releases differ in what they can report
+    allowed = [f"--suppress={name}" for name in (*about_itself, *unknown_to_some, "unusedFunction", "staticFunction")]
     told = run(compiler("cppcheck"), "--enable=all", "--std=c99", "--error-exitcode=1", "-q", *allowed, exported.source)
     assert told == ""
 
