@@ -25,10 +25,11 @@ from typing import Any
 import pandas as pd
 import yaml
 
+from cylinder_friction import fleet
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.earlier import PROCESSED_FILE, Earlier, read_earlier, write_earlier
 from cylinder_friction.fleet.demonstration import CHANNELS, DIMENSIONS
-from cylinder_friction.fleet.one_cylinder import RESULTS, session_file
+from cylinder_friction.fleet.one_cylinder import RESULTS, CylinderRun, session_file
 from cylinder_friction.fleet.sessions import KeptRow, key_of, read_rows, write_rows
 from cylinder_friction.params.fleet import load_fleet
 from cylinder_friction.recordings.files import hash_of, read_json, write_json
@@ -123,8 +124,8 @@ def main() -> None:
         write_fleet(folder, [FIRST])
         print("the first cylinder:", night(folder, str(folder / "logs")), flush=True)
         health = folder / "health"
-        plan = load_fleet(folder / "fleet.yaml").cylinders[FIRST].indicator_plan("none")
-        made_by = f"{hash_of(Path(sys.modules['cylinder_friction'].__file__ or '').parent)} {plan}"
+        owned, code = load_fleet(folder / "fleet.yaml").cylinders[FIRST], hash_of(Path(fleet.__file__).parents[1])
+        made_by = CylinderRun(FIRST, owned, health, folder, code, DAY).made_by
         depends_on = read_json(health / RESULTS / FIRST / "summary.json")["depends_on"]
         earlier, rows = read_earlier(health / RESULTS / FIRST, depends_on), read_rows(health / session_file(FIRST))
         shutil.rmtree(folder / "logs")

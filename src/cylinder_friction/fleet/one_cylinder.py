@@ -88,6 +88,11 @@ class CylinderRun:
     def results(self) -> Path:
         return self.into / RESULTS / self.name
 
+    @property
+    def made_by(self) -> str:
+        """What the rows of its sessions are made by: code, settings and the model that the logs were processed with."""
+        return f"{self.code} {self.owned.indicator_plan('none')} {made_with_model(self.results)}"
+
     def taken(self, files: Sequence[Path], any_logs: bool) -> Taken:
         """Process the new ones of a cylinder's logs.
 
@@ -135,8 +140,7 @@ class CylinderRun:
         """
         earlier = self._earlier()
         kept = read_rows(self.into / session_file(self.name))
-        made_by = f"{self.code} {self.owned.indicator_plan('none')} {made_with_model(self.results)}"
-        rows, failed = updated_rows(self.results, kept, self._row, made_by)
+        rows, failed = updated_rows(self.results, kept, self._row, self.made_by)
         placed = with_starts(rows.values(), self.owned.starts)
         left_out = {session: reason for session, reason in foreign.items() if session in rows}
         made_with = hashlib.sha256(repr(self.owned.cylinder(self.name)).encode()).hexdigest()
