@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -17,7 +16,7 @@ from cylinder_friction.estimation.from_logs import SUMMARY_FILE
 from cylinder_friction.monitoring.assessment import IndicatorTrend
 from cylinder_friction.monitoring.moments import utc_time
 from cylinder_friction.monitoring.session_row import COVARIATES, INDICATORS, SessionRow
-from cylinder_friction.recordings.files import read_json
+from cylinder_friction.recordings.files import json_hash, read_json
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_recording
 
@@ -58,7 +57,7 @@ def _summary(results: Path) -> dict[str, Any]:
 def key_of(recordings: Sequence[Mapping[str, Any]], made_by: str) -> str:
     """Return the SHA-256 of what a session's row is made from; equal logs that were processed otherwise differ."""
     about = [{**each, "gone": "", "source_file": ""} for each in recordings]
-    return hashlib.sha256(json.dumps([made_by, about], sort_keys=True).encode()).hexdigest()
+    return json_hash([made_by, about])
 
 
 def updated_rows(

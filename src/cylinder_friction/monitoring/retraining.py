@@ -7,29 +7,29 @@ state. A service begins no new baseline here, because the model stays the same.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.monitoring.assessment import ModelBounds
+from cylinder_friction.monitoring.dating import Z95
 from cylinder_friction.monitoring.plan import MonitorPlan
 from cylinder_friction.monitoring.sentences import VENTED
 from cylinder_friction.monitoring.session_row import SessionRow
 from cylinder_friction.monitoring.trend import BEYOND, Tested, against_baseline
 
 ROWS = 100.0
-"""A session's label counts as so many independent rows."""
+"""Number of independent rows that the label of a session counts as."""
 LEAST_SCATTER = 0.2
 """Sessions are taken to differ by at least this, in the logit of their share: 2 percentage points at 90 %."""
 PRIOR_LEVEL = 4.5
 """What the prior's shares of the covariates are of, in logits: 10 K of oil may change a share of 90 % by 2 points."""
 LATEST = 60
-"""What the bounds hold by now is seen in at most so many sessions."""
+"""The share that the bounds hold by now is that of the latest sessions, at most this many."""
 FEW = 2
-"""So few sessions show no share that could be believed."""
-Z95 = 1.96
+"""Up to this many sessions do not show how much their shares scatter."""
 ADAPT = "the model was not made for this cylinder: `cylinder-friction adapt` makes one that is"
 TRAIN = (
     "Train on the logs since then: `cylinder-friction params experiment=own ingest.source=LOGS`, then `dvc repro`; the "
@@ -43,14 +43,14 @@ WEAR_FIRST = (
 
 
 def model_bounds(
-    rows: Sequence[SessionRow], tests: Mapping[str, Tested], worn: bool, plan: MonitorPlan
+    rows: Sequence[SessionRow], tests: Mapping[str, Tested], worn: Callable[[], bool], plan: MonitorPlan
 ) -> ModelBounds | None:
     """Return how the model's bounds hold later labels, and whether retraining is proposed; None without a model.
 
     Args:
         rows: All sessions of the cylinder in their order, those before a service too.
         tests: Tests of the indicators since the latest service, by name.
-        worn: Whether an alarm states wear or a leak, acknowledged or not.
+        worn: Returns whether an alarm states wear or a leak, acknowledged or not; asked only if bounds hold too little.
         plan: How the share is tested.
     """
     newest = rows[-1].held if rows else None
@@ -65,7 +65,7 @@ def model_bounds(
     known = less_zero if less_zero.lost or not as_it_is.lost else as_it_is
     if not known.lost:
         return known
-    reason = _sensors(tests) or (WEAR_FIRST if worn else "")
+    reason = _sensors(tests) or (WEAR_FIRST if worn() else "")
     if known is as_it_is:  # a constant force in each session explains the loss
         reason = ZERO_FIRST
     if reason:
@@ -97,7 +97,7 @@ def _seen(rows: tuple[SessionRow, ...], name: str, share: float, plan: MonitorPl
         return replace(known, words=f"{words}; {ADAPT}." if before_interval[1] < stated else f"{words}.")
     alarm = int(over[0])
     dated = test.dated(alarm)
-    now, now_interval = _mean(shares[_latest(dated.begins, len(rows))], test)
+    now, now_interval = _mean(shares[max(dated.begins, len(rows) - LATEST) :], test)
     first, last = (rows[each].session for each in dated.interval)
     found = replace(
         known,
@@ -128,10 +128,6 @@ def _sensors(tests: Mapping[str, Tested]) -> str:
             "zeros are not known; retraining is not proposed"
         )
     return ""
-
-
-def _latest(begins: int, count: int) -> slice:
-    return slice(max(begins, count - LATEST), None)
 
 
 def _logit(share: Array | float) -> Array:

@@ -91,9 +91,11 @@ def assess(
         found = _changed(cylinder, alarms, own, plan)
     else:
         found = _quiet(cylinder, tests)
-    # An acknowledged alarm explains as much as one that is not.
-    worn = bool(alarms) and _changed(cylinder, alarms, (), plan).answer == "alarm"
     everything = _since([row for row in rows if row.cylinder == cylinder], ())
+
+    def worn() -> bool:  # An acknowledged alarm explains as much as one that is not
+        return bool(alarms) and _changed(cylinder, alarms, (), plan).answer == "alarm"
+
     return replace(found, trends=trends, model=model_bounds(everything, tests, worn, plan))
 
 

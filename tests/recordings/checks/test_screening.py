@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
+from cylinder_friction.recordings.checks.screening import BESIDE, MOST_ODD, Screen, ScreenRules, screen_signals
 from cylinder_friction.recordings.mapping.channel_mapping import SensorLimits
 from cylinder_friction.recordings.recording import RecordingError, Signal
 
@@ -181,3 +181,29 @@ def test_a_missing_sample_beside_a_jump_is_no_spike() -> None:
     screened, (said,) = screen(values)
     assert "is 60 bar in row 3001 (1 such rows in all)" in said
     assert np.flatnonzero(np.isnan(screened)).tolist() == [2998, 3000, 3001]
+
+
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    noise=st.sampled_from([0.1, 1.0, 5.0]),
+    spikes=st.lists(st.tuples(st.integers(0, 199), st.integers(1, 5), st.floats(-60.0, 60.0)), max_size=4),
+)
+def test_the_same_spikes_are_found_in_a_signal_whose_jumps_alone_are_looked_at_and_in_one_that_is_read_sample_by_sample(
+    seed: int, noise: float, spikes: list[tuple[int, int, float]]
+) -> None:
+    generator = np.random.default_rng(seed)
+    values = np.cumsum(generator.normal(0.0, noise, 200))
+    for begin, rows, height in spikes:
+        values[begin : begin + rows] += height
+    # A sample out of range at the end has every sample read. Whether the last ones are spikes depends on what follows.
+    longer = np.concatenate([values, np.full(20, values[-1]), [1e9], np.full(20, values[-1])])
+    limits = {"load_force_n": SensorLimits(-1e6, 1e6, None, "-1 to 1 MN")}
+    missing = [
+        np.isnan(
+            Screen(limits, RULES, None, {"load_force_n": 10.0})
+            .screened({"load_force_n": Signal(each, each)})["load_force_n"]
+            .values
+        )
+        for each in (values, longer)
+    ]
+    np.testing.assert_array_equal(missing[0][: 200 - BESIDE - MOST_ODD], missing[1][: 200 - BESIDE - MOST_ODD])
