@@ -50,6 +50,11 @@ def test_bounds_that_hold_propose_nothing() -> None:
     )
 
 
+def test_the_present_share_is_that_of_the_sessions_that_are_named() -> None:
+    words = bounds_of(held(sessions(260), fallen(drawn(260)))).words
+    assert "in the latest 60 of the 110 since session s150" in words
+
+
 def test_bounds_that_hold_no_more_propose_retraining_with_the_evidence() -> None:
     found = assess("press", held(sessions(200), fallen(drawn())))
     assert found.answer == "fine"

@@ -97,12 +97,14 @@ def _seen(rows: tuple[SessionRow, ...], name: str, share: float, plan: MonitorPl
         return replace(known, words=f"{words}; {ADAPT}." if before_interval[1] < stated else f"{words}.")
     alarm = int(over[0])
     dated = test.dated(alarm)
-    now, now_interval = _mean(shares[max(dated.begins, len(rows) - LATEST) :], test)
+    since = len(rows) - dated.begins
+    now, now_interval = _mean(shares[-min(since, LATEST) :], test)
+    counted = since if since <= LATEST else f"latest {LATEST} of the {since}"
     first, last = (rows[each].session for each in dated.interval)
     found = replace(
         known,
         words=f"The model's bounds state {stated:g} % and held {_percent(before, before_interval)} {of} in the "
-        f"first {count} sessions; they hold {_percent(now, now_interval)} in the {len(rows) - dated.begins} since "
+        f"first {count} sessions; they hold {_percent(now, now_interval)} in the {counted} since "
         f"session {rows[dated.begins].session} (between {first} and {last})",
         now_percent=now,
         now_interval=now_interval,
