@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.friction_models.lugre import LugreParameters
 from cylinder_friction.recordings.recording import Recording
@@ -20,6 +21,11 @@ CHANNELS: dict[str, Any] = {
 }
 SAMPLE_TIME_S = 0.005
 FINE = 20
+
+
+def columns_of(table: pd.DataFrame) -> dict[str, Array]:
+    """Return the columns of a table as the checks of a recording take them."""
+    return {str(name): table[name].to_numpy(dtype=np.float64) for name in table}
 
 
 def write_log(path: Path, recording: Recording, zero_bar: float = 0.0) -> Path:

@@ -226,7 +226,7 @@ def tribometer(data: Path) -> TribometerFigures:
     (raw,) = recordings_of(data / "tribometer/test_data_2.txt", "tribometer")
     (whole,), _ = labelled([raw], "tribometer")
     first, last = np.flatnonzero(np.abs(whole.column("velocity_m_s")) > SLOWEST_M_S)[[0, -1]]
-    recording = replace(whole, table=whole.table.iloc[first : last + 1].reset_index(drop=True))
+    recording = whole.rows(slice(first, last + 1))
     position_m, friction_n = recording.column("position_m"), recording.column("friction_n")
     reversals = presliding_stiffness(position_m, friction_n, PRESLIDING_TRAVEL_M)
     by_level = {

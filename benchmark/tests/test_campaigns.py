@@ -60,8 +60,8 @@ def test_recordings_and_labels_are_those_of_the_stages(
         assert np.array_equal(entry.true_friction_n, truth["friction_n"])
         load_n = truth["load_force_n"] if overrides == LOADED else np.zeros(len(truth))
         assert np.array_equal(entry.true_load_n, load_n)
-        assert ("load_force_n" in recording.table.columns) == (overrides == LOADED)
-        assert "oil_temperature_c" in recording.table.columns
+        assert ("load_force_n" in recording.columns) == (overrides == LOADED)
+        assert "oil_temperature_c" in recording.columns
 
 
 @pytest.mark.parametrize("load", [False, True])

@@ -36,7 +36,7 @@ SECRET = {"true_friction_n", "true_load_n", "load_force_n"}
 @pytest.mark.parametrize("task", TASKS, ids=lambda task: task.name)
 def test_a_case_holds_its_inputs_and_nothing_secret(task: Task) -> None:
     case = evaluation_case(task, CASE, 0)
-    columns = set(case.recording.table.columns)
+    columns = set(case.recording.columns)
     assert set(task.inputs) <= columns
     assert not columns & SECRET
     assert np.isfinite(case.recording.column("friction_n")).all()
@@ -158,7 +158,7 @@ def test_a_load_is_known_to_the_scoring_alone() -> None:
     case = evaluation_case(task_named("external_load"), made_recording("1", 1, load_n=700.0), 0)
     assert case.true_load_n is not None
     assert case.true_load_n.min() == 700.0
-    assert "load_force_n" not in case.recording.table.columns
+    assert "load_force_n" not in case.recording.columns
 
 
 def test_a_temperature_that_was_not_measured_is_no_input() -> None:

@@ -135,7 +135,7 @@ def test_a_further_session_is_identified_without_the_others(cylinder: Cylinder) 
 def test_the_first_seconds_tell_less(cylinder: Cylinder) -> None:
     *others, last = campaign(cylinder).values()
     model = fit_offset_model(others, cylinder)
-    after = [model.identify([replace(last, table=last.table[: round(s / STEP_S)])]) for s in (0.1, 3.0, 10.0, 40.0)]
+    after = [model.identify([replace(last, columns=last.table[: round(s / STEP_S)])]) for s in (0.1, 3.0, 10.0, 40.0)]
     uncertainty_n = [each.standard_uncertainty_n for each in after]
     assert uncertainty_n == sorted(uncertainty_n, reverse=True)
     assert (after[0].offset_n, after[0].strokes_extend, after[0].sliding_s) == (0.0, 0, 0.0)

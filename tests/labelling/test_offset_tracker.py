@@ -143,7 +143,7 @@ def test_zeros_that_drift_are_followed_faster(cylinder: Cylinder, offset_recordi
 
 def test_nothing_that_comes_later_counts(tracker: OffsetTracker, offset_recordings: list[Recording]) -> None:
     recording = offset_recordings[-1]
-    cut = replace(recording, table=recording.table[:1500])
+    cut = replace(recording, columns=recording.table[:1500])
     assert learned(tracker, cut).tolist() == learned(tracker, recording)[:1500].tolist()
 
 

@@ -127,9 +127,9 @@ def test_parts_are_what_the_whole_is(
         recording = LongRecording(read_recording(draft.paths[0]).metadata, tuple(draft.paths), tuple(draft.own))
         (joined,) = recording.excerpt()
         assert recording.metadata.sample_time_s == piece.sample_time_s
-        assert len(joined) == len(piece.table)
-        for column in piece.table:
-            expected = piece.table[column].to_numpy()
+        assert len(joined) == len(piece.columns["time_s"])
+        for column in piece.columns:
+            expected = piece.columns[column]
             np.testing.assert_allclose(
                 joined.column(str(column)), expected, rtol=0.0, atol=tolerance * np.abs(expected).max()
             )
@@ -167,7 +167,7 @@ def test_other_files_are_read_in_parts_too(tmp_path: Path, cylinder: Cylinder, s
     (whole,) = pieces_of(path, recipe(cylinder))
     (draft,) = pieces_or_drafts(path, recipe(cylinder), rows=5_000, folder=tmp_path / "parts")
     (joined,) = LongRecording(read_recording(draft.paths[0]).metadata, tuple(draft.paths), tuple(draft.own)).excerpt()
-    pd.testing.assert_frame_equal(joined.table, whole.table)
+    pd.testing.assert_frame_equal(joined.table, pd.DataFrame(whole.columns))
 
 
 def refusal(path: Path, cylinder: Cylinder, folder: Path) -> str:

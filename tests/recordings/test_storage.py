@@ -69,7 +69,7 @@ def test_equal_recordings_make_equal_bytes(tmp_path: Path) -> None:
         ("read_back", read_recording(paths[0]).table),
         ("cut_out", pd.concat([recording.table, recording.table]).iloc[: len(recording)]),
     ):
-        paths.append(write_recording(tmp_path / place, replace(recording, table=table)))
+        paths.append(write_recording(tmp_path / place, replace(recording, columns=table)))
     assert len({path.read_bytes() for path in paths}) == 1
 
 

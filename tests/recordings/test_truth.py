@@ -21,7 +21,7 @@ def test_the_truth_of_a_piece_is_its_own(tmp_path: Path, labelled_recordings: li
     """Ingest may leave out rows at either end, for example where a sensor is late."""
     recording = labelled_recordings[0]
     recording.table.to_parquet(tmp_path / f"{recording.name}.parquet")
-    piece = replace(recording, table=recording.table[4:-7].reset_index(drop=True))
+    piece = replace(recording, columns=recording.table[4:-7].reset_index(drop=True))
     truth = read_truth(tmp_path, piece)
     assert truth is not None
     np.testing.assert_array_equal(truth["friction_n"], piece.column("friction_n"))

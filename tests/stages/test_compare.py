@@ -194,10 +194,10 @@ def test_notes_state_what_is_known_of_label_design_and_load(cylinder, labelled_r
         "hybrid": "of the published design",
     }
     lifting = [
-        replace(each, table=each.table.assign(load_force_n=np.linspace(-20.0, 2500.0, len(each))))
+        replace(each, columns=each.table.assign(load_force_n=np.linspace(-20.0, 2500.0, len(each))))
         for each in labelled_recordings
     ]
-    lifting[0] = replace(lifting[0], table=lifting[0].table.assign(usable=False, load_force_n=9e9))
+    lifting[0] = replace(lifting[0], columns=lifting[0].table.assign(usable=False, load_force_n=9e9))
     assert notes(lifting, "rts")["lugre"] == "identified in condition 1, under a load of -20 to 2500 N"
     named = [replace(each, metadata=replace(each.metadata, load="none, rod free")) for each in labelled_recordings]
     assert notes(named, "rts")["lugre"] == "identified in condition 1, load: none, rod free"

@@ -113,7 +113,7 @@ def evaluation_case(task: Task, labelled: LabelledRecording, seed: int, draw: in
         labelled.true_load_n if task.campaign == "loaded" else None,
         pressures_pa,
         recording.column("velocity_m_s")[ahead],
-        recording.column(OIL_TEMPERATURE) if OIL_TEMPERATURE in recording.table.columns else None,
+        recording.column(OIL_TEMPERATURE) if OIL_TEMPERATURE in recording.columns else None,
     )
 
 
@@ -136,7 +136,7 @@ def with_known_zeros(recording: Recording, cylinder: Cylinder) -> Recording:
 
 def shown_inputs(task: Task, recording: Recording) -> tuple[str, ...]:
     """Return what estimators see: the task's inputs without a temperature that was not measured."""
-    return tuple(name for name in task.inputs if name != OIL_TEMPERATURE or OIL_TEMPERATURE in recording.table.columns)
+    return tuple(name for name in task.inputs if name != OIL_TEMPERATURE or OIL_TEMPERATURE in recording.columns)
 
 
 def _shown(task: Task, recording: Recording, pressures_pa: Array, target_n: Array, usable: Mask) -> Recording:
@@ -149,7 +149,7 @@ def _shown(task: Task, recording: Recording, pressures_pa: Array, target_n: Arra
     if OIL_TEMPERATURE in shown_inputs(task, recording):
         columns[OIL_TEMPERATURE] = recording.column(OIL_TEMPERATURE)
     columns["velocity_m_s"] = recording.column("velocity_m_s")
-    bare = recording.without_columns(*[name for name in recording.table.columns if name not in columns])
+    bare = recording.without_columns(*[name for name in recording.columns if name not in columns])
     return bare.with_columns(**columns, friction_n=target_n, usable=usable)
 
 

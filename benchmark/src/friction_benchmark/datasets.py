@@ -192,7 +192,7 @@ def _read(folder: Path) -> dict[str, LabelledRecording]:
     found: dict[str, LabelledRecording] = {}
     for recording in read_stored(folder):
         friction_n, load_n = (
-            recording.column(name) if name in recording.table.columns else None for name in (TRUE_FRICTION, TRUE_LOAD)
+            recording.column(name) if name in recording.columns else None for name in (TRUE_FRICTION, TRUE_LOAD)
         )
         bare = recording.zeroed().without_columns(TRUE_FRICTION, TRUE_LOAD)
         found[recording.name] = LabelledRecording(bare, friction_n, load_n)

@@ -65,7 +65,7 @@ class Plan:
         recordings = [each.recording for each in labelled]
         if split == LEAVE_LOAD and len({recording.metadata.condition for recording in recordings}) < 2:
             return "all recordings are of one condition"
-        if split == LEAVE_TEMPERATURE and any(OIL_TEMPERATURE not in each.table.columns for each in recordings):
+        if split == LEAVE_TEMPERATURE and any(OIL_TEMPERATURE not in each.columns for each in recordings):
             return "the oil's temperature was not measured"
         try:
             for seed in self.seeds:

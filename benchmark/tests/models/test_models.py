@@ -92,7 +92,7 @@ def test_the_future_never_changes_the_past(fitted: Estimator, recordings: list[R
 def test_it_looks_at_its_inputs_alone(fitted: Estimator, recordings: list[Recording]) -> None:
     recording = recordings[0]
     seen = {"time_s", "usable", *fitted.inputs}
-    hidden = [name for name in recording.table.columns if name not in seen]
+    hidden = [name for name in recording.columns if name not in seen]
     changed = recording.with_columns(**{name: recording.column(name)[::-1] + 1e5 for name in hidden})
     np.testing.assert_array_equal(fitted.estimate(changed), fitted.estimate(recording))
 

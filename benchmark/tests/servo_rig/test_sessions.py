@@ -63,7 +63,7 @@ def test_labels_meet_true_friction_but_for_the_zeros(sessions: list[ServoSession
         most_n = GREATEST_OFFSET_PA * (CYLINDER.piston_area_m2 + CYLINDER.annulus_area_m2)
         assert abs(error_n.mean()) < most_n + 2.0
         assert np.abs(error_n - error_n.mean()).mean() < 0.03 * np.abs(each.true_friction_n).mean()
-        assert "friction_uncertainty_n" in labelled.table.columns
+        assert "friction_uncertainty_n" in labelled.columns
 
 
 def test_equal_plans_give_equal_bits_and_another_rate_the_same_motion(sessions: list[ServoSession]) -> None:

@@ -60,7 +60,7 @@ def _adapted(
         if not isinstance(source, HybridEstimator):
             raise ValueError(f"{name}: is of the kind {source.kind!r}, expected a hybrid; no other can be adapted")
         recordings = read_recordings(files, channels, cylinder, **reading)
-        mode: LoadMode = reading["load"] or ("measured" if LOAD_FORCE in recordings[0].table.columns else "none")
+        mode: LoadMode = reading["load"] or ("measured" if LOAD_FORCE in recordings[0].columns else "none")
         labelled = label(recordings, cylinder, load=mode)
         load = position_load(recordings, cylinder) if mode == "position" else None
         adapted = source.adapt(labelled, cylinder, load)

@@ -136,7 +136,7 @@ class RecordingFriction:
         if known is None:
             return recording.without_columns(UNCERTAINTY_COLUMN)
         friction_n, half_n = recording.column("friction_n"), np.full(len(recording), math.nan)
-        if UNCERTAINTY_COLUMN in recording.table.columns:
+        if UNCERTAINTY_COLUMN in recording.columns:
             half_n = recording.column(UNCERTAINTY_COLUMN)
         if known.source == STROKES:
             friction_n = friction_n - known.offset_n
@@ -249,8 +249,8 @@ class RowCounts:
         self.rows += len(part)
         self.usable += int(part.usable().sum())
         self.bounded |= bool(np.isfinite(part.column("lower_n")).any())
-        if "flags" in part.table.columns:
-            flags = part.table["flags"].to_numpy()
+        if "flags" in part.columns:
+            flags = part.columns["flags"]
             self.flags.update({str(flag.name): int((flags & flag != 0).sum()) for flag in Flag})
 
     def flags_percent(self) -> dict[str, float]:
@@ -261,7 +261,7 @@ class RowCounts:
 def with_noise(recording: LongRecording, cylinder: Cylinder) -> LongRecording:
     """Return a recording whose parts know its noise, for what a filter does depends on it."""
     excerpt = recording.excerpt()
-    columns = [name for name in (*PRESSURES, DRIVE_FORCE, LOAD_FORCE) if name in excerpt[0].table.columns]
+    columns = [name for name in (*PRESSURES, DRIVE_FORCE, LOAD_FORCE) if name in excerpt[0].columns]
     values = {name: np.concatenate([part.column(name) for part in excerpt]) for name in columns}
     if has_pressures(excerpt[0]):
         values[DRIVE_FORCE] = (
@@ -277,7 +277,7 @@ def _counted(parts: Iterable[Recording], counts: RowCounts) -> Iterator[Recordin
 
 
 def _shown(part: Recording, rows: int) -> str:
-    first_s, last_s = (float(part.table["time_s"].iloc[row]) for row in (0, -1))
+    first_s, last_s = (float(part.columns["time_s"][row]) for row in (0, -1))
     return (
         f"The figures show {first_s:.6g} to {last_s:.6g} s of a recording of {rows * part.sample_time_s:.6g} s; "
         "its file holds all of it."

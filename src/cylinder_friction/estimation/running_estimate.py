@@ -43,7 +43,7 @@ def label_missed(parts: Sequence[Recording], bounds: Bounds) -> str:
     """
     held = [np.empty(0)]
     for part in parts:
-        label_n, flags = part.column("label_n"), part.table["flags"].to_numpy()
+        label_n, flags = part.column("label_n"), part.columns["flags"]
         counted = part.usable() & (flags & ~(Flag.OUTSIDE | Flag.OFFSET_UNKNOWN) == 0)
         within = (part.column("lower_n") <= label_n) & (label_n <= part.column("upper_n"))
         held.append(within[counted])

@@ -31,7 +31,7 @@ def adaptation_inputs(
 
     An oil temperature that the recordings do not have is left out.
     """
-    columns = set.intersection(*(set(recording.table.columns) for recording in recordings))
+    columns = set.intersection(*(set(recording.columns) for recording in recordings))
     kept = [
         name
         for name in inputs

@@ -188,7 +188,7 @@ class CylinderRun:
 
     def _row(self, recordings: Sequence[Recording]) -> SessionRow:
         measured = self.owned.load == "measured" or (
-            self.owned.load is None and all(LOAD_FORCE in each.table.columns for each in recordings)
+            self.owned.load is None and all(LOAD_FORCE in each.columns for each in recordings)
         )
         plan = self.owned.indicator_plan("measured" if measured else "none")
         row = session_row(recordings, self.owned.cylinder(self.name), plan, self.name)

@@ -220,7 +220,7 @@ class Labeller:
         Raises:
             RecordingError: A load was measured where none is expected, or the other way round.
         """
-        measured = LOAD_FORCE in recording.table.columns
+        measured = LOAD_FORCE in recording.columns
         if measured != (self.load == "measured"):
             raise RecordingError(f"recording {recording.name!r}: {_contradiction(self.load)}")
         if self.load == "measured":
@@ -261,7 +261,7 @@ def label(
 
     Example:
         >>> labelled = cf.label(recordings, cylinder)
-        >>> [name for name in labelled[0].table.columns if name not in recordings[0].table.columns]
+        >>> [name for name in labelled[0].columns if name not in recordings[0].columns]
         ['velocity_m_s', 'friction_uncertainty_n', 'friction_n', 'usable']
     """
     known = load if isinstance(load, PositionLoad) else None
@@ -308,7 +308,7 @@ def with_common_load(recording: Recording, load: PositionLoad) -> Recording:
     both in friction, where they belong. Rows where the common load is not known are not usable.
     """
     load_n = load.of(recording)
-    own_n = recording.column(LOAD_FORCE) if LOAD_FORCE in recording.table.columns else 0.0
+    own_n = recording.column(LOAD_FORCE) if LOAD_FORCE in recording.columns else 0.0
     changed = recording.with_columns(
         load_force_n=load_n,
         friction_n=recording.column("friction_n") + own_n - load_n,
@@ -321,7 +321,7 @@ def with_common_load(recording: Recording, load: PositionLoad) -> Recording:
 
 def other_positions(recording: Recording) -> tuple[str, ...]:
     """Return the columns of other cylinders' positions that a recording has."""
-    return tuple(column for column in OTHER_POSITIONS if column in recording.table.columns)
+    return tuple(column for column in OTHER_POSITIONS if column in recording.columns)
 
 
 def by_session(recordings: Iterable[Recording]) -> dict[str, list[Recording]]:

@@ -349,7 +349,7 @@ def _without_offset(recording: Recording, found: SessionOffset, cylinder: Cylind
         for column, area in areas.items()
     }
     columns = {"friction_n": recording.column("friction_n") - (found.offset_n if own_n > 0.0 else 0.0)}
-    if UNCERTAINTY_COLUMN in recording.table.columns:
+    if UNCERTAINTY_COLUMN in recording.columns:
         less = COVERAGE_FACTOR**2 * own_n**2 * (1.0 - remaining**2)
         columns[UNCERTAINTY_COLUMN] = np.sqrt(np.maximum(recording.column(UNCERTAINTY_COLUMN) ** 2 - less, 0.0))
     return replace(recording.with_columns(**columns), metadata=replace(recording.metadata, identified_zero=zeros))

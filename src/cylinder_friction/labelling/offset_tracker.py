@@ -67,7 +67,7 @@ def fit_offset_tracker(
             session.
     """
     plan = plan or OffsetPlan()
-    needed = [*PRESSURES, *([LOAD_FORCE] if LOAD_FORCE in recordings[0].table.columns else [])]
+    needed = [*PRESSURES, *([LOAD_FORCE] if LOAD_FORCE in recordings[0].columns else [])]
     missing = [column for column in needed if column not in inputs]
     if missing:
         raise RecordingError(f"an offset cannot be learned without {missing[0]} among the inputs; got {tuple(inputs)}")

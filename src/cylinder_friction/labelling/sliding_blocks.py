@@ -95,7 +95,7 @@ def sliding_blocks(recording: Recording, cylinder: Cylinder, plan: OffsetPlan | 
     """
     plan = plan or OffsetPlan()
     names = ["friction_n", "velocity_m_s", "position_m"]
-    names += [each for each in EXPLAINING if each in recording.table.columns]
+    names += [each for each in EXPLAINING if each in recording.columns]
     velocity_m_s, step_s = recording.column("velocity_m_s"), recording.sample_time_s
     direction = np.where(recording.usable(), direction_of_motion(velocity_m_s, plan.slowest_m_s), 0.0)
     size = max(1, round(plan.block_s / step_s))
@@ -141,5 +141,5 @@ def zero_uncertainty_n(recording: Recording, cylinder: Cylinder) -> float | None
 
 def sensor_areas(recording: Recording, cylinder: Cylinder) -> dict[str, float]:
     """Return the derivative of the label by each sensor's zero, a measured load's included [m², or 1 for a force]."""
-    load = {LOAD_FORCE: -1.0} if LOAD_FORCE in recording.table.columns else {}
+    load = {LOAD_FORCE: -1.0} if LOAD_FORCE in recording.columns else {}
     return sensitivities(recording, cylinder) | load

@@ -21,7 +21,7 @@ def smoothing_deviation(recording: Recording, cylinder: Cylinder, signal_filter:
     )
     step_s, known = recording.sample_time_s, recording.noise
     variance = np.square(signal_filter.knowing(known.get(DRIVE_FORCE)).deviation(force_n, step_s))
-    if LOAD_FORCE in recording.table.columns:
+    if LOAD_FORCE in recording.columns:
         load_n = recording.column(LOAD_FORCE)
         variance += np.square(signal_filter.knowing(known.get(LOAD_FORCE)).deviation(load_n, step_s))
     return np.asarray(np.sqrt(variance))
@@ -55,7 +55,7 @@ def label_uncertainty(
     """
     areas = sensitivities(recording, cylinder)
     load_covered = LOAD_FORCE not in recording.metadata.uncertainty and bool(np.any(load_uncertainty_n))
-    if measured_load and LOAD_FORCE in recording.table.columns and not load_covered:
+    if measured_load and LOAD_FORCE in recording.columns and not load_covered:
         areas[LOAD_FORCE] = 1.0
     if any(column not in recording.metadata.uncertainty for column in areas):
         return None

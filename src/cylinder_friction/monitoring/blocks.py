@@ -41,7 +41,7 @@ def drive_force_n(recording: Recording, cylinder: Cylinder, plan: IndicatorPlan)
 
     A sensor's offset stays in, and so does a load that was identified from position: the half sum shows both.
     """
-    if PRESSURES[0] in recording.table.columns:
+    if PRESSURES[0] in recording.columns:
         pressure_1, pressure_2 = (recording.column(name) for name in PRESSURES)
         force_n = pressure_1 * cylinder.piston_area_m2 - pressure_2 * cylinder.annulus_area_m2
     else:
@@ -74,7 +74,7 @@ def _blocks(recording: Recording, cylinder: Cylinder, plan: IndicatorPlan) -> Bl
         return pieces.mean(values)[whole]
 
     def column(name: str) -> Array:
-        known = name in recording.table.columns
+        known = name in recording.columns
         return mean(recording.column(name)) if known else np.full(int(whole.sum()), np.nan)
 
     ends = pieces.rows[pieces.begins + pieces.counts - 1], pieces.rows[pieces.begins]

@@ -30,7 +30,7 @@ def held_label(recordings: Sequence[Recording], stated: float) -> HeldLabel | No
         return None
     (model,), parts = models, []
     for each in recordings:
-        rows = each.usable() & (each.table["flags"].to_numpy() & _SETTLING == 0)
+        rows = each.usable() & (each.columns["flags"] & _SETTLING == 0)
         parts.append(np.stack([each.column(name)[rows] for name in _COLUMNS]))
     known = np.concatenate(parts, axis=1)
     label_n, friction_n, lower_n, upper_n, velocity_m_s = known[:, np.isfinite(known).all(axis=0)]

@@ -36,7 +36,7 @@ _SEED = 21
 
 def leak(recordings: Sequence[Recording], cylinder: Cylinder, plan: IndicatorPlan) -> Indicator:
     """Return the leak past the piston, k [m³/(s Pa)], from the holds of a session."""
-    if any(name not in recording.table.columns for recording in recordings for name in PRESSURES):
+    if any(name not in recording.columns for recording in recordings for name in PRESSURES):
         return Indicator(None, why="a leak needs both pressures")
     holds = [hold for recording in recordings for hold in _holds(recording, cylinder, plan)]
     if len(holds) < LEAST_HOLDS:

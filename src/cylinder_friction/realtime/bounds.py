@@ -121,7 +121,7 @@ def calibrated_bounds(
     velocities_m_s = [causal_velocity(each) for each in recordings]
     standstill_m_s = standstill_below_m_s(recordings)
     creep_m_s = creep_below_m_s(velocities_m_s, standstill_m_s)
-    stated = bool(recordings) and all(UNCERTAINTY_COLUMN in each.table.columns for each in recordings)
+    stated = bool(recordings) and all(UNCERTAINTY_COLUMN in each.columns for each in recordings)
     reversal_samples = round(REVERSAL_S / sample_time_s)
     errors, deviations, learned = [np.empty(0)], [np.empty(0)], [np.empty(0)]
     regime, sessions = [np.empty(0, dtype=np.int64)], [np.empty(0, dtype=np.int64)]

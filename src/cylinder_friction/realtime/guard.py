@@ -110,7 +110,7 @@ def guard_from(
 
 def freeze_travel_m(recordings: Iterable[Recording]) -> float:
     """Return the travel over which a healthy pressure may stay exactly constant [m]."""
-    longest_m = [_longest_constant_m(each, name) for each in recordings for name in PRESSURES if name in each.table]
+    longest_m = [_longest_constant_m(each, name) for each in recordings for name in PRESSURES if name in each.columns]
     return max(FREEZE_TRAVEL_M, FREEZE_TRAVELS * float(np.median(longest_m))) if longest_m else FREEZE_TRAVEL_M
 
 

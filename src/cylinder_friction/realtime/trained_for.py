@@ -113,5 +113,5 @@ def _mean_level_n(recordings: Iterable[Recording], column: str = "friction_n") -
 
 
 def _noise_pa(recordings: Iterable[Recording]) -> float:
-    known = [sensor_noise(each.column(name)) for each in recordings for name in PRESSURES if name in each.table]
+    known = [sensor_noise(each.column(name)) for each in recordings for name in PRESSURES if name in each.columns]
     return float(np.median(known)) if known else 0.0

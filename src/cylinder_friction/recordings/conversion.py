@@ -8,8 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
-
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits, LoadMode
 from cylinder_friction.recordings.checks.position_faults import without_position_faults
@@ -24,7 +22,7 @@ from cylinder_friction.recordings.mapping.channel_facts import words_of
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, sensor_limits, wanted_channels
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.path_names import NameRules, PathNames
-from cylinder_friction.recordings.recording import Recording, RecordingMetadata, RecordingPiece
+from cylinder_friction.recordings.recording import Columns, Recording, RecordingMetadata, RecordingPiece
 from cylinder_friction.recordings.start_rules import StartRules
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
@@ -135,7 +133,7 @@ def metadata_of(
         load=names.load,
         source_file=source_file,
         source_sha256=digest,
-        start="" if start is None else start.after(float(piece.table[TIME].iloc[0])).text(),
+        start="" if start is None else start.after(float(piece.columns[TIME][0])).text(),
         start_source="" if start is None else start.source,
         asset=names.asset or recipe.asset,
         sensors={column: known for column, known in sensors.items() if known},
@@ -145,22 +143,22 @@ def metadata_of(
 
 def zeroed(
     piece: RecordingPiece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | None = None
-) -> tuple[pd.DataFrame, RecordingMetadata]:
-    """Return a piece's table with the zeros of its pressure sensors taken off, and metadata that record it.
+) -> tuple[Columns, RecordingMetadata]:
+    """Return a piece's columns with the zeros of its pressure sensors taken off, and metadata that record it.
 
     The zeros of its ``session`` are for a piece that shows none itself; a stated window without vented chambers is
     refused.
     """
-    own = find_zero(piece.table, recipe.zero, recipe.channels, metadata.name)
+    own = find_zero(piece.columns, recipe.zero, recipe.channels, metadata.name)
     # If neither shows a zero, the recording's own reason is more specific than the session's.
     if session is not None and session.offsets and not own.offsets:
         own = session
-    return apply_zero(piece.table, metadata, own, recipe.channels)
+    return apply_zero(piece.columns, metadata, own, recipe.channels)
 
 
 def checked(
     piece: RecordingPiece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | None = None
 ) -> Recording:
     """Zero a piece's pressures and check it. The first check that it does not pass raises ``RecordingError``."""
-    table, with_zero = zeroed(piece, metadata, recipe, session)
-    return checked_recording(with_zero, table, inspect_recording(table, recipe.limits, piece.sample_time_s))
+    columns, with_zero = zeroed(piece, metadata, recipe, session)
+    return checked_recording(with_zero, columns, inspect_recording(columns, recipe.limits, piece.sample_time_s))

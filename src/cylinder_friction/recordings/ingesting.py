@@ -238,7 +238,7 @@ def convert_file(
             result = work(recording)
         elif kept is not None and isinstance(recording, Recording):
             result = on_disk(recording, kept)
-        outcomes.append(ConvertedPiece(recording.metadata, result, window_hashes(piece.table), where))
+        outcomes.append(ConvertedPiece(recording.metadata, result, window_hashes(piece.columns), where))
     return digest, outcomes
 
 
@@ -301,7 +301,7 @@ def zeros_of(relative: str, path: Path, recipe: Recipe, rows: int | None) -> lis
     with suppress(RecordingError, OSError):
         names = recipe.names.names(relative)
         readings.extend(  # piece by piece, so that those before an error are kept
-            (names.session, find_zero(piece.table, recipe.zero, recipe.channels, names.name))
+            (names.session, find_zero(piece.columns, recipe.zero, recipe.channels, names.name))
             for piece in pieces_in_turn(path, recipe, rows)
         )
     return readings

@@ -28,12 +28,20 @@ from cylinder_friction.recordings.checks.recording_checks import (
     length_finding,
 )
 from cylinder_friction.recordings.checks.screening import Screen
+from cylinder_friction.recordings.columns import TIME
 from cylinder_friction.recordings.conversion import Recipe, open_tables, pieces_from, pieces_of
 from cylinder_friction.recordings.formats.logged_table import MOST_INDIVISIBLE, LoggedTable, LongTable
 from cylinder_friction.recordings.mapping.calibration import ZeroReading, apply_zero, find_zero
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_limits
 from cylinder_friction.recordings.mapping.mapped_file import map_signals, take_delays
-from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, RecordingPiece, Signal
+from cylinder_friction.recordings.recording import (
+    Columns,
+    Recording,
+    RecordingError,
+    RecordingMetadata,
+    RecordingPiece,
+    Signal,
+)
 from cylinder_friction.recordings.start import Start
 from cylinder_friction.recordings.storage import read_recording, write_recording, write_scratch
 from cylinder_friction.recordings.timeline.aligning import align
@@ -68,6 +76,11 @@ class LogPart:
     of_file: tuple[str, ...]  # What was found in single samples of the whole file; empty until the last section
 
 
+def own_columns(part: LogPart) -> Columns:
+    """Return the columns of a part's own rows."""
+    return {name: values[part.own] for name, values in part.piece.columns.items()}
+
+
 def parts_of(table: LongTable, recipe: Recipe, rows: int, name: str) -> Iterator[LogPart]:
     """Yield the parts of a long log in order, of about this many rows; their pieces state the repairs.
 
@@ -86,7 +99,7 @@ def parts_of(table: LongTable, recipe: Recipe, rows: int, name: str) -> Iterator
         rules = replace(rules, rate_hz=rules.rate_hz or 1.0 / step_s)
         notes, of_file = mapped.take_notes(), screen.notes() if section.last else ()
         for piece, own in _own_rows(pieces, section):
-            time_s = piece.table["time_s"].to_numpy()
+            time_s = piece.columns[TIME]
             follows = piece.segment == 0 and abs((time_s[own.start] - last_s) / step_s - 1.0) <= SAME_STEP
             last_s = float(time_s[own.stop - 1])
             repairs = (*notes, *piece.repairs)
@@ -238,7 +251,7 @@ def _own_rows(pieces: Sequence[RecordingPiece], section: _Section) -> Iterator[t
     """Yield each piece that has rows of its own, and which rows these are."""
     stamps_s = section.table["time_s"].to_numpy()
     for piece in pieces:
-        time_s = piece.table["time_s"].to_numpy()
+        time_s = piece.columns[TIME]
         first, end = 0, len(time_s)
         # Multiples of the sample time may miss a stamp by rounding.
         slack_s = 1e-6 * piece.sample_time_s
@@ -277,7 +290,8 @@ class LongRecording:
         found = [self._read(self.paths[index]).rows(self.own[index]) for index in chosen]
         if most < count or count == 1:
             return found
-        return [replace(found[0], table=pd.concat([part.table for part in found], ignore_index=True))]
+        joined = {name: np.concatenate([part.columns[name] for part in found]) for name in found[0].columns}
+        return [replace(found[0], columns=joined)]
 
     def remove(self) -> None:
         """Remove the parts from the disk."""
@@ -312,14 +326,14 @@ class Draft:
 
     def add(self, part: LogPart, recipe: Recipe) -> None:
         """Keep a part on disk."""
-        table, step_s = part.piece.table.iloc[part.own], part.piece.sample_time_s
+        columns, step_s = own_columns(part), part.piece.sample_time_s
         self.start, self.segment = part.piece.start, part.piece.segment if not self.paths else self.segment
-        found = inspect_recording(table, recipe.limits, step_s)
-        self.findings.append((float(table["time_s"].iloc[0]), [each for each in found if each.check != "length"]))
-        self.zeros.append(find_zero(table, recipe.zero, recipe.channels))
+        found = inspect_recording(columns, recipe.limits, step_s)
+        self.findings.append((float(columns[TIME][0]), [each for each in found if each.check != "length"]))
+        self.zeros.append(find_zero(columns, recipe.zero, recipe.channels))
         self.repairs += [each for each in part.piece.repairs if each not in self.repairs]
         metadata = RecordingMetadata(f"{self.stem}.{len(self.paths):06d}", "", "", step_s)
-        self.paths.append(write_scratch(self.folder, Recording(metadata, part.piece.table), metadata.name))
+        self.paths.append(write_scratch(self.folder, Recording(metadata, part.piece.columns), metadata.name))
         self.own.append(part.own)
 
     def first(self) -> RecordingPiece:
@@ -328,7 +342,9 @@ class Draft:
         repairs, more = self.repairs[:MOST_REPAIRS], len(self.repairs) - MOST_REPAIRS
         if more > 0:
             repairs.append(f"{more} more repairs in other parts of the file")
-        return RecordingPiece(recording.table, recording.sample_time_s, tuple(repairs), self.segment, start=self.start)
+        return RecordingPiece(
+            recording.columns, recording.sample_time_s, tuple(repairs), self.segment, start=self.start
+        )
 
     def checked(self, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | None) -> LongRecording:
         """Return the recording, with what ``conversion.checked`` does; of its zeros that of the longest stretch counts.
@@ -336,13 +352,13 @@ class Draft:
         Raises:
             RecordingError: A check is not passed; see ``findings_of_parts``.
         """
-        table, rows = self.first().table, sum(own.stop - own.start for own in self.own)
+        columns, rows = self.first().columns, sum(own.stop - own.start for own in self.own)
         read = [each for each in self.zeros if each.offsets]
         zero = max(read, key=lambda each: each.to_s - each.from_s) if read else session or self.zeros[0]
-        _, metadata = apply_zero(table, metadata, zero, recipe.channels)
+        _, metadata = apply_zero(columns, metadata, zero, recipe.channels)
         length = length_finding(rows, metadata.sample_time_s, recipe.limits)
         findings = [length, *findings_of_parts(self.findings)]
-        metadata = checked_recording(metadata, table, findings).metadata
+        metadata = checked_recording(metadata, columns, findings).metadata
         return LongRecording(metadata, tuple(self.paths), tuple(self.own), metadata.zero_offset)
 
 
@@ -379,7 +395,7 @@ def pieces_in_turn(path: Path, recipe: Recipe, rows: int | None) -> Iterator[Rec
     assert rows is not None
     try:
         for part in parts_of(tables, recipe, rows, path.name):
-            yield replace(part.piece, table=part.piece.table.iloc[part.own])
+            yield replace(part.piece, columns=own_columns(part))
     except IndivisibleError as error:
         yield from _whole(path, recipe, error)
 

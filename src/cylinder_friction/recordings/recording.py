@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from copy import copy
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
@@ -20,6 +20,9 @@ from cylinder_friction.recordings.columns import (
     missing_column,
 )
 from cylinder_friction.recordings.start import Start
+
+Columns = Mapping[str, NDArray[Any]]
+"""Columns of equal length by name, in their order."""
 
 
 class RecordingError(ValueError):
@@ -91,14 +94,14 @@ class RecordingMetadata:
         return asdict(self)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False, repr=False, eq=False)
 class Recording:
-    """One table at one constant sample rate.
+    """Columns at one constant sample rate; their values are read-only.
 
-    Columns carry their unit. Always: ``time_s`` and ``position_m`` (extension positive). Always, but for a recording
-    with ``drive_force_n``: ``pressure_1_pa`` (piston side, gauge) and ``pressure_2_pa`` (rod side, gauge). Later stages
-    add ``velocity_m_s``, ``acceleration_m_s2``, ``friction_n`` (positive when it opposes positive velocity) and
-    ``usable`` (mask).
+    Their names carry their unit. Always: ``time_s`` and ``position_m`` (extension positive). Always, but for a
+    recording with ``drive_force_n``: ``pressure_1_pa`` (piston side, gauge) and ``pressure_2_pa`` (rod side, gauge).
+    Later stages add ``velocity_m_s``, ``acceleration_m_s2``, ``friction_n`` (positive when it opposes positive
+    velocity) and ``usable`` (mask).
 
     Example:
         >>> recording = labelled[0]
@@ -110,27 +113,44 @@ class Recording:
     """
 
     metadata: RecordingMetadata
-    table: pd.DataFrame
-    # Standard deviation of a column's white noise, in its unit, where the table is a part of what it was found from;
+    columns: Columns
+    # Standard deviation of a column's white noise, in its unit, where this is a part of what it was found from;
     # ``drive_force_n`` stands for the force of both pressures too
-    noise: Mapping[str, float] = field(default_factory=dict)
+    noise: Mapping[str, float]
 
-    def __post_init__(self) -> None:
-        if missing := missing_column(self.table.columns):
+    def __init__(
+        self, metadata: RecordingMetadata, columns: Columns | pd.DataFrame, noise: Mapping[str, float] | None = None
+    ) -> None:
+        """Check columns, or those of a table, and keep them without a copy.
+
+        Raises:
+            RecordingError: One is missing or of another length, or a measured one holds NaN or infinity.
+        """
+        self._set(metadata, {str(name): _read_only(columns[name]) for name in columns}, noise or {})
+        if missing := missing_column(self.columns):
             raise RecordingError(f"recording {self.name!r}: {missing}")
+        self._check_lengths()
         for name in (*SAMPLE_COLUMNS, DRIVE_FORCE):
-            if name in self.table.columns:
+            if name in self.columns:
                 values = self.column(name)
                 with np.errstate(over="ignore", invalid="ignore"):
                     all_finite = bool(np.isfinite(values.sum()))  # a finite sum has only finite terms
                 if not all_finite:
                     refuse_not_finite(self.name, values[:, None], (name,))
 
+    def _set(self, metadata: RecordingMetadata, columns: Columns, noise: Mapping[str, float]) -> None:
+        self.__dict__.update(metadata=metadata, columns=columns, noise=noise)
+
+    def _check_lengths(self) -> None:
+        lengths = {name: len(values) for name, values in self.columns.items()}
+        if len(set(lengths.values())) > 1:
+            raise RecordingError(f"recording {self.name!r}: got columns of {lengths} rows, expected as many in each")
+
     def __repr__(self) -> str:
-        rows, who = len(self.table), self.metadata
+        rows, who = len(self), self.metadata
         return (
             f"Recording({who.name!r}, condition {who.condition!r}, session {who.session!r}, {rows} rows, "
-            f"{rows * self.sample_time_s:.4g} s, columns {', '.join(map(str, self.table.columns))})"
+            f"{rows * self.sample_time_s:.4g} s, columns {', '.join(self.columns)})"
         )
 
     @property
@@ -141,17 +161,22 @@ class Recording:
     def sample_time_s(self) -> float:
         return self.metadata.sample_time_s
 
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """All columns as a table."""
+        return pd.DataFrame(dict(self.columns), copy=False)
+
     def __len__(self) -> int:
-        return len(self.table)
+        return len(self.columns[TIME])
 
     def column(self, name: str) -> Array:
         """Return one column as float64, shape ``(n,)``; raises ``RecordingError`` if it is not there."""
-        if name not in self.table.columns:
+        if name not in self.columns:
             raise RecordingError(
-                f"recording {self.name!r}: column {name!r} is missing; got columns {list(self.table.columns)}; "
+                f"recording {self.name!r}: column {name!r} is missing; got columns {list(self.columns)}; "
                 "run the stage that adds it (filter adds velocity, label adds friction)"
             )
-        return self.table[name].to_numpy(dtype=np.float64)
+        return np.asarray(self.columns[name], dtype=np.float64)
 
     def samples(self, columns: Sequence[str] = SAMPLE_COLUMNS) -> Array:
         """Return what an estimator is given, shape ``(n, k)``: by default the raw sample, P1 [Pa], P2 [Pa], x [m].
@@ -160,7 +185,7 @@ class Recording:
             RecordingError: A column is missing, for example because a drive force stands in place of both pressures.
         """
         for column in columns:
-            if column not in self.table.columns and column in SAMPLE_COLUMNS and DRIVE_FORCE in self.table.columns:
+            if column not in self.columns and column in SAMPLE_COLUMNS and DRIVE_FORCE in self.columns:
                 raise RecordingError(
                     f"recording {self.name!r}: column {column!r} is missing; it has {DRIVE_FORCE} in place of the two "
                     "pressures, which is enough for a label but not for this estimator"
@@ -192,7 +217,7 @@ class Recording:
         if samples == 0:
             return self
         before = np.maximum(np.arange(len(self)) - samples, 0)
-        known = [name for name in ("friction_n", UNCERTAINTY_COLUMN) if name in self.table.columns]
+        known = [name for name in ("friction_n", UNCERTAINTY_COLUMN) if name in self.columns]
         columns: dict[str, NDArray[Any]] = {name: self.column(name)[before] for name in known}
         usable = self.usable()[before]
         usable[:samples] = False
@@ -200,38 +225,43 @@ class Recording:
 
     def usable(self) -> Mask:
         """Return the mask of rows whose label may be used, shape ``(n,)``; all rows where there is no mask."""
-        if "usable" not in self.table.columns:
-            return np.ones(len(self.table), dtype=np.bool_)
-        return self.table["usable"].to_numpy(dtype=np.bool_)
+        if "usable" not in self.columns:
+            return np.ones(len(self), dtype=np.bool_)
+        return np.asarray(self.columns["usable"], dtype=np.bool_)
 
     def with_columns(self, **columns: NDArray[Any]) -> Recording:
         """Return a copy with columns added or replaced; the recording itself stays as it was."""
-        table = self.table.copy(deep=False)
-        for name, values in columns.items():
-            table[name] = values
-        return replace(self, table=table) if _CHECKED & columns.keys() else self._derived(table)
+        merged = {**self.columns, **{name: _read_only(values) for name, values in columns.items()}}
+        if _CHECKED & columns.keys():
+            return replace(self, columns=merged)
+        derived = self._derived(merged)
+        derived._check_lengths()
+        return derived
 
     def rows(self, own: slice) -> Recording:
         """Return some rows, with the metadata of the whole recording; the values are not copied."""
-        return self._derived(self.table.iloc[own])
+        return self._derived({name: values[own] for name, values in self.columns.items()})
 
     def without_columns(self, *names: str) -> Recording:
         """Return a copy without these columns; names that do not exist are ignored."""
-        dropped = [name for name in names if name in self.table.columns]
-        table = self.table.copy(deep=False)
-        for name in dropped:
-            del table[name]  # a third of the time of DataFrame.drop
-        return replace(self, table=table) if _CHECKED & set(dropped) else self._derived(table)
+        kept = {name: values for name, values in self.columns.items() if name not in names}
+        return replace(self, columns=kept) if _CHECKED & set(names) & self.columns.keys() else self._derived(kept)
 
-    def _derived(self, table: pd.DataFrame) -> Recording:
-        """Return a copy with another table, whose measured columns hold nothing that was not checked before."""
-        derived = copy(self)
-        object.__setattr__(derived, "table", table)
+    def _derived(self, columns: Columns) -> Recording:
+        """Return a copy with other columns, whose measured ones hold nothing that was not checked before."""
+        derived = object.__new__(Recording)
+        derived._set(self.metadata, columns, self.noise)
         return derived
 
 
 _CHECKED = {*SAMPLE_COLUMNS, DRIVE_FORCE, TIME}
 """Columns that a recording is checked for when it is made."""
+
+
+def _read_only(values: NDArray[Any] | pd.Series) -> NDArray[Any]:
+    view = np.asarray(values).view()
+    view.flags.writeable = False
+    return view
 
 
 def refuse_not_finite(where: str, samples: Array, columns: Sequence[str] = SAMPLE_COLUMNS) -> None:
@@ -263,7 +293,7 @@ class Signal:
 class RecordingPiece:
     """An unbroken stretch of a file at one constant rate."""
 
-    table: pd.DataFrame  # ``time_s`` and one column a signal, without NaN
+    columns: Columns  # ``time_s`` and one a signal, without NaN
     sample_time_s: float  # Constant time between two rows [s]
     # What was done to get there, one sentence each with its numbers; empty if nothing was
     repairs: tuple[str, ...] = ()

@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
@@ -57,13 +56,13 @@ def _holds_few_values(values: Array) -> bool:
 
 
 def _arrow_table(recording: Recording) -> pa.Table:
-    """Return the recording's table and metadata, the numbers uncopied and NaN left NaN."""
+    """Return the recording's columns and metadata, the numbers uncopied and NaN left NaN."""
     arrays, fields = [], []
-    for name, values in recording.table.items():
-        numeric = isinstance(values.dtype, np.dtype) and values.dtype.kind in "fiub"
-        array = pa.array(values.to_numpy(), from_pandas=False) if numeric else pa.array(values, from_pandas=True)
+    for name, values in recording.columns.items():
+        numeric = values.dtype.kind in "fiub"
+        array = pa.array(values, from_pandas=not numeric)
         arrays.append(array)
-        fields.append(pa.field(str(name), array.type, nullable=not numeric))
+        fields.append(pa.field(name, array.type, nullable=not numeric))
     metadata = json.dumps(recording.metadata.to_dict(), sort_keys=True).encode()
     return pa.Table.from_arrays(arrays, schema=pa.schema(fields, {_METADATA_KEY: metadata}))
 
@@ -82,18 +81,15 @@ def read_metadata(path: Path) -> RecordingMetadata:
 
 
 def read_recording(path: Path) -> Recording:
-    """Read one file that ``write_recording`` or ``write_scratch`` wrote; its values are read-only, so copy the table to
-    change them.
-    """
+    """Read one file that ``write_recording`` or ``write_scratch`` wrote; its values are read-only."""
     if path.suffix == SCRATCH:
         with pa.OSFile(str(path)) as source:
             found = pa.ipc.open_file(source).read_all()
-        return Recording(_metadata(path, found.schema), found.to_pandas(split_blocks=True))
-    with pq.ParquetFile(path) as file:
-        metadata = _metadata(path, file.schema_arrow)
-        # Each column stays where Parquet was unpacked to.
-        table = file.read().to_pandas(split_blocks=True, self_destruct=True)
-    return Recording(metadata, pd.DataFrame(table))
+    else:
+        with pq.ParquetFile(path) as file:
+            found = file.read()
+    columns = {name: found[name].to_numpy() for name in found.column_names}
+    return Recording(_metadata(path, found.schema), columns)
 
 
 def _metadata(path: Path, schema: pa.Schema) -> RecordingMetadata:

@@ -86,9 +86,9 @@ def plot(recording: Recording, estimate: Array | BoundedEstimate | None = None, 
 def _plot(recording: Recording, estimate: Array | BoundedEstimate | None, truth_n: Array | None) -> Figure:
     time_s = recording.column("time_s")
     lines: dict[str, Any] = {}
-    if "friction_n" in recording.table.columns:
+    if "friction_n" in recording.columns:
         label_n = recording.column("friction_n")
-        lines["label"] = np.where(recording.usable(), label_n, np.nan) if "usable" in recording.table else label_n
+        lines["label"] = np.where(recording.usable(), label_n, np.nan) if "usable" in recording.columns else label_n
     if truth_n is not None:
         lines["truth"] = truth_n
     if estimate is not None and not hasattr(estimate, "friction_n"):

@@ -40,10 +40,12 @@ def friction_pane(recording: Recording, view: FrictionView | None, shown: str) -
         view: Of the recording, for friction against velocity; None for friction over time alone.
         shown: Which part of a long recording this is; empty for all of it.
     """
+    has_label = "label_n" in recording.columns
+    label = [Line("label, off line", _usable(recording, "label_n"), QUIET, 1.0)] if has_label else []
     friction = [
         Line("bounds", _usable(recording, "lower_n"), PALE, 1.0),
         Line("bounds", _usable(recording, "upper_n"), PALE, 1.0, in_legend=False),
-        *([Line("label, off line", _usable(recording, "label_n"), QUIET, 1.0)] if "label_n" in recording.table else []),
+        *label,
         Line("friction", _usable(recording, "friction_n"), GREEN, 1.5),
     ]
     velocity = Line("velocity, extending positive", MM_PER_M * recording.column("velocity_m_s"), BLUE)

@@ -90,7 +90,7 @@ class SignalFilter(ABC):
 
 def has_pressures(recording: Recording) -> bool:
     """Return whether both pressures were measured; if so, a drive force beside them is ignored."""
-    return all(column in recording.table.columns for column in SAMPLE_COLUMNS)
+    return all(column in recording.columns for column in SAMPLE_COLUMNS)
 
 
 def smooth_recording(recording: Recording, signal_filter: SignalFilter) -> SmoothSignals | SmoothDrive:
@@ -105,7 +105,7 @@ def smooth_recording(recording: Recording, signal_filter: SignalFilter) -> Smoot
 
 def smooth_load(recording: Recording, signal_filter: SignalFilter) -> Array | None:
     """Return the measured load [N], shape ``(n,)``, smoothed as pressures are; None where none was measured."""
-    if LOAD_FORCE not in recording.table.columns:
+    if LOAD_FORCE not in recording.columns:
         return None
     known = signal_filter.knowing(recording.noise.get(LOAD_FORCE))
     return known.smooth_force(recording.column(LOAD_FORCE), recording.sample_time_s)

@@ -172,7 +172,7 @@ def notes_of(
 
 def _load_in_words(recordings: Sequence[Recording]) -> str:
     """Return what is known of the load on the rod: measured or identified, else as names state it; else nothing."""
-    forces_n = [each.column(LOAD_FORCE)[each.usable()] for each in recordings if LOAD_FORCE in each.table.columns]
+    forces_n = [each.column(LOAD_FORCE)[each.usable()] for each in recordings if LOAD_FORCE in each.columns]
     if forces_n:
         all_n = np.concatenate(forces_n)
         return f", under a load of {all_n.min():.0f} to {all_n.max():.0f} N"

@@ -107,7 +107,7 @@ def _corrected(
         for name, found in model.offsets(own).items():
             sessions.append({"role": role, "condition": conditions[name], **found.to_dict()})
     corrected = {role: model.corrected(own) for role, own in recordings.items()}
-    learnable = PRESSURE_1 in corrected["train"][0].table.columns and zeros_are_known(corrected["train"])
+    learnable = PRESSURE_1 in corrected["train"][0].columns and zeros_are_known(corrected["train"])
     tracker = fit_offset_tracker(corrected["train"], model.cylinder, channels, plan) if learnable else None
     return corrected, sessions, tracker
 

@@ -60,7 +60,7 @@ class Case:
     @cached_property
     def recording(self) -> Recording:
         first = self.recordings[0]
-        return Recording(first.metadata, first.table.iloc[:ROWS].reset_index(drop=True))
+        return first.rows(slice(ROWS))
 
     @cached_property
     def samples(self) -> Array:

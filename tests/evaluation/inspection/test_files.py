@@ -55,7 +55,7 @@ def vented(recording: Recording, seconds: float, offset_pa: float) -> Recording:
         **at_rest, position_m=lambda t: t.position_m + 1e-8 * noise
     )
     table = pd.concat([rest, recording.table], ignore_index=True)
-    return replace(recording, table=table.assign(time_s=recording.sample_time_s * np.arange(len(table))))
+    return replace(recording, columns=table.assign(time_s=recording.sample_time_s * np.arange(len(table))))
 
 
 def test_broken_files_stand_beside_good_ones_in_their_order(tmp_path: Path, cylinder: Cylinder, recipe: Recipe) -> None:

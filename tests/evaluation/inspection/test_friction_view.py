@@ -61,7 +61,7 @@ def test_a_drive_force_stands_for_pressures(
         - strokes.column("pressure_2_pa") * cylinder.annulus_area_m2
     )
     table = strokes.table.drop(columns=["pressure_1_pa", "pressure_2_pa"]).assign(drive_force_n=force)
-    view = friction_view(replace(strokes, table=table), labeller, filters[method])
+    view = friction_view(replace(strokes, columns=table), labeller, filters[method])
     with_pressures = friction_view(strokes, labeller, filters[method])
     assert view.force_name == "drive force"
     np.testing.assert_allclose(view.half_difference_n, with_pressures.half_difference_n, rtol=0.01)

@@ -7,6 +7,7 @@ import pytest
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.plausibility import check_friction
+from logger_files import columns_of
 
 STEP_S = 0.005
 
@@ -41,7 +42,7 @@ def stepping(generator: np.random.Generator, time_s: np.ndarray) -> np.ndarray:
 
 def found(cylinder: Cylinder, table: pd.DataFrame, mode: str = "measured") -> list[Finding]:
     areas = cylinder.piston_area_m2, cylinder.annulus_area_m2
-    findings = check_friction(table, STEP_S, cylinder.stroke_m, areas, mode)
+    findings = check_friction(columns_of(table), STEP_S, cylinder.stroke_m, areas, mode)
     return [each for each in findings if each.check == "load_delay"]
 
 

@@ -8,6 +8,7 @@ import pytest
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.plausibility import check_friction, clear_motion
+from logger_files import columns_of
 
 Change = Callable[[pd.DataFrame], pd.DataFrame]
 
@@ -71,7 +72,7 @@ def test_the_rigs_recordings(
     load: Any,
 ) -> None:
     for table in rig_tables.values():
-        findings = check_friction(change(table), 0.005, STROKE_M, areas, load)
+        findings = check_friction(columns_of(change(table)), 0.005, STROKE_M, areas, load)
         assert outcomes(findings) == expected
         assert any(pd.Series([finding.text]).str.contains(text).item() for finding in findings)
 
@@ -83,9 +84,9 @@ def test_a_sensors_zero_is_never_taken_for_a_swap(
 ) -> None:
     for table in rig_tables.values():
         wrong = offset(column, offset_pa)(table)
-        assert outcomes(check_friction(wrong, 0.005, STROKE_M, areas))["direction"] in ("ok", "noted")
-        assert outcomes(check_friction(swapped(wrong), 0.005, STROKE_M, areas)) == REFUSED
-        assert outcomes(check_friction(inverted(wrong), 0.005, STROKE_M, areas)) == REFUSED
+        assert outcomes(check_friction(columns_of(wrong), 0.005, STROKE_M, areas))["direction"] in ("ok", "noted")
+        assert outcomes(check_friction(columns_of(swapped(wrong)), 0.005, STROKE_M, areas)) == REFUSED
+        assert outcomes(check_friction(columns_of(inverted(wrong)), 0.005, STROKE_M, areas)) == REFUSED
 
 
 @pytest.mark.parametrize("rows", [1600, 4000])
@@ -95,7 +96,7 @@ def test_a_part_of_a_recording_is_never_refused(
     for table in rig_tables.values():
         for start in range(0, len(table) - rows + 1, rows // 2):
             part = table.iloc[start : start + rows]
-            assert "refused" not in outcomes(check_friction(part, 0.005, STROKE_M, areas)).values()
+            assert "refused" not in outcomes(check_friction(columns_of(part), 0.005, STROKE_M, areas)).values()
 
 
 def pushed(friction_n: float = 300.0, load_n: float = 0.0, seconds: float = 20.0) -> pd.DataFrame:
@@ -113,17 +114,19 @@ def pushed(friction_n: float = 300.0, load_n: float = 0.0, seconds: float = 20.0
 
 
 def test_a_drive_force_needs_no_areas() -> None:
-    (finding,) = check_friction(pushed(), 0.005, STROKE_M, None)
+    (finding,) = check_friction(columns_of(pushed()), 0.005, STROKE_M, None)
     assert (finding.outcome, finding.text) == ("ok", "friction opposes the motion, with 300 N on average")
-    (finding,) = check_friction(pushed(-300.0), 0.005, STROKE_M, None)
+    (finding,) = check_friction(columns_of(pushed(-300.0)), 0.005, STROKE_M, None)
     assert finding.outcome == "refused"
     assert "change the sign of position_m or of drive_force_n" in finding.text
 
 
 def test_a_measured_load_is_taken_off() -> None:
-    (finding,) = check_friction(pushed(load_n=2000.0), 0.005, STROKE_M, None, "measured")
+    (finding,) = check_friction(columns_of(pushed(load_n=2000.0)), 0.005, STROKE_M, None, "measured")
     assert finding.text == "friction opposes the motion, with 300 N on average"
-    (finding,) = check_friction(pushed(load_n=2000.0).drop(columns="load_force_n"), 0.005, STROKE_M, None, "measured")
+    (finding,) = check_friction(
+        columns_of(pushed(load_n=2000.0).drop(columns="load_force_n")), 0.005, STROKE_M, None, "measured"
+    )
     assert finding.outcome == "noted"
     assert finding.text.endswith("load_force_n is not recorded, though the load is to be measured")
 
@@ -138,7 +141,7 @@ def test_a_measured_load_is_taken_off() -> None:
     ],
 )
 def test_what_cannot_be_told_is_noted(table: pd.DataFrame, text: str) -> None:
-    (finding,) = check_friction(table, 0.005, STROKE_M, None)
+    (finding,) = check_friction(columns_of(table), 0.005, STROKE_M, None)
     assert finding.outcome == "noted"
     assert text in finding.text
 
@@ -153,7 +156,7 @@ def test_friction_that_would_drive_the_motion_on_average_is_never_ok(
             fast = table.iloc[: len(rows)].assign(
                 position_m=np.interp(rows, np.arange(len(table)), table["position_m"])
             )
-            for finding in check_friction(fast, 0.005, STROKE_M, areas):
+            for finding in check_friction(columns_of(fast), 0.005, STROKE_M, areas):
                 if "-" in finding.text.split("seal (")[-1].split()[0] and finding.check == "friction_size":
                     negative += 1
                     assert finding.outcome == "noted"
@@ -162,7 +165,7 @@ def test_friction_that_would_drive_the_motion_on_average_is_never_ok(
 
 
 def test_without_areas_pressures_cannot_be_judged(rig_tables: dict[str, pd.DataFrame]) -> None:
-    (finding,) = check_friction(next(iter(rig_tables.values())), 0.005, STROKE_M, None)
+    (finding,) = check_friction(columns_of(next(iter(rig_tables.values()))), 0.005, STROKE_M, None)
     assert finding.outcome == "noted"
     assert "the areas of the cylinder are not known" in finding.text
 
@@ -171,7 +174,7 @@ def test_strokes_that_share_no_position_cannot_part_friction_from_load() -> None
     table = pushed()
     time_s = 0.005 * np.arange(len(table))
     position = np.where(time_s < 10.0, 0.03 + 0.008 * time_s, 0.24 - 0.008 * (time_s - 10.0))
-    (finding,) = check_friction(table.assign(position_m=position), 0.005, STROKE_M, None)
+    (finding,) = check_friction(columns_of(table.assign(position_m=position)), 0.005, STROKE_M, None)
     assert "hardly pass the same positions" in finding.text
 
 
@@ -189,9 +192,11 @@ def test_clear_motion_leaves_out_ends_stops_and_reversals() -> None:
 def test_load_cell_of_wrong_sign_is_refused(steady_n: float) -> None:
     table = pushed(load_n=2000.0 - steady_n)
     table = table.assign(drive_force_n=table["drive_force_n"] + steady_n, load_force_n=table["load_force_n"] + steady_n)
-    (finding,) = check_friction(table, 0.005, STROKE_M, None, "measured")
+    (finding,) = check_friction(columns_of(table), 0.005, STROKE_M, None, "measured")
     assert finding.outcome == "ok"
-    (finding,) = check_friction(table.assign(load_force_n=-table["load_force_n"]), 0.005, STROKE_M, None, "measured")
+    (finding,) = check_friction(
+        columns_of(table.assign(load_force_n=-table["load_force_n"])), 0.005, STROKE_M, None, "measured"
+    )
     assert finding.outcome == "refused"
     assert finding.text.startswith("load_force_n is inverted: as it stands, the force against the motion is")
 
@@ -202,7 +207,7 @@ def test_load_cell_of_wrong_sign_is_refused(steady_n: float) -> None:
 )
 def test_a_load_that_nobody_stated_or_measured_is_noted(load: Any, which: str, advice: str) -> None:
     table = pushed().assign(drive_force_n=lambda table: table["drive_force_n"] + 2000.0)
-    (finding,) = check_friction(table, 0.005, STROKE_M, None, load)
+    (finding,) = check_friction(columns_of(table), 0.005, STROKE_M, None, load)
     assert finding.outcome == "noted"
     assert f"one of them drives the motion, so there is {which} load of about 2e+03 N" in finding.text
     assert finding.text.endswith(f"{advice}, or zero the sensors")

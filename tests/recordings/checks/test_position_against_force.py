@@ -18,6 +18,7 @@ from cylinder_friction.recordings.checks.position_against_force import check_pos
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
 from cylinder_friction.recordings.conversion import open_tables, pieces_from
 from cylinder_friction.recordings.reading_logs import Logs
+from logger_files import columns_of
 
 NOISE_M = 2e-5
 
@@ -72,7 +73,7 @@ def test_a_motion_that_the_force_does_not_push_is_named(fault: str) -> None:
     change, words = FAULTS[fault]
     table = strokes()
     table["position_m"] = change(table["position_m"].to_numpy())
-    finding = check_position_against_force(table, CheckLimits(stroke_m=0.25))
+    finding = check_position_against_force(columns_of(table), CheckLimits(stroke_m=0.25))
     assert (finding.check, finding.outcome) == ("position_against_force", "noted")
     assert re.search(words, finding.text), finding.text
     assert finding.text.endswith("leave this time out")
@@ -81,7 +82,7 @@ def test_a_motion_that_the_force_does_not_push_is_named(fault: str) -> None:
 def test_a_rest_at_which_no_friction_could_hold_the_piston_is_named() -> None:
     table = strokes(lambda x, _: 20e3 * (x - 0.125))  # 2 kN along the strokes
     table["position_m"] = still(table["position_m"].to_numpy(), 3050)
-    finding = check_position_against_force(table, CheckLimits(stroke_m=0.25))
+    finding = check_position_against_force(columns_of(table), CheckLimits(stroke_m=0.25))
     assert re.search(r"rests from 3\d\..* although the force is \d\.?\d* times friction", finding.text), finding.text
 
 
@@ -89,7 +90,7 @@ def test_a_rest_at_which_no_friction_could_hold_the_piston_is_named() -> None:
     "load", [lambda x, _: 0.0 * x, lambda x, _: 4e3 + 20e3 * x, lambda x, other: 4e3 + 20e3 * x - 10e3 * other]
 )
 def test_a_sound_position_contradicts_nothing(load: Callable[[Array, Array], Array]) -> None:
-    finding = check_position_against_force(strokes(load), CheckLimits(stroke_m=0.25))
+    finding = check_position_against_force(columns_of(strokes(load)), CheckLimits(stroke_m=0.25))
     assert (finding.outcome, finding.text) == ("ok", "position and force do not contradict each other")
 
 
@@ -99,7 +100,7 @@ def test_a_load_is_not_guessed_where_the_piston_did_not_clearly_move() -> None:
     far = np.clip(table["time_s"].to_numpy() - 45.0, 0.0, 5.0)
     table["other_position_1_m"] = 0.3 + 0.1 * far
     table["drive_force_n"] += 1e3 * far
-    assert check_position_against_force(table, CheckLimits(stroke_m=0.25)).outcome == "ok"
+    assert check_position_against_force(columns_of(table), CheckLimits(stroke_m=0.25)).outcome == "ok"
 
 
 def test_nothing_is_said_without_a_force_or_where_position_does_not_explain_it(
@@ -107,12 +108,12 @@ def test_nothing_is_said_without_a_force_or_where_position_does_not_explain_it(
 ) -> None:
     cannot = "whether position and force contradict each other cannot be decided"
     table = next(iter(rig_tables.values()))
-    assert check_position_against_force(table, CheckLimits(stroke_m=0.25)).text == cannot
+    assert check_position_against_force(columns_of(table), CheckLimits(stroke_m=0.25)).text == cannot
     areas = CheckLimits(0.25, cylinder.piston_area_m2, cylinder.annulus_area_m2)
-    assert check_position_against_force(table.iloc[:10], areas).text == cannot
+    assert check_position_against_force(columns_of(table.iloc[:10]), areas).text == cannot
     unstated_n = 5e3 * np.sin(2.0 * table["time_s"])  # a load that no position decides
     loaded = table.assign(pressure_1_pa=table["pressure_1_pa"] + unstated_n / cylinder.piston_area_m2)
-    assert check_position_against_force(loaded, areas).text == cannot
+    assert check_position_against_force(columns_of(loaded), areas).text == cannot
 
 
 @pytest.mark.extended
@@ -127,7 +128,7 @@ def test_faults_that_no_single_sample_shows_in_recordings_of_a_crane(crane_logs:
         findings = [
             finding
             for piece in pieces
-            for finding in inspect_recording(piece.table, crane_logs.recipe.limits, piece.sample_time_s)
+            for finding in inspect_recording(piece.columns, crane_logs.recipe.limits, piece.sample_time_s)
         ]
         named = [each.check for each in findings if each.outcome == "noted"]
         return "position_against_force" in named or any("position_m" in each for each in pieces[0].repairs)

@@ -37,7 +37,7 @@ def parts(labelled_recordings: list[Recording]) -> list[Recording]:
 def test_results_stand_beside_what_was_measured(tmp_path: Path, parts: list[Recording], version: str) -> None:
     whole = np.concatenate([part.column("friction_n") for part in parts])
     time_s = np.concatenate([part.column("time_s") for part in parts])
-    measured = replace(parts[0], table=parts[0].table)
+    measured = replace(parts[0], columns=parts[0].table)
     log = original(tmp_path / ("log.mdf" if version < "4" else "log.mf4"), measured, version)
     before = log.read_bytes()
     write_mdf(tmp_path / "result.mf4", parts, log)

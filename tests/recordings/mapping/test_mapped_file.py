@@ -50,11 +50,11 @@ def test_a_sensor_of_a_stated_delay_is_moved_and_the_others_are_not(delay_s: flo
     mapped = map_signals([table("", t=1e3 * time_s, f=late, **others)], MAPPING | {"load_force_n": cell})
     assert mapped.notes == (f"load_force_n: moved {1e3 * delay_s:g} ms earlier, the delay stated for its sensor",)
     (piece,) = align(mapped.signals, TimeRules())
-    found = piece.table
-    assert len(found) == len(time_s) - 4
-    np.testing.assert_allclose(found["time_s"], time_s[first:][: len(found)], atol=1e-9)
+    found = piece.columns
+    assert len(found["time_s"]) == len(time_s) - 4
+    np.testing.assert_allclose(found["time_s"], time_s[first:][: len(found["time_s"])], atol=1e-9)
     np.testing.assert_allclose(found["load_force_n"], 10.0 * np.sin(3.0 * found["time_s"]), atol=2e-3)
-    np.testing.assert_array_equal(found["pressure_1_pa"], 1e5 * others["a"][first:][: len(found)])
+    np.testing.assert_array_equal(found["pressure_1_pa"], 1e5 * others["a"][first:][: len(found["time_s"])])
 
 
 FAST = {"t": np.arange(6) * 5.0, "a": np.ones(6), "b": np.ones(6)}

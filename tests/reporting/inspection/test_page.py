@@ -153,7 +153,7 @@ def test_a_drive_force_and_further_columns_are_drawn(
     table = table.assign(
         drive_force_n=300.0 * np.sign(np.gradient(strokes.column("position_m"))), oil_temperature_c=41.0
     )
-    subject = Inspected("a.csv", [OK], replace(strokes, table=table))
+    subject = Inspected("a.csv", [OK], replace(strokes, columns=table))
     text = write_page_of(tmp_path / "page.html", [subject], labeller, filters)
     assert "oil [°C]" in text
     assert text.count('"name":"drive force"') == 2

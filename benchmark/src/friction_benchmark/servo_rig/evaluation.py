@@ -236,7 +236,7 @@ def _from_elsewhere(plan: EvaluationPlan, elsewhere: Sequence[Recording]) -> lis
     scores = []
     for name, estimator in fitted.items():
         for recording in test:
-            load_n = recording.column(LOAD_FORCE) if LOAD_FORCE in recording.table.columns else 0.0
+            load_n = recording.column(LOAD_FORCE) if LOAD_FORCE in recording.columns else 0.0
             estimate_n = estimator.estimate(as_seen_by(recording, areas, load_n))
             scores.append(scored(name, recording, estimate_n, truth[recording.name]))
     return scores

@@ -37,7 +37,7 @@ def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspect
                 yield subject
                 continue
             try:
-                duplicates.refuse(recording.name, name, window_hashes(piece.table))
+                duplicates.refuse(recording.name, name, window_hashes(piece.columns))
             except RecordingError as error:
                 subject = subject.found(Finding("duplicate", "refused", str(error)))
             yield subject
@@ -80,17 +80,17 @@ def _checked(
     piece: RecordingPiece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | None
 ) -> tuple[Sequence[Finding], Recording | None]:
     findings: list[Finding] = []
-    table = piece.table
+    columns = piece.columns
     try:
-        table, metadata = zeroed(piece, metadata, recipe, session)
+        columns, metadata = zeroed(piece, metadata, recipe, session)
     except RecordingError as error:
         findings.append(Finding("zero", "refused", str(error)))
     findings += [
         Finding("repair", "noted" if text.startswith(NOT_CORRECTED) else "repaired", text) for text in metadata.repairs
     ]
-    findings += inspect_recording(table, recipe.limits, piece.sample_time_s)
+    findings += inspect_recording(columns, recipe.limits, piece.sample_time_s)
     try:
-        return findings, Recording(replace(metadata, sample_time_s=piece.sample_time_s), table)
+        return findings, Recording(replace(metadata, sample_time_s=piece.sample_time_s), columns)
     except RecordingError as error:
         if worst(finding.outcome for finding in findings) != "refused":
             findings.append(Finding("recording", "refused", str(error)))

@@ -67,7 +67,7 @@ class FrictionView:
     @property
     def has_interval(self) -> bool:
         """Whether it is stated how exact the sensors are."""
-        return UNCERTAINTY_COLUMN in self.labelled.table.columns
+        return UNCERTAINTY_COLUMN in self.labelled.columns
 
     @property
     def direction(self) -> Array:

@@ -13,12 +13,11 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import DRIVE_FORCE
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import Columns, RecordingError
 
 Hashes = NDArray[np.uint64]
 
@@ -119,17 +118,17 @@ class DuplicateDetection:
         return np.bincount(np.concatenate([*owners, self._owners[:0]]), minlength=len(self._names))
 
 
-def window_hashes(table: pd.DataFrame) -> dict[int, Hashes]:
+def window_hashes(columns: Columns) -> dict[int, Hashes]:
     """Return a recording's hashes, sorted and each once, by the power of two that its pressures were rounded to.
 
     Args:
-        table: ``position_m`` and both pressures or ``drive_force_n``, as logged: a zero offset that is subtracted may
+        columns: ``position_m`` and both pressures or ``drive_force_n``, as logged: a zero offset that is subtracted may
             differ between two exports.
     """
-    position_m = table["position_m"].to_numpy(dtype=np.float64)
-    force = DRIVE_FORCE in table.columns
+    position_m = np.asarray(columns["position_m"], dtype=np.float64)
+    force = DRIVE_FORCE in columns
     first, second = (DRIVE_FORCE, DRIVE_FORCE) if force else ("pressure_1_pa", "pressure_2_pa")
-    one, other = (table[name].to_numpy(dtype=np.float64) for name in (first, second))
+    one, other = (np.asarray(columns[name], dtype=np.float64) for name in (first, second))
     noise = math.sqrt(_noise(one) * _noise(other))
     finest = FINEST["force" if force else "pressure"]
     exponent = math.floor(math.log2(max(2.0 * noise, finest)))

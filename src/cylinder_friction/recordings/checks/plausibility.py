@@ -11,17 +11,17 @@ pressures stand at their sides: P1 and P2 rise and fall together, and only weigh
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.checks.load_delay import check_load_delay
-from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, PRESSURES
+from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, POSITION, PRESSURES
 
 HALF_WINDOW_S = 0.05  # velocity is the difference over twice this time
 ROWS = 5_000  # rows used at most, spread evenly: more do not make the result more certain
@@ -74,7 +74,7 @@ class Balance:
 
 
 def check_friction(
-    table: pd.DataFrame,
+    columns: Mapping[str, Array],
     sample_time_s: float,
     stroke_m: float,
     areas_m2: tuple[float, float] | None,
@@ -86,26 +86,26 @@ def check_friction(
     What could also be an unstated load or offset is noted.
 
     Args:
-        table: A uniformly sampled recording in SI units, without NaN.
+        columns: Of a uniformly sampled recording in SI units, without NaN.
         sample_time_s: Its sample time [s].
         stroke_m: Length of travel [m].
         areas_m2: A1 and A2 [m²]; without them only a recording with a ``drive_force_n`` can be checked.
     """
-    motion = clear_motion(table["position_m"].to_numpy(dtype=np.float64), sample_time_s, stroke_m)
-    problem = _undecidable(table, motion, areas_m2, load)
+    motion = clear_motion(columns[POSITION], sample_time_s, stroke_m)
+    problem = _undecidable(columns, motion, areas_m2, load)
     if problem:
         return [Finding("direction", "noted", f"whether friction opposes the motion cannot be decided: {problem}")]
-    columns = {str(name): table[name].to_numpy(dtype=np.float64)[motion.rows] for name in table.columns}
-    position, load_n = columns["position_m"], columns["load_force_n"] if load == "measured" else 0.0
-    if DRIVE_FORCE in columns:
-        drive = columns[DRIVE_FORCE]
+    moving = {name: values[motion.rows] for name, values in columns.items()}
+    position, load_n = moving[POSITION], moving[LOAD_FORCE] if load == "measured" else 0.0
+    if DRIVE_FORCE in moving:
+        drive = moving[DRIVE_FORCE]
         as_is, turned = _balances(motion, position, [drive - load_n, drive + load_n])
         return [
             _inverted_load(as_is, turned, load)
             or _opposing(as_is, load, f"change the sign of position_m or of {DRIVE_FORCE} in the mapping")
         ]
     assert areas_m2 is not None
-    (a1, a2), p1, p2 = areas_m2, columns["pressure_1_pa"], columns["pressure_2_pa"]
+    (a1, a2), p1, p2 = areas_m2, moving[PRESSURES[0]], moving[PRESSURES[1]]
     drive, exchanged = p1 * a1 - p2 * a2, p2 * a1 - p1 * a2
     as_is, swapped, turned = _balances(motion, position, [drive - load_n, exchanged - load_n, drive + load_n])
     direction = _inverted_load(as_is, turned, load) or _direction(as_is, swapped, load)
@@ -113,7 +113,7 @@ def check_friction(
         return [direction]
     findings = [direction, _size(as_is, areas_m2)]
     if load == "measured":
-        p1, p2, load_n = (table[name].to_numpy(dtype=np.float64) for name in (*PRESSURES, LOAD_FORCE))
+        p1, p2, load_n = (columns[name] for name in (*PRESSURES, LOAD_FORCE))
         drive = p1 * a1 - p2 * a2
         findings.append(check_load_delay(drive, load_n, motion.rows, motion.direction, sample_time_s))
     return findings
@@ -146,16 +146,18 @@ def clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> Cl
     return ClearMotion(rows[clear], direction, int(np.count_nonzero(np.diff(direction))) + 1)
 
 
-def _undecidable(table: pd.DataFrame, motion: ClearMotion, areas_m2: tuple[float, float] | None, load: LoadMode) -> str:
+def _undecidable(
+    columns: Mapping[str, Array], motion: ClearMotion, areas_m2: tuple[float, float] | None, load: LoadMode
+) -> str:
     """Return why the force balance cannot show the direction of friction; empty if it can."""
-    if areas_m2 is None and DRIVE_FORCE not in table.columns:
+    if areas_m2 is None and DRIVE_FORCE not in columns:
         return "the areas of the cylinder are not known"
-    if load == "measured" and "load_force_n" not in table.columns:
+    if load == "measured" and LOAD_FORCE not in columns:
         return "load_force_n is not recorded, though the load is to be measured"
     fewest = int(min(np.count_nonzero(motion.direction > 0.0), np.count_nonzero(motion.direction < 0.0)))
     if fewest < 20:
         return f"the piston moves clearly in both directions in {fewest} rows only, expected 20 each"
-    shape = _position_terms(table["position_m"].to_numpy(dtype=np.float64)[motion.rows])
+    shape = _position_terms(columns[POSITION][motion.rows])
     explained, *_ = np.linalg.lstsq(shape, motion.direction, rcond=None)
     unexplained = float(np.var(motion.direction - shape @ explained) / np.var(motion.direction))
     return "extension and retraction hardly pass the same positions" if unexplained < LEAST_OVERLAP else ""

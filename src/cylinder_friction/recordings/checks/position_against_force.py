@@ -7,6 +7,8 @@ rows of clear motion with least absolute residuals, so that a fault in some of t
     F = b·sign(v) + a0 + a1·x + a2·x² + a3·x³ + c·(positions of other cylinders)
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -43,12 +45,11 @@ REACH_M = 0.01  # Further from where the piston clearly moved, the load is not k
 _ITERATIONS, _LEAST_RESIDUAL = 10, 1e-2
 
 
-def check_position_against_force(table: pd.DataFrame, limits: CheckLimits) -> Finding:
+def check_position_against_force(columns: Mapping[str, Array], limits: CheckLimits) -> Finding:
     """Return the finding ``position_against_force``, noted with the times if they contradict each other.
 
-    ``table`` is a uniformly sampled recording in SI units without NaN, as for ``plausibility.check_friction``.
+    ``columns`` are those of a uniformly sampled recording in SI units, without NaN.
     """
-    columns = {str(name): table[name].to_numpy(dtype=np.float64) for name in table.columns}
     time_s, position_m = columns[TIME], columns[POSITION]
     force_n = _driving_force(columns, limits)
     motion = clear_motion(position_m, float(time_s[1] - time_s[0]), limits.stroke_m)

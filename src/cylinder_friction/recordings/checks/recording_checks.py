@@ -4,7 +4,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.checks.finding import Finding, spoken
@@ -19,7 +18,7 @@ from cylinder_friction.recordings.columns import (
     PRESSURES,
     missing_column,
 )
-from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
+from cylinder_friction.recordings.recording import Columns, Recording, RecordingError, RecordingMetadata
 
 RATE_TOLERANCE = 1e-3  # a logger's clock may be off by this share of its rate
 
@@ -29,8 +28,8 @@ NOISY_SHARE = 0.25  # A sensor that changes in this share of the rows shows nois
 PLACES = 8192  # steps at most from which the usual one is estimated
 
 
-def checked_recording(metadata: RecordingMetadata, table: pd.DataFrame, findings: Iterable[Finding]) -> Recording:
-    """Return the table as a recording, with what its checks only noted among its repairs.
+def checked_recording(metadata: RecordingMetadata, columns: Columns, findings: Iterable[Finding]) -> Recording:
+    """Return the columns as a recording, with what its checks only noted among its repairs.
 
     Raises:
         RecordingError: The first finding that is a refusal, see ``inspect_recording``.
@@ -41,7 +40,7 @@ def checked_recording(metadata: RecordingMetadata, table: pd.DataFrame, findings
             raise RecordingError(finding.text)
         if finding.outcome == "noted":
             noted.append(finding.text)
-    return Recording(replace(metadata, repairs=(*metadata.repairs, *noted)), table)
+    return Recording(replace(metadata, repairs=(*metadata.repairs, *noted)), columns)
 
 
 SOMEWHERE = (
@@ -90,7 +89,7 @@ class _Survey:
         return self.highest, self.highest_row + 1
 
 
-def inspect_recording(table: pd.DataFrame, limits: CheckLimits, sample_time_s: float) -> Iterator[Finding]:
+def inspect_recording(table: Columns, limits: CheckLimits, sample_time_s: float) -> Iterator[Finding]:
     """Yield what every check finds, refusals included. After missing columns or values no further check is made.
 
     The names of the checks, in their order: ``columns``, ``length``, ``finite``, ``rate``, ``position_range``,
@@ -99,13 +98,14 @@ def inspect_recording(table: pd.DataFrame, limits: CheckLimits, sample_time_s: f
     ``load_alive`` and ``load_stuck``; ``direction``, ``friction_size``, ``load_delay`` and ``position_against_force``.
     The last four need signals that passed and known areas.
     """
-    if missing := missing_column(table.columns):
+    if missing := missing_column(table):
         yield Finding("columns", "refused", f"{missing}; map it to a channel")
         return
-    if len(table) < 3:
-        yield Finding("length", "refused", f"has {len(table)} rows, expected at least 3")
+    columns = {name: np.asarray(table[name], dtype=np.float64) for name in table}
+    rows = len(columns[POSITION])
+    if rows < 3:
+        yield Finding("length", "refused", f"has {rows} rows, expected at least 3")
         return
-    columns = {str(name): table[name].to_numpy(dtype=np.float64) for name in table.columns}
     for name, values in columns.items():
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
@@ -116,7 +116,7 @@ def inspect_recording(table: pd.DataFrame, limits: CheckLimits, sample_time_s: f
             yield Finding("finite", "refused", text)
             return
     yield Finding("finite", "ok", "every value is a finite number")
-    yield length_finding(len(table), sample_time_s, limits)
+    yield length_finding(rows, sample_time_s, limits)
     rate = f"is sampled at {1.0 / sample_time_s:.4g} Hz"
     yield Finding.of(
         "rate",
@@ -139,8 +139,8 @@ def inspect_recording(table: pd.DataFrame, limits: CheckLimits, sample_time_s: f
         valid = valid and finding.outcome != "refused"
         yield finding
     if valid and (DRIVE_FORCE in columns or limits.areas_m2 is not None):
-        yield from check_friction(table, sample_time_s, limits.stroke_m, limits.areas_m2, limits.load)
-        yield check_position_against_force(table, limits)
+        yield from check_friction(columns, sample_time_s, limits.stroke_m, limits.areas_m2, limits.load)
+        yield check_position_against_force(columns, limits)
 
 
 def length_finding(rows: int, sample_time_s: float, limits: CheckLimits) -> Finding:

@@ -42,11 +42,11 @@ def write_mdf(path: Path, parts: Iterable[Recording], original: Path) -> Path:
 
         seconds = first.column(TIME)
         unit = {name: next((unit for end, unit in _UNITS.items() if name.endswith(end)), "") for name in columns}
-        signals = [Signal(first.table[name].to_numpy(), seconds, unit[name], name) for name in columns]
+        signals = [Signal(first.columns[name], seconds, unit[name], name) for name in columns]
         about = json.dumps(first.metadata.to_dict(), sort_keys=True)
         index = file.append(signals, acq_name=GROUP, comment=about, common_timebase=True)
         for part in remaining:
-            file.extend(index, [(part.table[name].to_numpy(), None) for name in chain([TIME], columns)])
+            file.extend(index, [(part.columns[name], None) for name in chain([TIME], columns)])
         try:
             with whole_file(path) as draft, draft.open("wb+") as stream:
                 file.save(stream, overwrite=True, compression=1, add_history_block=False)
@@ -63,7 +63,7 @@ def _begun(original: Path, recording: Recording) -> Iterator[tuple[Any, list[str
     from asammdf import MDF
     from asammdf.blocks.v4_blocks import FileHistory
 
-    columns = [str(name) for name in recording.table.columns if name != TIME]
+    columns = [str(name) for name in recording.columns if name != TIME]
     source = open_source(original)
     if source.head.startswith(FORMAT.starts):
         with opened_mdf(source) as read:

@@ -18,7 +18,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.columns import PRESSURES
+from cylinder_friction.recordings.columns import PRESSURES, TIME
 from cylinder_friction.recordings.mapping.channel_mapping import (
     HALF_WIDTH_TO_STANDARD,
     ChannelMapping,
@@ -26,7 +26,7 @@ from cylinder_friction.recordings.mapping.channel_mapping import (
     sensor_uncertainty,
 )
 from cylinder_friction.recordings.mapping.units import column_scale
-from cylinder_friction.recordings.recording import RecordingError, RecordingMetadata, expect
+from cylinder_friction.recordings.recording import Columns, RecordingError, RecordingMetadata, expect
 
 NOT_CORRECTED = "zeros of the pressure sensors not corrected"
 
@@ -136,7 +136,7 @@ class ZeroReading:
 
 
 def find_zero(
-    table: pd.DataFrame, rules: ZeroRules, mapping: Mapping[str, ChannelMapping], recording: str = ""
+    table: Columns, rules: ZeroRules, mapping: Mapping[str, ChannelMapping], recording: str = ""
 ) -> ZeroReading:
     """Return what the pressure sensors read while their chambers were vented, or why there is no zero.
 
@@ -149,13 +149,13 @@ def find_zero(
     """
     if rules.method == "none":
         return ZeroReading()
-    columns = [column for column in PRESSURES if column in table.columns]
+    columns = [column for column in PRESSURES if column in table]
     if not columns:
         return _none("there is no pressure column")
-    time_s = table["time_s"].to_numpy(dtype=np.float64)
+    time_s = np.asarray(table[TIME], dtype=np.float64)
     step_s = float(time_s[-1] - time_s[0]) / max(len(time_s) - 1, 1)
     half = round(0.5 * AVERAGED_S / step_s) if step_s > 0.0 else 0
-    signals = np.column_stack([table[column].to_numpy(dtype=np.float64) for column in ("position_m", *columns)])
+    signals = np.column_stack([np.asarray(table[column], dtype=np.float64) for column in ("position_m", *columns)])
     if rules.window_s is not None:
         first, end = (int(row) for row in np.searchsorted(time_s, rules.window_s))
     else:
@@ -215,22 +215,22 @@ def session_zero(readings: Sequence[ZeroReading]) -> ZeroReading:
 
 
 def apply_zero(
-    table: pd.DataFrame,
+    table: Columns,
     metadata: RecordingMetadata,
     reading: ZeroReading,
     mapping: Mapping[str, ChannelMapping],
-) -> tuple[pd.DataFrame, RecordingMetadata]:
+) -> tuple[Columns, RecordingMetadata]:
     """Return a recording's table with its pressure zeros taken off, and its metadata with what is then uncertain.
 
     Without a reading the table is returned as it is, and the sensors' stated accuracy stands in full. A sensor whose
     accuracy is not stated gets no uncertainty, zeroed or not: its span is not known.
     """
-    uncertainty = {column: stated for column, stated in sensor_uncertainty(mapping).items() if column in table.columns}
-    offsets = {column: offset for column, offset in reading.offsets.items() if column in table.columns}
+    uncertainty = {column: stated for column, stated in sensor_uncertainty(mapping).items() if column in table}
+    offsets = {column: offset for column, offset in reading.offsets.items() if column in table}
     reasons = [reading.reason] if reading.reason else []
     if reading.offsets:
         reasons = [_sentence(reading, offsets, metadata.name)]
-        table = table.assign(**{column: table[column] - offset for column, offset in offsets.items()})
+        table = {**table, **{column: table[column] - offset for column, offset in offsets.items()}}
         for column in offsets.keys() & uncertainty.keys():
             sensor = mapping[column].sensor
             assert sensor is not None

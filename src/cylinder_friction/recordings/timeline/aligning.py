@@ -4,11 +4,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.columns import OIL_TEMPERATURE
+from cylinder_friction.recordings.columns import OIL_TEMPERATURE, TIME
 from cylinder_friction.recordings.recording import RecordingError, RecordingPiece, Signal
 from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimeline, find_timelines
 from cylinder_friction.recordings.timeline.resampling import fill_lost, own_rate, sampled_at, uniform_segments
@@ -107,8 +106,7 @@ def _piece(
     segment: int,
     origins_s: Sequence[float],
 ) -> RecordingPiece:
-    table = pd.DataFrame({"time_s": time_s, **columns}, copy=False)
-    return RecordingPiece(table, 1.0 / rate_hz, tuple(repairs), segment, origins_s[segment])
+    return RecordingPiece({TIME: time_s, **columns}, 1.0 / rate_hz, tuple(repairs), segment, origins_s[segment])
 
 
 def _origins(timelines: Sequence[ChannelTimeline], origin_s: float | None) -> list[float]:

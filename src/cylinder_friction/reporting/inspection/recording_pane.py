@@ -157,7 +157,7 @@ def measured_panels(recording: Recording) -> list[Panel]:
     """Return the panels of what sensors gave, in bar, mm, N and °C."""
     panels: dict[str, list[Line]] = {}
     for panel, words, column, scale, unit, colour in COLUMNS:
-        if column in recording.table.columns:
+        if column in recording.columns:
             panels.setdefault(f"{panel} [{unit}]", []).append(Line(words, recording.column(column) / scale, colour))
     return [Panel(axis, lines) for axis, lines in panels.items()]
 
@@ -185,7 +185,7 @@ def _facts(recording: Recording) -> list[tuple[str, str]]:
         ("sample rate", f"{1.0 / about.sample_time_s:.6g} Hz ({len(recording)} rows)"),
     ]
     for _, words, column, scale, unit, _ in COLUMNS:
-        if column not in recording.table.columns:
+        if column not in recording.columns:
             continue
         values = recording.column(column) / scale
         facts.append((words, f"{four_digits(np.min(values))} to {four_digits(np.max(values))} {unit}"))

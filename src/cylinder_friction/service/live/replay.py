@@ -38,14 +38,14 @@ class Replay:
             thread.start()
         for thread in threads:
             thread.join()
-        return sum(len(each.table) for recordings in self.recordings.values() for each in recordings)
+        return sum(len(each) for recordings in self.recordings.values() for each in recordings)
 
     def _send(self, name: str, recordings: Sequence[Recording], inputs: tuple[str, ...], stop: threading.Event) -> None:
         sample_time_s = recordings[0].sample_time_s
         rows = max(1, round(BLOCK_S / sample_time_s))
         with Client(self.url, name, sample_time_s, inputs) as client:
             begin_s, sent = time.monotonic(), 0
-            rows_in_all = sum(len(each.table) for each in recordings)
+            rows_in_all = sum(len(each) for each in recordings)
             ahead = 1.0 - 1.0 / self.speed if self.speed else 1.0  # Share of the time that a faster replay saves
             client.start_time_s -= max(0.0, ahead) * rows_in_all * sample_time_s  # so that no sample is of the future
             for recording in recordings:
