@@ -1,4 +1,4 @@
-"""Types of arrays, for annotations, and the runs of a mask."""
+"""Types of arrays, for annotations, the runs of a mask, and what is found over a window that slides along values."""
 
 from __future__ import annotations
 
@@ -12,3 +12,27 @@ Mask = NDArray[np.bool_]
 def true_runs(mask: Mask) -> NDArray[np.int64]:
     """Return the first place of each run of true values and the one behind its last, shape ``(runs, 2)``."""
     return np.flatnonzero(np.diff(mask, prepend=False, append=False)).reshape(-1, 2)
+
+
+def sliding_extremes(values: Array, width: int) -> tuple[Array, Array]:
+    """Return the least and the greatest value within ``width`` samples around each, fewer at the ends, each ``(n,)``.
+
+    ``width // 2`` of them lie before the sample. Spans double from pass to pass; no value is NaN.
+    """
+    return -_sliding_greatest(-values, width), _sliding_greatest(values, width)
+
+
+def _sliding_greatest(values: Array, width: int) -> Array:
+    rows, span = len(values), 1
+    greatest = np.full(rows + width - 1, -np.inf)
+    greatest[width // 2 : width // 2 + rows] = values
+    while 2 * span <= width:
+        greatest, span = np.maximum(greatest[:-span], greatest[span:]), 2 * span
+    return np.maximum(greatest[:rows], greatest[width - span :][:rows])
+
+
+def sliding_mean(values: Array, width: int) -> Array:
+    """Return the mean over the samples that ``sliding_extremes`` looks at, shape ``(n,)``."""
+    row, sums = np.arange(len(values)), np.concatenate([[0.0], np.cumsum(values - values[0])])
+    first, end = np.maximum(row - width // 2, 0), np.minimum(row + (width + 1) // 2, len(values))
+    return np.asarray(values[0] + (sums[end] - sums[first]) / (end - first))

@@ -77,8 +77,8 @@ def extremes(values: Array, points: int) -> tuple[Array, float]:
     known = np.isfinite(table)
     least = np.argmin(np.where(known, table, np.inf), axis=1)
     greatest = np.argmax(np.where(known, table, -np.inf), axis=1)
-    both = np.sort(np.column_stack([least, greatest]), axis=1)
-    return np.take_along_axis(table, both, axis=1).ravel(), 0.5 * stretch
+    both = np.column_stack([np.minimum(least, greatest), np.maximum(least, greatest)])
+    return table[np.arange(len(table))[:, None], both].ravel(), 0.5 * stretch
 
 
 def spread_evenly(rows: NDArray[np.intp], points: int) -> NDArray[np.intp]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
@@ -94,6 +95,9 @@ class AdaptiveWindow(SignalFilter):
 
     def windows(self, force_n: Array, sample_time_s: float) -> Windows:
         """Return the windows of a force, shape ``(n,)``."""
+        return _windows_once(self, force_n.tobytes(), sample_time_s)
+
+    def _chosen(self, force_n: Array, sample_time_s: float) -> Windows:
         lengths = np.array(self._lengths(sample_time_s))
         noise_n = noise_deviation(force_n) if self.noise_n is None else self.noise_n
         force_n = np.ascontiguousarray(force_n - force_n[0])
@@ -105,6 +109,12 @@ class AdaptiveWindow(SignalFilter):
         grown = itertools.accumulate(itertools.repeat(GROWTH), lambda length, by: length * by, initial=float(shortest))
         between = {round(length) for length in itertools.takewhile(lambda length: length < longest, grown)}
         return sorted({*between, longest})
+
+
+@lru_cache(maxsize=1)
+def _windows_once(chosen_by: AdaptiveWindow, force: bytes, sample_time_s: float) -> Windows:
+    """Return the windows of a force, which a recording's smoothing and then its label's uncertainty ask for."""
+    return chosen_by._chosen(np.frombuffer(force), sample_time_s)
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,8 @@
 """Detection of motion in whole recordings: direction, travel, steady sliding, standstill, starts, stops, reversals."""
 
 import numpy as np
-import pandas as pd
 
-from cylinder_friction.arrays import Array, Mask, true_runs
+from cylinder_friction.arrays import Array, Mask, sliding_extremes, true_runs
 
 MOVING_M_S = 1e-3
 """A true, noise-free velocity below this counts as standstill."""
@@ -47,8 +46,7 @@ def steady_rows(velocity_m_s: Array, sample_time_s: float, slowest_m_s: float, v
 
     ``variation`` is how much velocity may vary within ``STEADY_DURATION_S``, over its mean.
     """
-    around = pd.Series(velocity_m_s).rolling(max(3, round(STEADY_DURATION_S / sample_time_s) | 1), 1, center=True)
-    greatest, least = around.max().to_numpy(), around.min().to_numpy()
+    least, greatest = sliding_extremes(velocity_m_s, max(3, round(STEADY_DURATION_S / sample_time_s) | 1))
     one_way = (least > slowest_m_s) | (greatest < -slowest_m_s)
     return np.asarray(one_way & (greatest - least <= variation * np.abs(0.5 * (greatest + least))))
 
@@ -68,7 +66,7 @@ def standstill_rows(position_m: Array, sample_time_s: float, around_rows: int = 
     moving = np.ones(len(position_m), dtype=np.bool_)
     moving[half : half + len(slow)] = ~slow
     width = min(2 * (half + around_rows) + 1, 2 * len(moving) - 1)
-    return pd.Series(moving.astype(np.float64)).rolling(width, 1, center=True).max().to_numpy() == 0.0
+    return sliding_extremes(moving.astype(np.float64), width)[1] == 0.0
 
 
 def noise_rms(values: Array, rest: Mask) -> float:

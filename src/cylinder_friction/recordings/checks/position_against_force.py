@@ -10,10 +10,9 @@ rows of clear motion with least absolute residuals, so that a fault in some of t
 from collections.abc import Mapping
 
 import numpy as np
-import pandas as pd
 from numpy.typing import NDArray
 
-from cylinder_friction.arrays import Array, Mask, true_runs
+from cylinder_friction.arrays import Array, Mask, sliding_extremes, sliding_mean, true_runs
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.checks.plausibility import ClearMotion, clear_motion
@@ -42,7 +41,8 @@ FEWEST_ROWS = 20  # Of clear motion in either direction
 LEAST_VARIATION_M = 1e-3  # Another cylinder that moves less does not count
 REACH_M = 0.01  # Further from where the piston clearly moved, the load is not known
 
-_ITERATIONS, _LEAST_RESIDUAL = 10, 1e-2
+_ITERATIONS, _SETTLED, _LEAST_RESIDUAL = 10, 1e-3, 1e-2
+_ROWS = 1024  # Of clear motion, spread evenly, that the fit takes: it has a handful of terms
 
 
 def check_position_against_force(columns: Mapping[str, Array], limits: CheckLimits) -> Finding:
@@ -93,11 +93,8 @@ def _contradictions(
     ``pushed`` is the force less the load over friction; a motion counts from ``least_m`` on.
     """
     step_s = float(time_s[1] - time_s[0])
-    near, x_m = (
-        pd.Series(each).rolling(max(3, round(WINDOW_S / step_s)), center=True, min_periods=1)
-        for each in (pushed, position_m)
-    )
-    mean_m, highest, lowest = (each.to_numpy() for each in (x_m.mean(), near.max(), near.min()))
+    window = max(3, round(WINDOW_S / step_s))
+    mean_m, (lowest, highest) = sliding_mean(position_m, window), sliding_extremes(pushed, window)
     speed_m_s = np.gradient(mean_m, step_s)
     noise_m = float(np.median(np.abs(np.diff(position_m, 2)))) / 1.65  # as of white noise
     top_m_s = float(np.quantile(np.abs(speed_m_s[rows]), 0.95))
@@ -125,17 +122,20 @@ def _when(time_s: Array, begin: int, end: int) -> str:
 
 def _fit(drive_n: Array, positions_m: Array, motion: ClearMotion) -> tuple[float, Array, float]:
     """Return friction [N], the load at every row, shape ``(n,)`` [N], and the median absolute residual [N]."""
-    rows = motion.rows
+    spread = slice(None, None, -(-len(motion.rows) // _ROWS))
+    rows, direction = motion.rows[spread], motion.direction[spread]
     varied = np.std(positions_m[rows], axis=0)
     used = np.append(True, varied[1:] > LEAST_VARIATION_M)
     scaled = ((positions_m - positions_m[rows].mean(axis=0)) / np.maximum(varied, 1e-12))[:, used]
     load = np.column_stack([np.vander(np.clip(scaled[:, 0], -3.0, 3.0), 4), scaled[:, 1:]])
-    terms, force_n = np.column_stack([motion.direction, load[rows]]), drive_n[rows]
-    weights = np.ones(len(rows))
+    terms, force_n = np.column_stack([direction, load[rows]]), drive_n[rows]
+    weights, factors = np.ones(len(rows)), np.zeros(terms.shape[1])
     for _ in range(_ITERATIONS):
         weighted = terms * weights[:, None]
         # The terms are scaled and few, so that normal equations are exact enough, and many times as fast as an SVD.
-        factors = np.linalg.pinv(weighted.T @ terms, hermitian=True) @ (weighted.T @ force_n)
+        before, factors = factors, np.linalg.pinv(weighted.T @ terms, hermitian=True) @ (weighted.T @ force_n)
+        if np.abs(factors - before).max() <= _SETTLED * np.abs(factors[0]):
+            break
         off_n = np.abs(force_n - terms @ factors)
         weights = 1.0 / np.maximum(off_n, _LEAST_RESIDUAL * np.median(off_n) + 1e-9)
     return float(factors[0]), load @ factors[1:], float(np.median(off_n))
