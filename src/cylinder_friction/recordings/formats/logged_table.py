@@ -42,10 +42,10 @@ MOST_INDIVISIBLE = 256 * 10**6
 """A text or Parquet file that cannot be read in parts is read whole up to this size [bytes]."""
 
 
-def named_columns(columns: Sequence[tuple[str, NDArray[Any]]], kind: Any = None) -> pd.DataFrame:
-    """Return columns as a table, not copied; a name may occur twice, and is of ``kind`` object if it may be damaged."""
+def named_columns(columns: Sequence[tuple[str, NDArray[Any]]]) -> pd.DataFrame:
+    """Return columns as a table, not copied; a name may occur twice or be damaged."""
     table = pd.DataFrame(dict(enumerate(values for _, values in columns)), copy=False)
-    table.columns = pd.Index([name for name, _ in columns], dtype=kind)
+    table.columns = pd.Index([name for name, _ in columns], dtype=object)
     return table
 
 
@@ -132,7 +132,7 @@ def table_of(
         channels = [Channel("time", length, lambda: np.arange(length) * step, "s"), *channels]
     loaded = [channel for channel in channels if wanted is None or channel.name in wanted]
     unread = [channel.name for channel in channels if wanted is not None and channel.name not in wanted]
-    table = named_columns([(channel.name, channel.read()) for channel in loaded], object)
+    table = named_columns([(channel.name, channel.read()) for channel in loaded])
     units = {channel.name: channel.unit for channel in channels if channel.unit}
     return LoggedTable(table, units, name, (*unread, *others))
 

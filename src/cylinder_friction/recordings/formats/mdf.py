@@ -114,7 +114,7 @@ def _group(file: Any, index: int, wanted: Collection[str] | None) -> LoggedTable
     notes = (f"the file is cut off: {shortest} of {samples} samples are there",) if shortest < samples else ()
     about = group.channel_group
     title = str(getattr(about, "acq_name", "") or getattr(about, "comment", "") or "").strip() or f"group {index + 1}"
-    return LoggedTable(named_columns(columns, object), units, title, tuple(unread), notes)
+    return LoggedTable(named_columns(columns), units, title, tuple(unread), notes)
 
 
 def _refuse_absurd_records(group: Any, size: int) -> None:
