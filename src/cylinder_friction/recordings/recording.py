@@ -126,7 +126,7 @@ class Recording:
         Raises:
             RecordingError: One is missing or of another length, or a measured one holds NaN or infinity.
         """
-        self._set(metadata, {str(name): _read_only(columns[name]) for name in columns}, noise or {})
+        self._set(metadata, {str(name): _read_only(values) for name, values in columns.items()}, noise or {})
         if missing := missing_column(self.columns):
             raise RecordingError(f"recording {self.name!r}: {missing}")
         self._check_lengths()

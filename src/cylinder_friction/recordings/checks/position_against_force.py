@@ -74,7 +74,7 @@ def check_position_against_force(columns: Mapping[str, Array], limits: CheckLimi
     return Finding(CHECK, "noted", text)
 
 
-def _driving_force(columns: dict[str, Array], limits: CheckLimits) -> Array | None:
+def _driving_force(columns: Mapping[str, Array], limits: CheckLimits) -> Array | None:
     """Return what drives the piston less a measured load, shape ``(n,)`` [N]; None if that is not known."""
     load_n = columns.get(LOAD_FORCE, 0.0) if limits.load == "measured" else 0.0
     if DRIVE_FORCE in columns:
