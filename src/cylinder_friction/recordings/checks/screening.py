@@ -209,8 +209,8 @@ def _spike_height(values: Array, low: float, high: float, step: float | None, ru
     """
     if len(values) < 2 * BESIDE + 1:
         return math.inf
-    inner = np.arange(1, len(values) - 1, max(1, len(values) // PLACES))
-    before, here, after = values[inner - 1], values[inner], values[inner + 1]
+    step_rows = max(1, len(values) // PLACES)
+    before, here, after = (values[first : len(values) - 2 + first : step_rows] for first in (0, 1, 2))
     valid = (here >= low) & (here <= high) & np.isfinite(before) & np.isfinite(here) & np.isfinite(after)
     if valid.sum() < 2 * BESIDE + 1:
         return math.inf
