@@ -124,12 +124,12 @@ class Recording:
         """Check columns, or those of a table, and keep them without a copy.
 
         Raises:
-            RecordingError: One is missing or of another length, or a measured one holds NaN or infinity.
+            RecordingError: One is missing or of another shape, or a measured one holds NaN or infinity.
         """
         self._set(metadata, {str(name): _read_only(values) for name, values in columns.items()}, noise or {})
         if missing := missing_column(self.columns):
             raise RecordingError(f"recording {self.name!r}: {missing}")
-        self._check_lengths()
+        self._check_shapes()
         for name in (*SAMPLE_COLUMNS, DRIVE_FORCE):
             if name in self.columns:
                 values = self.column(name)
@@ -141,10 +141,12 @@ class Recording:
     def _set(self, metadata: RecordingMetadata, columns: Columns, noise: Mapping[str, float]) -> None:
         self.__dict__.update(metadata=metadata, columns=columns, noise=noise)
 
-    def _check_lengths(self) -> None:
-        lengths = {name: len(values) for name, values in self.columns.items()}
-        if len(set(lengths.values())) > 1:
-            raise RecordingError(f"recording {self.name!r}: got columns of {lengths} rows, expected as many in each")
+    def _check_shapes(self) -> None:
+        rows = (len(self),)
+        for name, values in self.columns.items():
+            if values.shape != rows:
+                got = f"column {name!r} has shape {values.shape}, expected {rows} as {TIME}"
+                raise RecordingError(f"recording {self.name!r}: {got}; give one value a row")
 
     def __repr__(self) -> str:
         rows, who = len(self), self.metadata
@@ -235,7 +237,7 @@ class Recording:
         if _CHECKED & columns.keys():
             return replace(self, columns=merged)
         derived = self._derived(merged)
-        derived._check_lengths()
+        derived._check_shapes()
         return derived
 
     def rows(self, own: slice) -> Recording:
