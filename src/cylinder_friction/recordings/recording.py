@@ -146,7 +146,7 @@ class Recording:
         for name, values in self.columns.items():
             if values.shape != rows:
                 got = f"column {name!r} has shape {values.shape}, expected {rows} as {TIME}"
-                raise RecordingError(f"recording {self.name!r}: {got}; give one value a row")
+                raise RecordingError(f"recording {self.name!r}: {got}; give one value for each row")
 
     def __repr__(self) -> str:
         rows, who = len(self), self.metadata
