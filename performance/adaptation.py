@@ -124,12 +124,9 @@ def servo_rig(minutes: int, seed: int) -> tuple[Cylinder, list[Recording], list[
     plan = servo.SessionPlan(seed=seed, duration_s=60.0)
     numbers = [*range(minutes), *range(3 * FIRST_TEST, 3 * FIRST_TEST + TEST_SESSIONS)]
     made = [servo.record(plan, str(1 + number % 3), 1 + number // 3) for number in numbers]
-    labelled, truth_n = (
-        label([each.recording for each in made], servo.CYLINDER),
-        [each.true_friction_n for each in made],
-    )
-    by_name = {each.name: true_n for each, true_n in zip(labelled, truth_n, strict=True)}
-    return servo.CYLINDER, labelled[:minutes], labelled[minutes:], by_name
+    labelled = label([each.recording for each in made], servo.CYLINDER)
+    truth_n = {each.recording.name: each.true_friction_n for each in made}
+    return servo.CYLINDER, labelled[:minutes], labelled[minutes:], truth_n
 
 
 def crane(folder: Path) -> dict[str, list[Recording]]:

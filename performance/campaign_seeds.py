@@ -10,7 +10,6 @@ Prints, for each seed and condition, the default hybrid's error beside the estim
 
 import argparse
 import contextlib
-import json
 import os
 import shutil
 import sys
@@ -22,11 +21,15 @@ from true_friction import report
 
 from cylinder_friction.commands.cli import main as cylinder_friction
 from cylinder_friction.execution.selection import workers_from_environment
+from cylinder_friction.recordings.files import read_json
 from cylinder_friction.run_record import STAGES as ALL_STAGES
 
 PUBLISHED_BEST_PERCENT = 5.57
-LABEL_RIVALS = ("force_balance_low_pass", "ridge", "lugre", "pressure_lugre")
-TRUTH_RIVALS = ("force_balance_unfiltered", "force_balance_paper")
+RIVALS = {
+    "label": (("force_balance_low_pass", "ridge", "lugre", "pressure_lugre"), PUBLISHED_BEST_PERCENT),
+    "truth": (("force_balance_unfiltered", "force_balance_paper"), float("inf")),
+}
+"""What the hybrid has to beat, beside a percentage, by what errors are against."""
 STAGES = ALL_STAGES[: ALL_STAGES.index("register")]
 
 
@@ -39,8 +42,7 @@ def campaign(seed: int | None, overrides: list[str], folder: Path) -> dict[str, 
         for command in (["params", *seeded], *(["stage", stage] for stage in STAGES)):
             if cylinder_friction(command):
                 raise RuntimeError(f"seed {seed}: {' '.join(command)} failed; it has printed why")
-    metrics: dict[str, dict[str, dict[str, float]]] = json.loads((folder / "reports/metrics.json").read_text("utf-8"))
-    return metrics
+    return read_json(folder / "reports/metrics.json")
 
 
 def main() -> int:
@@ -61,22 +63,17 @@ def place(keep: Path | None, name: str) -> contextlib.AbstractContextManager[str
 
 def compare_seeds(seeds: list[int], overrides: list[str], keep: Path | None) -> int:
     """Print the comparison of each seed; returns 1 if any claim fails."""
-    failed = []
-    lines = []
+    failed, lines, found = [], [], []
     with contextlib.ExitStack() as stack:
         workers = stack.enter_context(workers_from_environment())
         folders = [Path(stack.enter_context(place(keep, f"seed_{seed}"))) for seed in seeds]
         pieces = [partial(campaign, seed, overrides, folder) for seed, folder in zip(seeds, folders, strict=True)]
         results = workers.all_in_order(pieces, [f"seed {seed}" for seed in seeds])
-        found = []
         for seed, folder, metrics in zip(seeds, folders, results, strict=True):
             sys.stdout.write(f"seed {seed} {' '.join(overrides)}\n{report(folder)}\n\n")
             found.append((seed, metrics))
     for seed, metrics in found:
-        for against, rivals, bound in (
-            ("label", LABEL_RIVALS, PUBLISHED_BEST_PERCENT),
-            ("truth", TRUTH_RIVALS, float("inf")),
-        ):
+        for against, (rivals, bound) in RIVALS.items():
             for condition in sorted(metrics["hybrid"]):
                 own = metrics["hybrid"][condition][f"{against}_percent"]
                 others = {name: metrics[name][condition][f"{against}_percent"] for name in rivals}

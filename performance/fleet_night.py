@@ -11,19 +11,16 @@ from __future__ import annotations
 import argparse
 import hashlib
 import os
-import resource
 import shutil
-import subprocess
-import sys
 import tempfile
-import time
 from dataclasses import asdict, replace
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Any
 
 import pandas as pd
 import yaml
+from live_service import CLI
+from log_throughput import timed
 
 from cylinder_friction import fleet
 from cylinder_friction.cylinder import Cylinder
@@ -74,7 +71,6 @@ def copy_results(
     """Give a cylinder a life of results of the first one, under its own name, dates and hashes."""
     own, base = health / RESULTS / name, health / RESULTS / FIRST
     made_with = hashlib.sha256(repr(Cylinder(name=name, **DIMENSIONS)).encode()).hexdigest()
-
     own.mkdir(parents=True)
     recordings, kept = [], {}
     for number in range(sessions):
@@ -97,18 +93,11 @@ def copy_results(
     write_rows(health / session_file(name), [each.row for each in kept.values()], kept, {}, {})
 
 
-def night(folder: Path, *more: str) -> dict[str, Any]:
-    """Run `monitor` in a process and return what it took."""
-    command = [sys.executable, "-m", "cylinder_friction.commands.cli", "monitor", *more, "--workers", "1"]
+def night(folder: Path, *more: str) -> str:
+    """Run `monitor` in a process and return what it took; 3 is the status of a night with alarms."""
     paths = ["--fleet", str(folder / "fleet.yaml"), "--into", str(folder / "health")]
-    began_s, before = time.perf_counter(), resource.getrusage(resource.RUSAGE_CHILDREN)
-    done = subprocess.run([*command, *paths], check=False, capture_output=True, text=True)
-    used = resource.getrusage(resource.RUSAGE_CHILDREN)
-    cpu_s = used.ru_utime + used.ru_stime - before.ru_utime - before.ru_stime
-    took = {"status": done.returncode, "cpu_s": round(cpu_s, 1), "wall_s": round(time.perf_counter() - began_s, 1)}
-    if done.returncode not in (0, 3):
-        print(done.stdout[-2000:], done.stderr[-2000:])
-    return took | {"peak_mb": used.ru_maxrss // 1024}
+    took = timed([*CLI, "monitor", *more, "--workers", "1", *paths], 3)
+    return f"{took.cpu_s:.1f} s of CPU, {took.clock_s:.1f} s by the clock, at most {took.peak_mb:.0f} MB"
 
 
 def main() -> None:

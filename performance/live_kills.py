@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from live_service import running
+from live_service import arguments, running
 
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.execution.ports import free_port
@@ -49,10 +49,7 @@ class Cylinder:
 
 def main() -> int:
     """Run it, print one table, return 1 where anything differs."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--model", type=Path, default=Path("models/hybrid"))
-    options.add_argument("--recordings", type=Path, default=Path("data/processed/test"))
-    options.add_argument("--sessions", type=int, default=50)
+    options = arguments(__doc__, sessions=50)
     options.add_argument("--kills", type=int, default=100)
     options.add_argument("--seed", type=int, default=1)
     given = options.parse_args()

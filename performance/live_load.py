@@ -14,10 +14,11 @@ import tempfile
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import psutil
-from live_service import running
+from live_service import arguments, running
 from websockets.asyncio.client import ClientConnection, connect
 
 from cylinder_friction.estimators.loading import load_estimator
@@ -40,10 +41,7 @@ class Seen:
 
 def main() -> None:
     """Run it and print one table."""
-    options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    options.add_argument("--model", type=Path, default=Path("models/hybrid"))
-    options.add_argument("--recordings", type=Path, default=Path("data/processed/test"))
-    options.add_argument("--sessions", type=int, default=500)
+    options = arguments(__doc__, sessions=500)
     options.add_argument("--connections", type=int, default=20)
     options.add_argument("--frame-ms", type=float, default=20.0)
     options.add_argument("--seconds", type=float, default=60.0)
@@ -53,29 +51,20 @@ def main() -> None:
     rows = max(1, round(1e-3 * given.frame_ms / float(estimator.sample_time_s or 0.005)))
     samples = samples[: len(samples) // rows * rows]
     frames = int(given.seconds / (1e-3 * given.frame_ms))
-    needed = -(-frames * rows // len(samples))
-    newtons, _ = estimator.real_time().run(np.tile(samples, (needed, 1)))
     cores = sorted(os.sched_getaffinity(0))
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        running(given.model, Path(folder), PORT, cores=cores[:1]) as service,
-    ):
+    with tempfile.TemporaryDirectory() as folder, running(given.model, Path(folder), PORT, cores=cores[:1]) as service:
         os.sched_setaffinity(0, cores[1:] or cores)
-        asyncio.run(load(given, samples, newtons, rows, frames, psutil.Process(service.pid), tuple(estimator.inputs)))
+        asyncio.run(load(given, estimator, samples, rows, frames, psutil.Process(service.pid)))
 
 
 async def load(
-    given: argparse.Namespace,
-    samples: np.ndarray,
-    newtons: np.ndarray,
-    rows: int,
-    frames: int,
-    service: psutil.Process,
-    inputs: tuple[str, ...],
+    given: argparse.Namespace, estimator: Any, samples: np.ndarray, rows: int, frames: int, service: psutil.Process
 ) -> None:
     """Send and receive over all connections, then print."""
+    newtons, _ = estimator.real_time().run(np.tile(samples, (-(-frames * rows // len(samples)), 1)))
     per_connection = given.sessions // given.connections
     sockets = [await connect(f"ws://127.0.0.1:{PORT}/stream", max_size=None) for _ in range(given.connections)]
+    inputs = tuple(estimator.inputs)
     handles = [await opened(each, place, per_connection, inputs) for place, each in enumerate(sockets)]
     seen = [Seen() for _ in sockets]
     sent_at = [np.zeros(frames) for _ in sockets]
@@ -85,7 +74,7 @@ async def load(
     memory_bytes: list[float] = []
     begin_s = time.monotonic()
     writers = [
-        write(socket, own, samples, rows, frames, 1e-3 * given.frame_ms, begin_s + 1e-3 * place, at)
+        write(socket, own, samples.reshape(-1, rows, len(inputs)), 1e-3 * given.frame_ms, begin_s + 1e-3 * place, at)
         for place, (socket, own, at) in enumerate(zip(sockets, handles, sent_at, strict=True))
     ]
     watching = asyncio.create_task(watch(service, memory_bytes))
@@ -102,14 +91,12 @@ async def load(
     quarters = [np.median(each) for each in np.array_split(memory_bytes, 4)]
     print(f"{given.sessions} sessions x {rows / (1e-3 * given.frame_ms):.0f} Hz, {given.connections} connections, "
           f"frames of {given.frame_ms:g} ms, {lasted_s:.0f} s")  # fmt: skip
-    print(
-        f"core                 {100 * used_s / lasted_s:.0f} % of one; {estimates / used_s:,.0f} samples a second of it"
-    )
+    per_second = estimates / used_s
+    print(f"core                 {100 * used_s / lasted_s:.0f} % of one; {per_second:,.0f} samples a second of it")
     print(f"sent to newtons [ms] median {quantiles[0]:.1f}, 99 % {quantiles[1]:.1f}, 99.9 % {quantiles[2]:.1f}, "
           f"worst {quantiles[3]:.1f}")  # fmt: skip
-    print(
-        f"estimates            {estimates:,} of {expected:,}; other than a stream's own: {sum(s.wrong for s in seen)}"
-    )
+    wrong = sum(each.wrong for each in seen)
+    print(f"estimates            {estimates:,} of {expected:,}; other than a stream's own: {wrong}")
     print(f"acknowledged         {kept:,}")
     print(f"memory [MB]          medians of the quarters {', '.join(f'{1e-6 * each:.1f}' for each in quarters)}; "
           f"most {1e-6 * max(memory_bytes):.1f}")  # fmt: skip
@@ -126,24 +113,15 @@ async def opened(socket: ClientConnection, place: int, count: int, inputs: tuple
 
 
 async def write(
-    socket: ClientConnection,
-    handles: list[int],
-    samples: np.ndarray,
-    rows: int,
-    frames: int,
-    interval_s: float,
-    begin_s: float,
-    sent_at: np.ndarray,
+    socket: ClientConnection, handles: list[int], parts: np.ndarray, interval_s: float, begin_s: float, at_s: np.ndarray
 ) -> None:
-    """Send one message per interval, each with a block per session."""
-    for frame in range(frames):
-        begin = frame * rows % len(samples)
-        part = samples[begin : begin + rows]
-        message = b"".join(
-            pack_samples(SampleBlock(handle, frame * rows, 1e9 + frame * interval_s, part)) for handle in handles
-        )
+    """Send one message per interval, each with a block per session, and note when."""
+    for frame in range(len(at_s)):
+        part, index = parts[frame % len(parts)], frame * parts.shape[1]
+        blocks = [SampleBlock(handle, index, 1e9 + frame * interval_s, part) for handle in handles]
+        message = b"".join(map(pack_samples, blocks))
         await asyncio.sleep(max(0.0, begin_s + frame * interval_s - time.monotonic()))
-        sent_at[frame] = time.monotonic()
+        at_s[frame] = time.monotonic()
         await socket.send(message)
 
 

@@ -1,5 +1,6 @@
 """A service as a process of its own, for measurements and tests."""
 
+import argparse
 import os
 import signal
 import subprocess
@@ -15,6 +16,15 @@ import yaml
 
 START_S = 300.0
 CLI = (sys.executable, "-m", "cylinder_friction.commands.cli")
+
+
+def arguments(description: str | None, sessions: int) -> argparse.ArgumentParser:
+    """Return a parser for what every measurement of the live service asks for."""
+    parser = argparse.ArgumentParser(description=description, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--model", type=Path, default=Path("models/hybrid"))
+    parser.add_argument("--recordings", type=Path, default=Path("data/processed/test"))
+    parser.add_argument("--sessions", type=int, default=sessions)
+    return parser
 
 
 @contextmanager

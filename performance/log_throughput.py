@@ -27,6 +27,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.csv as pa_csv
+from live_service import CLI
 
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 TIME, PRESSURES = "Time [s]", ["P1 [bar]", "P2 [bar]"]
@@ -35,7 +36,6 @@ SMALL_FILES, SMALL_ROWS = 1000, 6000
 NAMES = r"(?P<session>(?P<condition>[a-z]+)[0-9]*)"
 READ = "import sys, pathlib, pandas\nfor each in pathlib.Path(sys.argv[1]).glob('*'):\n    pandas.read_csv(each)"
 NEW_FILES = 10
-COMMAND = [sys.executable, "-m", "cylinder_friction.commands.cli"]
 FLAT = 1.05
 """Memory is flat if it grows by no more than this from a quarter of the file to the whole."""
 
@@ -63,11 +63,10 @@ def main() -> int:
     sizes = {} if arguments.no_large else sizes
     numpy = timed([sys.executable, "-c", "import numpy"])
     for given in (["--help"], ["--version"], ["estimate", "--mistyped"]):
-        beside = timed([*COMMAND, *given], 2).cpu_s / numpy.cpu_s
+        beside = timed([*CLI, *given], 2).cpu_s / numpy.cpu_s
         sys.stdout.write(f"{' '.join(given)}: {beside:.2f} of the CPU time of `import numpy`\n")
-    sys.stdout.write(
-        f"{'':16}{'rows':>12}{'MB':>8}  {'':14}{'rows/s':>12}{'CPU':>7}{'clock':>7}{'MB':>8}{'memory':>8}\n"
-    )
+    columns = f"{'rows/s':>12}{'CPU':>7}{'clock':>7}{'MB':>8}{'memory':>8}"
+    sys.stdout.write(f"{'':16}{'rows':>12}{'MB':>8}  {'':14}{columns}\n")
     peaks: dict[tuple[str, str], Cost] = {}
     with tempfile.TemporaryDirectory(prefix="log-throughput-", dir=arguments.folder) as name:
         work = Path(name)
@@ -157,18 +156,14 @@ def cost(side: str, folder: Path, out: Path, model: Path) -> Cost:
     given = ["--channels", "conf/ingest/rig.yaml", "--names", NAMES, "--output", str(out)]
     given += ["--model", str(model)] if side.startswith("model") else []
     given += [] if side.endswith("cores") else ["--workers", "1"]
-    used = timed([*COMMAND, "estimate", str(folder), *given], 1)  # 1: a recording holds what the model does not know
+    used = timed([*CLI, "estimate", str(folder), *given], 1)  # 1: a recording holds what the model does not know
     if not (out / "friction.html").is_file():
         raise RuntimeError(f"{side} over {folder} wrote no page")
     return used
 
 
 def timed(command: list[str], *allowed: int) -> Cost:
-    """Return what a process costs, workers included; it may end with a status of 0, or those ``allowed``.
-
-    Raises:
-        RuntimeError: It failed.
-    """
+    """Return what a process costs, workers included; it may end with a status of 0, or those ``allowed``."""
     environment = {**os.environ, **dict.fromkeys(ONE_THREAD, "1")}
     with tempfile.TemporaryFile("w+") as log:
         started = time.monotonic()

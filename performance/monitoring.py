@@ -169,9 +169,8 @@ def nights(rows: Rows, plan: MonitorPlan) -> list[tuple[int, str, str]]:
         for day in [int(trend.sessions[over[0]]) + later for later in (0, *LATER)] if len(over) else ():
             if day < last and day not in found:
                 found[day] = assess(CYLINDER.name, rows[: day + 1], (), plan)
-    return [
-        (day, each.answer, each.changes[0].indicator if each.changes else "") for day, each in sorted(found.items())
-    ]
+    ordered = sorted(found.items())
+    return [(day, each.answer, each.changes[0].indicator if each.changes else "") for day, each in ordered]
 
 
 def lives(healthy: list[Resampled], times: int, count: int, seed: int) -> Iterator[Rows]:
@@ -214,9 +213,8 @@ def false_alarms(bank: Bank, healthy: int, times: int, plan: MonitorPlan) -> Non
         undecided[kind] += any(result == "undecided" for _, result, _ in each)
         last[each[-1][1]] += 1
     print(f"baseline {plan.baseline_sessions:3d}: {_rate(wrong.total(), len(cases))} {dict(wrong)};", flush=True)
-    print(
-        f"  undecided by kind, of {len(cases) // len(DISTURBANCES)}: {dict(undecided)};", _ends(undecided.total(), last)
-    )
+    each_kind = len(cases) // len(DISTURBANCES)
+    print(f"  undecided by kind, of {each_kind}: {dict(undecided)};", _ends(undecided.total(), last))
 
 
 def _ends(undecided: int, last: Counter[str]) -> str:
@@ -318,9 +316,7 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--scratch", type=Path, default=Path("build/monitoring"))
-    parser.add_argument(
-        "--lives", type=int, default=11, help="per cylinder and disturbance, for the rate of false alarms"
-    )
+    parser.add_argument("--lives", type=int, default=11, help="per cylinder and disturbance, for false alarms")
     parser.add_argument("--kept", action="store_true", help="use what an earlier run kept, and simulate nothing")
     parser.add_argument("--servo", action="store_true", help="healthy lives and growing friction on the servo rig")
     given = parser.parse_args()

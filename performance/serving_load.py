@@ -141,10 +141,9 @@ def servers(model: Path, folder: Path) -> Iterator[list[Server]]:
 def load(server: Server, work: Work, seconds: float) -> tuple[float, float]:
     """Return requests per second, and CPU seconds of the server per request."""
     before_s = server.cpu_s()
-    command = [sys.executable, __file__, "--generate", str(server.port), server.paths[work.content_type]]
-    done = subprocess.run(
-        [*command, work.content_type, str(seconds)], input=work.body, stdout=subprocess.PIPE, check=True
-    )
+    sent = [server.paths[work.content_type], work.content_type, str(seconds)]
+    command = [sys.executable, __file__, "--generate", str(server.port), *sent]
+    done = subprocess.run(command, input=work.body, stdout=subprocess.PIPE, check=True)
     result = json.loads(done.stdout)
     return result["served"] / result["seconds"], (server.cpu_s() - before_s) / result["served"]
 
@@ -165,10 +164,8 @@ def table(found: list[Server], run: Path, rounds: int, seconds: float) -> None:
             pairs = list(zip(figures[OURS], values, strict=True))
             ratio = statistics.median(theirs[0] / ours[0] for ours, theirs in pairs)
             cpu_ratio = statistics.median(ours[1] / theirs[1] for ours, theirs in pairs)
-            print(
-                f"  {name:32s}{per_second:12.0f}{per_second * work.rows:12.0f}{1e3 * cpu_s:10.3f}"
-                f"{ratio:18.2f}{cpu_ratio:8.2f}"
-            )
+            print(f"  {name:32s}{per_second:12.0f}{per_second * work.rows:12.0f}", end="")
+            print(f"{1e3 * cpu_s:10.3f}{ratio:18.2f}{cpu_ratio:8.2f}")
     print()
     for server in found:
         print(f"{server.name:26s} {server.memory_mb():6.0f} MB after the load")

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 
-from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
@@ -25,11 +25,11 @@ from cylinder_friction.estimators.training_plan import Architecture, TrainingPla
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
 from cylinder_friction.recordings.files import read_json
 from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.splits import ROLES
 from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.recordings.truth import known_truth
 from cylinder_friction.signals.motion import near_events
 
-ROLES = ("train", "validation", "calibration", "test")
 EVENT_WINDOW_S = 0.1
 CYLINDER = Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
 LAGS_S = (0.0, 0.025, 0.05)
@@ -51,7 +51,7 @@ def main() -> None:
 def print_lags(run: Path, epochs: int) -> None:
     """Print one row per lag, one column per condition."""
     data, chosen = run / "data", read_json(run / "models/hybrid/chosen.json")
-    parts = {role: read_stored(data / "processed" / role) for role in ("train", "validation", "calibration", "test")}
+    parts = {role: read_stored(data / "processed" / role) for role in ROLES}
     truth_n = known_truth(str(data / "raw/rig_truth"), parts["test"])
     tracker = OffsetTracker.from_dict(read_json(data / "processed/estimators.json")["offset_tracker"])
     print("mean absolute error [% of mean |true friction| of the condition], and near events [N]")
@@ -73,8 +73,7 @@ def print_lags(run: Path, epochs: int) -> None:
             usable, true_n = recording.usable(), truth_n[recording.name]
             error_n = np.abs(hybrid.estimate(recording) - true_n)
             rows.setdefault(recording.metadata.condition, []).append((error_n[usable], np.abs(true_n)[usable]))
-            near = near_events(recording.column("velocity_m_s"), round(EVENT_WINDOW_S / recording.sample_time_s))
-            events.append(error_n[near & usable])
+            events.append(error_n[near_event_rows(recording)])
         print(f"{line(f'lag of {1e3 * lag_s:g} ms', rows)}{np.concatenate(events).mean():9.1f}", flush=True)
 
 
@@ -101,21 +100,23 @@ def report(run: Path) -> str:
                 error_n = np.abs(values_n - taken_n - true_n)[usable]
                 by_condition = rows.setdefault(words, {})
                 by_condition.setdefault(recording.metadata.condition, []).append((error_n, np.abs(true_n)[usable]))
-        near = near_events(recording.column("velocity_m_s"), round(EVENT_WINDOW_S / recording.sample_time_s))
-        events.append(np.abs(estimates["hybrid, cold"] - true_n)[near & recording.usable()])
+        events.append(np.abs(estimates["hybrid, cold"] - true_n)[near_event_rows(recording)])
     lines = ["mean absolute error [% of mean |true friction| of the condition]", header(sorted(rows["label"]))]
     lines += [line(words, rows[words]) for words in sorted(rows)]
     lines.append(f"near events, hybrid cold: {np.concatenate(events).mean():.1f} N; mean offset left: {mean_n:.2f} N")
     return "\n".join([*lines, bounds_line(run)])
 
 
+def near_event_rows(recording: Recording) -> Mask:
+    """Return the usable rows near starts, stops and reversals, shape ``(n,)``."""
+    window = round(EVENT_WINDOW_S / recording.sample_time_s)
+    return near_events(recording.column("velocity_m_s"), window) & recording.usable()
+
+
 def bounds_line(run: Path) -> str:
     """Return what the bounds of a finished run hold of true friction and how wide they are, as text."""
-    (held,) = (
-        each
-        for each in read_json(run / "reports/coverage.json")
-        if (each["reference"], each["condition"]) == ("truth", "all")
-    )
+    coverage = read_json(run / "reports/coverage.json")
+    (held,) = (each for each in coverage if (each["reference"], each["condition"]) == ("truth", "all"))
     return (
         f"bounds hold {held['held_percent']:.1f} % of true friction, near events "
         f"{held['held_near_events_percent']:.1f} %, worst session {held['worst_session_percent']:.1f} %, mean width "

@@ -43,14 +43,13 @@ from cylinder_friction.labelling.offset_identification import fit_offset_model
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan
 from cylinder_friction.labelling.up_and_down import up_and_down
 from cylinder_friction.realtime.stream import RealTimeStream
-from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
+from cylinder_friction.recordings.columns import PRESSURES, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.recording import Recording, SensorUncertainty
 from cylinder_friction.rig.campaign import CampaignPlan, campaign
 from cylinder_friction.rig.sensors import DECIMALS
 
 BAR = 1e5
 RIG = Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
-PRESSURES = ("pressure_1_pa", "pressure_2_pa")
 PLAN = OffsetPlan()
 
 
@@ -223,11 +222,8 @@ def trained(name: str, seed: int, epochs: int = 10) -> dict[str, float | str]:
                 "width over error": (newtons[:, 2] - newtons[:, 1])[usable].mean() / error_n,
             }
         )
-    words: dict[str, float | str] = {
-        "kind": name,
-        "zeros taken off": str(shown),
-        "learns": str(hybrid.offset is not None),
-    }
+    learns = str(hybrid.offset is not None)
+    words: dict[str, float | str] = {"kind": name, "zeros taken off": str(shown), "learns": learns}
     return words | {str(key): float(value) for key, value in pd.DataFrame(rows).mean().items()}
 
 
