@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from cylinder_friction.estimators.linear import RidgeEstimator
-from cylinder_friction.evaluation.strata import StrataLimits
 from cylinder_friction.params.checking import ParamsError
 from cylinder_friction.recordings.storage import read_stored, write_recording
 from friction_benchmark.conclusions import findings_of
@@ -25,7 +24,14 @@ if TYPE_CHECKING:
 
     from friction_benchmark.results import BenchmarkResults
 
-SETTINGS = ScoreSettings(StrataLimits(1e-3, 16e-3, 0.1), 0.05, bootstrap_repeats=50, bootstrap_block_s=1.0)
+SETTINGS = ScoreSettings(
+    maximum_lag_s=0.05,
+    standstill_velocity_m_s=1e-3,
+    stribeck_velocity_m_s=8e-3,
+    reversal_window_s=0.1,
+    bootstrap_repeats=50,
+    bootstrap_block_s=1.0,
+)
 PLAN = Plan(
     tasks=("identity", "pressure_free", "external_load"),
     splits={
@@ -56,7 +62,7 @@ def made_runner(folder: Path, plan: Plan = PLAN, workers: int = 1) -> Runner:
         for kind in ("campaign", "loaded", "unseen"):
             if not sources.campaign_folder(kind, seed).is_dir():
                 write_campaign(sources, kind, seed, sessions=1 if kind == "unseen" else 3)
-    return Runner(plan, sources, folder, SETTINGS, workers, progress=False)
+    return Runner(plan, sources, folder, SETTINGS, workers)
 
 
 @pytest.fixture(scope="module")
@@ -246,7 +252,7 @@ def test_two_processes_find_the_same_as_one(runner: Runner, results: BenchmarkRe
 
 def test_own_recordings_are_evaluated_where_no_truth_is_needed(tmp_path: Path) -> None:
     sources = Sources(tmp_path / "none", SIZES, CYLINDER, "", write_own(tmp_path / "own"), (("train", "hash"),))
-    results = Runner(replace(PLAN, models=KNOWN[:3]), sources, tmp_path / "cache", SETTINGS, progress=False).run()
+    results = Runner(replace(PLAN, models=KNOWN[:3]), sources, tmp_path / "cache", SETTINGS).run()
     assert [(one.task, one.split) for one in results.tasks] == [
         ("identity", "held_out_sessions"),
         ("pressure_free", "held_out_sessions"),
@@ -269,7 +275,7 @@ def test_a_plan_of_loaded_recordings_alone_needs_no_others(tmp_path: Path) -> No
     sources = Sources(tmp_path / "campaigns", SIZES, CYLINDER)
     write_campaign(sources, "loaded", 0)
     plan = replace(PLAN, tasks=("external_load",), splits={}, seeds=(0,), models=KNOWN[:2])
-    results = Runner(plan, sources, tmp_path, SETTINGS, progress=False).run()
+    results = Runner(plan, sources, tmp_path, SETTINGS).run()
     assert [one.task for one in results.tasks] == ["external_load"]
     assert results.budget["recordings"] == 12
 

@@ -73,5 +73,5 @@ def test_tuning_that_never_succeeds_states_why() -> None:
 
 
 def test_one_of_several_words_may_be_tuned() -> None:
-    entry = RegisteredModel("a", "A", "modern", "own", RIDGE.build, {"way": OneOf(("up", "down"))}, {"way": "down"})
+    entry = RegisteredModel("a", "A", "modern", "own", RIDGE.build, {"way": (OneOf(("up", "down")), "down")})
     assert tune(entry, 4, 0, lambda choice: 1.0 if choice["way"] == "up" else 2.0).choice == {"way": "up"}

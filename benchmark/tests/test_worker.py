@@ -13,9 +13,8 @@ import pytest
 from friction_benchmark.cache import Cache, Estimates, Prediction
 from friction_benchmark.datasets import Sources, folds_of
 from friction_benchmark.folds import HELD_OUT
-from friction_benchmark.jobs import WORKER, Context, Job, tuning_job
+from friction_benchmark.jobs import WORKER, Context, Job, code_key, tuning_job
 from friction_benchmark.registry import RegisteredModel, registered_models
-from friction_benchmark.source_code import code_key
 from friction_benchmark.tasks import task_named
 from friction_benchmark.worker import do_jobs, do_tuning, prediction
 from friction_benchmark_models import CYLINDER, MODULES, SIZES, Constant, write_campaign

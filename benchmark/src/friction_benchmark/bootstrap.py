@@ -17,6 +17,11 @@ class BlockSums:
     abs_error_n: Array
     abs_friction_n: Array
 
+    @property
+    def percent(self) -> float:
+        """MAE / mean |friction| over all blocks [%]."""
+        return 100.0 * float(self.abs_error_n.sum() / self.abs_friction_n.sum())
+
 
 def block_sums(
     references_n: Sequence[Array], estimates_n: Sequence[Array], usable: Sequence[Mask], rows_per_block: int
@@ -38,9 +43,8 @@ def bootstrap_percent(sums: BlockSums, repeats: int, seed: int) -> Array:
     """Return ``repeats`` draws of MAE / mean |friction| [%], shape ``(repeats,)``.
 
     Every draw takes as many blocks as there are, with replacement. One seed and one number of blocks give the
-    same blocks whatever the estimator, so that the draws of two estimators may be subtracted: a paired comparison.
-
-    Source: Künsch 1989 (blocks), Efron 1979 (bootstrap).
+    same blocks whatever the estimator, so that the draws of two estimators may be subtracted: a paired comparison
+    (Künsch 1989 for blocks, Efron 1979 for the bootstrap).
     """
     blocks = len(sums.abs_error_n)
     chosen = np.random.default_rng(seed).integers(0, blocks, size=(repeats, blocks))

@@ -49,10 +49,6 @@ class Cache:
 
     folder: Path
 
-    @property
-    def campaigns(self) -> Path:
-        return self.folder / "campaigns"
-
     def score(self, key: str) -> Any:
         """Return the line of a leaderboard; None if there is none."""
         path = self.folder / "scores" / f"{key}.json"

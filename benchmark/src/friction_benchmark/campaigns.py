@@ -1,12 +1,11 @@
 """Labelled recordings of campaigns on the simulated rig, made in memory by the pipeline's own functions and defaults.
 
 So recordings and labels are those of the stages ``ingest``, ``filter`` and ``label``; the truth stands beside them.
-The simulated twin is a campaign on many rigs drawn at random whose *target* is true friction. No rig of another
-campaign is among them: their seeds begin far beyond the others'. Friction, hydraulics and sensors of each come from
-their whole ranges, so that what is learnt holds for an unknown rig.
+The simulated twin is a campaign on many rigs drawn at random whose *target* is true friction. Friction, hydraulics and
+sensors of each come from their whole ranges, so that what is learnt holds for an unknown rig.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Literal
@@ -47,7 +46,6 @@ def simulate(sources: Sources, kind: Kind, seed: int) -> None:
         return
     sizes, cylinder = sources.sizes, sources.cylinder
     load: LoadKind = "varied" if kind.endswith("loaded") else "none"
-    made: Iterable[LabelledRecording]
     if kind.startswith("twin"):
         made = twin_campaign(seed, sizes.twin_rigs, sizes.duration_s, cylinder, load)
     else:
@@ -76,11 +74,8 @@ def campaign_plan(sizes: Sizes, kind: Kind, seed: int) -> CampaignPlan:
 def labelled_campaign(plan: CampaignPlan, cylinder: Cylinder) -> tuple[LabelledRecording, ...]:
     """Return a campaign's labelled recordings, in the order of their names; equal plans give equal bits.
 
-    What ingest would set aside (too short, without motion) is left out, as it would be.
-
-    Raises:
-        RecordingError: Not one recording is usable; the message is the first one's.
-        ValueError: See ``rig.campaign.campaign``.
+    What ingest would set aside (too short, without motion) is left out, as it would be; it is refused only if no
+    recording is left.
     """
     with_load = plan.external_load != "none"
     recipe = campaign_recipe(cylinder, load=with_load)
@@ -107,24 +102,12 @@ def twin_campaign(
 ) -> tuple[LabelledRecording, ...]:
     """Return the twin's recordings, in the order of their names; ``friction_n`` is true friction, not the label.
 
-    Which rows are usable is taken from the label: against an end stop, pressures show nothing. Equal arguments give
-    equal bits, and more rigs begin with those of fewer.
-
-    Args:
-        seed: Seeds all rigs; other seeds draw other rigs.
-        rigs: How many; each with one session in each of the four conditions, two recordings per session.
-        duration_s: Of a recording [s].
-        cylinder: Of every rig.
-        external_load: ``"varied"`` for forces on the rod that change within a recording.
-        sample_time_s: Of the logger [s].
-
-    Raises:
-        ValueError: The number of rigs is not in 1 to ``MOST_RIGS``, or the seed is negative.
+    Each rig has one session in each of the four conditions, two recordings per session. Which rows are usable is taken
+    from the label: against an end stop, pressures show nothing. Equal arguments give equal bits, other seeds draw other
+    rigs, and more rigs begin with those of fewer. There are at most ``MOST_RIGS``.
     """
     if not 1 <= rigs <= MOST_RIGS:
         raise ValueError(f"rigs must be 1 to {MOST_RIGS}, but got {rigs!r}")
-    if seed < 0:
-        raise ValueError(f"seed must be at least 0, but got {seed!r}")
     made: list[LabelledRecording] = []
     for rig in range(rigs):
         plan = CampaignPlan(

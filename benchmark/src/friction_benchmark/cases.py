@@ -48,17 +48,18 @@ class Task:
     tuned_as: str = ""  # Name of the task whose tuning is taken over; empty where it is tuned itself
     needs_truth: bool = False  # Whether it can only be scored where true friction is known
 
+    def draws(self, name: str) -> list[str]:
+        """Return the names of a recording's cases: its own first, then those with other sensors."""
+        return [name, *(f"{name} sensors {draw}" for draw in range(1, SENSOR_DRAWS if self.drifts else 1))]
+
 
 @dataclass(frozen=True, eq=False)
 class LabelledRecording:
-    """A recording as the pipeline labels it, and the truth where it is known."""
+    """A recording as the pipeline labels it, and the truth at its rows, shape ``(n,)``, where it is known."""
 
-    # With ``friction_n`` and ``usable``; ``load_force_n``, the load cell's reading, only where an external load works
-    # on the rod
-    recording: Recording
-    # Shape ``(n,)``, at the recording's rows; positive when it opposes positive velocity [N]
-    true_friction_n: Array | None
-    true_load_n: Array | None  # External force that resists extension, shape ``(n,)``; zero where there is none [N]
+    recording: Recording  # With a load cell's ``load_force_n`` where an external load works on the rod
+    true_friction_n: Array | None  # Positive when it opposes positive velocity [N]
+    true_load_n: Array | None  # External force that resists extension; zero where there is none [N]
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +73,6 @@ class EvaluationCase:
     true_load_n: Array | None  # External force that resists extension [N]; None where there is none
     pressures_pa: Array  # As the sensors gave them [Pa], shape ``(n, 2)``
     velocity_m_s: Array  # From the off-line filter, at the time of the target [m/s]
-    oil_temperature_c: Array | None  # [°C]; None where it was not measured
 
     @property
     def usable(self) -> Mask:
@@ -80,17 +80,7 @@ class EvaluationCase:
 
 
 def evaluation_case(task: Task, labelled: LabelledRecording, seed: int, draw: int = 0) -> EvaluationCase:
-    """Return a recording as the task shows it.
-
-    Args:
-        task: Which.
-        labelled: From a campaign.
-        seed: Seeds the sensors' offsets and drifts, drawn anew for each recording.
-        draw: Which pair of sensors it was made with, from 0.
-
-    Raises:
-        ValueError: The task is scored against true friction, which is not known.
-    """
+    """Return a recording as the task shows it, made with the pair of sensors ``draw``, from 0."""
     recording, truth_n = labelled.recording, labelled.true_friction_n
     shift = round(task.ahead_s / recording.sample_time_s)
     rows = np.arange(len(recording))
@@ -113,7 +103,6 @@ def evaluation_case(task: Task, labelled: LabelledRecording, seed: int, draw: in
         labelled.true_load_n if task.campaign == "loaded" else None,
         pressures_pa,
         recording.column("velocity_m_s")[ahead],
-        recording.column(OIL_TEMPERATURE) if OIL_TEMPERATURE in recording.columns else None,
     )
 
 

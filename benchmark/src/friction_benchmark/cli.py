@@ -69,9 +69,8 @@ def _run(options: argparse.Namespace) -> None:
     if (params.FOLDER / params.CONF).is_dir():
         os.chdir(params.FOLDER)
     elif not params.CONF.is_dir():
-        raise ParamsError(
-            f"{params.FOLDER / params.CONF}: no such folder here; run this in a checkout of cylinder-friction"
-        )
+        conf = params.FOLDER / params.CONF
+        raise ParamsError(f"{conf}: no such folder here; run this in a checkout of cylinder-friction")
     if options.command == "params":
         params.write_benchmark_params(options.overrides)
     elif options.command == "inputs":

@@ -47,7 +47,7 @@ def _standing(found: TaskResult, titles: ModelTitles) -> list[str]:
 
 def _against_baseline(found: TaskResult, titles: ModelTitles, *, every: bool) -> list[str]:
     """Return who beats the baseline; ``every``: and who does not."""
-    baseline = next((entry for entry in found.entries if entry.model == found.baseline), None)
+    baseline = found.entry_of(found.baseline)
     if baseline is None:
         return [f"The baseline, {titles(found.baseline)}, has no figure."]
     others = [entry for entry in found.entries if entry is not baseline]

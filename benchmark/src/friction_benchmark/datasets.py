@@ -15,25 +15,8 @@ from cylinder_friction.recordings.columns import OIL_TEMPERATURE
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.splits import split_sessions
 from cylinder_friction.recordings.storage import read_stored
-from friction_benchmark.cases import (
-    SENSOR_DRAWS,
-    EvaluationCase,
-    LabelledRecording,
-    Task,
-    evaluation_case,
-    shown_inputs,
-)
-from friction_benchmark.folds import (
-    HELD_OUT,
-    LEAVE_LOAD,
-    LEAVE_TEMPERATURE,
-    Fold,
-    held_out,
-    leave_one_load_out,
-    leave_one_temperature_out,
-    refuse_leaks,
-    unseen_rig,
-)
+from friction_benchmark import folds
+from friction_benchmark.cases import EvaluationCase, LabelledRecording, Task, evaluation_case, shown_inputs
 
 Kind = Literal["campaign", "loaded", "unseen", "unseen_loaded", "twin", "twin_loaded"]
 
@@ -81,8 +64,7 @@ class Sources:
     sizes: Sizes  # Of the simulated campaigns
     cylinder: Cylinder  # Of all recordings
     code: str = ""  # Hash of the code that simulates and labels
-    # Role (train, validation, test) and folder, where one's own recordings are used; empty otherwise
-    own: tuple[tuple[str, Path], ...] = ()
+    own: tuple[tuple[str, Path], ...] = ()  # Role (train, validation, test) and folder of one's own recordings, if used
     own_hashes: tuple[tuple[str, str], ...] = ()  # Role and hash of the content of that folder
 
     @property
@@ -122,34 +104,31 @@ def inputs_of(sources: Sources, task: Task, seed: int) -> tuple[str, ...]:
 
 
 @lru_cache(maxsize=64)
-def folds_of(sources: Sources, task: Task, split: str, seed: int) -> tuple[Fold, ...]:
-    """Return the folds of a split, checked for leaks; validation and test have every pair of sensors.
+def folds_of(sources: Sources, task: Task, split: str, seed: int) -> tuple[folds.Fold, ...]:
+    """Return the folds of a split, checked for leaks; validation and test have every pair of sensors."""
 
-    Raises:
-        RecordingError: There are too few sessions, or a session would have two roles.
-    """
+    def drawn(names: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(drawn for name in names for drawn in task.draws(name))
+
     recordings = {name: each.recording for name, each in labelled_recordings(sources, task.campaign, seed).items()}
     metadata = [recording.metadata for recording in recordings.values()]
     if sources.own:
-        base = held_out({role: tuple(_read(folder)) for role, folder in sources.own})
+        base = folds.held_out({role: tuple(_read(folder)) for role, folder in sources.own})
     else:
         sizes = sources.sizes
-        base = held_out(split_sessions(metadata, sizes.test_sessions, sizes.validation_sessions, seed))
-    if split == HELD_OUT:
-        folds: tuple[Fold, ...] = (base,)
-    elif split == LEAVE_LOAD:
-        folds = leave_one_load_out(base, metadata)
-    elif split == LEAVE_TEMPERATURE:
+        base = folds.held_out(split_sessions(metadata, sizes.test_sessions, sizes.validation_sessions, seed))
+    found: tuple[folds.Fold, ...] = (base,)
+    if split == folds.LEAVE_LOAD:
+        found = folds.leave_one_load_out(base, metadata)
+    elif split == folds.LEAVE_TEMPERATURE:
         means = {name: float(recording.column(OIL_TEMPERATURE).mean()) for name, recording in recordings.items()}
-        folds = leave_one_temperature_out(base, metadata, means)
-    else:
+        found = folds.leave_one_temperature_out(base, metadata, means)
+    elif split == folds.UNSEEN_RIG:
         others = labelled_recordings(sources, unseen_kind(task), seed)
-        folds = (unseen_rig(base, [other.recording.metadata for other in others.values()]),)
-    for fold in folds:
-        refuse_leaks(fold, metadata)
-    return tuple(
-        replace(fold, validation=_all_draws(task, fold.validation), test=_all_draws(task, fold.test)) for fold in folds
-    )
+        found = (folds.unseen_rig(base, [other.recording.metadata for other in others.values()]),)
+    for fold in found:
+        folds.refuse_leaks(fold, metadata)
+    return tuple(replace(fold, validation=drawn(fold.validation), test=drawn(fold.test)) for fold in found)
 
 
 @lru_cache(maxsize=6)
@@ -158,7 +137,7 @@ def cases_of(sources: Sources, task: Task, kind: Kind, seed: int) -> dict[str, E
     return {
         drawn: evaluation_case(task, labelled, seed, draw)
         for name, labelled in labelled_recordings(sources, kind, seed).items()
-        for draw, drawn in enumerate(_draws(task, name))
+        for draw, drawn in enumerate(task.draws(name))
     }
 
 
@@ -172,15 +151,6 @@ def twin_recordings(sources: Sources, task: Task, seed: int) -> tuple[Recording,
     """Return the task's recordings on the twin's rigs; their target is true friction, which cannot be labelled."""
     recordings = labelled_recordings(sources, twin_kind(task), seed)
     return tuple(evaluation_case(task, labelled, seed).recording for labelled in recordings.values())
-
-
-def _draws(task: Task, name: str) -> list[str]:
-    """Return the names of a recording's cases: its own first, then those with other sensors."""
-    return [name, *(f"{name} sensors {draw}" for draw in range(1, SENSOR_DRAWS if task.drifts else 1))]
-
-
-def _all_draws(task: Task, names: tuple[str, ...]) -> tuple[str, ...]:
-    return tuple(drawn for name in names for drawn in _draws(task, name))
 
 
 @lru_cache(maxsize=8)

@@ -13,15 +13,11 @@ from friction_benchmark.datasets import Sources, cases_of, twin_recordings
 VELOCITY = "velocity_m_s"  # The column that counts besides an estimator's inputs, made from samples until now
 
 
-@lru_cache(maxsize=1024)
+@lru_cache(maxsize=1024)  # A handful of numbers for each task, fold and seed
 def training_range(
     sources: Sources, task: Task, seed: int, names: tuple[str, ...], inputs: tuple[str, ...]
 ) -> TrainingRange:
-    """Return the range of the inputs, and of the velocity last, in the named training recordings; without, the twin's.
-
-    It is the same for all models with one training set, and a handful of numbers, so that a worker keeps those of all
-    tasks, folds and seeds.
-    """
+    """Return the range of the inputs, and of the velocity last, in the named training recordings, or the twin's."""
     if not names:
         return range_of(twin_recordings(sources, task, seed), inputs)
     # A model whose target is friction now, not ahead, sees the same columns: targets are of no account here.

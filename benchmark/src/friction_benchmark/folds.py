@@ -18,17 +18,13 @@ class Fold:
 
     split: str
     left_out: str  # Which load or temperature; empty where nothing is left out
-    train: tuple[str, ...]  # Sorted; ``validation`` calibrates bounds and chooses while tuning
-    validation: tuple[str, ...]  # Sorted; ``validation`` calibrates bounds and chooses while tuning
-    test: tuple[str, ...]  # Sorted; ``validation`` calibrates bounds and chooses while tuning
+    train: tuple[str, ...]  # Names are sorted
+    validation: tuple[str, ...]  # Calibrates bounds, and chooses while tuning
+    test: tuple[str, ...]
 
 
-Roles = dict[str, tuple[str, ...]]
-"""Names of recordings by ``train``, ``validation`` and ``test``, as ``recordings.splits.split_sessions`` gives them."""
-
-
-def held_out(roles: Roles) -> Fold:
-    """Return the fold that other folds are made from."""
+def held_out(roles: Mapping[str, tuple[str, ...]]) -> Fold:
+    """Return the fold that other folds are made from, from names by role as ``split_sessions`` gives them."""
     return Fold(HELD_OUT, "", roles["train"], roles["validation"], roles["test"])
 
 
@@ -40,13 +36,7 @@ def leave_one_load_out(base: Fold, metadata: Sequence[RecordingMetadata]) -> tup
 def leave_one_temperature_out(
     base: Fold, metadata: Sequence[RecordingMetadata], mean_temperature_c: Mapping[str, float]
 ) -> tuple[Fold, ...]:
-    """Return three folds: the third of all sessions with the coldest oil is tested, the middle, and the warmest.
-
-    Args:
-        base: The held-out fold.
-        metadata: Of every recording.
-        mean_temperature_c: Of the oil, by the recording's name [°C].
-    """
+    """Return three folds: the third of all sessions with the coldest oil is tested, the middle, and the warmest."""
     sessions: dict[str, list[float]] = {}
     for entry in metadata:
         sessions.setdefault(entry.session, []).append(mean_temperature_c[entry.name])
@@ -62,11 +52,7 @@ def unseen_rig(base: Fold, metadata: Sequence[RecordingMetadata]) -> Fold:
 
 
 def refuse_leaks(fold: Fold, metadata: Sequence[RecordingMetadata]) -> None:
-    """Refuse a fold in which a session has two roles; of an unseen rig, only train and validation are compared.
-
-    Raises:
-        RecordingError: A session has two roles, or a role is empty.
-    """
+    """Refuse a fold with an empty role, or a session in two; a test on an unseen rig has other sessions."""
     session = {entry.name: entry.session for entry in metadata}
     roles = {"train": fold.train, "validation": fold.validation}
     if fold.split != UNSEEN_RIG:

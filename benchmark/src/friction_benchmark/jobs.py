@@ -5,20 +5,24 @@ source of every module that the worker and the model's module import. What is on
 """
 
 import hashlib
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Self
 
-from cylinder_friction.import_graph import module_path
+from cylinder_friction import import_graph
 from friction_benchmark.cache import Cache
 from friction_benchmark.cases import Task
 from friction_benchmark.datasets import Kind, Sources, key_of, twin_kind, unseen_kind
 from friction_benchmark.folds import HELD_OUT, LEAVE_LOAD, LEAVE_TEMPERATURE, UNSEEN_RIG
 from friction_benchmark.registry import RegisteredModel, Values
-from friction_benchmark.source_code import PACKAGES, code_key
 
 WORKER = "friction_benchmark.worker"
+PACKAGES = {**import_graph.PACKAGES, "friction_benchmark": Path(__file__).parents[1]}
+
+
+def code_key(*modules: str) -> str:
+    """Return a hash over every file, of the benchmark and of the product, that decides what these modules do."""
+    return import_graph.code_key(*modules, packages=PACKAGES)
 
 
 @dataclass(frozen=True)
@@ -35,11 +39,7 @@ class Context:
         return Cache(self.folder)
 
     def refuse_other_code(self) -> None:
-        """Refuse work for another version of the benchmark than the one that is installed here.
-
-        Raises:
-            RuntimeError: The code differs.
-        """
+        """Raise ``RuntimeError`` if the work is for another version of the benchmark than is installed here."""
         if code_key(WORKER) != self.code:
             raise RuntimeError("the worker has another version of friction_benchmark; install the command's version")
 
@@ -55,10 +55,6 @@ class Job:
     seed: int
     hyperparameters: Values  # By name
     code: str  # Hash of the model's code
-
-    def trial(self, hyperparameters: Values) -> Self:
-        """Return the same job with other hyperparameters."""
-        return replace(self, hyperparameters=hyperparameters)
 
     def key(self, context: Context) -> str:
         shown = ("title", "explanation", "baseline", "tuned_as")
@@ -96,7 +92,7 @@ def tuning_job(model: RegisteredModel, task: Task, seed: int, code: str) -> Job:
 
 def model_code(module: str) -> str:
     """Return the hash of a model's module and all of the project that it imports; of a foreign module, of its file."""
-    if module_path(module, PACKAGES) is not None:
+    if import_graph.module_path(module, PACKAGES) is not None:
         return code_key(module)
     spec = find_spec(module)
     if spec is None or spec.origin is None:

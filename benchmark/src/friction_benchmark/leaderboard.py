@@ -6,7 +6,6 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from friction_benchmark.bootstrap import block_sums, bootstrap_percent, interval
-from friction_benchmark.cache import Prediction
 from friction_benchmark.cases import EvaluationCase, Task
 from friction_benchmark.datasets import cases_of, folds_of, key_of, unseen_kind
 from friction_benchmark.folds import UNSEEN_RIG
@@ -30,23 +29,20 @@ class ScoringJob:
     code: str  # Hash of the code that scores
 
     def key(self) -> str:
-        tuned = [dict(self.tuned.choice), self.tuned.validation_percent]
-        return key_of({**asdict(self), "task": self.task.name, "tuned": tuned})
+        settings = self.settings.model_dump()
+        return key_of({**asdict(self), "task": self.task.name, "settings": settings})
 
     def do(self, context: Context) -> None:
         """Score the model and keep the line in the cache."""
-        cache = context.cache
-        predictions = {seed: cache.predictions(keys) for seed, keys in self.predictions.items()}
-        baselines = {seed: cache.predictions(keys) for seed, keys in self.baseline.items()}
-        scored = [
-            one
-            for seed, prediction in predictions.items()
-            for one in _scored(context, self.task, self.split, seed, prediction, baselines.get(seed))
-        ]
-        entry = leaderboard_entry(
-            self.model, scored, list(predictions.values()), self.tuned, context.sources.cylinder, self.settings
-        )
-        cache.keep_score(self.key(), asdict(entry))
+        scored: list[ScoredRecording] = []
+        predictions = [context.cache.predictions(keys) for keys in self.predictions.values()]
+        for seed, prediction in zip(self.predictions, predictions, strict=True):
+            baseline = context.cache.predictions(self.baseline[seed]).estimates if self.baseline else {}
+            for name, case in tested_cases(context, self.task, self.split, seed).items():
+                beside_n = baseline[name].friction_n if baseline else None
+                scored.append(ScoredRecording(seed, case, prediction.estimates[name], beside_n))
+        entry = leaderboard_entry(self.model, scored, predictions, self.tuned, context.sources.cylinder, self.settings)
+        context.cache.keep_score(self.key(), asdict(entry))
 
 
 def denominators(
@@ -60,10 +56,9 @@ def denominators(
     truths = [case.true_friction_n for case in cases if case.true_friction_n is not None]
     if len(truths) != len(cases):
         return mean_n, None
-    rows = max(1, round(settings.bootstrap_block_s / cases[0].recording.sample_time_s))
+    rows = settings.block_rows(cases[0].recording.sample_time_s)
     sums = block_sums(truths, [case.label_n for case in cases], masks, rows)
-    percent = 100.0 * float(sums.abs_error_n.sum() / sums.abs_friction_n.sum())
-    return mean_n, Interval(percent, *interval(bootstrap_percent(sums, settings.bootstrap_repeats, 0)))
+    return mean_n, Interval(sums.percent, *interval(bootstrap_percent(sums, settings.bootstrap_repeats, 0)))
 
 
 def tested_cases(context: Context, task: Task, split: str, seed: int) -> dict[str, EvaluationCase]:
@@ -71,11 +66,3 @@ def tested_cases(context: Context, task: Task, split: str, seed: int) -> dict[st
     kind = unseen_kind(task) if split == UNSEEN_RIG else task.campaign
     cases = cases_of(context.sources, task, kind, seed)
     return {name: cases[name] for fold in folds_of(context.sources, task, split, seed) for name in fold.test}
-
-
-def _scored(
-    context: Context, task: Task, split: str, seed: int, prediction: Prediction, baseline: Prediction | None
-) -> list[ScoredRecording]:
-    tested = tested_cases(context, task, split, seed)
-    beside = {} if baseline is None else {name: each.friction_n for name, each in baseline.estimates.items()}
-    return [ScoredRecording(seed, case, prediction.estimates[name], beside.get(name)) for name, case in tested.items()]

@@ -10,9 +10,10 @@ from pydantic import AfterValidator, Field, model_validator
 from cylinder_friction.commands.params import composed
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.params.checking import PARAMS_FILE, ParamsError, checked
-from cylinder_friction.params.section import Count, Positive, Section, Seed
+from cylinder_friction.params.section import Count, Section, Seed
 from cylinder_friction.recordings.files import write_text
 from friction_benchmark.datasets import Sizes
+from friction_benchmark.scoring import ScoreSettings
 from friction_benchmark.tasks import task_named
 
 FOLDER = Path("benchmark")
@@ -21,11 +22,7 @@ HEADER = "# Composed from conf/ by `friction-benchmark params`; change it there,
 RIG = "rig"
 
 
-def _known_task(name: str) -> str:
-    return task_named(name).name
-
-
-TaskName = Annotated[str, AfterValidator(_known_task)]
+TaskName = Annotated[str, AfterValidator(lambda name: task_named(name).name)]
 SplitName = Literal["unseen_rig", "leave_one_load_out", "leave_one_temperature_out"]
 
 
@@ -53,17 +50,6 @@ class BudgetParams(Section):
     trials: Count
 
 
-class ScoringParams(Section):
-    """How predictions are scored; see ``friction_benchmark.scoring.ScoreSettings``."""
-
-    maximum_lag_s: Positive
-    standstill_velocity_m_s: Positive
-    stribeck_velocity_m_s: Positive
-    reversal_window_s: Positive
-    bootstrap_repeats: Count
-    bootstrap_block_s: Positive
-
-
 class BenchmarkParams(Section):
     """The whole configuration of the benchmark."""
 
@@ -72,17 +58,14 @@ class BenchmarkParams(Section):
     campaign: Sizes
     plan: PlanParams
     budget: BudgetParams
-    scoring: ScoringParams
+    scoring: ScoreSettings
     workers: Count
 
 
 def compose_benchmark(overrides: Sequence[str] = (), conf: Path = CONF) -> BenchmarkParams:
     """Return what ``conf`` and Hydra overrides (``experiment=full``, ``budget.trials=5``) make.
 
-    Cylinders are those of the product's ``conf/cylinder``, two folders above.
-
-    Raises:
-        ParamsError: Hydra knows no such group or key, or the result is refused.
+    Cylinders are those of the product's ``conf/cylinder``, two folders above. Raises ``ParamsError``, as ``checked``.
     """
     product = conf.resolve().parents[1] / "conf"
     found_in = f"hydra.searchpath=['file://{product}']"
@@ -97,11 +80,7 @@ def write_benchmark_params(overrides: Sequence[str] = ()) -> None:
 
 
 def load_benchmark_params() -> BenchmarkParams:
-    """Read and check ``params.yaml``.
-
-    Raises:
-        ParamsError: It is not there, or refused.
-    """
+    """Read and check ``params.yaml``; raises ``ParamsError`` if it is not there, or refused."""
     if not PARAMS_FILE.is_file():
         raise ParamsError(f"{PARAMS_FILE.resolve()}: not there; run `friction-benchmark params`")
     return checked(BenchmarkParams, yaml.safe_load(PARAMS_FILE.read_text(encoding="utf-8")), str(PARAMS_FILE))

@@ -1,6 +1,6 @@
 """The benchmark plan: which models are evaluated on which tasks, splits and seeds, and what each may spend."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from cylinder_friction.params.checking import ParamsError
@@ -17,26 +17,21 @@ from friction_benchmark.tasks import task_named
 class Plan:
     """What is evaluated."""
 
-    tasks: tuple[str, ...]  # Names of tasks, all evaluated on held-out sessions
-    splits: Mapping[str, tuple[str, ...]]  # For each other split the tasks that are evaluated on it
-    seeds: tuple[int, ...]  # Of campaigns and models; models are tuned on the first
+    tasks: Sequence[str]  # Names of tasks, all evaluated on held-out sessions
+    splits: Mapping[str, Sequence[str]]  # For each other split the tasks that are evaluated on it
+    seeds: Sequence[int]  # Of campaigns and models; models are tuned on the first
     effort: float  # Share of the full training, in (0, 1]
     trials: int  # Of every model's tuning
-    models: tuple[str, ...] = ()  # Names of registered models; empty for all
-    modules: tuple[str, ...] = MODULES  # Of the model registry
+    models: Sequence[str] = ()  # Names of registered models; empty for all
+    modules: Sequence[str] = MODULES  # Of the model registry
 
     def chosen_models(self) -> dict[str, RegisteredModel]:
-        """Return the models by name, in the order of tables.
-
-        Raises:
-            ParamsError: A model is not in the registry.
-        """
+        """Return the models by name, in the order of tables; raises ``ParamsError`` if one is not in the registry."""
         known = registered_models(self.modules)
         for name in self.models:
             if name not in known:
-                raise ParamsError(
-                    f"plan.models: no model {name!r} in the registry; expected some of {', '.join(known)}"
-                )
+                expected = ", ".join(known)
+                raise ParamsError(f"plan.models: no model {name!r} in the registry; expected some of {expected}")
         return {name: model for name, model in known.items() if name in self.models or not self.models}
 
     def leaderboards(self, sources: Sources) -> tuple[list[tuple[Task, str]], dict[str, str]]:

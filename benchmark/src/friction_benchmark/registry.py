@@ -39,8 +39,9 @@ class Estimator(Protocol):
 Float = FloatDistribution
 Int = IntDistribution
 OneOf = CategoricalDistribution
-Space = Mapping[str, Int | Float | OneOf]  # What tuning may choose from, ends included
 Values = Mapping[str, Value]
+Space = Mapping[str, tuple[Int | Float | OneOf, Value]]
+"""What tuning may choose from, ends included, and what it tries first: the source's value or our own best guess."""
 
 
 @dataclass(frozen=True)
@@ -65,12 +66,10 @@ class BuildConfiguration:
 
 
 def needs_only_position(inputs: tuple[str, ...]) -> bool:
-    """Return whether a model that needs no more than the position can be built."""
     return "position_m" in inputs
 
 
 def needs_raw_pressures(inputs: tuple[str, ...]) -> bool:
-    """Return whether both raw pressures are there, besides the position."""
     return set(SAMPLE_COLUMNS) <= set(inputs)
 
 
@@ -85,21 +84,15 @@ class RegisteredModel:
     # Returns the estimator, not yet fitted. Importable, because worker processes receive it by name.
     build: Callable[[BuildConfiguration], Estimator]
     space: Space = field(default_factory=dict)  # What is tuned, and where
-    # What is tried first: the source's values or our own best guess, one for each name in ``space``
-    defaults: Values = field(default_factory=dict)
     supports: Callable[[tuple[str, ...]], bool] = needs_only_position  # Whether it can be built for given inputs
     trained_on: TrainedOn = "recordings"  # The task's recordings, or the simulated twin's with their true friction
-    # Whether it learns the sensors' offset while running. Its training recordings then state their zeros, which the
-    # labels show.
+    # Whether it learns the sensors' offset while running. Its training recordings then state the zeros in their labels.
     learns_offset: bool = False
     chosen: str = ""  # What was taken where the source leaves a choice
 
-    def __post_init__(self) -> None:
-        if set(self.space) != set(self.defaults):
-            raise ValueError(
-                f"{self.name}: space has {sorted(self.space)}, but defaults have {sorted(self.defaults)}; expected "
-                "equal names"
-            )
+    @property
+    def defaults(self) -> Values:
+        return {name: first for name, (_, first) in self.space.items()}
 
     @property
     def module(self) -> str:
@@ -119,11 +112,7 @@ MODULES = tuple(f"friction_benchmark.models.{name}" for name in _IN_ORDER)
 
 
 def registered_models(modules: Sequence[str] = MODULES) -> dict[str, RegisteredModel]:
-    """Return the models of these modules by name, in order.
-
-    Raises:
-        ValueError: Two have one name.
-    """
+    """Return the models of these modules by name, in order; raises ``ValueError`` if two have one name."""
     found: dict[str, RegisteredModel] = {}
     for module in modules:
         for model in import_module(module).MODELS:

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any, Literal, Self
+from typing import Literal
 
 Reference = Literal["label", "truth"]
 NEEDS_MORE = "it needs more than"
@@ -34,8 +34,7 @@ class Score:
 class Trust:
     """How far bounds and flags can be relied on."""
 
-    # Share of usable rows whose label lies in the 90 % bounds, which were calibrated on labels, by the recordings'
-    # condition; ``""`` for all of them
+    # Share of usable rows whose label lies in the 90 % bounds, by the recordings' condition; ``""`` for all of them
     coverage: Mapping[str, float]
     coverage_after_reversal: float  # The same, just after reversals alone
     width_n: float  # Mean width of the bounds [N]
@@ -64,15 +63,6 @@ class Entry:
     tuning: Mapping[str, float | int | str] = field(default_factory=dict)
     extras: Mapping[str, float] = field(default_factory=dict)  # Other figures of the task, for example ``load_mae_n``
 
-    @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """Return what ``dataclasses.asdict`` and JSON made a dictionary of."""
-        score = Score(**{**content["score"], "percent": Interval(**content["score"]["percent"])})
-        strata = {name: (percent, mae_n) for name, (percent, mae_n) in content["strata"].items()}
-        below = content["below_baseline"] and Interval(**content["below_baseline"])
-        parts = {"score": score, "strata": strata, "below_baseline": below, "trust": Trust(**content["trust"])}
-        return cls(**{**content, **parts})
-
 
 @dataclass(frozen=True)
 class TaskResult:
@@ -91,6 +81,10 @@ class TaskResult:
     explanation: str = ""  # What is asked and why, in one sentence
     # How far the off-line label itself is from true friction, MAE / mean |truth| [%]; None where truth is not known
     label_truth_percent: Interval | None = None
+
+    def entry_of(self, model: str) -> Entry | None:
+        """Return a model's entry; None where it has none."""
+        return next((entry for entry in self.entries if entry.model == model), None)
 
 
 @dataclass(frozen=True)

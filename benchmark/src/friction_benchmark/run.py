@@ -4,7 +4,6 @@ import time
 from dataclasses import asdict
 from pathlib import Path
 
-from cylinder_friction.evaluation.strata import StrataLimits
 from cylinder_friction.import_graph import relative_to_source, used_files
 from cylinder_friction.recordings.files import hash_of, read_json, write_json
 from cylinder_friction.run_record import Dataset, RunRecord, Scalar
@@ -16,14 +15,13 @@ from friction_benchmark.cache import Cache
 from friction_benchmark.campaigns import INGEST
 from friction_benchmark.conclusions import findings_of
 from friction_benchmark.datasets import Sources, key_of
+from friction_benchmark.jobs import PACKAGES, code_key
 from friction_benchmark.params import RIG, BenchmarkParams
 from friction_benchmark.plan import Plan
 from friction_benchmark.registry import MODULES
 from friction_benchmark.report.write import write_report
 from friction_benchmark.results import BenchmarkResults, Entry, TaskResult
 from friction_benchmark.runner import Runner
-from friction_benchmark.scoring import ScoreSettings
-from friction_benchmark.source_code import PACKAGES, code_key
 
 EXPERIMENT = "benchmark"  # The hundreds of runs have an MLflow experiment of their own, ``cylinder-friction-benchmark``
 OWN_ROLES = ("train", "validation", "test")
@@ -54,13 +52,7 @@ def run(params: BenchmarkParams, *, prune: bool = False) -> str:
 
 
 def evaluate(params: BenchmarkParams, runner: Runner) -> RunRecord:
-    """Write ``reports/benchmark.json`` and ``reports/benchmark.html``; return what MLflow is to show.
-
-    Raises:
-        FileNotFoundError: Your own recordings are to be used, but are not there.
-        ParamsError: A model is not in the registry.
-        RecordingError: There are too few sessions to split.
-    """
+    """Write ``reports/benchmark.json`` and ``reports/benchmark.html``; return what MLflow is to show."""
     results = runner.run()
     findings = findings_of(results)
     write_json(RESULTS_FILE, {**asdict(results), "findings": findings})
@@ -76,22 +68,14 @@ def write_inputs(params: BenchmarkParams) -> None:
 
 
 def track() -> str:
-    """Log the finished benchmark to MLflow, unless it is there; return the run's id.
-
-    Raises:
-        TrackingError: The store cannot be reached, or there is no finished benchmark.
-    """
+    """Log the finished benchmark to MLflow, unless it is there; return the run's id."""
     if not RECORD_FILE.is_file():
         raise TrackingError(f"{RECORD_FILE.resolve()}: not there; run `make benchmark` or `dvc pull` in benchmark/")
     return log_run(RunRecord.from_dict(read_json(RECORD_FILE)), Path.cwd())
 
 
 def summary() -> str:
-    """Return what was found, one paragraph per task, and where the page is.
-
-    Raises:
-        FileNotFoundError: There is no finished benchmark.
-    """
+    """Return what was found, one paragraph per task, and where the page is."""
     findings = read_json(RESULTS_FILE)["findings"]
     return "\n\n".join([*(f"{task}: {words}" for task, words in findings.items()), f"page     {REPORT_FILE.resolve()}"])
 
@@ -99,10 +83,9 @@ def summary() -> str:
 def runner_from(params: BenchmarkParams) -> Runner:
     """Return what runs the configured benchmark."""
     cache = repository_root(Path.cwd()) / CACHE
-    plan, scoring = params.plan, params.scoring
     recordings = _recordings(params)
     sources = Sources(
-        folder=Cache(cache).campaigns,
+        folder=cache / "campaigns",
         sizes=params.campaign,
         cylinder=params.cylinder,
         code=key_of([code_key("friction_benchmark.campaigns"), hash_of(INGEST)]),
@@ -110,24 +93,10 @@ def runner_from(params: BenchmarkParams) -> Runner:
         own_hashes=tuple(recordings.items()),
     )
     return Runner(
-        plan=Plan(
-            tasks=tuple(plan.tasks),
-            splits={split: tuple(tasks) for split, tasks in plan.splits.items()},
-            seeds=tuple(plan.seeds),
-            effort=params.budget.effort,
-            trials=params.budget.trials,
-            models=tuple(plan.models),
-        ),
+        plan=Plan(**params.plan.model_dump(), **params.budget.model_dump()),
         sources=sources,
         cache=cache,
-        settings=ScoreSettings(
-            limits=StrataLimits(
-                scoring.standstill_velocity_m_s, 2.0 * scoring.stribeck_velocity_m_s, scoring.reversal_window_s
-            ),
-            maximum_lag_s=scoring.maximum_lag_s,
-            bootstrap_repeats=scoring.bootstrap_repeats,
-            bootstrap_block_s=scoring.bootstrap_block_s,
-        ),
+        settings=params.scoring,
         workers=params.workers,
     )
 
@@ -144,15 +113,11 @@ def run_record(
     budget = params.budget
     shared: dict[str, Scalar] = {**budget.model_dump(), "seeds": len(params.plan.seeds)}
     children = [_run_of(found, entry, shared, results) for found in results.tasks for entry in found.entries]
-    best = {
-        f"{found.task}.{found.split}.best_percent": found.entries[0].score.percent.value
-        for found in results.tasks
-        if found.entries
-    }
+    best = {f"{found.task}.{found.split}": found.entries[0].score for found in results.tasks if found.entries}
     return RunRecord(
         name="benchmark",
         params=flat(params),
-        metrics=best,
+        metrics={f"{where}.best_percent": score.percent.value for where, score in best.items()},
         tags={f"finding.{task}": words for task, words in findings.items()},
         artifacts=artifacts(RESULTS_FILE, REPORT_FILE),
         datasets=used,

@@ -5,27 +5,29 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
+from pydantic import TypeAdapter
 from tqdm import tqdm
 
 from cylinder_friction.execution.selection import workers_from_environment
-from cylinder_friction.execution.workers import Died
+from cylinder_friction.execution.workers import Died, Work
 from friction_benchmark.campaigns import simulate
 from friction_benchmark.cases import Task
 from friction_benchmark.datasets import Kind, Sources, folds_of, inputs_of, labelled_recordings, twin_kind, unseen_kind
 from friction_benchmark.folds import UNSEEN_RIG
-from friction_benchmark.jobs import WORKER, Context, Job, model_code, tuning_job
+from friction_benchmark.jobs import WORKER, Context, Job, code_key, model_code, tuning_job
 from friction_benchmark.leaderboard import ScoringJob, denominators
 from friction_benchmark.plan import Plan
 from friction_benchmark.results import NEEDS_MORE, BenchmarkResults, Entry, ModelInfo, TaskResult
 from friction_benchmark.scoring import ScoreSettings
-from friction_benchmark.source_code import code_key
 from friction_benchmark.tasks import task_named
 from friction_benchmark.tuning import Tuned
 from friction_benchmark.worker import do_jobs, do_tuning
 
 SCORER = "friction_benchmark.leaderboard"
+ENTRY = TypeAdapter(Entry)
+Item = TypeVar("Item")
 
 
 @dataclass
@@ -37,16 +39,10 @@ class Runner:
     cache: Path  # Folder in which all that is computed is kept
     settings: ScoreSettings  # How predictions are scored
     workers: int = 1  # Processes, where ``CYLINDER_FRICTION_WORKERS`` names no other workers
-    progress: bool | None = None  # Whether bars are drawn; None for only on a terminal
     computed: Counter[str] = field(default_factory=Counter)  # How many jobs of each kind were not in the cache
 
     def run(self) -> BenchmarkResults:
-        """Return what the benchmark found.
-
-        Raises:
-            ValueError: A task is not known.
-            ParamsError: A model is not in the registry.
-        """
+        """Return what the benchmark found."""
         self.models = self.plan.chosen_models()
         self.context = Context(self.sources, self.cache, self.plan.effort, code_key(WORKER))
         codes = {module: model_code(module) for module in {model.module for model in self.models.values()}}
@@ -81,34 +77,28 @@ class Runner:
                 kinds.add(twin_kind(task))
         campaigns = [(kind, seed) for kind in sorted(kinds) for seed in self.plan.seeds]
         new = [each for each in campaigns if not self.sources.campaign_folder(*each).is_dir()]
-        work = [partial(simulate, self.sources, *each) for each in new]
-        for number, done in self._all_of(work, [1] * len(work), "campaigns"):
+        for each, done in self._done("campaigns", new, lambda each: partial(simulate, self.sources, *each)):
             self.computed["campaigns"] += 1
             if isinstance(done, Died):
-                raise RuntimeError(f"simulation of {new[number]}: {done.reason}")
+                raise RuntimeError(f"simulation of {each}: {done.reason}")
         for each in campaigns:
             self.sources.campaign_folder(*each).touch()
 
     def _tune(self) -> None:
         """Fill ``tuned`` with what was chosen, or why nothing was, by model and task."""
         names = dict.fromkeys(task.tuned_as or task.name for task, _ in self.leaderboards)
-        jobs = []
+        jobs, trials = [], self.plan.trials
         for model in reversed(self.models.values()):
             for task in [task for task in map(task_named, names) if model.supports(self._inputs(task))]:
                 self.tuned[model.name, task.name] = Tuned(model.defaults, None)
                 if model.space:
                     jobs.append(tuning_job(model, task, self.plan.seeds[0], self.codes[model.name]))
-        work = [partial(do_tuning, self.context, job, self.plan.trials) for job in jobs]
-        for number, done in self._all_of(work, [self.plan.trials] * len(jobs), "trials"):
-            tuned, computed = (done.reason, 0) if isinstance(done, Died) else done
-            self.tuned[jobs[number].model.name, jobs[number].task.name] = tuned
+        for job, done in self._done("tunings", jobs, lambda job: partial(do_tuning, self.context, job, trials)):
+            self.tuned[job.model.name, job.task.name], computed = (done.reason, 0) if isinstance(done, Died) else done
             self.computed["trials"] += computed
 
     def _predict(self) -> None:
-        """Fill ``predictions`` with their keys, and ``failures`` with why there is none.
-
-        One piece of work is one fit, and all that is predicted with it.
-        """
+        """Fill ``predictions`` with keys, ``failures`` with reasons; one piece of work is a fit and its predictions."""
         groups: dict[tuple[str, ...], list[Job]] = {}
         for model in reversed(self.models.values()):
             for task, split in self.leaderboards:
@@ -123,7 +113,7 @@ class Runner:
                     for job, key in zip(jobs, keys, strict=True):
                         if not self.context.cache.has_prediction(key):
                             groups.setdefault(job.shared_fit(), []).append(job)
-        for job, problem in self._done(list(groups.values())):
+        for job, problem in self._predicted(list(groups.values())):
             self.computed["predictions"] += 1
             if problem:
                 by_fold = self.failures.setdefault((job.task, job.split, job.model.name, job.seed), {})
@@ -134,24 +124,21 @@ class Runner:
         code = code_key(SCORER)
         jobs: list[ScoringJob] = []
         for task, split in self.leaderboards:
-            scored = [name for name in self.models if not self._why_missing(task, split, name)]
-            keys = {
-                name: {seed: self.predictions[task, split, name, seed] for seed in self.plan.seeds} for name in scored
-            }
+            scored, seeds = [name for name in self.models if not self._why_missing(task, split, name)], self.plan.seeds
+            keys = {name: {seed: self.predictions[task, split, name, seed] for seed in seeds} for name in scored}
             for name in scored:
                 tuned = self.tuned[name, task.tuned_as or task.name]
                 assert isinstance(tuned, Tuned)
                 baseline = keys.get(task.baseline, {})
                 jobs.append(ScoringJob(name, task, split, keys[name], baseline, tuned, self.settings, code))
         new = [job for job in jobs if self.context.cache.score(job.key()) is None]
-        work = [partial(job.do, self.context) for job in new]
-        for number, done in self._all_of(work, [1] * len(new), "scores"):
+        for job, done in self._done("scores", new, lambda job: partial(job.do, self.context)):
             self.computed["scores"] += 1
             if isinstance(done, Died):
-                raise RuntimeError(f"scoring of {new[number].model} on {new[number].task.name}: {done.reason}")
+                raise RuntimeError(f"scoring of {job.model} on {job.task.name}: {done.reason}")
         lines: dict[tuple[str, str], list[Entry]] = {}
         for job in jobs:
-            entry = Entry.from_dict(self.context.cache.score(job.key()))
+            entry = ENTRY.validate_python(self.context.cache.score(job.key()))
             lines.setdefault((job.task.name, job.split), []).append(entry)
         for line in lines.values():
             line.sort(key=lambda entry: (entry.score.percent.value, entry.model))
@@ -202,23 +189,18 @@ class Runner:
             "source": "simulated campaigns" if self.sources.simulated else "own recordings",
         }
 
-    def _done(self, groups: list[list[Job]]) -> Iterator[tuple[Job, str]]:
+    def _predicted(self, groups: list[list[Job]]) -> Iterator[tuple[Job, str]]:
         """Yield every job and why it failed, empty where it did not; of a group whose process died, one by one."""
-        work = [partial(do_jobs, self.context, group) for group in groups]
-        for number, done in self._all_of(work, [len(group) for group in groups], "predictions"):
+        for group, done in self._done("predictions", groups, lambda group: partial(do_jobs, self.context, group)):
             if not isinstance(done, Died):
-                yield from zip(groups[number], done, strict=True)
-            elif len(groups[number]) == 1:
-                yield groups[number][0], done.reason
+                yield from zip(group, done, strict=True)
+            elif len(group) == 1:
+                yield group[0], done.reason
             else:
-                alone = [partial(do_jobs, self.context, [job]) for job in groups[number]]
-                for one, result in self.processes.do_all(alone):
-                    yield groups[number][one], done.reason if isinstance(result, Died) else result[0]
+                yield from self._predicted([[job] for job in group])
 
-    def _all_of(self, work: Sequence[Callable[[], Any]], sizes: Sequence[int], kind: str) -> Iterator[tuple[int, Any]]:
-        """Yield the number of each piece of work and its result, as they finish."""
-        hidden = None if self.progress is None else not self.progress
-        with tqdm(total=sum(sizes), desc=kind, unit="job", disable=hidden) as bar:
-            for number, result in self.processes.do_all(work):
-                yield number, result
-                bar.update(sizes[number])
+    def _done(self, kind: str, items: Sequence[Item], work: Callable[[Item], Work]) -> Iterator[tuple[Item, Any]]:
+        """Yield each item and the result of its work, as they finish, with a progress bar."""
+        done = self.processes.do_all([work(item) for item in items])
+        for number, result in tqdm(done, kind, len(items), unit="job", disable=None):
+            yield items[number], result

@@ -7,10 +7,8 @@ _FORECASTS = tuple(
     Task(
         name=f"forecast_{milliseconds}ms",
         title=f"Forecast {milliseconds} ms ahead",
-        explanation=(
-            f"Friction {milliseconds} ms from now, from pressures and position until now; for the baseline it stays "
-            "as it is."
-        ),
+        explanation=f"Friction {milliseconds} ms from now, from pressures and position until now; for the baseline it "
+        "stays as it is.",
         inputs=SAMPLE_COLUMNS,
         baseline="hold",
         ahead_s=milliseconds / 1e3,
@@ -72,11 +70,7 @@ NAMES = tuple(task.name for task in TASKS)
 
 
 def task_named(name: str) -> Task:
-    """Return a task.
-
-    Raises:
-        ValueError: There is no such task.
-    """
+    """Return a task; raises ``ValueError`` if there is none of this name."""
     for task in TASKS:
         if task.name == name:
             return task

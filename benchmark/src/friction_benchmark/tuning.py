@@ -25,21 +25,13 @@ class TuningError(RuntimeError):
 def tune(model: RegisteredModel, trials: int, seed: int, percent: Callable[[Values], float]) -> Tuned:
     """Return the best choice, the earliest among equals (tree-structured Parzen estimator; Bergstra et al. 2011).
 
-    Args:
-        model: One with a space.
-        trials: How many, the defaults included.
-        seed: Seeds the sampler.
-        percent: Returns the error of a choice on validation sessions [%]; a trial that raises counts as failed.
-
-    Raises:
-        TuningError: Every trial failed.
+    ``percent`` returns the error of a choice on validation sessions [%]; a trial in which it raises counts as failed.
     """
-
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     study = optuna.create_study(sampler=optuna.samplers.TPESampler(n_startup_trials=max(2, trials // 2), seed=seed))
     study.enqueue_trial(dict(model.defaults))
     for _ in range(trials):
-        trial = study.ask(dict(model.space))
+        trial = study.ask({name: distribution for name, (distribution, _) in model.space.items()})
         try:
             study.tell(trial, percent(trial.params))
         except Exception as error:

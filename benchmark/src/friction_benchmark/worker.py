@@ -3,25 +3,17 @@
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from time import process_time
 
 import numpy as np
 
-from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.bounds import calibrated_bounds, regimes_of
-from cylinder_friction.realtime.model import Bounds
 from cylinder_friction.recordings.recording import Recording
 from friction_benchmark.cache import Estimates, Prediction
 from friction_benchmark.cases import with_known_zeros
-from friction_benchmark.datasets import (
-    cases_of,
-    folds_of,
-    inputs_of,
-    training_cases,
-    twin_recordings,
-    unseen_kind,
-)
+from friction_benchmark.datasets import cases_of, folds_of, inputs_of, training_cases, twin_recordings, unseen_kind
 from friction_benchmark.extrapolation import outside, training_range
 from friction_benchmark.folds import UNSEEN_RIG, Fold
 from friction_benchmark.jobs import Context, Job
@@ -33,7 +25,7 @@ POSITION_ALONE = ("position_m",)
 
 @dataclass(frozen=True)
 class Trained:
-    """A trained estimator, its inputs, and the processor's time that it took [s]."""
+    """A trained estimator, and the processor's time that it took [s]."""
 
     estimator: Estimator
     training_s: float
@@ -59,7 +51,7 @@ def do_tuning(context: Context, job: Job, trials: int) -> tuple[Tuned | str, int
 
     def percent(choice: Values) -> float:
         nonlocal computed
-        trial = job.trial(choice)
+        trial = replace(job, hyperparameters=choice)
         key = trial.key(context)
         if not context.cache.has_prediction(key):
             computed += 1
@@ -75,8 +67,7 @@ def do_tuning(context: Context, job: Job, trials: int) -> tuple[Tuned | str, int
 def prediction(context: Context, job: Job) -> Prediction:
     """Return the estimates, bounds and flags of every test recording of a fold, what they cost, and the validation.
 
-    Tuning goes by the validation sessions alone; the estimates of test recordings are made beside it, because the
-    best trial's are needed later.
+    Tuning goes by the validation sessions alone; the best trial's estimates of test recordings are needed later.
     """
     sources, task = context.sources, job.task
     own = cases_of(sources, task, task.campaign, job.seed)
@@ -95,24 +86,15 @@ def prediction(context: Context, job: Job) -> Prediction:
         friction_n = trained.estimator.estimate(recording)
         steps_us.append(1e6 * (process_time() - started_s) / len(recording))
         _refuse_not_finite(recording, friction_n)
-        estimates[name] = _estimates(recording, friction_n, bounds, outside(known, recording))
+        regime = regimes_of(recording, bounds.standstill_m_s, bounds.creep_m_s)
+        lower_n, upper_n = (friction_n + np.array(each)[regime] for each in (bounds.lower_n, bounds.upper_n))
+        estimates[name] = Estimates(friction_n, lower_n, upper_n, outside(known, recording))
     step_us = float(np.median(steps_us))
     return Prediction(estimates, trained.estimator.multiply_adds(), trained.training_s, step_us, percent)
 
 
-def _estimates(recording: Recording, friction_n: Array, bounds: Bounds, beyond: Mask) -> Estimates:
-    """Return estimates within the product's conformal bounds, by regime of motion."""
-    regime = regimes_of(recording, bounds.standstill_m_s, bounds.creep_m_s)
-    lower_n, upper_n = (friction_n + np.array(each)[regime] for each in (bounds.lower_n, bounds.upper_n))
-    return Estimates(friction_n, lower_n, upper_n, beyond)
-
-
 def validation_percent(recordings: Sequence[Recording], estimates_n: Sequence[Array]) -> float:
-    """Return MAE / mean |target| [%] over recordings together; against labels, as a user would have to tune.
-
-    Raises:
-        ValueError: An estimate is not a number.
-    """
+    """Return MAE / mean |target| [%] over recordings together; against labels, as a user would have to tune."""
     error, friction = 0.0, 0.0
     for recording, estimate_n in zip(recordings, estimates_n, strict=True):
         _refuse_not_finite(recording, estimate_n)
@@ -160,9 +142,8 @@ def _fit_key(
     name: str, code: str, build: BuildConfiguration, inputs: Sequence[str], recordings: Sequence[Recording]
 ) -> str:
     """Return the hash of what a fit sees; columns that are none of its inputs may differ."""
-    digest = hashlib.sha256(
-        json.dumps([name, code, {**asdict(build), "inputs": list(inputs)}], sort_keys=True).encode()
-    )
+    content = [name, code, {**asdict(build), "inputs": list(inputs)}]
+    digest = hashlib.sha256(json.dumps(content, sort_keys=True).encode())
     for recording in recordings:
         metadata = recording.metadata
         digest.update(f"{metadata.name}/{metadata.condition}/{metadata.session}/{metadata.sample_time_s}".encode())

@@ -147,9 +147,3 @@ def test_the_law_finds_coulomb_viscous_and_pressure_parts() -> None:
         assert side * (plain + 40.0 * slope) == pytest.approx(240.0 + 120.0 + 75.0 + 1.86, abs=3.0)
         assert side * slope == pytest.approx(3.0, abs=0.1)
     assert law_parts(law, 0.0, 0.0, 1.0) == (0.0, 0.0)
-
-
-@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf")])
-def test_impossible_noise_is_refused(value: float) -> None:
-    with pytest.raises(ValueError, match="ObserverNoise: slow_n must be a positive number, but got"):
-        ObserverNoise(slow_n=value)

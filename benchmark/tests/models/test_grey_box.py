@@ -128,7 +128,6 @@ def with_offsets(recordings: Sequence[Recording], offset_pa: float) -> list[Reco
 def test_it_learns_more_than_a_constant_gain_can(cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
     train, test = labelled_recordings[1:], labelled_recordings[0]
     learnt = LearnedGain(build("learned_gain", cylinder, 0.07, nodes=8)).fit(train)
-    assert learnt.features is not None
     assert not learnt.features.strokes
     constant = LowPassForceBalanceEstimator(cylinder).fit(train)
     errors = [np.abs(each.estimate(test) - test.column("friction_n")).mean() for each in (learnt, constant)]
@@ -139,7 +138,6 @@ def test_strokes_are_remembered_where_sensors_are_far_off(
     cylinder: Cylinder, labelled_recordings: list[Recording]
 ) -> None:
     far_off = LearnedGain(build("learned_gain", cylinder, 0.001)).fit(with_offsets(labelled_recordings, 1e5))
-    assert far_off.features is not None
     assert far_off.features.strokes
     assert np.isfinite(far_off.estimate(labelled_recordings[0])).all()
 

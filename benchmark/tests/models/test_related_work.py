@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.estimators.front_end import FrontEndBlock, fit_front_end
 from cylinder_friction.realtime.history import TOLERANCE_M
 from cylinder_friction.signals.backlash import CENTRE, DIRECTION, new_backlash, push
-from friction_benchmark.models.related_work import last_motion
+from friction_benchmark.models.related_work import MotionModel
+from friction_benchmark.registry import BuildConfiguration, registered_models
 
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
@@ -21,10 +21,11 @@ HALF_WIDTH, STEP_S = 4e-5, 0.005
 def test_the_direction_among_the_features_is_that_of_the_play(
     cylinder: Cylinder, labelled_recordings: list[Recording]
 ) -> None:
-    features = fit_front_end("full", cylinder, labelled_recordings, ("position_m",))
-    block = FrontEndBlock(features)
-    recording = labelled_recordings[0]
-    found, _ = block.advance(block.new_state(), recording.samples(("position_m",)))
+    machado = registered_models()["machado"]
+    model = machado.build(BuildConfiguration(cylinder, ("position_m",), 0, 0.01, machado.defaults))
+    assert isinstance(model, MotionModel)
+    model.set_features(labelled_recordings, ("position_m",))
+    features, (found, _) = model.features, model.features_of(labelled_recordings[0])
     place = features.names.index("position_m_20")
     smooth_m = found[:, place] * features.scale[place] + features.mean[place]
     play, expected = new_backlash(), []
@@ -32,5 +33,5 @@ def test_the_direction_among_the_features_is_that_of_the_play(
         if not abs(at - play[CENTRE]) <= HALF_WIDTH + TOLERANCE_M:
             push(at, play, HALF_WIDTH, 0.0, STEP_S)
         expected.append(play[DIRECTION])
-    np.testing.assert_array_equal(last_motion(features, found), expected)
+    np.testing.assert_array_equal(model.last_motion(found), expected)
     assert set(expected) == {-1.0, 0.0, 1.0}

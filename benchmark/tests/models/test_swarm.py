@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -55,8 +54,3 @@ def test_the_same_seed_finds_the_same_place_and_another_another() -> None:
     one, same, other = (swarm_then_simplex(rosenbrock, *box(3.0, 4), budget=400, seed=seed) for seed in (5, 5, 6))
     np.testing.assert_array_equal(one, same)
     assert not np.array_equal(one, other)
-
-
-def test_a_budget_that_does_not_place_the_agents_is_refused() -> None:
-    with pytest.raises(ValueError, match="expected a budget of at least 36 evaluations, one per agent, but got 35"):
-        swarm_then_simplex(rosenbrock, *box(1.0, 2), budget=35, seed=0)

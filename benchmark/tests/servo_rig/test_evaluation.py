@@ -68,9 +68,9 @@ def test_every_estimator_is_scored_in_every_test_session(elsewhere: list[Recordi
     sessions = {score.session for score in scores}
     assert len(sessions) == 6
     assert len(scores) == len(names) * len(sessions)
-    assert all(np.isfinite(score.mae_n) and score.offset_free_mae_n > 0.0 for score in scores)
+    assert all(np.isfinite(score.error_n) and score.offset_free_n > 0.0 for score in scores)
     label = [score for score in scores if score.estimator == "off-line label"]
-    assert {score.label_mae_n for score in label} == {0.0}
+    assert {score.label_n for score in label} == {0.0}
     if mounting == "horizontal":
         assert percent(label) < 12.0
     printed = table(scores)
@@ -82,15 +82,11 @@ def test_sessions_are_scored_against_their_own_truth() -> None:
     session = record_sessions(TINY)[0]
     labelled = evaluation.labelled_sessions([session], TINY)[0]
     score = evaluation.scored("off by 7 N", labelled, session.true_friction_n + 7.0, session)
-    assert score.mae_n == pytest.approx(7.0)
-    assert score.offset_n == pytest.approx(7.0)
-    assert score.offset_free_mae_n == pytest.approx(0.0, abs=1e-9)
-    assert score.rows == labelled.usable().sum()
-
-
-def test_sessions_count_by_their_rows() -> None:
-    scores = [made("one", "1", 2.0, 100.0, 100), made("one", "1", 6.0, 200.0, 300)]
-    assert percent(scores) == pytest.approx(100.0 * 2000.0 / 70_000.0)
+    rows = int(labelled.usable().sum())
+    assert score.error_n == pytest.approx(7.0 * rows)
+    assert score.offset_free_n == pytest.approx(0.0, abs=1e-6)
+    assert score.friction_n == pytest.approx(np.abs(session.true_friction_n[labelled.usable()]).sum())
+    assert percent([score, score]) == pytest.approx(700.0 * rows / score.friction_n)
 
 
 def test_the_table_states_who_is_nearest_and_how_often() -> None:
@@ -108,8 +104,8 @@ def test_the_interval_goes_by_how_much_sessions_of_a_condition_differ() -> None:
     assert half_interval_points(scores) == pytest.approx(4.303 * 2.0**0.5 / 2.0, rel=1e-3)
 
 
-def made(name: str, condition: str, error_n: float, truth_n: float = 100.0, rows: int = 10) -> Score:
-    return Score(name, condition, f"session {condition}", truth_n, error_n, 0.0, error_n, error_n, rows)
+def made(name: str, condition: str, error_n: float) -> Score:
+    return Score(name, condition, f"session {condition}", 100.0, error_n, error_n, error_n)
 
 
 def test_recordings_of_another_cylinder_are_refused() -> None:

@@ -11,10 +11,8 @@ from cylinder_friction.friction_models.model import FrictionModel
 from cylinder_friction.friction_models.parameters import SCALING, STRIBECK, ParameterSpec, StribeckParameters
 from cylinder_friction.friction_models.stribeck import falling_part, side_factor
 
-REGULARISING_VELOCITY = ParameterSpec(
-    "regularising_velocity_m_s", "m/s", "speed over which friction rises to its curve", 1e-5, 2e-2
-)
-STANDSTILL_SHARE = ParameterSpec(
+RISE = ParameterSpec("regularising_velocity_m_s", "m/s", "speed over which friction rises to its curve", 1e-5, 2e-2)
+STANDSTILL = ParameterSpec(
     "standstill_share", "1", "share of static friction that is left at standstill", 1e-3, 1.0, 0.5, logarithmic=False
 )
 
@@ -26,7 +24,7 @@ class CoulombStribeckParameters(StribeckParameters):
     ``g(v) = Fc + (Fs - Fc) exp(-|v / vs|**a)``, ``d`` is the direction of the last motion, 0 before the first.
     """
 
-    specs: ClassVar[tuple[ParameterSpec, ...]] = (*STRIBECK, REGULARISING_VELOCITY, STANDSTILL_SHARE, *SCALING)
+    specs: ClassVar[tuple[ParameterSpec, ...]] = (*STRIBECK, RISE, STANDSTILL, *SCALING)
 
     regularising_velocity_m_s: float
     standstill_share: float
@@ -36,13 +34,7 @@ class CoulombStribeckParameters(StribeckParameters):
 
 @numba.njit(cache=True)
 def _simulate(
-    packed: Array,
-    velocity: Array,
-    log_speed: Array,
-    pressure: Array,
-    sample_time: float,  # noqa: ARG001 - all kernels take the same
-    state: Array,
-    friction: Array,
+    packed: Array, velocity: Array, log_speed: Array, pressure: Array, sample_time: float, state: Array, friction: Array
 ) -> None:
     coulomb, static, viscous = packed[0], packed[1], packed[4]
     slowest, share = packed[5], packed[6]
@@ -69,8 +61,7 @@ class CoulombStribeck(FrictionModel):
     static value in the direction of the last motion, as oil stays trapped; slow motion blends into the curve as a
     hyperbolic tangent. Share and speed are identified; a share near 0 is the usual regularisation.
 
-    Source: Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.1; tanh: Andersson, Soederberg and
-    Bjoerklund 2007.
+    Source: Armstrong-Helouvry, Dupont, Canudas de Wit 1994, section 2.1; tanh: Andersson, Soederberg, Bjoerklund 2007.
     """
 
     short_name = "stribeck"

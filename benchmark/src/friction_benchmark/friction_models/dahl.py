@@ -34,13 +34,7 @@ class DahlParameters(ModelParameters):
 
 @numba.njit(cache=True)
 def _simulate(
-    packed: Array,
-    velocity: Array,
-    log_speed: Array,  # noqa: ARG001 - all kernels take the same
-    pressure: Array,
-    sample_time: float,
-    state: Array,
-    friction: Array,
+    packed: Array, velocity: Array, log_speed: Array, pressure: Array, sample_time: float, state: Array, friction: Array
 ) -> None:
     coulomb, viscous, stiffness = packed[0], packed[1], packed[2]
     dry = state[0]
@@ -56,11 +50,9 @@ def _simulate(
 
 
 class Dahl(FrictionModel):
-    """Dahl's model with exponent 1, and viscous friction beside it, without which it could not slide in oil.
+    """Dahl's model (1968) with exponent 1, and viscous friction beside it, without which it could not slide in oil.
 
     At a held velocity the equation is linear and is stepped exactly. It knows no Stribeck effect and no rate.
-
-    Source: Dahl 1968, with exponent 1.
     """
 
     short_name = "dahl"

@@ -23,11 +23,13 @@ from cylinder_friction.friction_models.stribeck import falling_part, side_factor
 TIMES_S = (1e-3, 100.0, 0.5)
 """Bounds and start of every time constant of the film, none of which is known before the search: five decades, from a
 fast logger's sample to minutes."""
-FILM_VELOCITY = ParameterSpec("film_velocity_m_s", "m/s", "speed above which the film grows no more", 1e-3, 1.0)
-FILM_BUILD = ParameterSpec("film_build_s", "s", "time constant of a film that builds", *TIMES_S)
-FILM_SQUEEZE = ParameterSpec("film_squeeze_s", "s", "time constant of a film that thins in motion", *TIMES_S)
-FILM_DWELL = ParameterSpec("film_dwell_s", "s", "time constant of a film that thins at standstill", *TIMES_S)
-FILM_INERTIA = ParameterSpec("film_inertia_s", "s", "lead of viscous friction on acceleration", 1e-5, 1.0, 5e-3)
+FILM = (
+    ParameterSpec("film_velocity_m_s", "m/s", "speed above which the film grows no more", 1e-3, 1.0),
+    ParameterSpec("film_build_s", "s", "time constant of a film that builds", *TIMES_S),
+    ParameterSpec("film_squeeze_s", "s", "time constant of a film that thins in motion", *TIMES_S),
+    ParameterSpec("film_dwell_s", "s", "time constant of a film that thins at standstill", *TIMES_S),
+    ParameterSpec("film_inertia_s", "s", "lead of viscous friction on acceleration", 1e-5, 1.0, 5e-3),
+)
 
 
 @dataclass(frozen=True)
@@ -40,18 +42,7 @@ class FilmLugreParameters(StribeckParameters):
     ``film_squeeze_s`` where ``h > hss``, ``film_dwell_s`` at ``v = 0``.
     """
 
-    specs: ClassVar[tuple[ParameterSpec, ...]] = (
-        *STRIBECK,
-        STIFFNESS,
-        DAMPING,
-        DAMPING_VELOCITY,
-        FILM_VELOCITY,
-        FILM_BUILD,
-        FILM_SQUEEZE,
-        FILM_DWELL,
-        FILM_INERTIA,
-        *SCALING,
-    )
+    specs: ClassVar[tuple[ParameterSpec, ...]] = (*STRIBECK, STIFFNESS, DAMPING, DAMPING_VELOCITY, *FILM, *SCALING)
 
     bristle_stiffness_n_m: float
     bristle_damping_n_s_m: float

@@ -14,14 +14,12 @@ from cylinder_friction.friction_models.stribeck import falling_part, side_factor
 
 ELEMENTS = 6
 
-TRAVEL_SPREAD = ParameterSpec(
-    "travel_spread", "1", "travel at which the last element slips over that of the first", 1.05, 500.0, 10.0
-)
-SHARE_TILT = ParameterSpec(
-    "share_tilt", "1", "share of friction of the last element over that of the first", 0.05, 20.0, 1.0
-)
-ATTRACTION = ParameterSpec(
-    "attraction_n_s", "N/s", "how fast slipping elements follow the Stribeck curve", 10.0, 1e6, 1e4
+SLIP = (
+    ParameterSpec(
+        "travel_spread", "1", "travel at which the last element slips over that of the first", 1.05, 500.0, 10.0
+    ),
+    ParameterSpec("share_tilt", "1", "share of friction of the last element over that of the first", 0.05, 20.0, 1.0),
+    ParameterSpec("attraction_n_s", "N/s", "how fast slipping elements follow the Stribeck curve", 10.0, 1e6, 1e4),
 )
 
 
@@ -37,7 +35,7 @@ class MaxwellSlipParameters(StribeckParameters):
     ``bristle_stiffness_n_m``. So a presliding curve of any number of elements takes three numbers.
     """
 
-    specs: ClassVar[tuple[ParameterSpec, ...]] = (*STRIBECK, STIFFNESS, TRAVEL_SPREAD, SHARE_TILT, ATTRACTION, *SCALING)
+    specs: ClassVar[tuple[ParameterSpec, ...]] = (*STRIBECK, STIFFNESS, *SLIP, *SCALING)
 
     bristle_stiffness_n_m: float
     travel_spread: float

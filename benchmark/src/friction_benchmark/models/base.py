@@ -8,25 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.front_end import FrontEnd, FrontEndBlock, fit_front_end
 from cylinder_friction.estimators.training_plan import SequenceData
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
-from friction_benchmark.registry import Estimator
+from friction_benchmark.registry import BuildConfiguration, Estimator
 
 Single = NDArray[np.float32]
 
 
 class Model(Estimator):
-    """A model that is fitted to labelled recordings and then estimates friction.
-
-    Args:
-        inputs: Columns that it sees; ``position_m`` must be one.
-
-    Raises:
-        ValueError: There is no position among the inputs.
-    """
+    """A model that is fitted to labelled recordings and then estimates friction; ``position_m`` is among its inputs."""
 
     def __init__(self, inputs: Sequence[str] = SAMPLE_COLUMNS) -> None:
         self.inputs = tuple(inputs)
@@ -39,25 +31,18 @@ class FeatureModel(Model):
 
     The force balance is there when both raw pressures are inputs. Features are standardised, and so is the target. A
     subclass gives ``learn``, ``predict`` and ``model_multiply_adds``.
-
-    Args:
-        cylinder: Its areas.
-        inputs: Columns that it sees; raw pressures come first.
-        seed: Seeds everything random.
     """
 
-    def __init__(self, cylinder: Cylinder, inputs: Sequence[str] = SAMPLE_COLUMNS, seed: int = 0) -> None:
-        super().__init__(inputs)
-        self.cylinder, self.seed = cylinder, seed
+    features: FrontEnd  # Set by ``fit``
+
+    def __init__(self, build: BuildConfiguration) -> None:
+        super().__init__(build.inputs)
+        self.build, self.cylinder, self.seed = build, build.cylinder, build.seed
         self.target_mean_n, self.target_scale_n = 0.0, 1.0
-        self._features: FrontEnd | None = None
 
     @abstractmethod
     def learn(self, train: Sequence[SequenceData]) -> None:
-        """Learn the targets, in standard deviations, of one sequence per recording.
-
-        Features are float32, shape ``(n, len(self.features.names))``.
-        """
+        """Learn the targets, in standard deviations, of one sequence per recording."""
 
     @abstractmethod
     def predict(self, features: Single) -> NDArray[Any]:
@@ -67,14 +52,9 @@ class FeatureModel(Model):
     def model_multiply_adds(self) -> int:
         """Return the multiply-adds of one sample, features left out."""
 
-    @property
-    def features(self) -> FrontEnd:
-        assert self._features is not None
-        return self._features
-
     def set_features(self, recordings: Sequence[Recording], inputs: Sequence[str]) -> None:
         """Choose the features of these inputs, and scale them by the recordings."""
-        self._features = fit_front_end("full", self.cylinder, recordings, tuple(inputs))
+        self.features = fit_front_end("full", self.cylinder, recordings, inputs)
 
     def features_of(self, recording: Recording) -> tuple[Single, Array]:
         """Return features, shape ``(n, k)``, and the force balance that is corrected [N], zero if there is none."""

@@ -1,7 +1,7 @@
 """A Kalman filter that divides the force balance into friction and the contribution of the pressure sensors' zeros.
 
-States, all but the scale in newtons: the contribution of the zero of pressure 1 and of pressure 2 to the force balance,
-and the rates of both; the scale of the friction law; the rest of friction, slow and fast.
+States, all but the scale in newtons: the contribution of either pressure's zero to the force balance, and its rate; the
+scale of the friction law; the rest of friction, slow and fast.
 
 The law of sliding friction is a curve over speed all of whose parts but the viscous one grow with pressure:
 ``|F| = c + d |v| + sum_k e_k exp(-|v| / v_k) + f h + (c' + sum_k e'_k exp(-|v| / v_k) + f' h) (P1 + P2)``, one set of
@@ -11,14 +11,14 @@ does (Yanada and Sekikawa 2008). It is linear in the coefficients, so that robus
 
 import math
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass, fields, replace
-from typing import Any, Self
+from dataclasses import astuple, dataclass, replace
+from typing import Self
 
 import numba
 import numpy as np
 
 from cylinder_friction.arrays import Array, Mask
-from cylinder_friction.estimators.linear import labelled_rows, refuse_missing_inputs
+from cylinder_friction.estimators.linear import refuse_missing_inputs
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 from friction_benchmark.evenly import evenly
@@ -43,93 +43,70 @@ GATES = (1.2, 5.0)
 
 @dataclass(frozen=True)
 class ObserverNoise:
-    """Noises of the states and of the force balance.
-
-    Raises:
-        ValueError: A number is not finite and positive.
-    """
+    """Noises of the states and of the force balance, all positive."""
 
     bias_n: float = 5.0  # Standard deviation of the sensors' contribution to the force balance at the start [N]
     bias_rate_n_s: float = 0.1  # Of its rate [N/s]
     bias_walk_n: float = 0.1  # Of its random walk within a second [N]
     scale: float = 0.03  # Standard deviation of the friction law's scale
-    slow_n: float = 35.0  # Standard deviation [N] and time constant [s] of the law's residual while sliding
-    slow_s: float = 1.2  # Standard deviation [N] and time constant [s] of the law's residual while sliding
-    fast_n: float = 30.0  # The same for the part that settles quickly after a start
-    fast_s: float = 0.06  # The same for the part that settles quickly after a start
-    rest_n: float = 250.0  # The same at standstill, where friction balances the pressures
-    rest_s: float = 3.0  # The same at standstill, where friction balances the pressures
+    slow_n: float = 35.0  # Standard deviation of the law's residual while sliding [N]
+    slow_s: float = 1.2  # Its time constant [s]
+    fast_n: float = 30.0  # Both for the part that settles quickly after a start
+    fast_s: float = 0.06
+    rest_n: float = 250.0  # Both at standstill, where friction balances the pressures
+    rest_s: float = 3.0
     balance_n: float = 30.0  # Noise of one sample of the force balance [N]
     gate: float = 2.2  # Innovations beyond so many standard deviations are a jump of friction
-
-    def __post_init__(self) -> None:
-        for field in fields(self):
-            value = getattr(self, field.name)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"ObserverNoise: {field.name} must be a positive number, but got {value!r}")
 
 
 def first_covariance(noise: ObserverNoise, areas_m2: Array) -> Array:
     """Return the covariance before the first sample; the zeros of both pressures are equally uncertain in pascal."""
     share = areas_m2**2 / (areas_m2**2).sum()
     rate = noise.bias_rate_n_s**2 * share
-    spread = [*(noise.bias_n**2 * share), *rate, noise.scale**2, noise.slow_n**2, noise.rest_n**2]
-    return np.diag(np.array(spread))
+    return np.diag([*(noise.bias_n**2 * share), *rate, noise.scale**2, noise.slow_n**2, noise.rest_n**2])
 
 
 @dataclass(frozen=True)
 class Traces:
-    """The observer's inputs from one recording: rows of ``causal_motion``, force balance [N], P1 + P2 [bar], and the
-    sample time [s]."""
+    """The observer's inputs from one recording."""
 
-    motion: Array
-    balance_n: Array
-    pressure_bar: Array
+    motion: Array  # Rows of ``causal_motion``
+    balance_n: Array  # Force balance [N]
+    pressure_bar: Array  # P1 + P2 [bar]
     sample_time_s: float
 
 
 class DisturbanceObserver(Model):
-    """Kalman filter with friction and pressure-bias states; uses position and both raw pressures.
+    """Kalman filter with friction and pressure-bias states (Davison 1972, Friedland 1969); uses both raw pressures.
 
     ``P1·A1 - P2·A2 - m·a = s·F(v, P) + w_slow + w_fast + A1·b1 - A2·b2 + noise``. Motion comes from a filter of its
     own, to which inertia (1 N) would add nothing. A constant zero error has one sign while extending and retracting,
     friction changes its sign: that separates the two. Size and drift of the zero errors are measured on the training
     recordings, whose labels are free of them; so is the friction law. The other noises are chosen for the least mean
-    absolute error of the running filter.
-
-    Args:
-        build: Cylinder and inputs. Effort cuts how often the search for the noises runs the filter, and over how many
-            recordings, spread evenly over the training recordings.
-
-    Source: disturbance observer as a Kalman filter: Davison 1972 and Friedland 1969 (bias states).
+    absolute error of the running filter. Effort cuts how often that search runs the filter, and over how many
+    recordings, spread evenly over those of training.
     """
 
     def __init__(self, build: BuildConfiguration) -> None:
         super().__init__(build.inputs)
         refuse_missing_inputs(build.inputs)
         self.cylinder = build.cylinder
+        self._areas = np.array([build.cylinder.piston_area_m2, build.cylinder.annulus_area_m2])
         self.evaluations, self.recordings = build.share(600, 2), max(2, round(24 * build.effort**0.5))
         self.noise = ObserverNoise()
         self.law = np.zeros((2, COEFFICIENTS))
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
         """Find the friction law, the sensors' errors, and the noises, in this order."""
-        traces = [self._trace(recording) for recording in recordings]
-        labels, masks = labelled_rows(recordings)
+        known = [(self._trace(one), one.column("friction_n"), one.usable()) for one in recordings]
         self.law = sliding_law(
-            np.concatenate([trace.motion[mask] for trace, mask in zip(traces, masks, strict=True)]),
-            np.concatenate([trace.pressure_bar[mask] for trace, mask in zip(traces, masks, strict=True)]),
-            labels,
+            np.concatenate([trace.motion[usable] for trace, _, usable in known]),
+            np.concatenate([trace.pressure_bar[usable] for trace, _, usable in known]),
+            np.concatenate([label_n[usable] for _, label_n, usable in known]),
         )
-        differences = [
-            (trace.balance_n - recording.column("friction_n"), mask)
-            for trace, recording, mask in zip(traces, recordings, masks, strict=True)
-        ]
+        differences = [(trace.balance_n - label_n, usable) for trace, label_n, usable in known]
         self.noise = replace(self.noise, **sensor_errors(differences, recordings[0].sample_time_s))
-        pairs = zip(traces, recordings, strict=True)
-        self._tune(
-            [(trace, one.column("friction_n"), one.usable()) for trace, one in evenly([*pairs], self.recordings)]
-        )
+        self._tune(evenly(known, self.recordings))
         return self
 
     def _tune(self, known: Sequence[tuple[Traces, Array, Mask]]) -> None:
@@ -139,7 +116,7 @@ class DisturbanceObserver(Model):
         """
 
         def error_n(noise: ObserverNoise) -> float:
-            off = [np.abs(self._observe(trace, noise) - label)[mask] for trace, label, mask in known]
+            off = [np.abs(self._observe(trace, noise) - label_n)[usable] for trace, label_n, usable in known]
             return float(np.concatenate(off).mean())
 
         first = self.noise
@@ -163,23 +140,16 @@ class DisturbanceObserver(Model):
             if best > 0.995 * before:
                 factor = factor**0.5
 
-    @property
-    def _areas(self) -> Array:
-        return np.array([self.cylinder.piston_area_m2, self.cylinder.annulus_area_m2])
-
     def _trace(self, recording: Recording) -> Traces:
         pressure_1, pressure_2, position = (np.ascontiguousarray(recording.column(name)) for name in SAMPLE_COLUMNS)
-        motion = causal_motion(position, recording.sample_time_s)
-        areas = self._areas
+        motion, areas = causal_motion(position, recording.sample_time_s), self._areas
         balance = pressure_1 * areas[0] - pressure_2 * areas[1] - self.cylinder.moving_mass_kg * motion[:, 1]
         return Traces(motion, balance, (pressure_1 + pressure_2) / BAR_PA, recording.sample_time_s)
 
     def _observe(self, trace: Traces, noise: ObserverNoise) -> Array:
         measured = (trace.motion, trace.balance_n, trace.pressure_bar)
-        start = first_covariance(noise, self._areas)
-        return np.asarray(
-            observe(*measured, self.law, np.array(astuple(noise)), self._areas, trace.sample_time_s, start)
-        )
+        model = (self.law, np.array(astuple(noise)), self._areas, trace.sample_time_s)
+        return np.asarray(observe(*measured, *model, first_covariance(noise, self._areas)))
 
     def estimate(self, recording: Recording) -> Array:
         return self._observe(self._trace(recording), self.noise)
@@ -189,12 +159,10 @@ class DisturbanceObserver(Model):
         return 5 * 49 + 5 * 16 + 80
 
 
-def sensor_errors(differences: Sequence[tuple[Array, Any]], sample_time_s: float) -> dict[str, float]:
+def sensor_errors(differences: Sequence[tuple[Array, Mask]], sample_time_s: float) -> dict[str, float]:
     """Return the force balance's error at the start, its rate, and its random walk, by the names of the noises.
 
-    Args:
-        differences: For each recording force balance less label [N], and its mask of usable rows.
-        sample_time_s: Between two rows [s].
+    ``differences`` hold force balance less label [N] and the mask of usable rows of each recording.
     """
     starts, rates, walks = [], [], []
     window = max(2, round(0.5 / sample_time_s))
@@ -220,10 +188,7 @@ def sensor_errors(differences: Sequence[tuple[Array, Any]], sample_time_s: float
 def sliding_law(motion: Array, pressure_bar: Array, friction_n: Array) -> Array:
     """Return the law of least absolute error on labelled sliding: while extending and retracting, shape ``(2, k)``.
 
-    Args:
-        motion: Rows of ``causal_motion``, shape ``(n, 4)``; rows at rest are skipped.
-        pressure_bar: P1 + P2, shape ``(n,)`` [bar].
-        friction_n: Labels, shape ``(n,)`` [N].
+    ``motion`` are rows of ``causal_motion``, of which those at rest are skipped; ``pressure_bar`` is P1 + P2.
     """
     found = np.zeros((2, COEFFICIENTS))
     for side, direction in enumerate((1.0, -1.0)):
@@ -257,27 +222,16 @@ def law_parts(coefficients: Array, direction: float, speed: float, memory: float
 
 @numba.njit(cache=True)
 def observe(
-    motion: Array,
-    balance_n: Array,
-    pressure_bar: Array,
-    coefficients: Array,
-    noise: Array,
-    areas_m2: Array,
-    step: float,
-    covariance: Array,
+    motion: Array,  # Rows of ``causal_motion``, shape ``(n, 4)``
+    balance_n: Array,  # P1·A1 - P2·A2 - m·a as measured, shape ``(n,)``
+    pressure_bar: Array,  # P1 + P2 as measured, shape ``(n,)``
+    coefficients: Array,  # From ``sliding_law``
+    noise: Array,  # The fields of ``ObserverNoise``
+    areas_m2: Array,  # Piston and annulus area
+    step: float,  # Between two samples [s]
+    covariance: Array,  # Before the first sample, shape ``(7, 7)``; changed in place
 ) -> Array:
-    """Return friction [N], shape ``(n,)``. Each row of this recursion needs the one before, hence the compiler.
-
-    Args:
-        motion: Rows of ``causal_motion``, shape ``(n, 4)``.
-        balance_n: P1·A1 - P2·A2 - m·a as measured, shape ``(n,)`` [N].
-        pressure_bar: P1 + P2 as measured, shape ``(n,)`` [bar].
-        coefficients: From ``sliding_law``, shape ``(2, k)``.
-        noise: The fields of ``ObserverNoise``, shape ``(12,)``.
-        areas_m2: Piston and annulus area, shape ``(2,)`` [m²].
-        step: Between two samples [s].
-        covariance: Before the first sample, shape ``(7, 7)``; changed in place.
-    """
+    """Return friction [N], shape ``(n,)``. Each row of this recursion needs the one before, hence the compiler."""
     result = np.empty(motion.shape[0])
     mean, jacobian = np.zeros(STATES), np.ones(STATES)
     mean[SCALE], last_law_n, smooth_bar = 1.0, 0.0, pressure_bar[0]

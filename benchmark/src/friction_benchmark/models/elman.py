@@ -16,63 +16,45 @@ from typing import Literal
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.estimators.training import reproducible
 from cylinder_friction.estimators.training_plan import SequenceData
-from friction_benchmark.models.base import FeatureModel
-from friction_benchmark.models.related_work import (
-    VELOCITIES,
-    last_motion,
-    places_of,
-    smoothed_absolute,
-    task_columns,
-)
+from friction_benchmark.models.base import Single
+from friction_benchmark.models.related_work import VELOCITIES, MotionModel, smoothed_absolute
 from friction_benchmark.models.swarm import SIDE, swarm_then_simplex
 from friction_benchmark.models.training import minimise
 from friction_benchmark.registry import BuildConfiguration, Float, Int, RegisteredModel, Space
 
-Single = NDArray[np.float32]
-
 Trainer = Literal["swarm", "adam"]
 STRIDE = 4
-"""Samples between two steps of the network, 20 ms at 200 Hz, when friction itself is its output, held between.
-
-A network that corrects a force balance steps at every sample: a correction of noise that has passed would be noise.
-"""
+"""Samples between two steps, 20 ms at 200 Hz, when friction itself is the network's output, held between. A network
+that corrects a force balance steps at every sample: a correction of noise that has passed would be noise."""
 SEGMENTS, SEGMENT_STEPS, BURN_IN = 64, 250, 25
 """Pieces of the training recordings used for training, their length, and the steps before the first scored one."""
-GRADIENT_EVALUATIONS = 3
-"""What one gradient costs in evaluations of the network: one forward, and backward at about twice its operations."""
 EVALUATIONS = 16_000
+GRADIENT_EVALUATIONS = 3  # One gradient: forward, and backward at about twice the operations
 
 
 @dataclass(frozen=True)
 class Batch:
-    """Sequences side by side, all of one length: inputs ``(steps, sequences, k)``, target and weight ``(steps,
-    sequences)``; the weight is 1 where a step is scored, else 0."""
+    """Sequences side by side, all of one length."""
 
-    inputs: torch.Tensor
-    target: torch.Tensor
-    weight: torch.Tensor
+    inputs: torch.Tensor  # Shape ``(steps, sequences, k)``
+    target: torch.Tensor  # Shape ``(steps, sequences)``, as the weight
+    weight: torch.Tensor  # 1 where a step is scored, else 0
 
 
-class Elman(FeatureModel):
+class Elman(MotionModel):
     """An Elman network on velocity and the task's other columns; gives friction or corrects the force balance.
 
-    Args:
-        trainer: ``swarm``, with the simplex after it, or ``adam``.
-        build: Nodes, feedback, and the box of weights or the learning rate. Effort cuts the evaluations of the network
-            over all training rows; a gradient counts as three.
+    Effort cuts the evaluations of the network over all training rows; a gradient counts as three.
     """
 
     def __init__(self, trainer: Trainer, build: BuildConfiguration) -> None:
-        super().__init__(build.cylinder, build.inputs, build.seed)
-        self.trainer, self.build = trainer, build
+        super().__init__(build)
+        self.trainer, self.evaluations = trainer, build.share(EVALUATIONS)
         self.nodes, self.feedback = build.whole("nodes"), build.number("feedback")
-        self.evaluations = build.share(EVALUATIONS)
-        self.weights = np.zeros(0)
 
     def learn(self, train: Sequence[SequenceData]) -> None:
         batch = self._batch(train)
@@ -92,8 +74,8 @@ class Elman(FeatureModel):
 
     def _inputs(self, features: Single) -> Single:
         """Return what the network sees, shape ``(n, k)``."""
-        columns = places_of(self.features, (*VELOCITIES, *task_columns(self.features)))
-        return np.column_stack([features[:, columns], last_motion(self.features, features)]).astype(np.float32)
+        seen = [self.named(features, *VELOCITIES), self.others(features), self.last_motion(features)]
+        return np.column_stack(seen).astype(np.float32)
 
     def _stride(self) -> int:
         return 1 if self.features.has_base else STRIDE
@@ -157,7 +139,6 @@ class Elman(FeatureModel):
 
 
 def weight_count(inputs: int, nodes: int) -> int:
-    """Return how many weights a network with so many inputs has."""
     return nodes * (inputs + nodes + 2) + 1
 
 
@@ -176,8 +157,7 @@ def network_outputs(weights: torch.Tensor, nodes: int, feedback: float, rows: to
     return torch.stack(states) @ head + last
 
 
-_SPACE: Space = {"nodes": Int(6, 12), "feedback": Float(0.0, 0.9)}
-_DEFAULTS = {"nodes": 8, "feedback": 0.3}
+_SPACE: Space = {"nodes": (Int(6, 12), 8), "feedback": (Float(0.0, 0.9), 0.3)}
 _CHOSEN = (
     "8 hidden nodes; self-feedback of the context; inputs: velocity (straight and softly limited), side of the last "
     "motion, the task's other columns; corrects the force balance where raw pressures are there; rounded absolute "
@@ -191,8 +171,7 @@ MODELS = (
         family="related work",
         source="Pan et al. 2017",
         build=partial(Elman, "swarm"),
-        space={**_SPACE, "bound": Float(0.2, 2.0, log=True)},
-        defaults={**_DEFAULTS, "bound": 0.4},
+        space={**_SPACE, "bound": (Float(0.2, 2.0, log=True), 0.4)},
         chosen=f"{_CHOSEN}; 6 x 6 agents, steps of at most 5 % of the box, 30 % of the budget for the simplex; effort "
         "cuts the evaluations of the network (16,000)",
     ),
@@ -202,8 +181,7 @@ MODELS = (
         family="related work",
         source="Pan et al. 2017 (network), Kingma and Ba 2015 (training)",
         build=partial(Elman, "adam"),
-        space={**_SPACE, "learning_rate": Float(3e-3, 6e-2, log=True)},
-        defaults={**_DEFAULTS, "learning_rate": 2e-2},
+        space={**_SPACE, "learning_rate": (Float(3e-3, 6e-2, log=True), 2e-2)},
         chosen=f"{_CHOSEN}; the swarm's rows and number of evaluations of the network, a gradient counted as three; "
         "effort cuts them (16,000)",
     ),

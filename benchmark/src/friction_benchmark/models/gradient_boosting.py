@@ -3,14 +3,14 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from sklearn.ensemble import HistGradientBoostingRegressor
 from threadpoolctl import threadpool_limits  # comes with scikit-learn
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.estimators.training_plan import SequenceData
-from friction_benchmark.models.base import FeatureModel
+from friction_benchmark.models.base import FeatureModel, Single
 from friction_benchmark.models.lagged import Past
-from friction_benchmark.registry import BuildConfiguration, Float, OneOf, RegisteredModel, Space, Values
+from friction_benchmark.registry import BuildConfiguration, Float, OneOf, RegisteredModel, Space
 
 PAST = Past(lags=(6, 20, 60), averages=(100.0, 1000.0))
 """30, 100 and 300 ms ago; averages over 0.5 and 5 s, which show the contribution of sensor zeros or of a load."""
@@ -20,14 +20,12 @@ LEAST_ROWS, PENALTY = 40, 1.0  # Fewest rows in a leaf, and the L2 penalty of it
 class GradientBoosting(FeatureModel):
     """Gradient-boosted trees (Friedman 2001; Ke et al. 2017) that correct the force balance, or give all of friction.
 
-    Trees hold no state and cannot leave the range of their training targets; the past enters as features.
-
-    Args:
-        build: Learning rate, leaves and loss. Effort cuts trees, and the rows drawn from all usable ones.
+    Trees hold no state and cannot leave the range of their training targets; the past enters as features. Effort cuts
+    trees, and the rows drawn from all usable ones.
     """
 
     def __init__(self, build: BuildConfiguration) -> None:
-        super().__init__(build.cylinder, build.inputs, build.seed)
+        super().__init__(build)
         self.rows = build.share(160_000, 2000)
         self.trees = HistGradientBoostingRegressor(
             loss=build.hyperparameters["loss"],
@@ -49,7 +47,7 @@ class GradientBoosting(FeatureModel):
         with threadpool_limits(1, user_api="openmp"):
             self.trees.fit(rows[chosen], target[chosen])
 
-    def predict(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
+    def predict(self, features: Single) -> Array:
         with threadpool_limits(1, user_api="openmp"):
             return np.asarray(self.trees.predict(PAST.of(features)))
 
@@ -60,11 +58,10 @@ class GradientBoosting(FeatureModel):
 
 
 SPACE: Space = {
-    "learning_rate": Float(0.04, 0.25, log=True),
-    "leaves": OneOf((15, 31, 63)),
-    "loss": OneOf(("absolute_error", "squared_error")),
+    "learning_rate": (Float(0.04, 0.25, log=True), 0.1),
+    "leaves": (OneOf((15, 31, 63)), 31),
+    "loss": (OneOf(("absolute_error", "squared_error")), "absolute_error"),
 }
-DEFAULTS: Values = {"learning_rate": 0.1, "leaves": 31, "loss": "absolute_error"}
 MODELS = (
     RegisteredModel(
         name="gradient_boosting",
@@ -73,7 +70,6 @@ MODELS = (
         source="Friedman 2001; Ke et al. 2017",
         build=GradientBoosting,
         space=SPACE,
-        defaults=DEFAULTS,
         chosen="Features of now, 30, 100 and 300 ms ago, and averages over 0.5 and 5 s.",
     ),
 )

@@ -7,15 +7,7 @@ import torch
 from torch import nn
 
 from cylinder_friction.estimators.training_plan import Architecture
-from friction_benchmark.models.sequence_network import (
-    DEFAULTS,
-    RECURRENT_STRIDE,
-    SPACE,
-    SequenceModel,
-    architecture,
-    training_plan,
-    zero_head,
-)
+from friction_benchmark.models.sequence_network import SPACE, SequenceModel, architecture, training_plan, zero_head
 from friction_benchmark.registry import BuildConfiguration, RegisteredModel
 
 
@@ -37,7 +29,7 @@ class GruNetwork(nn.Module):
 
 def _build(build: BuildConfiguration) -> SequenceModel:
     plan = training_plan(build, epochs=24, steps=75, batch_size=32)
-    return SequenceModel(build, partial(GruNetwork, architecture(build)), plan, RECURRENT_STRIDE)
+    return SequenceModel(build, partial(GruNetwork, architecture(build)), plan)
 
 
 MODELS = (
@@ -48,7 +40,6 @@ MODELS = (
         source="Cho et al. 2014",
         build=_build,
         space=SPACE,
-        defaults=DEFAULTS,
         chosen="Reset gate after the recurrent product; linear head; mean absolute error, AdamW, cosine.",
     ),
 )

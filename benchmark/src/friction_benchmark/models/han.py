@@ -1,8 +1,7 @@
 """Friction by a deep network on windows of velocity, trained on synthetic LuGre friction, after Han et al. 2023.
 
-Source: Han et al. 2023, a deep network for friction of hydraulic actuators, trained on synthetic data of LuGre. The
-paper was not at hand; that it learns from LuGre, and how well it does if LuGre is not like the actuator, is known from
-its citations. The models' ``chosen`` states what was taken where they leave something open.
+The paper was not at hand; that its network learns from LuGre, and how well it does if the actuator is not like it, is
+known from its citations. The models' ``chosen`` states what was taken where they leave something open.
 """
 
 import math
@@ -13,7 +12,6 @@ from typing import Self
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from scipy.signal import savgol_filter
 from torch import nn
 
@@ -23,24 +21,18 @@ from cylinder_friction.estimators.training import reproducible
 from cylinder_friction.estimators.training_plan import SequenceData
 from cylinder_friction.friction_models.lugre import LuGre, LugreParameters, passive_damping_velocity
 from cylinder_friction.recordings.recording import Recording
-from friction_benchmark.models.base import FeatureModel
-from friction_benchmark.models.related_work import last_motion, places_of, task_columns
+from friction_benchmark.models.base import Single
+from friction_benchmark.models.related_work import MotionModel
 from friction_benchmark.models.training import minimise, outputs, perceptron, weights_in
 from friction_benchmark.models.velocity_window import EVERY, WINDOW_INPUTS, windows
 from friction_benchmark.registry import BuildConfiguration, Float, OneOf, RegisteredModel, Space
 
-Single = NDArray[np.float32]
-
-MOTION = ("position_m",)
 VARIANTS = 8  # Synthetic friction signals along each recording's motion
-
 OTHERS = 0.5  # Standard deviation of the first weights of the task's other columns
 MOTION_INPUTS = WINDOW_INPUTS + 1
 RIDGE = 1e-3
-
 BREAKAWAY_PA = 1.2e5
 """Pressure on the piston at which an unloaded cylinder breaks away: geometric mean of 0.5 and 3 bar."""
-
 STATIC_RATIO, RETRACT_RATIO = 1.5, 1.2
 STRIBECK_VELOCITY_M_S = 8e-3
 STRIBECK_EXPONENT = 1.5
@@ -48,32 +40,26 @@ BRISTLE_STIFFNESS_N_M = 1e7
 VISCOUS_N_S_M = 1100.0
 DAMPING_RATIO = 0.5
 """Typical values for cylinders of a few centimetres' bore: the middle of the usual range, geometric over decades."""
-
 MOTION_WINDOW, MOTION_ORDER = 31, 3
 REST_M_S = 1.5e-3  # Slower counts as rest: four times the noise of the smoothed velocity of a 12-bit potentiometer
 NODES, BATCH = 64, 1024
 
 
-class Han(FeatureModel):
+class Han(MotionModel):
     """A rectified network on a window of velocity, trained on LuGre friction alone or fine-tuned on labels.
 
     Without fine-tuning it sees the position alone, whatever the task provides. Fine-tuned, the other columns join
     the first layer, and the head is fitted anew by ridge regression before all layers are trained. Where it corrects
-    the force balance it steps at every sample, else every 20 ms.
-
-    Args:
-        fine_tuned: Whether it is trained on the recordings' labels too.
-        build: Layers, spread of the synthetic parameters as a share, and the learning rate that is tuned. Effort cuts
-            the batches.
+    the force balance it steps at every sample, else every 20 ms. Effort cuts the batches.
     """
 
     def __init__(self, fine_tuned: bool, build: BuildConfiguration) -> None:
-        super().__init__(build.cylinder, build.inputs, build.seed)
-        self.fine_tuned, self.build = fine_tuned, build
+        super().__init__(build)
+        self.fine_tuned = fine_tuned
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
         """Train on synthetic friction along the recordings' motion and, if fine-tuned, on their labels afterwards."""
-        self.set_features(recordings, MOTION)
+        self.set_features(recordings, ("position_m",))
         self.target_mean_n, self.target_scale_n = 0.0, generic_parameters(self.cylinder).coulomb_n
         self._learn_synthetic(recordings)
         return super().fit(recordings) if self.fine_tuned else self
@@ -84,7 +70,6 @@ class Han(FeatureModel):
         rows = np.concatenate([self._inputs(each.features)[::EVERY][m] for each, m in zip(train, masks, strict=True)])
         targets = np.concatenate([each.target[::EVERY][mask] for each, mask in zip(train, masks, strict=True)])
         self._widen(rows.shape[1] - MOTION_INPUTS)
-        hidden = rows
         with torch.inference_mode():
             hidden = self.network[:-1](torch.from_numpy(rows)).numpy()
         design = np.column_stack([hidden.astype(np.float64), np.ones(len(hidden))])
@@ -107,20 +92,17 @@ class Han(FeatureModel):
     def _inputs(self, features: Single) -> Single:
         """Return what the network sees at each sample; the window steps at every ``EVERY``-th."""
         seen = np.repeat(windows(self.column(features, "velocity_m_s")), EVERY, axis=0)[: len(features)]
-        direction = last_motion(self.features, features).astype(np.float32)
-        others = features[:, places_of(self.features, task_columns(self.features))]
-        return np.concatenate([seen, direction[:, None], others], axis=1)
+        direction = self.last_motion(features).astype(np.float32)
+        return np.column_stack([seen, direction, self.others(features)])
 
     def _learn_synthetic(self, recordings: Sequence[Recording]) -> None:
         centre, spread = generic_parameters(self.cylinder), self.build.number("spread")
         generator = np.random.default_rng([self.seed, 3])
         rows, targets = [], []
         for recording in recordings:
-            velocity = smooth_velocity(recording)
-            friction = [
-                synthetic_friction(drawn_parameters(centre, spread, generator), velocity, recording.sample_time_s)
-                for _ in range(VARIANTS)
-            ]
+            velocity, step_s = smooth_velocity(recording), recording.sample_time_s
+            drawn = [drawn_parameters(centre, spread, generator) for _ in range(VARIANTS)]
+            friction = [synthetic_friction(parameters, velocity, step_s) for parameters in drawn]
             rows.append(self._inputs(self.features_of(recording)[0])[::EVERY])
             targets.append(np.stack(friction, axis=1)[::EVERY] / self.target_scale_n)
         with reproducible(self.seed):
@@ -191,7 +173,7 @@ def drawn_parameters(centre: LugreParameters, spread: float, generator: np.rando
 
 
 def smooth_velocity(recording: Recording) -> Array:
-    """Return a recording's velocity without delay [m/s], zero at rest, shape ``(n,)``; from its position alone."""
+    """Return the velocity without delay [m/s], zero at rest, shape ``(n,)``; from the position alone."""
     position = recording.column("position_m")
     velocity = savgol_filter(position, MOTION_WINDOW, MOTION_ORDER, deriv=1, delta=recording.sample_time_s)
     return np.where(np.abs(velocity) < REST_M_S, 0.0, velocity)
@@ -203,8 +185,7 @@ def synthetic_friction(parameters: LugreParameters, velocity_m_s: Array, sample_
     return model.simulate(parameters.packed(), velocity_m_s, sample_time_s, model.new_state())
 
 
-_SPACE: Space = {"layers": OneOf((3, 4)), "spread": Float(0.3, 0.5)}
-_DEFAULTS = {"layers": 3, "spread": 0.4}
+_SPACE: Space = {"layers": (OneOf((3, 4)), 3), "spread": (Float(0.3, 0.5), 0.4)}
 _CHOSEN = (
     "3 or 4 rectified layers of 64; a 7.2 s window whose spans grow with age, and the side of the last motion; LuGre "
     "parameters drawn 30 to 50 % around handbook middles (breakaway 1.2 bar on the piston, static 1.5 times Coulomb, "
@@ -218,8 +199,7 @@ MODELS = (
         family="related work",
         source="Han et al. 2023",
         build=partial(Han, False),
-        space={**_SPACE, "learning_rate": Float(1e-3, 1e-2, log=True)},
-        defaults={**_DEFAULTS, "learning_rate": 3e-3},
+        space={**_SPACE, "learning_rate": (Float(1e-3, 1e-2, log=True), 3e-3)},
         chosen=f"{_CHOSEN}; sees no label and no column but the position; effort cuts the batches (2000)",
     ),
     RegisteredModel(
@@ -228,8 +208,7 @@ MODELS = (
         family="related work",
         source="Han et al. 2023",
         build=partial(Han, True),
-        space={**_SPACE, "tuning_rate": Float(5e-4, 1e-2, log=True)},
-        defaults={**_DEFAULTS, "tuning_rate": 4e-3},
+        space={**_SPACE, "tuning_rate": (Float(5e-4, 1e-2, log=True), 4e-3)},
         chosen=f"{_CHOSEN}; then on the task's labels: head by ridge regression, all layers by Adam; the task's other "
         "columns join the first layer; corrects the force balance where raw pressures are there; effort cuts the "
         "batches (6000)",

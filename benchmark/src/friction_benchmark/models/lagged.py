@@ -3,10 +3,9 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.signal import lfilter
 
-Rows = NDArray[np.float32]
+from friction_benchmark.models.base import Single
 
 
 @dataclass(frozen=True)
@@ -24,12 +23,12 @@ class Past:
         """Return how many columns ``of`` gives for so many features."""
         return features * (1 + len(self.lags) + len(self.averages))
 
-    def of(self, features: Rows) -> Rows:
+    def of(self, features: Single) -> Single:
         """Return features, lagged and averaged ones side by side, shape ``(n, width(k))``, float32."""
         rows = np.arange(len(features))
         parts = [features, *(features[np.maximum(rows - lag, 0)] for lag in self.lags)]
-        for weight in (1.0 / average for average in self.averages):
-            parts += [lfilter([weight], [1.0, weight - 1.0], features, axis=0).astype(np.float32)]
+        weights = (1.0 / average for average in self.averages)
+        parts += [lfilter([each], [1.0, each - 1.0], features, axis=0).astype(np.float32) for each in weights]
         return np.concatenate(parts, axis=1)
 
     def multiply_adds(self, features: int) -> int:

@@ -4,21 +4,19 @@ is averaged, and large where friction breaks away.
     m[t] = m[t-1] + g[t] (b[t] - m[t-1]),   friction = m[t] + c[t],   b = P1·A1 - P2·A2
 
 This is a Kalman filter of one state, a random walk, with its gain learnt instead of computed (Revach, Shlezinger, Ni,
-Escoriza, van Sloun and Eldar 2022, "KalmanNet", IEEE Transactions on Signal Processing 70, where a recurrent network
-gives the gain and the filter's structure stays). Chosen here: an LSTM gives the gain's logit and the offset c (which no
-gain can give: a sensor's error, delay, a load); it sees no innovation of its own filter, but those of fixed ones, so
-that it can be trained over whole sequences.
+Escoriza, van Sloun and Eldar 2022, "KalmanNet", IEEE Transactions on Signal Processing 70). Chosen here: an LSTM gives
+the gain's logit and the offset c (which no gain can give: a sensor's error, delay, a load); it sees no innovation of
+its own filter, but those of fixed ones, so that it can be trained over whole sequences.
 """
 
 import itertools
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import nn
 
 from cylinder_friction.arrays import Array
@@ -27,26 +25,17 @@ from cylinder_friction.estimators.linear import force_balance_taps
 from cylinder_friction.estimators.training import reproducible, side_by_side
 from cylinder_friction.estimators.training_plan import SequenceData
 from cylinder_friction.recordings.recording import Recording
-from friction_benchmark.models.base import Model
+from friction_benchmark.models.base import Model, Single
 from friction_benchmark.models.tracking_features import TrackingFeatures
 from friction_benchmark.models.training import minimise, weights_in
-from friction_benchmark.registry import (
-    BuildConfiguration,
-    Float,
-    OneOf,
-    RegisteredModel,
-    needs_raw_pressures,
-)
-
-Single = NDArray[np.float32]
+from friction_benchmark.registry import BuildConfiguration, Float, OneOf, RegisteredModel, needs_raw_pressures
 
 LARGE_OFFSET_N = 30.0
 """Mean distance of a recording's friction from its force balance, above which the mean of past strokes helps: about
 10 N with zeroed transmitters, 200 N with transmitters as bought."""
 FIRST_GAIN_LOGIT = -1.0  # Start of training: a gain of 0.27, about the best constant one
-WARM_UP = 0.05  # Share of training over which the learning rate rises to its maximum
-BATCH_SIZE, STRETCH, BURN_IN, WEIGHT_DECAY = 32, 200, 100, 1e-3
-"""Recordings side by side, samples between two updates, first samples that are not scored, and AdamW's decay."""
+BATCH_SIZE, STRETCH, BURN_IN = 32, 200, 100
+"""Recordings side by side, samples between two updates, and first samples that are not scored."""
 
 
 class GainNetwork(nn.Module):
@@ -59,9 +48,7 @@ class GainNetwork(nn.Module):
         with torch.no_grad():
             self.head.bias.copy_(torch.tensor([FIRST_GAIN_LOGIT, 0.0]))
 
-    def forward(
-        self, features: torch.Tensor, state: tuple[torch.Tensor, torch.Tensor] | None = None
-    ) -> tuple[torch.Tensor, torch.Tensor, tuple[torch.Tensor, torch.Tensor]]:
+    def forward(self, features: torch.Tensor, state: Any = None) -> tuple[torch.Tensor, torch.Tensor, Any]:
         """Return gain and offset, shape ``(time, batch)`` each, and the state."""
         hidden, state = self.lstm(features, state)
         logit, offset = self.head(hidden).unbind(-1)
@@ -72,26 +59,19 @@ class LearnedGain(Model):
     """The force balance through a filter whose gain an LSTM of one layer sets; it trains to the end of its schedule.
 
     The mean force balance of the strokes so far, which reveals a sensor's offset, is seen only where offsets are large:
-    small ones are hidden by friction's asymmetry, which differs from rig to rig.
-
-    Args:
-        build: Nodes and learning rate; both raw pressures and the position come first among the inputs. Effort cuts
-            how many recordings training goes through, repetitions counted; each is presented at least once.
+    small ones are hidden by friction's asymmetry, which differs from rig to rig. Effort cuts how many recordings
+    training goes through, repetitions counted; each is presented at least once.
     """
+
+    features: TrackingFeatures  # Set by ``fit``, as the network is
+    network: GainNetwork
 
     def __init__(self, build: BuildConfiguration) -> None:
         super().__init__(build.inputs)
         self.build, self.presentations, self.scale_n = build, build.share(3_000), 1.0
-        self.features: TrackingFeatures | None = None
-        self.network: GainNetwork | None = None
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
-        """Train on the recordings' ``friction_n``: labels, or a simulated rig's true friction.
-
-        Raises:
-            FloatingPointError: Training diverged.
-            ValueError: The inputs do not begin with both pressures and the position.
-        """
+        """Train on the recordings' ``friction_n``: labels, or a simulated rig's true friction."""
         cylinder = self.build.cylinder
         seen = _mean_offset_n(cylinder, recordings) > LARGE_OFFSET_N
         self.features = TrackingFeatures(cylinder, recordings, self.inputs, strokes=seen)
@@ -106,39 +86,29 @@ class LearnedGain(Model):
         balances = [(balance_n / self.scale_n).astype(np.float32) for _, balance_n in pairs]
         with reproducible(self.build.seed):
             self.network = GainNetwork(sequences[0].features.shape[1], self.build.whole("nodes"))
-            minimise(
-                self.network.parameters(),
-                self._losses(self.network, sequences, balances),
-                self.build.number("learning_rate"),
-                weight_decay=WEIGHT_DECAY,
-                warm_up=WARM_UP,
-            )
+            losses, rate = self._losses(sequences, balances), self.build.number("learning_rate")
+            minimise(self.network.parameters(), losses, rate, weight_decay=1e-3, warm_up=0.05)
         return self
 
     def estimate(self, recording: Recording) -> Array:
-        assert self.features is not None
-        assert self.network is not None
         features, balance_n = self.features.of(recording)
         with torch.inference_mode():
             gain, offset, _ = self.network(torch.from_numpy(features)[:, None])
-        rows = zip(gain[1:, 0].tolist(), balance_n[1:].tolist(), strict=True)
-        tracked = itertools.accumulate(
-            rows, lambda last, row: last + row[0] * (row[1] - last), initial=float(balance_n[0])
-        )
-        return np.array([*tracked]) + self.scale_n * offset[:, 0].numpy().astype(np.float64)
+        tracked = [float(balance_n[0])]
+        for share, balance in zip(gain[1:, 0].tolist(), balance_n[1:].tolist(), strict=True):
+            tracked.append(tracked[-1] + share * (balance - tracked[-1]))
+        return np.array(tracked) + self.scale_n * offset[:, 0].numpy().astype(np.float64)
 
     def multiply_adds(self) -> int:
-        assert self.features is not None
-        assert self.network is not None
         return self.features.multiply_adds() + weights_in(self.network) + 2
 
     def _losses(
-        self, network: GainNetwork, sequences: Sequence[SequenceData], balances: Sequence[Single]
+        self, sequences: Sequence[SequenceData], balances: Sequence[Single]
     ) -> Iterator[tuple[float, torch.Tensor]]:
         """Yield progress and mean absolute error of stretch after stretch of recordings side by side.
 
-        ``sequences`` hold features, friction less force balance, and mask; ``balances`` the force balance, shape
-        ``(n,)``; both in units of the scale. State and tracked force carry on, the gradient does not.
+        The target of ``sequences`` is friction less force balance. State and tracked force carry on, the gradient does
+        not.
         """
         generator = np.random.default_rng(self.build.seed)
         groups = math.ceil(len(sequences) / BATCH_SIZE)
@@ -154,7 +124,7 @@ class LearnedGain(Model):
             edges = sorted({0, *range(cut, len(balance), STRETCH), len(balance)})
             state, last = None, balance[0]
             for start, end in itertools.pairwise(edges):
-                gain, offset, (hidden, cell) = network(batch.features[start:end], state)
+                gain, offset, (hidden, cell) = self.network(batch.features[start:end], state)
                 state = hidden.detach(), cell.detach()
                 tracked = track(gain, balance[start:end], last)
                 last = tracked[-1].detach()
@@ -167,11 +137,8 @@ class LearnedGain(Model):
 def _mean_offset_n(cylinder: Cylinder, recordings: Sequence[Recording]) -> float:
     """Return the mean over recordings of |median of friction less force balance| [N], on usable rows."""
     areas = force_balance_taps(cylinder)[0, :, 0]
-    offsets = [
-        np.median((recording.column("friction_n") - recording.samples() @ areas)[recording.usable()])
-        for recording in recordings
-        if recording.usable().any()
-    ]
+    known = [recording for recording in recordings if recording.usable().any()]
+    offsets = [np.median((one.column("friction_n") - one.samples() @ areas)[one.usable()]) for one in known]
     return float(np.mean(np.abs(offsets)))
 
 
@@ -196,8 +163,7 @@ _TWIN = RegisteredModel(
     family="modern",
     source="after Revach et al. 2022 (KalmanNet); own training",
     build=LearnedGain,
-    space={"nodes": OneOf((32, 48)), "learning_rate": Float(2e-3, 1e-2, log=True)},
-    defaults={"nodes": 32, "learning_rate": 5e-3},
+    space={"nodes": (OneOf((32, 48)), 32), "learning_rate": (Float(2e-3, 1e-2, log=True), 5e-3)},
     supports=needs_raw_pressures,
     trained_on="twin",
     chosen="A filter of the force balance whose gain and offset an LSTM of one layer sets at every sample; where "

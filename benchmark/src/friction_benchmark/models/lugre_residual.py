@@ -4,31 +4,26 @@ from collections.abc import Sequence
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.estimators.analytical import PRESSURE_PAIRS, AnalyticalEstimator, scaled_effort
+from cylinder_friction.estimators.linear import labelled_rows
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.recordings.recording import Recording
 from friction_benchmark.evenly import evenly
-from friction_benchmark.models.gradient_boosting import DEFAULTS, SPACE, GradientBoosting
+from friction_benchmark.models.base import Single
+from friction_benchmark.models.gradient_boosting import SPACE, GradientBoosting
 from friction_benchmark.registry import BuildConfiguration, OneOf, RegisteredModel
 
 
 class LugreResidual(GradientBoosting):
-    """An identified LuGre and boosted trees on its residual.
+    """An identified LuGre (Canudas de Wit et al. 1995) and boosted trees on its residual (Psichogios and Ungar 1992).
 
     Without raw pressures the trees correct LuGre. With them they correct the force balance, and LuGre, as well as how
     far the force balance is from it, are features. Dry friction grows with pressure where a pair of pressures, raw or
-    slow, is among the inputs.
-
-    Args:
-        build: As of the trees, and ``passive_above_mm_s``: faster than this an estimate that would feed energy
-            (friction times velocity below zero) is replaced by zero [mm/s]; 0 for never. Effort also cuts LuGre's
-            search and the recordings that it is identified on.
-
-    Source: LuGre as Canudas de Wit et al. 1995; a learned residual on physics as in hybrid (grey-box) modelling,
-    Psichogios and Ungar 1992.
+    slow, is among the inputs. Faster than ``passive_above_mm_s``, unless that is 0, an estimate that would feed energy
+    (friction times velocity below zero) is replaced by zero. Effort also cuts LuGre's search and the recordings that it
+    is identified on.
     """
 
     def __init__(self, build: BuildConfiguration) -> None:
@@ -38,16 +33,14 @@ class LugreResidual(GradientBoosting):
         scaled = any(set(pair) <= set(self.inputs) for pair in PRESSURE_PAIRS)
         effort = scaled_effort(0.4 * build.effort, build.seed)
         self.lugre = AnalyticalEstimator(build.cylinder, LuGre(pressure_scaled=scaled), self.inputs, effort=effort)
-        self.lugre_scale_n = 1.0
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
         """Identify LuGre, then fit the trees to its residual, on the same recordings."""
         self.lugre.fit(evenly(recordings, self.identified_on))
-        labels = np.concatenate([recording.column("friction_n")[recording.usable()] for recording in recordings])
-        self.lugre_scale_n = float(labels.std()) or 1.0
+        self.lugre_scale_n = float(labelled_rows(recordings)[0].std()) or 1.0
         return super().fit(recordings)
 
-    def features_of(self, recording: Recording) -> tuple[NDArray[np.float32], Array]:
+    def features_of(self, recording: Recording) -> tuple[Single, Array]:
         """Return features with LuGre's friction beside them; LuGre is corrected if there is no force balance."""
         features, base_n = super().features_of(recording)
         lugre_n = self.lugre.estimate(recording)
@@ -75,8 +68,7 @@ MODELS = (
         family="modern",
         source="Canudas de Wit et al. 1995; Psichogios and Ungar 1992",
         build=LugreResidual,
-        space={**SPACE, "passive_above_mm_s": OneOf((0.0, 10.0, 20.0, 50.0))},
-        defaults={**DEFAULTS, "passive_above_mm_s": 20.0},
+        space={**SPACE, "passive_above_mm_s": (OneOf((0.0, 10.0, 20.0, 50.0)), 20.0)},
         chosen="Scaled by pressure where pressures are known; with raw pressures the force balance is corrected and "
         "LuGre is a feature; while sliding fast, estimates that would feed energy are set to zero.",
     ),

@@ -5,7 +5,6 @@ of second degree.
 """
 
 from collections.abc import Sequence
-from itertools import accumulate
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,7 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array
 from cylinder_friction.estimators.training_plan import SequenceData
 from friction_benchmark.evenly import evenly
-from friction_benchmark.models.base import FeatureModel
+from friction_benchmark.models.base import FeatureModel, Single
 from friction_benchmark.models.lagged import Past
 from friction_benchmark.models.robust_regression import robust_weights
 from friction_benchmark.registry import BuildConfiguration, Int, RegisteredModel
@@ -37,44 +36,40 @@ class Narx(FeatureModel):
     It is trained in free run, on its own estimates: at given poles the running model's output is linear in theta once
     the terms have passed the same poles, so least squares (reweighted towards least absolute error) gives the least
     error of the free run, and the poles are searched around it (separable least squares, Golub and Pereyra 1973).
-    Which terms it has is decided by orthogonal forward regression.
-
-    Args:
-        build: Number of terms. Effort cuts the rows, evenly spread, that the parameters are found on.
+    Which terms it has is decided by orthogonal forward regression. Effort cuts the rows, evenly spread, that the
+    parameters are found on.
 
     Source: Ljung 1999, chapter 5 (NARX, output error); Billings 2013, chapters 2 and 3.
     """
 
     def __init__(self, build: BuildConfiguration) -> None:
-        super().__init__(build.cylinder, build.inputs, build.seed)
-        self.terms, self.rows = build.whole("terms"), build.share(120_000, 2000)
+        super().__init__(build)
+        self.rows = build.share(120_000, 2000)
         self.at_rest, self.sliding = 0.0, 0.0
-        self._terms = np.zeros((1, 2), dtype=np.int64)
-        self._weights = np.zeros(1)
 
     def learn(self, train: Sequence[SequenceData]) -> None:
         """Search the poles on some recordings, then find terms and parameters on all."""
         few = evenly(train, SEARCHED)
-        best = np.inf
-        at_rest, sliding = self.at_rest, self.sliding
-        for name in ("sliding", "at_rest"):
+        best, found = np.inf, (0.0, 0.0)
+        for searched in ("sliding", "at_rest"):
+            at_rest, sliding = found
             for pole in POLES:
-                self.at_rest = pole if name == "at_rest" else at_rest
-                self.sliding = pole if name == "sliding" else sliding
+                self.at_rest, self.sliding = (at_rest, pole) if searched == "sliding" else (pole, sliding)
                 self._solve(few, self.rows // 4)
                 error = self._error(few)
                 if error < best:
                     best, found = error, (self.at_rest, self.sliding)
-            at_rest, sliding = found
-        self.at_rest, self.sliding = at_rest, sliding
+        self.at_rest, self.sliding = found
         self._solve(train, self.rows)
 
-    def predict(self, features: NDArray[np.float32]) -> Array:
+    def predict(self, features: Single) -> Array:
         """Return the model's output, fed with its own last output."""
         columns, kept = self._columns(features), self._kept(features)
         totals = (columns[:, self._terms[:, 0]] * columns[:, self._terms[:, 1]]) @ self._weights
-        rows = zip(kept[1:].tolist(), totals[1:].tolist(), strict=True)
-        return np.array([*accumulate(rows, lambda last, row: row[1] + row[0] * (last - row[1]), initial=totals[0])])
+        output = [totals[0]]
+        for share, total in zip(kept[1:].tolist(), totals[1:].tolist(), strict=True):
+            output.append(total + share * (output[-1] - total))
+        return np.array(output)
 
     def model_multiply_adds(self) -> int:
         return 2 * len(self._weights) + 3 + PAST.multiply_adds(len(self.features.names))
@@ -91,7 +86,7 @@ class Narx(FeatureModel):
             design.append(filtered[usable])
             target.append(each.target[taken][usable].astype(np.float64))
         regressors, wanted = np.concatenate(design), np.concatenate(target)
-        chosen = chosen_terms(regressors.T @ regressors, regressors.T @ wanted, self.terms)
+        chosen = chosen_terms(regressors.T @ regressors, regressors.T @ wanted, self.build.whole("terms"))
         self._terms = candidates[chosen]
         self._weights = robust_weights(np.ascontiguousarray(regressors[:, chosen]), wanted, SMALL_RESIDUAL, PASSES)
 
@@ -99,11 +94,11 @@ class Narx(FeatureModel):
         errors = [np.abs(self.predict(each.features) - each.target)[each.usable] for each in sequences]
         return float(np.concatenate(errors).mean())
 
-    def _columns(self, features: NDArray[np.float32]) -> Array:
+    def _columns(self, features: Single) -> Array:
         rows = np.clip(PAST.of(features).astype(np.float64), -CLIP, CLIP)
         return np.concatenate([np.ones((len(rows), 1)), rows], axis=1)
 
-    def _kept(self, features: NDArray[np.float32]) -> Array:
+    def _kept(self, features: Single) -> Array:
         """Return how much of the last estimate is kept at each row, shape ``(n,)``."""
         creep = np.abs(self.column(features, "creep_velocity"))  # |v| / (|v| + v_c)
         return np.asarray(self.at_rest + (self.sliding - self.at_rest) * np.minimum(creep, 1.0))
@@ -120,12 +115,8 @@ def chosen_terms(gram: Array, moment: Array, count: int) -> Terms:
     """Return the indices of ``count`` terms, each the one that explains most of the residual of those before it.
 
     Forward regression with orthogonal least squares by the error reduction ratio (Chen, Billings and Luo 1989; FROLS
-    in Billings 2013), on products of regressors alone: choosing a term removes its share from all others.
-
-    Args:
-        gram: Regressors' products with one another, shape ``(m, m)``.
-        moment: Their products with the target, shape ``(m,)``.
-        count: Of terms, at most; fewer where the rest is collinear with those chosen.
+    in Billings 2013), on products of regressors alone, with one another (``gram``) and with the target (``moment``):
+    choosing a term removes its share from all others. There are fewer if the rest is collinear with those chosen.
     """
     left, explained = gram.copy(), moment.copy()
     own = np.maximum(np.diag(gram).copy(), 1e-300)
@@ -148,11 +139,7 @@ def chosen_terms(gram: Array, moment: Array, count: int) -> Terms:
 def filtered_terms(columns: Array, terms: Terms, kept: Array, every: int) -> Array:
     """Return every ``every``-th row, the ``every``-th first, of terms filtered by the model's own poles.
 
-    Args:
-        columns: Shape ``(n, c)``, column 0 one.
-        terms: Shape ``(m, 2)``.
-        kept: How much of the last row is kept, shape ``(n,)``.
-        every: Rows per returned row.
+    ``columns``, whose first is one, has shape ``(n, c)``; ``kept`` is how much of the last row is kept, shape ``(n,)``.
     """
     values = columns[:, terms[:, 0]] * columns[:, terms[:, 1]]
     for row in range(1, len(values)):
@@ -167,8 +154,7 @@ MODELS = (
         family="modern",
         source="Ljung 1999; Billings 2013",
         build=Narx,
-        space={"terms": Int(20, 120)},
-        defaults={"terms": 60},
+        space={"terms": (Int(20, 120), 60)},
         chosen="Second degree; terms by orthogonal forward regression; its last estimate is fed back with a weight in "
         "[0, 0.98] that depends on speed, so that it is stable whatever comes in; fitted in free run.",
     ),

@@ -11,13 +11,7 @@ from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.estimators.training_plan import TrainingPlan
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from friction_benchmark.models.sequence_network import (
-    DEFAULTS,
-    PRESSURE_FREE_EPOCHS,
-    SPACE,
-    architecture,
-    training_plan,
-)
+from friction_benchmark.models.sequence_network import PRESSURE_FREE_EPOCHS, SPACE, architecture, training_plan
 from friction_benchmark.registry import BuildConfiguration, Float, Int, OneOf, RegisteredModel
 
 
@@ -57,8 +51,7 @@ MODELS = (
         family="modern",
         source="after the paper; Hochreiter and Schmidhuber 1997, Breiman 2001",
         build=partial(_hybrid, True),
-        space={**SPACE, "trees": Int(16, 32), "depth": Int(6, 12)},
-        defaults={**DEFAULTS, "trees": 24, "depth": 10},
+        space={**SPACE, "trees": (Int(16, 32), 24), "depth": (Int(6, 12), 10)},
         learns_offset=True,
         chosen="The LSTM corrects the force balance where there is one; the forest learns the LSTM's residual, from "
         "its state, its output and the features; leaves of 20 rows or more; mean absolute error, AdamW, cosine. Where "
@@ -71,7 +64,6 @@ MODELS = (
         source="Hochreiter and Schmidhuber 1997",
         build=partial(_hybrid, False),
         space=SPACE,
-        defaults=DEFAULTS,
         learns_offset=True,
         chosen="The hybrid without its forest, with the forest's time spent on epochs.",
     ),
@@ -82,14 +74,13 @@ MODELS = (
         source="the paper",
         build=_published,
         space={
-            "layers": OneOf((3, 4, 5)),
-            "nodes": OneOf((16, 32, 64)),
-            "learning_rate": Float(1e-5, 1e-3, log=True),
-            "dropout": OneOf((0.1, 0.2, 0.3, 0.4, 0.5)),
-            "trees": Int(32, 100),
-            "depth": Int(10, 50),
+            "layers": (OneOf((3, 4, 5)), 4),
+            "nodes": (OneOf((16, 32, 64)), 64),
+            "learning_rate": (Float(1e-5, 1e-3, log=True), 1e-3),
+            "dropout": (OneOf((0.1, 0.2, 0.3, 0.4, 0.5)), 0.3),
+            "trees": (Int(32, 100), 64),
+            "depth": (Int(10, 50), 10),
         },
-        defaults={"layers": 4, "nodes": 64, "learning_rate": 1e-3, "dropout": 0.3, "trees": 64, "depth": 10},
         supports=_has_the_papers_inputs,
         chosen="Whole sequences with carried state, a linear head for training, the last hidden state into the forest. "
         "A small effort leaves so large a network an epoch or two; the pipeline's own report has it fully trained.",
@@ -100,8 +91,7 @@ MODELS = (
         family="modern",
         source="Hoerl and Kennard 1970",
         build=_ridge,
-        space={"lags": Int(5, 60), "penalty": Float(1e-3, 1e3, log=True)},
-        defaults={"lags": 20, "penalty": 1.0},
+        space={"lags": (Int(5, 60), 20), "penalty": (Float(1e-3, 1e3, log=True), 1.0)},
         chosen="Raw samples, no features: linear in everything.",
     ),
 )

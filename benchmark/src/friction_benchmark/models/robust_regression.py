@@ -9,16 +9,8 @@ RIDGE = 1e-6
 
 
 def robust_weights(design: Array, target: Array, small: float, passes: int) -> Array:
-    """Return the weights, shape ``(k,)``, of least Huber loss: squared within ``small``, absolute beyond.
-
-    Args:
-        design: Regressors, shape ``(n, k)``.
-        target: Shape ``(n,)``.
-        small: Residual up to which the loss is squared, in units of the target.
-        passes: How often the rows are reweighted.
-
-    Source: Holland and Welsch 1977.
-    """
+    """Return the weights, shape ``(k,)``, of least Huber loss on regressors ``(n, k)``: squared within a ``small``
+    residual, absolute beyond. Rows are reweighted in each of the passes (Holland and Welsch 1977)."""
     scale = np.sqrt((design**2).mean(axis=0)) + 1e-12
     scaled = design / scale
     importance = np.ones(len(target))

@@ -11,62 +11,55 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch import nn
 
 from cylinder_friction.estimators.training import train_network
 from cylinder_friction.estimators.training_plan import Architecture, SequenceData, TrainingPlan
-from friction_benchmark.models.base import FeatureModel
+from friction_benchmark.models.base import FeatureModel, Single
 from friction_benchmark.models.training import weights_in
-from friction_benchmark.registry import BuildConfiguration, Float, Int, OneOf, Space, Values, needs_raw_pressures
+from friction_benchmark.registry import BuildConfiguration, Float, Int, OneOf, Space, needs_raw_pressures
 
 RECURRENT_STRIDE = 4
 PRESSURE_FREE_EPOCHS = 2  # Factor on the epochs of hybrid and LSTM without raw pressures
 SPACE: Space = {
-    "layers": OneOf((1, 2)),
-    "nodes": Int(16, 48, log=True),
-    "learning_rate": Float(4e-3, 3e-2, log=True),
-    "dropout": OneOf((0.0, 0.05, 0.1)),
+    "layers": (OneOf((1, 2)), 1),
+    "nodes": (Int(16, 48, log=True), 32),
+    "learning_rate": (Float(4e-3, 3e-2, log=True), 1e-2),
+    "dropout": (OneOf((0.0, 0.05, 0.1)), 0.05),
 }
-DEFAULTS: Values = {"layers": 1, "nodes": 32, "learning_rate": 1e-2, "dropout": 0.05}
 
 
 class SequenceModel(FeatureModel):
     """A network over the sequence of features. It may step at every ``stride``-th sample and hold its output between.
 
-    The features and the force balance that it corrects keep the sensors' rate, so only the correction is held.
-
-    Args:
-        build: Cylinder, inputs, seed and learning rate.
-        make_network: Returns the network for a number of features: ``(features, state) -> (output, state)``, time
-            first, None the first state.
-        plan: Of its training.
-        stride: Samples between two steps without raw pressures.
+    The features and the force balance that it corrects keep the sensors' rate, so only the correction is held; with raw
+    pressures it steps at every sample. ``make_network`` returns the network for a number of features: ``(features,
+    state) -> (output, state)``, time first, None the first state.
     """
 
     def __init__(
-        self, build: BuildConfiguration, make_network: Callable[[int], nn.Module], plan: TrainingPlan, stride: int
+        self,
+        build: BuildConfiguration,
+        make_network: Callable[[int], nn.Module],
+        plan: TrainingPlan,
+        stride: int = RECURRENT_STRIDE,
     ) -> None:
-        super().__init__(build.cylinder, build.inputs, build.seed)
-        self.make_network, self.plan, self.learning_rate = make_network, plan, build.number("learning_rate")
+        super().__init__(build)
+        self.make_network, self.plan = make_network, plan
         self.stride = 1 if needs_raw_pressures(build.inputs) else stride
-        self.network: nn.Module | None = None
 
     def learn(self, train: Sequence[SequenceData]) -> None:
-        network, _ = train_network(
-            self.make_network, self.learning_rate, self.plan, train, seed=self.seed, stride=self.stride
-        )
-        self.network = network.eval()
+        rate, seed, stride = self.build.number("learning_rate"), self.seed, self.stride
+        network, _ = train_network(self.make_network, rate, self.plan, train, seed=seed, stride=stride)
+        self.network: nn.Module = network.eval()
 
-    def predict(self, features: NDArray[np.float32]) -> NDArray[np.float32]:
-        assert self.network is not None
+    def predict(self, features: Single) -> Single:
         with torch.inference_mode():
             steps, _ = self.network(torch.from_numpy(features[:: self.stride].copy())[:, None])
         return np.repeat(steps[:, 0].numpy(), self.stride)[: len(features)]
 
     def model_multiply_adds(self) -> int:
         """Return those of a sample at which the network steps: the most that a sample costs."""
-        assert self.network is not None
         return weights_in(self.network)
 
 
@@ -89,12 +82,8 @@ def training_plan(
 ) -> TrainingPlan:
     """Return the plan of this effort: all epochs on all recordings, none held out for early stopping.
 
-    Args:
-        build: The configuration; its ``layers``, if it has any, share the epochs.
-        epochs: At effort 1, with one layer, with raw pressures.
-        steps: Of one training sequence.
-        batch_size: Sequences in a batch.
-        slower: Factor on the epochs without raw pressures.
+    ``epochs`` are those of effort 1, with one layer, with raw pressures; ``slower`` is a factor on them without raw
+    pressures. Training sequences have ``steps`` steps.
     """
     factor = 1 if needs_raw_pressures(build.inputs) else slower
     layers = int(build.hyperparameters.get("layers", 1))

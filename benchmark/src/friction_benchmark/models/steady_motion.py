@@ -26,9 +26,8 @@ JERK_M_S3, POSITION_NOISE_M = 12.0, 3.5e-5
 
 def steady_motion(position_m: Array, sample_time_s: float) -> Array:
     """Return velocity [m/s], exactly 0 at standstill, and direction of the last motion, shape ``(n, 2)``."""
-    average = _filtered(moving_average_taps(AVERAGED), position_m)
     taps = one_sided_savitzky_golay_taps(VELOCITY_WINDOW, VELOCITY_ORDER, 1, sample_time_s)
-    return _through_backlash(_filtered(taps, position_m), average, sample_time_s)
+    return _through_backlash(_filtered(taps, position_m), position_m, sample_time_s)
 
 
 def causal_motion(position_m: Array, sample_time_s: float) -> Array:
@@ -50,8 +49,7 @@ def causal_motion(position_m: Array, sample_time_s: float) -> Array:
         acceleration += gains[2] * missed
         states.append((velocity, acceleration))
     velocity_m_s, acceleration_m_s2 = np.array(states).T
-    average = _filtered(moving_average_taps(AVERAGED), position_m)
-    motion = _through_backlash(velocity_m_s, average, step)
+    motion = _through_backlash(velocity_m_s, position_m, step)
     memory, follows, remembered = 1.0, 1.0 - math.exp(-step / MEMORY_S), []
     for fading in np.exp(-np.abs(motion[:, 0]) / MEMORY_M_S).tolist():
         memory += follows * (fading - memory)
@@ -64,8 +62,9 @@ def _filtered(taps: Array, values: Array) -> Array:
     return np.asarray(causal.advance(causal.new_state(), values[:, None])[:, 0])
 
 
-def _through_backlash(velocity_m_s: Array, average_m: Array, step: float) -> Array:
+def _through_backlash(velocity_m_s: Array, position_m: Array, step: float) -> Array:
     """Return velocity and direction, shape ``(n, 2)``; velocity is zero unless the backlash was pushed recently."""
+    average_m = _filtered(moving_average_taps(AVERAGED), position_m)
     result, backlash = np.empty((len(average_m), 2)), new_backlash()
     for row, (velocity, average) in enumerate(zip(velocity_m_s.tolist(), average_m.tolist(), strict=True)):
         pushed = pushing_velocity(velocity, average, backlash, BACKLASH_M, LASTING_S, step / CENTRING_S, step)

@@ -9,14 +9,8 @@ import numpy as np
 from cylinder_friction.arrays import Array, Mask
 
 MEMORY_NAMES = (
-    "stroke_sum",
-    "stroke_sum_over_difference",
-    "stroke_difference",
-    "both_strokes_known",
-    "pressure_2_out",
-    "pressure_2_in",
-    "speed_out",
-    "speed_in",
+    *("stroke_sum", "stroke_sum_over_difference", "stroke_difference", "both_strokes_known"),
+    *("pressure_2_out", "pressure_2_in", "speed_out", "speed_in"),
 )
 SLIDING_M_S = 3e-3  # Slower rows do not count as part of a stroke: friction falls with velocity there
 LONGEST_SAMPLES = 3000  # Sliding samples that a mean covers; older ones fade
@@ -28,10 +22,7 @@ FORCE_N, PRESSURE_PA, SPEED_M_S = 500.0, 30e5, 0.05
 def remember_strokes(velocity_m_s: Array, balance_n: Array, pressure_2_pa: Array) -> Array:
     """Return the features ``MEMORY_NAMES`` at each sample, shape ``(n, 8)``, each about 1 in size.
 
-    Args:
-        velocity_m_s: Causal, shape ``(n,)``.
-        balance_n: P1·A1 - P2·A2, shape ``(n,)`` [N].
-        pressure_2_pa: Rod side, shape ``(n,)`` [Pa].
+    ``velocity_m_s`` is causal; ``balance_n`` is P1·A1 - P2·A2; all have shape ``(n,)``.
     """
     values = np.column_stack([balance_n, pressure_2_pa, np.abs(velocity_m_s)])
     known_out, (force_out, pressure_out, speed_out) = _means(values, velocity_m_s > SLIDING_M_S)

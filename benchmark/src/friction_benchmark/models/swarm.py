@@ -14,9 +14,6 @@ from scipy.optimize import minimize
 
 from cylinder_friction.arrays import Array
 
-Cost = Callable[[Array], float]
-
-
 SIDE = 6  # Agents along one side of the lattice, which wraps around
 INERTIA = (0.9, 0.4)  # At the start and at the end
 OWN, COMMON = 2.0, 2.0  # Attraction to an agent's own best position and to the best of all, c1 and c2
@@ -29,7 +26,7 @@ SIMPLEX_SHARE = 0.3  # Share of all evaluations that is left to the simplex
 class _Counted:
     """A cost function that counts its calls, keeps the best position, and ends the swarm when its budget is spent."""
 
-    def __init__(self, cost: Cost, budget: int) -> None:
+    def __init__(self, cost: Callable[[Array], float], budget: int) -> None:
         self.cost, self.budget, self.spent = cost, budget, 0
         self.best, self.position = np.inf, np.empty(0)
 
@@ -49,20 +46,12 @@ class _SpentError(Exception):
     """The swarm's budget is spent."""
 
 
-def swarm_then_simplex(cost: Cost, lower: Array, upper: Array, budget: int, seed: int) -> Array:
-    """Return the best position that the swarm, and then the simplex started from it, have found.
+def swarm_then_simplex(cost: Callable[[Array], float], lower: Array, upper: Array, budget: int, seed: int) -> Array:
+    """Return the best position, shape ``(d,)``, that the swarm, and then the simplex started from it, have found.
 
-    Args:
-        cost: Function of a position, shape ``(d,)``.
-        lower, upper: Corners of the box the swarm stays in, shape ``(d,)``; the simplex may leave it.
-        budget: Evaluations of ``cost``, all of which are spent; at least one per agent of the lattice.
-        seed: Seeds the swarm.
-
-    Raises:
-        ValueError: The budget does not even cover the initial positions.
+    The swarm stays in the box between the corners ``lower`` and ``upper``; the simplex may leave it. All evaluations of
+    ``cost`` in the budget are spent; they are at least ``SIDE**2``, one per agent of the lattice.
     """
-    if budget < SIDE**2:
-        raise ValueError(f"expected a budget of at least {SIDE**2} evaluations, one per agent, but got {budget}")
     counted = _Counted(cost, max(SIDE**2, round((1.0 - SIMPLEX_SHARE) * budget)))
     try:
         _swarm(counted, lower, upper, np.random.default_rng(seed))

@@ -87,13 +87,12 @@ MODELS = (
         source="Bai, Kolter and Koltun 2018",
         build=_build,
         space={
-            "receptive_field_steps": OneOf((128, 256, 512)),
-            "kernel": OneOf((3, 4)),
-            "channels": Int(8, 20),
-            "learning_rate": Float(2e-3, 2e-2, log=True),
-            "dropout": OneOf((0.0, 0.05)),
+            "receptive_field_steps": (OneOf((128, 256, 512)), 128),
+            "kernel": (OneOf((3, 4)), 4),
+            "channels": (Int(8, 20), 16),
+            "learning_rate": (Float(2e-3, 2e-2, log=True), 1e-2),
+            "dropout": (OneOf((0.0, 0.05)), 0.0),
         },
-        defaults={"receptive_field_steps": 128, "kernel": 4, "channels": 16, "learning_rate": 1e-2, "dropout": 0.0},
         chosen="As many blocks as the receptive field needs: at least 128 steps, 0.64 s or, without pressures, 6.4 s; "
         "weight normalisation, spatial dropout.",
     ),

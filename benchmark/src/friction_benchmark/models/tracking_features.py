@@ -7,7 +7,6 @@ friction: noise and friction then separate alike on a rig of 150 N and on one of
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
@@ -22,16 +21,11 @@ from cylinder_friction.estimators.front_end import (
 from cylinder_friction.estimators.linear import force_balance_taps
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.signals.causal import (
-    cascade_taps,
-    difference_taps,
-    moving_average_taps,
-    one_sided_savitzky_golay_taps,
-)
+from cylinder_friction.signals import causal
 from friction_benchmark.evenly import evenly
+from friction_benchmark.models.base import Single
 from friction_benchmark.models.stroke_memory import MEMORY_NAMES, remember_strokes
 
-PRESSURE_1, PRESSURE_2, POSITION = range(3)
 SCALED_ON = 32  # Recordings that suffice to scale features, taken evenly from all
 CHANGES = ((1, 3, 40.0), (2, 6, 30.0), (4, 12, 20.0), (8, 24, 15.0), (16, 64, 10.0))
 """Samples of the latest mean, samples of the mean before it that is subtracted, and the soft limit of the difference
@@ -42,14 +36,7 @@ SLOW_CREEP_M_S, ACCELERATION_M_S2, PRESSURE_RATE_PA_S, LOW_FORCE_N = 1e-3, 0.1, 
 class TrackingFeatures:
     """Recordings to standardised features and the unfiltered force balance; causal.
 
-    Args:
-        cylinder: Its areas.
-        recordings: Their usable rows scale the features.
-        inputs: Columns of a sample.
-        strokes: Whether the memory of strokes is among the features.
-
-    Raises:
-        ValueError: The first three inputs are not both raw pressures and the position.
+    The usable rows of ``recordings`` scale the features; the memory of strokes is among them if ``strokes`` is true.
     """
 
     def __init__(
@@ -64,7 +51,7 @@ class TrackingFeatures:
         self.plan = standardised(front_end, FrontEndBlock(front_end), evenly(recordings, SCALED_ON))
         self.strokes = strokes
 
-    def of(self, recording: Recording) -> tuple[NDArray[np.float32], Array]:
+    def of(self, recording: Recording) -> tuple[Single, Array]:
         """Return features, shape ``(n, k)``, and P1·A1 - P2·A2 [N], shape ``(n,)``."""
         block, samples = FrontEndBlock(self.plan), recording.samples(self.plan.inputs)
         features, balance_n = block.advance(block.new_state(), samples)
@@ -72,45 +59,37 @@ class TrackingFeatures:
             return features, balance_n
         place = self.plan.names.index("velocity_m_s")
         velocity = features[:, place].astype(np.float64) * self.plan.scale[place] + self.plan.mean[place]
-        strokes = remember_strokes(velocity, balance_n, samples[:, PRESSURE_2])
+        strokes = remember_strokes(velocity, balance_n, samples[:, 1])
         return np.concatenate([features, strokes.astype(np.float32)], axis=1), balance_n
 
     def multiply_adds(self) -> int:
         return FrontEndBlock(self.plan).multiply_adds() + (3 * len(MEMORY_NAMES) if self.strokes else 0)
 
 
-def tracking_rows(cylinder: Cylinder, sample_time_s: float, inputs: Sequence[str] = SAMPLE_COLUMNS) -> list[FeatureRow]:
+def tracking_rows(cylinder: Cylinder, sample_time_s: float, inputs: Sequence[str]) -> list[FeatureRow]:
     """Return the linear features, softly limited where they have a limit; of further inputs a moving average of 20."""
-    count = len(inputs)
-    areas = np.zeros((count, 1))
-    areas[:3] = force_balance_taps(cylinder)[0]
-    average, step = moving_average_taps, difference_taps(sample_time_s)
-    velocity = one_sided_savitzky_golay_taps(21, 2, 1, sample_time_s)
-    slow_velocity = cascade_taps(average(20), step)
-    rate = one_sided_savitzky_golay_taps(15, 1, 1, sample_time_s)
-    acceleration = one_sided_savitzky_golay_taps(31, 2, 2, sample_time_s)
-    rows = [
-        FeatureRow("velocity_m_s", _signal(POSITION, velocity, count)),
-        FeatureRow("creep_velocity", _signal(POSITION, velocity, count), CREEP_VELOCITY_M_S),
-        FeatureRow("slow_creep_velocity", _signal(POSITION, slow_velocity, count), CREEP_VELOCITY_M_S),
-        FeatureRow("slowest_creep_velocity", _signal(POSITION, slow_velocity, count), SLOW_CREEP_M_S),
-        FeatureRow("acceleration", _signal(POSITION, acceleration, count), ACCELERATION_M_S2),
-        FeatureRow("pressure_1_pa", _signal(PRESSURE_1, average(8), count)),
-        FeatureRow("pressure_2_pa", _signal(PRESSURE_2, average(8), count)),
+    first, second, position, *further = np.eye(len(inputs))[:, :, None]
+    areas = force_balance_taps(cylinder, inputs)[0]
+    average, fit = causal.moving_average_taps, causal.one_sided_savitzky_golay_taps
+    velocity, acceleration = fit(21, 2, 1, sample_time_s), fit(31, 2, 2, sample_time_s)
+    slow_velocity = causal.cascade_taps(average(20), causal.difference_taps(sample_time_s))
+    rate = fit(15, 1, 1, sample_time_s)
+    return [
+        FeatureRow("velocity_m_s", position * velocity),
+        FeatureRow("creep_velocity", position * velocity, CREEP_VELOCITY_M_S),
+        FeatureRow("slow_creep_velocity", position * slow_velocity, CREEP_VELOCITY_M_S),
+        FeatureRow("slowest_creep_velocity", position * slow_velocity, SLOW_CREEP_M_S),
+        FeatureRow("acceleration", position * acceleration, ACCELERATION_M_S2),
+        FeatureRow("pressure_1_pa", first * average(8)),
+        FeatureRow("pressure_2_pa", second * average(8)),
         FeatureRow("force_balance_12_n", areas * average(12)),
         FeatureRow("low_force_balance_12", areas * average(12), LOW_FORCE_N),
-        FeatureRow("pressure_1_rate", _signal(PRESSURE_1, rate, count), PRESSURE_RATE_PA_S),
-        FeatureRow("pressure_2_rate", _signal(PRESSURE_2, rate, count), PRESSURE_RATE_PA_S),
+        FeatureRow("pressure_1_rate", first * rate, PRESSURE_RATE_PA_S),
+        FeatureRow("pressure_2_rate", second * rate, PRESSURE_RATE_PA_S),
+        FeatureRow("position_m_20", position * average(20)),
+        *(FeatureRow(f"{name}_20", one * average(20)) for name, one in zip(inputs[3:], further, strict=True)),
+        *(
+            FeatureRow(f"change_{short}_{long}", areas * np.concatenate([average(short), -average(long)]), limit_n)
+            for short, long, limit_n in CHANGES
+        ),
     ]
-    for name, column in [("position_m", POSITION), *((inputs[more], more) for more in range(3, count))]:
-        rows.append(FeatureRow(f"{name}_20", _signal(column, average(20), count)))
-    for short, long, limit_n in CHANGES:
-        taps = np.concatenate([average(short), -average(long)])
-        rows.append(FeatureRow(f"change_{short}_{long}", areas * taps, limit_n))
-    return rows
-
-
-def _signal(column: int, taps: Array, count: int) -> Array:
-    result = np.zeros((count, len(taps)))
-    result[column] = taps
-    return result

@@ -9,7 +9,7 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
-Single = NDArray[np.float32]
+from friction_benchmark.models.base import Single
 
 
 def minimise(
@@ -22,15 +22,9 @@ def minimise(
 ) -> None:
     """Take one step of AdamW for each loss, with a rate that falls with a cosine; gradients are clipped at norm 1.
 
-    Args:
-        parameters: What is trained.
-        losses: Pairs of progress in [0, 1) and the loss of a batch. Each loss is made after the step before it.
-        learning_rate: Its maximum.
-        weight_decay: Of AdamW (Loshchilov and Hutter 2019); 0 makes it Adam (Kingma and Ba 2015).
-        warm_up: Share of training over which the rate rises to its maximum.
-
-    Raises:
-        FloatingPointError: The loss is no longer a number.
+    Each loss, of a batch and with the progress in [0, 1), is made after the step before it. ``warm_up`` is the share of
+    training over which the rate rises to its maximum. AdamW: Loshchilov and Hutter 2019; without decay it is Adam,
+    Kingma and Ba 2015.
     """
     trained = list(parameters)
     optimiser = torch.optim.AdamW(trained, lr=learning_rate, weight_decay=weight_decay, fused=True)

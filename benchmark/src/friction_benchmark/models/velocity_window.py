@@ -5,9 +5,9 @@ too short or too wide for a small network.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
+from friction_benchmark.models.base import Single
 
 EVERY = 4  # Samples between two steps of the window: 20 ms at 200 Hz
 SPANS = np.repeat(np.array([1, 2, 4, 8, 16, 32, 64]), [6, 4, 4, 4, 4, 3, 2])
@@ -16,7 +16,7 @@ FAST_M_S, CREEP_M_S = 0.05, 5e-3  # Scales of the two forms of each mean: linear
 WINDOW_INPUTS = 2 * len(SPANS)
 
 
-def windows(velocity_m_s: Array) -> NDArray[np.float32]:
+def windows(velocity_m_s: Array) -> Single:
     """Return the window at every ``EVERY``-th sample, the first one included, shape ``(steps, WINDOW_INPUTS)``.
 
     Before the first sample the piston counts as at rest.

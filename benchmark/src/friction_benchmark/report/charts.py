@@ -1,7 +1,7 @@
 """Charts of one leaderboard: errors with their intervals, and error against cost."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from cylinder_friction.reporting.page_figure import PageFigure
@@ -17,10 +17,11 @@ LONGEST = 34  # Longer titles are cut at the axis; the mouse shows them whole
 def leaderboard(result: TaskResult, titles: ModelTitles) -> PageFigure:
     """Return one row per model, best at the top: error, its 95 % interval, every seed, and the baseline's interval."""
     figure = PageFigure()
-    strokes = [(row, seed) for row, entry in enumerate(result.entries) for seed in entry.seeds.values()]
+    strokes = [(row, _short(seed)) for row, entry in enumerate(result.entries) for seed in entry.seeds.values()]
     if strokes:
+        rows, seeds = zip(*strokes, strict=True)
         marker = {"symbol": "line-ns-open", "size": 11, "color": QUIET, "line": {"width": 1}}
-        _add(figure, strokes, "single seeds", marker, hoverinfo="skip")
+        figure.add(x=seeds, y=rows, mode="markers", name="single seeds", marker=marker, hoverinfo="skip")
     for family, (colour, _, symbol) in titles.legend(entry.model for entry in result.entries):
         chosen = [(row, entry) for row, entry in enumerate(result.entries) if titles.family(entry.model) == family]
         percents = [entry.score.percent for _, entry in chosen]
@@ -38,12 +39,20 @@ def leaderboard(result: TaskResult, titles: ModelTitles) -> PageFigure:
             f"{of_size(entry.score.mae_n)} N"
             for _, entry in chosen
         ]
-        values = [(row, entry.score.percent.value) for row, entry in chosen]
-        _add(figure, values, family, {"symbol": symbol, "size": 9, "color": colour}, tips, error_x=whiskers)
-    baseline = next((entry.score.percent for entry in result.entries if entry.model == result.baseline), None)
-    if baseline is not None and _drawable(baseline.value):
-        figure.band("x", baseline.low, baseline.high, BLACK, 0.07)
-        _upright(figure, baseline.value, "baseline", BLACK, "dash")
+        figure.add(
+            x=[_short(each.value) for each in percents],
+            y=[row for row, _ in chosen],
+            mode="markers",
+            name=family,
+            marker={"symbol": symbol, "size": 9, "color": colour},
+            hovertext=tips,
+            hoverinfo="text",
+            error_x=whiskers,
+        )
+    baseline = result.entry_of(result.baseline)
+    if baseline is not None and _drawable(baseline.score.percent.value):
+        figure.band("x", baseline.score.percent.low, baseline.score.percent.high, BLACK, 0.07)
+        _upright(figure, baseline.score.percent.value, "baseline", BLACK, "dash")
     if (label := label_percent(result)) is not None and _drawable(label):
         _upright(figure, label, "label", BROWN, "dot")
     for row, entry in enumerate(result.entries):
@@ -109,21 +118,6 @@ def error_against_cost(result: TaskResult, titles: ModelTitles) -> PageFigure:
     figure.x_axis(title="multiply-adds per sample", type="log", exponentformat="power", dtick=1)
     figure.y_axis(title=f"MAE [% of {denominator(result)}]", type="log", **_ticks(shown))
     return figure.look(max(400, ROW * len(result.entries) + 110), legend_rows=2)
-
-
-def _add(
-    figure: PageFigure,
-    values: Iterable[tuple[int, float]],
-    name: str,
-    marker: Mapping[str, Any],
-    tips: Sequence[str] | None = None,
-    **options: Any,
-) -> None:
-    """Add marks at (row, value)."""
-    rows, numbers = zip(*values, strict=True)
-    hover: dict[str, Any] = {"hovertext": tips, "hoverinfo": "text"} if tips else {}
-    x = [_short(number) for number in numbers]
-    figure.add(x=x, y=list(rows), mode="markers", name=name, marker=marker, **hover, **options)
 
 
 def _upright(figure: PageFigure, value: float, words: str, colour: str, dash: str) -> None:

@@ -2,12 +2,13 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
-from cylinder_friction.reporting.page import Cell, Table
+from cylinder_friction.reporting.page import NONE, Cell, Table
 from friction_benchmark.report.model_titles import ModelTitles
-from friction_benchmark.report.task_tables import EMPTY, against_baseline
+from friction_benchmark.report.task_tables import against_baseline
 from friction_benchmark.report.words import capital, of_size, plain, split_words, within
-from friction_benchmark.results import Entry, TaskResult
+from friction_benchmark.results import TaskResult
 
 
 def anchor(task: str) -> str:
@@ -36,28 +37,23 @@ def heat_map(results: Sequence[TaskResult], titles: ModelTitles) -> Table:
     return Table(head, rows, groups=groups if len(groups) > 2 else (), style="heat", sortable=True)
 
 
-def found(model: str, result: TaskResult) -> Entry | None:
-    """Return a model's entry in a leaderboard, None where it has none."""
-    return next((entry for entry in result.entries if entry.model == model), None)
-
-
 def _baseline(result: TaskResult) -> float:
-    baseline = found(result.baseline, result)
+    baseline = result.entry_of(result.baseline)
     return baseline.score.percent.value if baseline else math.nan
 
 
 def _standing(model: str, results: Sequence[TaskResult]) -> float:
     """Return the mean over the tasks of the shade of a model's cells."""
-    entries = [(found(model, result), _baseline(result)) for result in results]
+    entries = [(result.entry_of(model), _baseline(result)) for result in results]
     shades = [against_baseline(entry.score.percent.value, baseline) for entry, baseline in entries if entry]
     known = [shade for shade in shades if shade is not None]
     return sum(known) / len(known) if known else math.inf
 
 
 def _cell(model: str, result: TaskResult, titles: ModelTitles) -> Cell:
-    entry = found(model, result)
+    entry = result.entry_of(model)
     if entry is None:
-        return Cell(EMPTY.words, style="none", tip=result.missing.get(model, "not run"))
+        return replace(NONE, tip=result.missing.get(model, "not run"))
     percent, below = entry.score.percent, entry.below_baseline
     unclear = below is not None and below.low <= 0.0 <= below.high
     marks = {"best": entry is result.entries[0], "baseline": model == result.baseline}

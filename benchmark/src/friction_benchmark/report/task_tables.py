@@ -4,27 +4,15 @@ import math
 from collections.abc import Callable
 
 from cylinder_friction.evaluation.strata import STRATA
-from cylinder_friction.reporting.page import Cell, Table
+from cylinder_friction.reporting.page import NONE, Cell, Table
 from friction_benchmark.report.model_titles import ModelTitles
-from friction_benchmark.report.words import (
-    NOTHING,
-    counted,
-    denominator,
-    of_size,
-    plain,
-    seconds,
-    share,
-    signed,
-    within,
-)
+from friction_benchmark.report.words import counted, denominator, of_size, plain, seconds, share, signed, within
 from friction_benchmark.results import Entry, Interval, TaskResult
-
-EMPTY = Cell(NOTHING, style="none")
 
 
 def number(value: float, form: Callable[[float], str] = of_size, style: str = "") -> Cell:
     """Return a cell with a number; one that is not finite is an empty cell."""
-    return Cell(form(value), value=value, style=style) if math.isfinite(value) else EMPTY
+    return Cell(form(value), value=value, style=style) if math.isfinite(value) else NONE
 
 
 def model_cell(entry: Entry, result: TaskResult, titles: ModelTitles) -> Cell:
@@ -36,7 +24,7 @@ def model_cell(entry: Entry, result: TaskResult, titles: ModelTitles) -> Cell:
 def margin_cell(below: Interval | None) -> Cell:
     """Return how far a model is below the baseline, coloured where the interval leaves out zero."""
     if below is None:
-        return EMPTY
+        return NONE
     style = "good" if below.low > 0.0 else "bad" if below.high < 0.0 else ""
     return Cell(signed(below.value), f"{signed(below.low)} to {signed(below.high)}", below.value, style=style)
 
@@ -49,17 +37,13 @@ def error_table(result: TaskResult, titles: ModelTitles) -> Table:
     rows = []
     for entry in result.entries:
         score = entry.score
-        rows.append(
-            [
-                model_cell(entry, result, titles),
-                Cell(of_size(score.percent.value), within(score.percent), score.percent.value),
-                *(number(value) for value in (score.mae_n, score.rmse_n, score.p95_n)),
-                number(score.bias_n, signed),
-                number(1e3 * score.lag_s, lambda value: f"{value:z.0f}".replace("-", "−")),
-                margin_cell(entry.below_baseline),
-                *(number(entry.extras.get(key, math.nan)) for key in extras),
-            ]
-        )
+        cells = [model_cell(entry, result, titles)]
+        cells += [Cell(of_size(score.percent.value), within(score.percent), score.percent.value)]
+        cells += [number(value) for value in (score.mae_n, score.rmse_n, score.p95_n)]
+        cells += [number(score.bias_n, signed)]
+        cells += [number(1e3 * score.lag_s, lambda value: f"{value:z.0f}".replace("-", "−"))]
+        cells += [margin_cell(entry.below_baseline)]
+        rows.append(cells + [number(entry.extras.get(key, math.nan)) for key in extras])
     return Table(head, rows, sortable=True)
 
 
@@ -73,7 +57,7 @@ def motion_table(result: TaskResult, titles: ModelTitles) -> Table:
     """Return percent and newtons by stratum, and percent by condition, shaded against the column's baseline."""
     strata = [name for name in STRATA if any(name in entry.strata for entry in result.entries)]
     conditions = sorted({condition for entry in result.entries for condition in entry.by_condition})
-    baseline = next((entry for entry in result.entries if entry.model == result.baseline), None)
+    baseline = result.entry_of(result.baseline)
     nothing = (math.nan, math.nan)
     rows = []
     for entry in result.entries:
@@ -94,7 +78,7 @@ def motion_table(result: TaskResult, titles: ModelTitles) -> Table:
 
 def _against(percent: float, baseline: float, small: str = "") -> Cell:
     if not math.isfinite(percent):
-        return EMPTY
+        return NONE
     return Cell(of_size(percent), small, percent, against_baseline(percent, baseline))
 
 
@@ -130,14 +114,11 @@ def _coverage(value: float) -> Cell:
 
 def tuning_table(result: TaskResult, titles: ModelTitles) -> Table | None:
     """Return the tuned choices of every model and the validation error reached; None where nothing was tuned."""
-    rows: list[list[str | Cell]] = [
-        [
-            model_cell(entry, result, titles),
-            ", ".join(f"{plain(name)} {_value(value)}" for name, value in sorted(entry.tuning.items())),
-        ]
-        for entry in result.entries
-        if entry.tuning
-    ]
+    rows: list[list[str | Cell]] = []
+    for entry in result.entries:
+        if entry.tuning:
+            chosen = ", ".join(f"{plain(name)} {_value(value)}" for name, value in sorted(entry.tuning.items()))
+            rows.append([model_cell(entry, result, titles), chosen])
     return Table(["Model", "chosen"], rows, words=(1,)) if rows else None
 
 

@@ -2,17 +2,11 @@
 
 import math
 
+from cylinder_friction.reporting.estimator_titles import REFERENCES
+from cylinder_friction.reporting.page import NONE
 from friction_benchmark.results import Interval, TaskResult
 
-NOTHING = "–"
-
-SPLITS = {
-    "held_out_sessions": "held-out sessions",
-    "leave_one_load_out": "leave one load out",
-    "leave_one_temperature_out": "leave one temperature out",
-    "unseen_rig": "unseen rig",
-}
-REFERENCES = {"label": "label", "truth": "true friction"}
+NOTHING = NONE.words
 
 
 def of_size(value: float) -> str:
@@ -35,23 +29,21 @@ def within(interval: Interval) -> str:
     return f"{of_size(interval.low)} to {of_size(interval.high)}"
 
 
-def share(value: float, digits: int = 1) -> str:
+def share(value: float) -> str:
     """Return a share as percent."""
-    return f"{100.0 * value:.{digits}f} %" if math.isfinite(value) else NOTHING
+    return f"{100.0 * value:.1f} %"
 
 
 def counted(value: float) -> str:
     """Return a count with separated thousands."""
-    return f"{value:,.0f}" if math.isfinite(value) else NOTHING
+    return f"{value:,.0f}"
 
 
 def seconds(value: float) -> str:
     """Return a time in the unit that suits it."""
-    if not math.isfinite(value):
-        return NOTHING
-    return (
-        f"{1e3 * value:.0f} ms" if value < 0.995 else f"{of_size(value)} s" if value < 120 else f"{value / 60:.1f} min"
-    )
+    if value < 0.995:
+        return f"{1e3 * value:.0f} ms"
+    return f"{of_size(value)} s" if value < 120 else f"{value / 60:.1f} min"
 
 
 def plain(name: str) -> str:
@@ -61,7 +53,7 @@ def plain(name: str) -> str:
 
 
 def split_words(split: str) -> str:
-    return SPLITS.get(split, plain(split))
+    return plain(split).replace("held out", "held-out")
 
 
 def capital(words: str) -> str:

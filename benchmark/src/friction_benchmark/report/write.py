@@ -10,23 +10,17 @@ from friction_benchmark.folds import HELD_OUT
 from friction_benchmark.report import charts, task_tables
 from friction_benchmark.report.model_titles import ModelTitles
 from friction_benchmark.report.overview import anchor, heat_map
-from friction_benchmark.report.words import REFERENCES, capital, of_size, plain, split_words, within
+from friction_benchmark.report.words import capital, of_size, plain, split_words, within
 from friction_benchmark.results import BenchmarkResults, TaskResult
 
 
 def write_report(results: BenchmarkResults, findings: Mapping[str, str], path: Path) -> None:
-    """Write the benchmark as one HTML page that loads nothing; equal results make equal bytes.
-
-    ``results`` have leaderboards with entries, best first; ``findings`` are by the task's name.
-
-    Raises:
-        ValueError: There is no leaderboard, or one without entries.
-    """
+    """Write the benchmark as one HTML page that loads nothing; equal results make equal bytes."""
     write_text(path, report_html(results, findings))
 
 
 def report_html(results: BenchmarkResults, findings: Mapping[str, str]) -> str:
-    """Return the page that ``write_report`` writes."""
+    """Return the page of leaderboards, each with entries, best first; ``findings`` are by the task's name."""
     empty = [f"{result.task}, {split_words(result.split)}" for result in results.tasks if not result.entries]
     if empty or not results.tasks:
         raise ValueError(f"expected leaderboards with entries, but got none in: {'; '.join(empty) or 'the results'}")
@@ -58,7 +52,7 @@ def report_html(results: BenchmarkResults, findings: Mapping[str, str]) -> str:
 def _task(results: Sequence[TaskResult], titles: ModelTitles, finding: str) -> dict[str, Any]:
     """Return what the page shows of one task: its question, the conclusion, and every split."""
     first = results[0]
-    against = f"the {REFERENCES['label']}" if first.reference == "label" else REFERENCES[first.reference]
+    against = "the label" if first.reference == "label" else "true friction"
     reasons: dict[str, list[str]] = {}
     for result in results:
         for model, reason in sorted(result.missing.items()):

@@ -14,21 +14,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--epochs", type=int, default=40, help="of the hybrid's training")
     parser.add_argument("--twin-rigs", type=int, default=16, help="that the twin's hybrid is trained on; 0: without it")
     parser.add_argument("--seed", type=int, default=0, help="of everything that is drawn")
-    parser.add_argument(
-        "--elsewhere",
-        type=Path,
-        metavar="FOLDER",
-        help="labelled recordings of the default rig; else some are simulated",
-    )
+    elsewhere = "labelled recordings of the default rig; else some are simulated"
+    parser.add_argument("--elsewhere", type=Path, metavar="FOLDER", help=elsewhere)
 
 
 def run(options: argparse.Namespace) -> str:
-    """Return the table.
-
-    Raises:
-        FileNotFoundError: The folder of recordings is not there.
-        RecordingError: Its recordings are not labelled, or of another cylinder; or there are too few sessions.
-    """
+    """Return the table."""
     from cylinder_friction.recordings.storage import read_stored
     from friction_benchmark.servo_rig.evaluation import EvaluationPlan, evaluate, table
     from friction_benchmark.servo_rig.sessions import SessionPlan

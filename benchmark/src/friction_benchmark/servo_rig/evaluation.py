@@ -1,10 +1,9 @@
 """The product's estimators on the servo rig, trained there and trained elsewhere, against its true friction.
 
-What is trained on sessions of this rig is scored on others. What is trained elsewhere - on labelled recordings of the
-default rig, or on the true friction of rigs of its kind drawn at random - is applied as it is: pressures are converted
-to those at which that rig's piston is pushed as hard, and the logger samples at that rig's rate. Nothing is fitted to
-the servo rig then. Sensor offsets are identified before training, as by the pipeline; a hybrid learns those of each
-test session from a cold start.
+What is trained elsewhere - on labelled recordings of the default rig, or on the true friction of rigs of its kind drawn
+at random - is applied as it is: pressures are converted to those at which that rig's piston is pushed as hard, and the
+logger samples at that rig's rate. Sensor offsets are identified before training, as by the pipeline; a hybrid learns
+those of each test session from a cold start.
 """
 
 import copy
@@ -64,34 +63,29 @@ class EvaluationPlan:
 
 @dataclass(frozen=True)
 class Score:
-    """Errors in one test session, sums over its usable rows."""
+    """Absolute errors in one test session, sums over its usable rows [N]."""
 
     estimator: str
     condition: str
     session: str
-    truth_n: float  # Mean absolute true friction [N]
-    mae_n: float  # Against true friction [N]
-    offset_n: float  # Mean error against true friction: most of it the sensors' zeros [N]
-    offset_free_mae_n: float  # The mean absolute error that is left without it [N]
-    label_mae_n: float  # Against the off-line label [N]
-    rows: int
+    friction_n: float  # Absolute true friction
+    error_n: float  # Against true friction
+    offset_free_n: float  # What is left of it without the mean error, most of which is the sensors' zeros
+    label_n: float  # Against the off-line label
 
 
 def evaluate(plan: EvaluationPlan, elsewhere: Sequence[Recording] | None = None) -> list[Score]:
     """Return every estimator's scores in every test session; equal arguments give equal scores.
 
-    Args:
-        plan: What is recorded here.
-        elsewhere: Labelled recordings of the default rig; None: ``SMALL_CAMPAIGN`` is simulated at this rig's rate.
+    ``elsewhere`` are labelled recordings of the default rig; else ``SMALL_CAMPAIGN`` is simulated at this rig's rate.
     """
     foreign = _of_the_default_rig(elsewhere, plan.sessions.sample_time_s)
     train, test, truth = _prepared(plan, plan.sessions)
     inputs = SAMPLE_COLUMNS if plan.sessions.mounting == "horizontal" else (*SAMPLE_COLUMNS, LOAD_FORCE)
     made = _estimators(CYLINDER, inputs, plan.epochs)
     made["pressure-scaled LuGre"] = lambda: AnalyticalEstimator(CYLINDER, LuGre(pressure_scaled=True), inputs)
-    fitted = _fitted(made, train, "train on the servo rig")
     scores = [scored(LABEL, each, each.column("friction_n"), truth[each.name]) for each in test]
-    for name, estimator in fitted.items():
+    for name, estimator in _fitted(made, train, "train on the servo rig").items():
         scores += [scored(name, each, estimator.estimate(each), truth[each.name]) for each in test]
     return scores + _from_elsewhere(plan, foreign)
 
@@ -121,24 +115,14 @@ def scored(name: str, recording: Recording, estimate_n: Array, session: ServoSes
     usable = recording.usable()
     truth_n = session.true_friction_n[usable]
     error_n = estimate_n[usable] - truth_n
-    return Score(
-        name,
-        recording.metadata.condition,
-        recording.metadata.session,
-        float(np.mean(np.abs(truth_n))),
-        float(np.mean(np.abs(error_n))),
-        float(np.mean(error_n)),
-        float(np.mean(np.abs(error_n - error_n.mean()))),
-        float(np.mean(np.abs(estimate_n - recording.column("friction_n"))[usable])),
-        int(usable.sum()),
-    )
+    off_label_n = estimate_n[usable] - recording.column("friction_n")[usable]
+    sums = (float(np.abs(each).sum()) for each in (truth_n, error_n, error_n - error_n.mean(), off_label_n))
+    return Score(name, recording.metadata.condition, recording.metadata.session, *sums)
 
 
-def percent(scores: Sequence[Score], error: str = "mae_n") -> float:
-    """Return an error of sessions together, in percent of their mean absolute true friction."""
-    rows = np.array([each.rows for each in scores], dtype=np.float64)
-    errors = np.array([getattr(each, error) for each in scores])
-    return 100.0 * float(rows @ errors) / float(rows @ np.array([each.truth_n for each in scores]))
+def percent(scores: Sequence[Score], error: str = "error_n") -> float:
+    """Return an error of sessions together, in percent of their absolute true friction."""
+    return 100.0 * sum(getattr(each, error) for each in scores) / sum(each.friction_n for each in scores)
 
 
 def half_interval_points(scores: Sequence[Score]) -> float:
@@ -146,8 +130,7 @@ def half_interval_points(scores: Sequence[Score]) -> float:
     deviations = {}
     for condition in dict.fromkeys(each.condition for each in scores):
         here = [each for each in scores if each.condition == condition]
-        friction_n = np.array([each.rows * each.truth_n for each in here])
-        error_n = np.array([each.rows * each.mae_n for each in here])
+        friction_n, error_n = np.array([(each.friction_n, each.error_n) for each in here]).T
         deviations[condition] = (100.0 * error_n - percent(here) * friction_n) / friction_n.mean()
     return half_width_points(deviations, list(deviations))
 
@@ -159,38 +142,32 @@ def table(scores: Sequence[Score]) -> str:
         grouped[each.estimator].append(each)
     wide = max(map(len, grouped)) + 2
     titles = [*(condition.title for condition in CONDITIONS.values()), "all", "offset-free", "against label"]
-    heading = (
-        "Error against true friction, % of its mean (in brackets: each test session; ±: 95 % interval by sessions)"
-    )
-    lines = [heading, _line(wide, "", titles)]
+    brackets = "(in brackets: each test session; ±: 95 % interval by sessions)"
+    lines = [f"Error against true friction, % of its mean {brackets}", _line(wide, "", titles)]
     for name, own in grouped.items():
         cells = []
         for condition in CONDITIONS:
             here = [each for each in own if each.condition == condition]
             cells.append(f"{percent(here):.2f} ({' '.join(f'{percent([each]):.2f}' for each in here)})")
         cells.append(f"{percent(own):.2f} ± {half_interval_points(own):.2f}")
-        cells += [f"{percent(own, error):.2f}" for error in ("offset_free_mae_n", "label_mae_n")]
+        cells += [f"{percent(own, error):.2f}" for error in ("offset_free_n", "label_n")]
         lines.append(_line(wide, name, cells))
     return "\n".join([*lines, "", *_sentences(grouped)])
 
 
 def _line(wide: int, name: str, cells: Sequence[str]) -> str:
     """Return a line of the table; the last three columns are narrow, one number each."""
-    first, last = cells[:-3], cells[-3:]
-    padded = [cell.ljust(COLUMN) for cell in first] + [
-        cell.rjust(13 if place == 0 else 15) for place, cell in enumerate(last)
-    ]
-    return name.ljust(wide) + "".join(padded)
+    *conditions, every, offset_free, label_alone = cells
+    columns = "".join(cell.ljust(COLUMN) for cell in conditions)
+    return f"{name:<{wide}}{columns}{every:>13}{offset_free:>15}{label_alone:>15}"
 
 
 def _sentences(grouped: dict[str, list[Score]]) -> list[str]:
     """Return who is nearest to true friction, and in how many test sessions; with and without the sessions' offsets."""
     named = {name: own for name, own in grouped.items() if name != LABEL}
     sentences = []
-    for error, words in (
-        ("mae_n", "Nearest to true friction"),
-        ("offset_free_mae_n", "Nearest without each session's offset"),
-    ):
+    asked = {"error_n": "Nearest to true friction", "offset_free_n": "Nearest without each session's offset"}
+    for error, words in asked.items():
         first, second = sorted(named, key=lambda name: percent(named[name], error))[:2]
         pairs = list(zip(named[first], named[second], strict=True))
         ahead = sum(getattr(one, error) < getattr(other, error) for one, other in pairs)
@@ -202,11 +179,7 @@ def _sentences(grouped: dict[str, list[Score]]) -> list[str]:
 
 
 def _of_the_default_rig(given: Sequence[Recording] | None, sample_time_s: float) -> Sequence[Recording]:
-    """Return the labelled recordings given, or a small campaign where none are.
-
-    Raises:
-        RecordingError: They are of another cylinder than the default rig's.
-    """
+    """Return the labelled recordings given, or a small campaign; refuse those of another cylinder."""
     if given is None:
         small = replace(SMALL_CAMPAIGN, sample_time_s=sample_time_s)
         return [each.recording for each in labelled_campaign(small, DEFAULT_RIG_CYLINDER)]

@@ -10,13 +10,8 @@ from cylinder_friction.cylinder import Cylinder
 
 BAR = 1e5
 CYLINDER = Cylinder(
-    name="servo 40/25 x 300",
-    bore_diameter_m=0.040,
-    rod_diameter_m=0.025,
-    stroke_m=0.300,
-    moving_mass_kg=60.0,
+    name="servo 40/25 x 300", bore_diameter_m=0.040, rod_diameter_m=0.025, stroke_m=0.300, moving_mass_kg=60.0
 )
-GRAVITY_M_S2 = 9.81
 
 
 class Seals(NamedTuple):

@@ -14,17 +14,12 @@ LONGEST_STROKE_S = 3.0  # Slow strokes are short, so that a session has many
 def sine_sweeps(generator: Generator, rows: int) -> Array:
     """Return sweeps from slow to fast and back, several per 40 s, whose amplitude bounds speed and acceleration."""
     time_s = TICK_S * np.arange(rows)
-    period_s, slow_hz, fast_hz = (
-        generator.uniform(25.0, 45.0),
-        generator.uniform(0.06, 0.12),
-        generator.uniform(1.5, 2.5),
-    )
+    period_s, slow_hz, fast_hz = (generator.uniform(*ends) for ends in ((25.0, 45.0), (0.06, 0.12), (1.5, 2.5)))
     part = 0.5 * (1.0 - np.cos(2.0 * np.pi * (time_s / period_s + generator.uniform(0.0, 1.0))))
     omega = 2.0 * np.pi * slow_hz * (fast_hz / slow_hz) ** part
     speed_m_s, acceleration_m_s2 = generator.uniform(0.08, 0.16), generator.uniform(0.8, 1.6)
-    amplitude_m = np.minimum(
-        np.minimum(generator.uniform(0.05, 0.085), speed_m_s / omega), acceleration_m_s2 / omega**2
-    )
+    largest_m = np.minimum(generator.uniform(0.05, 0.085), speed_m_s / omega)
+    amplitude_m = np.minimum(largest_m, acceleration_m_s2 / omega**2)
     angle = np.cumsum(omega) * TICK_S
     begun = np.sin(0.5 * np.pi * np.minimum(0.5 * time_s, 1.0)) ** 2
     return generator.uniform(0.13, 0.17) + begun * amplitude_m * np.sin(angle - angle[0])

@@ -13,22 +13,14 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import OIL_TEMPERATURE, POSITION, PRESSURES, TIME
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata, SensorUncertainty
 from friction_benchmark.servo_rig.dynamics import TICK_S
-from friction_benchmark.servo_rig.parameters import (
-    BAR,
-    CYLINDER,
-    GRAVITY_M_S2,
-    GREATEST_OFFSET_PA,
-    Drive,
-    Seals,
-    Sensors,
-)
+from friction_benchmark.servo_rig.parameters import BAR, CYLINDER, GREATEST_OFFSET_PA, Drive, Seals, Sensors
 from friction_benchmark.servo_rig.references import random_steps, sine_sweeps, trapezoids
 from friction_benchmark.servo_rig.simulate import simulate
 
 Mounting = Literal["horizontal", "vertical"]
 """Vertical: the mass hangs on the rod's upper end, on a spring; both resist extension, and nobody measures them."""
 
-SPRING_N_M = 1500.0
+SPRING_N_M, GRAVITY_M_S2 = 1500.0, 9.81
 SEED_WORD = 4025  # First word of every seed, so that no other simulation shares random numbers with this one
 
 
@@ -86,20 +78,14 @@ def record(plan: SessionPlan, condition: str, number: int) -> ServoSession:
     reference_m = CONDITIONS[condition].duty(np.random.default_rng([*words, 1]), rows + 1)
     trace = simulate(seals, drive, reference_m)
     logged = measure(sensors, trace, np.random.default_rng([*words, 2]))
+    name = f"servo{condition}_session{number:02d}"
+    step_pa = sensors.pressure_span_pa / 2**sensors.pressure_bits
+    stated = dict.fromkeys(PRESSURES, SensorUncertainty(GREATEST_OFFSET_PA / np.sqrt(3.0), 0.0, step_pa))
     metadata = RecordingMetadata(
-        name=f"servo{condition}_session{number:02d}",
-        condition=condition,
-        session=f"servo{condition}_session{number:02d}",
-        sample_time_s=plan.sample_time_s,
-        cylinder=CYLINDER.name,
-        load=plan.mounting,
-        uncertainty=_stated(sensors),
+        name, condition, name, plan.sample_time_s, CYLINDER.name, load=plan.mounting, uncertainty=stated
     )
     truth = trace.iloc[:: _stride(sensors)]
-    return ServoSession(
-        Recording(metadata, logged),
-        *(truth[name].to_numpy() for name in ("friction_n", "load_force_n")),
-    )
+    return ServoSession(Recording(metadata, logged), truth["friction_n"].to_numpy(), truth["load_force_n"].to_numpy())
 
 
 def draw(generator: Generator, condition: str, mounting: Mounting) -> tuple[Seals, Drive, Sensors]:
@@ -133,27 +119,23 @@ def measure(sensors: Sensors, trace: pd.DataFrame, generator: Generator) -> pd.D
     step_pa = sensors.pressure_span_pa / 2**sensors.pressure_bits
     for name, offset_pa in zip(PRESSURES, (sensors.offset_1_pa, sensors.offset_2_pa), strict=True):
         true_pa = trace[name].to_numpy()
-        seen_pa = (
-            signal.sosfilt(sections, true_pa, zi=signal.sosfilt_zi(sections) * true_pa[0])[0][::stride] + offset_pa
-        )
+        filtered_pa, _ = signal.sosfilt(sections, true_pa, zi=signal.sosfilt_zi(sections) * true_pa[0])
+        seen_pa = filtered_pa[::stride] + offset_pa
         seen_pa += generator.normal(0.0, sensors.pressure_noise_pa, len(seen_pa))
         columns[name] = np.clip(np.round(seen_pa / step_pa) * step_pa, 0.0, sensors.pressure_span_pa)
     step_m = CYLINDER.stroke_m / 2**sensors.position_bits
     seen_m = trace["position_m"].to_numpy()[::stride]
-    columns[POSITION] = (
-        np.round((seen_m + generator.normal(0.0, sensors.position_noise_m, len(seen_m))) / step_m) * step_m
-    )
+    noise_m = generator.normal(0.0, sensors.position_noise_m, len(seen_m))
+    columns[POSITION] = np.round((seen_m + noise_m) / step_m) * step_m
     columns[OIL_TEMPERATURE] = np.round(trace["oil_temperature_c"].to_numpy()[::stride], 1)
     return pd.DataFrame(columns)
 
 
 def as_seen_by(recording: Recording, there: tuple[float, float], load_n: Array | float = 0.0) -> Recording:
-    """Return the recording with the pressures at which another cylinder's piston is pushed as hard, without the load.
+    """Return the recording with the pressures at which another cylinder's piston is pushed as hard.
 
-    Args:
-        recording: Of this cylinder.
-        there: Areas of the other one, piston side and rod side [m²].
-        load_n: What the rod works against, taken off the piston side [N].
+    ``there`` are the other one's areas, piston side and rod side [m²]. What the rod works against, ``load_n``, is taken
+    off the piston side.
     """
     first, second = (recording.column(name) for name in PRESSURES)
     push_n, pull_n = first * CYLINDER.piston_area_m2 - load_n, second * CYLINDER.annulus_area_m2
@@ -166,9 +148,3 @@ def _stride(sensors: Sensors) -> int:
     if stride < 1 or abs(stride * TICK_S - sensors.sample_time_s) > 1e-9:
         raise ValueError(f"sample_time_s: got {sensors.sample_time_s} s, but expected a multiple of {TICK_S} s")
     return stride
-
-
-def _stated(sensors: Sensors) -> dict[str, SensorUncertainty]:
-    """Return the pressures' stated uncertainty: of a zero anywhere within its range, and of a converter's step."""
-    step_pa = sensors.pressure_span_pa / 2**sensors.pressure_bits
-    return dict.fromkeys(PRESSURES, SensorUncertainty(GREATEST_OFFSET_PA / np.sqrt(3.0), 0.0, step_pa))

@@ -8,18 +8,8 @@ from friction_benchmark.servo_rig.dynamics import TICK_S, run
 from friction_benchmark.servo_rig.parameters import BAR, Drive, Seals
 
 TRACE_COLUMNS = (
-    "time_s",
-    "pressure_1_pa",
-    "pressure_2_pa",
-    "position_m",
-    "velocity_m_s",
-    "friction_n",
-    "load_force_n",
-    "oil_temperature_c",
-    "spool",
-    "contact_age_s",
-    "volume_1_m3",
-    "volume_2_m3",
+    *("time_s", "pressure_1_pa", "pressure_2_pa", "position_m", "velocity_m_s", "friction_n"),
+    *("load_force_n", "oil_temperature_c", "spool", "contact_age_s", "volume_1_m3", "volume_2_m3"),
 )
 TICK_STEPS = 20  # Steps of the integration in a tick of 1 ms
 
@@ -29,21 +19,16 @@ def simulate(
 ) -> pd.DataFrame:
     """Return the trace, one row each millisecond, columns ``TRACE_COLUMNS``; it begins at rest on the reference.
 
-    Args:
-        seals: True friction.
-        drive: Everything else but the sensors.
-        reference_m: Position that the controller follows, one value each millisecond, one more than there are rows [m].
-        tick_steps: Steps of the integration in a millisecond.
-        start_2_pa: Pressure on the rod side at first [Pa]; the other one balances it and the load.
-
-    Raises:
-        ValueError: The piston met an end stop, which this rig does not have, or the state ceased to be finite.
+    The controller follows ``reference_m``, one value each millisecond, one more than there are rows. At first the rod
+    side has the pressure ``start_2_pa``; the other side balances it and the load. A piston that meets an end stop,
+    which this rig does not have, or a state that ceases to be finite raises ``ValueError``.
     """
     trace = np.empty((len(reference_m) - 1, len(TRACE_COLUMNS)))
     run(seals, drive, np.asarray(reference_m, dtype=np.float64), float(reference_m[0]), start_2_pa, tick_steps, trace)
     position_m = trace[:, TRACE_COLUMNS.index("position_m")]
-    if not np.all((position_m > 0.0) & (position_m < drive.stroke_m)):
-        late_s = TICK_S * int(np.argmin((position_m > 0.0) & (position_m < drive.stroke_m)))
+    inside = (position_m > 0.0) & (position_m < drive.stroke_m)
+    if not inside.all():
+        late_s = TICK_S * int(np.argmin(inside))
         raise ValueError(
             f"servo rig: after {late_s:.3f} s the position is outside 0 to {drive.stroke_m} m; expected a reference "
             "that keeps clear of the ends, and a drive that can hold its load"
