@@ -11,9 +11,9 @@ from friction_benchmark.models.base import FeatureModel, Single
 VELOCITIES = ("velocity_m_s", "creep_velocity")
 """The velocity as it is, and through a soft limit: the same signal, with resolution for what happens at creep."""
 OF_PRESSURES = (
-    *("force_balance_n", "force_balance_4_n", "force_balance_12_n"),
-    *("pressure_1_pa", "pressure_2_pa", "pressure_1_rate_pa_s"),
-)
+    "force_balance_n", "force_balance_4_n", "force_balance_12_n",
+    "pressure_1_pa", "pressure_2_pa", "pressure_1_rate_pa_s",
+)  # fmt: skip
 KNEE = 0.05  # Error, in standard deviations of the target, below which the cost turns from absolute to squared
 
 

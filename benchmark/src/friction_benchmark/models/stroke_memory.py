@@ -9,9 +9,9 @@ import numpy as np
 from cylinder_friction.arrays import Array, Mask
 
 MEMORY_NAMES = (
-    *("stroke_sum", "stroke_sum_over_difference", "stroke_difference", "both_strokes_known"),
-    *("pressure_2_out", "pressure_2_in", "speed_out", "speed_in"),
-)
+    "stroke_sum", "stroke_sum_over_difference", "stroke_difference", "both_strokes_known",
+    "pressure_2_out", "pressure_2_in", "speed_out", "speed_in",
+)  # fmt: skip
 SLIDING_M_S = 3e-3  # Slower rows do not count as part of a stroke: friction falls with velocity there
 LONGEST_SAMPLES = 3000  # Sliding samples that a mean covers; older ones fade
 TRUSTED_SAMPLES = 200.0  # Sliding samples after which a mean counts half

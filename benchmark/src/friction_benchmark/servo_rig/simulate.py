@@ -8,9 +8,9 @@ from friction_benchmark.servo_rig.dynamics import TICK_S, run
 from friction_benchmark.servo_rig.parameters import BAR, Drive, Seals
 
 TRACE_COLUMNS = (
-    *("time_s", "pressure_1_pa", "pressure_2_pa", "position_m", "velocity_m_s", "friction_n"),
-    *("load_force_n", "oil_temperature_c", "spool", "contact_age_s", "volume_1_m3", "volume_2_m3"),
-)
+    "time_s", "pressure_1_pa", "pressure_2_pa", "position_m", "velocity_m_s", "friction_n",
+    "load_force_n", "oil_temperature_c", "spool", "contact_age_s", "volume_1_m3", "volume_2_m3",
+)  # fmt: skip
 TICK_STEPS = 20  # Steps of the integration in a tick of 1 ms
 
 
