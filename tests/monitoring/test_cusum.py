@@ -1,4 +1,6 @@
-"""The test of an indicator: laws that hold, and the rate of false alarms that is stated."""
+"""The test of an indicator: laws that hold, the stated rate of false alarms, and a reference that follows physics."""
+
+from __future__ import annotations
 
 import numpy as np
 import pytest
@@ -7,7 +9,8 @@ from hypothesis import strategies as st
 
 from cylinder_friction.monitoring.cusum import GREATEST, cusum, threshold
 from cylinder_friction.monitoring.plan import MonitorPlan
-from cylinder_friction.monitoring.reference import Reference, fitted
+from cylinder_friction.monitoring.reference import VISCOSITY_1_K, Reference, fitted
+from cylinder_friction.recordings.columns import OIL_TEMPERATURE
 
 PLAN = MonitorPlan()
 
@@ -66,16 +69,30 @@ def test_no_session_counts_for_more_than_the_greatest() -> None:
     assert upward[100] - upward[99] < GREATEST
 
 
-def test_session_far_from_the_baseline_is_not_tested() -> None:
-    values, covariates = made(5)
-    covariates["pressure_bar"][150:] += 100.0
-    values[150:] *= 2.0
-    _, upward, _ = statistics(values, covariates)
-    assert (upward[150:] == upward[149]).all()
-
-
 def test_shorter_or_less_sure_baselines_and_rarer_alarms_need_more() -> None:
     assert threshold(90, 0.3, 0.002, 365.0) > threshold(90, 0.3, 0.02, 365.0)
     assert threshold(90, 0.3, 0.002, 3650.0) > threshold(90, 0.3, 0.002, 365.0)
     assert threshold(60, 0.3, 1.0, 12.0) > 0.0
     assert threshold(1000, 0.3, 0.002, 365.0) == threshold(250, 0.3, 0.002, 365.0)
+
+
+SESSIONS, LEVEL = 90, 2e-13
+
+
+@pytest.mark.parametrize(("indicator", "power"), [("leak_m3_s_pa", -1.0), ("viscous_n_s_m", 1.0)])
+def test_leak_rises_and_viscous_friction_falls_as_the_oil_thins(indicator: str, power: float) -> None:
+    generator = np.random.default_rng(3)
+
+    def covariates(oil_c: np.ndarray) -> dict[str, np.ndarray]:
+        unknown = np.full(len(oil_c), np.nan)
+        return {OIL_TEMPERATURE: oil_c, "pressure_bar": unknown, "speed_m_s": unknown, "load_n": unknown}
+
+    def values(oil_c: np.ndarray) -> np.ndarray:
+        return LEVEL * np.exp(-power * VISCOSITY_1_K * (oil_c - 40.0))
+
+    warm_c, cold_c = generator.uniform(34.0, 46.0, SESSIONS), np.array([25.0])
+    measured = values(warm_c) * (1.0 + 0.02 * generator.standard_normal(SESSIONS))
+    plan = MonitorPlan()
+    reference = fitted(indicator, measured, np.full(SESSIONS, 0.02 * LEVEL), covariates(warm_c), LEVEL, plan)
+    expected = reference.design(covariates(cold_c)) @ reference.coefficients
+    assert expected == pytest.approx(values(cold_c), rel=0.05)

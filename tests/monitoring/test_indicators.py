@@ -70,7 +70,7 @@ def value(row: SessionRow, name: str) -> float:
     return found
 
 
-def test_what_is_in_the_row() -> None:
+def test_a_row_holds_the_indicators_and_conditions_of_a_session() -> None:
     row = session_row([recording(400.0, 2000.0)], CYLINDER, name="press")
     assert (row.cylinder, row.session, row.start, row.files) == ("press", "monday", "2025-01-06", {"a.csv": "ab"})
     speed = row.covariates["speed_m_s"]
@@ -105,9 +105,6 @@ def test_friction_comes_out_as_it_went_in(friction_n: float) -> None:
 def test_profile_shows_a_bump_of_the_bore() -> None:
     row = session_row([recording(bump_n=100.0)], CYLINDER)
     assert value(row, "profile_n") == pytest.approx(100.0, abs=10.0)
-    assert row.profile_n[0] is None
-    known = [each for each in row.profile_n if each is not None]
-    assert known[-1] - known[0] == pytest.approx(100.0, abs=10.0)
 
 
 @pytest.mark.parametrize("leak", [1e-13, 1e-12])
@@ -139,8 +136,7 @@ def test_strokes_one_way_say_why_there_is_no_friction() -> None:
 
 
 def test_one_speed_shows_no_viscous_slope() -> None:
-    row = session_row([recording(strokes=2)], CYLINDER)
-    assert "do not show a slope" in row.indicators["viscous_n_s_m"].why or row.indicators["viscous_n_s_m"].why
+    assert session_row([recording(strokes=2)], CYLINDER).indicators["viscous_n_s_m"].value is None
 
 
 def test_measured_load_is_taken_off() -> None:
@@ -156,9 +152,8 @@ def test_pressures_that_never_match_are_noted() -> None:
     plain = recording()
     back = plain.column("velocity_m_s") < 0.0
     more = np.where(back, 40e5, 0.0)
-    far = plain.with_columns(
-        pressure_1_pa=plain.column("pressure_1_pa") + more * A2 / A1, pressure_2_pa=plain.column("pressure_2_pa") + more
-    )
+    first_pa, second_pa = plain.column("pressure_1_pa") + more * A2 / A1, plain.column("pressure_2_pa") + more
+    far = plain.with_columns(pressure_1_pa=first_pa, pressure_2_pa=second_pa)
     found = session_row([far], CYLINDER).indicators["friction_n"]
     assert found.value == pytest.approx(400.0, abs=2.0)
     assert "pressures differ between the directions" in found.why
@@ -178,9 +173,3 @@ def test_uncertainty_covers_what_strokes_differ_by() -> None:
     assert found.value == pytest.approx(400.0, abs=2.0)
     assert found.uncertainty is not None
     assert 3.0 < found.uncertainty < 15.0
-
-
-@pytest.mark.parametrize(("name", "bad"), [("bulk_modulus_pa", -1.0), ("bootstrap", 0), ("match_speed", float("nan"))])
-def test_plan_refuses(name: str, bad: float) -> None:
-    with pytest.raises(ValueError, match=f"IndicatorPlan: {name} must be a positive number"):
-        IndicatorPlan(**{name: bad})

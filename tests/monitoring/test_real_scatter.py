@@ -11,7 +11,6 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.monitoring.indicators import session_row
 from cylinder_friction.monitoring.plan import IndicatorPlan, MonitorPlan
 from cylinder_friction.monitoring.session_row import SessionRow
-from cylinder_friction.monitoring.verdict import assess
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 
 REPEATS = Path(__file__).parents[3] / "shared" / "data" / "pneumatic-repeats"
@@ -29,15 +28,9 @@ def repeat(group: str, number: int, bar: int) -> SessionRow:
     position_m = 1e-3 * np.interp(time_s, logged_s, table[4]) + 0.0045
     velocity_m_s = savgol_filter(position_m, 21, 3, deriv=1, delta=STEP_S)
     about = RecordingMetadata(f"{group}{number}", "1", f"{group}{number}", STEP_S, start=f"2021-01-0{number}T00:00:00Z")
-    columns = {
-        "time_s": time_s,
-        "position_m": position_m,
-        "drive_force_n": np.interp(time_s, logged_s, table[6]),
-        "velocity_m_s": velocity_m_s,
-    }
-    return session_row(
-        [Recording(about, pd.DataFrame(columns))], CYLINDER, IndicatorPlan(slowest_m_s=4e-3), name="seal"
-    )
+    columns = {"time_s": time_s, "position_m": position_m, "velocity_m_s": velocity_m_s}
+    columns["drive_force_n"] = np.interp(time_s, logged_s, table[6])
+    return session_row([Recording(about, pd.DataFrame(columns))], CYLINDER, IndicatorPlan(slowest_m_s=4e-3))
 
 
 @pytest.fixture(scope="module")
@@ -59,15 +52,6 @@ def test_strokes_of_a_session_do_not_show_how_sessions_differ(repeats: list[list
     for rows in repeats:
         own_n = max(row.indicators["friction_n"].uncertainty or 0.0 for row in rows)
         assert own_n < friction_n(rows).std(ddof=1)
-
-
-def test_three_sessions_are_no_baseline(repeats: list[list[SessionRow]]) -> None:
-    found = assess("seal", repeats[0])
-    assert (found.answer, found.more_sessions) == ("not yet", 87)
-    assert found.words == (
-        "3 of 90 sessions of the baseline are there; 87 more are needed before an alarm can be believed, and until "
-        "then friction of a session is taken to be known to ± 26 %."
-    )
 
 
 def test_friction_is_half_the_difference_and_the_piston_force_half_the_sum(repeats: list[list[SessionRow]]) -> None:

@@ -7,6 +7,7 @@ import pytest
 
 from cylinder_friction.monitoring.assessment import Entry
 from cylinder_friction.monitoring.plan import MonitorPlan
+from cylinder_friction.monitoring.session_row import SessionRow
 from cylinder_friction.monitoring.verdict import assess
 from health_rows import changed, sessions
 
@@ -30,6 +31,37 @@ def test_healthy_cylinder_is_fine_and_states_what_it_could_not_see() -> None:
 def test_short_baseline_is_not_yet(count: int) -> None:
     found = assess("press", sessions(count))
     assert (found.answer, found.more_sessions) == ("not yet", 90 - count)
+    assert f"{90 - count} more are needed before an alarm can be believed" in found.words
+
+
+def without_oil(rows: list[SessionRow]) -> list[SessionRow]:
+    return [replace(row, covariates={**row.covariates, "oil_temperature_c": None}) for row in rows]
+
+
+LOAD, ZERO, SMALL_LEAK = {"half_sum_n": 600.0}, {"half_sum_n": 312.0}, {"leak_m3_s_pa": 2.5}
+FAR = {"pressure_1_bar": 60.0, "pressure_2_bar": 60.0}
+COLD, STIFFER = {"oil_temperature_c": -6.0}, {"friction_n": 1.018, "breakaway_n": 1.018}
+WORSE, LOADED = changed(sessions(250), 130, times=FRICTION), changed(sessions(250), 130, add=LOAD)
+SITUATIONS: dict[str, tuple[list[SessionRow], str, str]] = {
+    "a zero that drifts": (changed(sessions(250), 120, 100, add=ZERO), "undecided", "vented chambers"),
+    "a leak": (changed(sessions(250), 120, 100, times={"leak_m3_s_pa": 10.0}), "alarm", "shut the cylinder off"),
+    "a small leak beside a moved zero": (changed(sessions(250), 120, 60, times=SMALL_LEAK, add=ZERO), "undecided", ""),
+    "friction beside another load": (changed(sessions(200), 130, times=FRICTION, add=LOAD), "undecided", "load"),
+    "friction after another load": (changed(LOADED, 170, times=FRICTION), "undecided", ""),
+    "friction before another load": (changed(WORSE, 170, add=LOAD), "alarm", ""),
+    "cold oil that the baseline knows": (changed(sessions(200), 120, times=STIFFER, beside=COLD), "fine", ""),
+    "oil that nobody measures": (without_oil(WORSE), "undecided", "temperature sensor"),
+    "pressures beyond the baseline": (changed(WORSE, 130, beside=FAR), "undecided", "mean pressure is"),
+    "sessions without a start": ([replace(row, start="") for row in WORSE], "alarm", ""),
+}
+
+
+@pytest.mark.parametrize("situation", SITUATIONS)
+def test_each_situation_has_its_answer(situation: str) -> None:
+    rows, answer, words = SITUATIONS[situation]
+    found = assess("press", rows)
+    assert found.answer == answer
+    assert words in " ".join((found.words, *found.would_decide, *found.questions))
 
 
 def test_session_that_determines_nothing_does_not_count() -> None:
@@ -67,62 +99,6 @@ def test_wear_on_its_way_names_the_date_of_the_limit() -> None:
     assert change.per_year_interval is not None
     assert change.per_year_interval[0] < 0.3 * 400.0 / 150.0 * 365.25 < change.per_year_interval[1]
     assert abs(int(change.since[1:]) - 130) <= 15
-
-
-def test_drift_of_a_zero_is_undecided_and_a_vented_reading_decides() -> None:
-    found = assess("press", changed(sessions(250), 120, 100, add={"half_sum_n": 312.0}))
-    assert found.answer == "undecided"
-    assert "vented chambers" in found.words
-    assert found.changes[0].indicator == "half_sum_n"
-
-
-def test_leak_is_a_leak() -> None:
-    found = assess("press", changed(sessions(250), 120, 100, times={"leak_m3_s_pa": 10.0}))
-    assert found.answer == "alarm"
-    assert [change.indicator for change in found.changes] == ["leak_m3_s_pa"]
-    assert "shut the cylinder off" in found.words
-
-
-def test_small_leak_beside_a_zero_that_moved_is_undecided() -> None:
-    rows = changed(sessions(250), 120, 60, times={"leak_m3_s_pa": 2.5}, add={"half_sum_n": 312.0})
-    assert assess("press", rows).answer == "undecided"
-
-
-def test_friction_beside_a_load_that_changed_is_undecided() -> None:
-    found = assess("press", changed(sessions(200), 130, times=FRICTION, add={"half_sum_n": 600.0}))
-    assert found.answer == "undecided"
-    assert any("load" in each for each in found.would_decide)
-
-
-def test_cold_oil_within_the_baseline_is_fine() -> None:
-    rows = sessions(200)
-    cold = changed(rows, 120, times={"friction_n": 1.018, "breakaway_n": 1.018}, beside={"oil_temperature_c": -6.0})
-    assert assess("press", cold).answer == "fine"
-
-
-def test_oil_nobody_measures_leaves_a_change_undecided() -> None:
-    rows = changed(sessions(200, per_kelvin=0.0), 130, times=FRICTION)
-    blind = [replace(row, covariates={**row.covariates, "oil_temperature_c": None}) for row in rows]
-    found = assess("press", blind)
-    assert found.answer == "undecided"
-    assert any("temperature sensor" in each for each in found.would_decide)
-
-
-def test_conditions_that_the_baseline_never_saw_are_undecided_not_wear() -> None:
-    rows = changed(sessions(200), 130, times=FRICTION, beside={"pressure_1_bar": 60.0, "pressure_2_bar": 60.0})
-    found = assess("press", rows)
-    assert found.answer == "undecided"
-    assert "mean pressure is" in found.words
-
-
-def test_friction_that_follows_a_changed_load_later_is_undecided() -> None:
-    rows = changed(changed(sessions(250), 130, add={"half_sum_n": 600.0}), 170, times=FRICTION)
-    assert assess("press", rows).answer == "undecided"
-
-
-def test_friction_that_changed_before_the_load_is_wear() -> None:
-    rows = changed(changed(sessions(250), 130, times=FRICTION), 170, add={"half_sum_n": 600.0})
-    assert assess("press", rows).answer == "alarm"
 
 
 @pytest.mark.parametrize("begins", [130, 145])
@@ -187,11 +163,6 @@ def test_rows_in_any_order_and_of_other_cylinders() -> None:
     rows = changed(sessions(200), 150, times=WORN)
     others = [replace(row, cylinder="other") for row in rows]
     assert assess("press", [*others, *rows[::-1]]) == assess("press", rows)
-
-
-def test_rows_without_start_keep_their_order() -> None:
-    rows = [replace(row, start="") for row in changed(sessions(200), 150, times=WORN)]
-    assert assess("press", rows).answer == "alarm"
 
 
 def test_sessions_that_all_say_the_same_are_refused_in_words() -> None:
