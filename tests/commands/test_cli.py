@@ -5,11 +5,10 @@ import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 
-from cylinder_friction.commands import check, export, stage
+from cylinder_friction.commands import check, stage
 from cylinder_friction.commands.cli import COMMANDS, INTERRUPTED, UNREAD, main, parser
 from cylinder_friction.fleet.stage_names import FLEET_STAGES
 from cylinder_friction.run_record import STAGES
@@ -35,16 +34,6 @@ def test_help_of_stage_lists_every_stage_in_one_line(capsys: pytest.CaptureFixtu
     assert re.findall(r"^- (\w+): +\w", shown, re.MULTILINE) == [*STAGES, *FLEET_STAGES]
 
 
-def test_help_imports_neither_torch_nor_mlflow() -> None:
-    code = (
-        "import sys; from cylinder_friction.commands.cli import main\n"
-        "try: main(['stage', '--help'])\n"
-        "except SystemExit: print(sorted({'torch', 'mlflow', 'pandas'} & set(sys.modules)))"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.endswith("[]\n"), done.stdout
-
-
 def test_version_and_completion_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert output_of(["--version"], capsys).startswith("cylinder-friction 0.")
     script = output_of(["--print-completion", "bash"], capsys)
@@ -56,10 +45,7 @@ def test_version_and_completion_are_printed(capsys: pytest.CaptureFixture[str]) 
     ("what", "words"),
     [
         ("search", "finished trials are kept in .cylinder-friction/resume; run `dvc repro` to go on from there"),
-        (
-            "ingest",
-            "results of earlier stages are kept, and nothing is half-written; run `dvc repro` to run this stage",
-        ),
+        ("ingest", "results of earlier stages are kept, and nothing is half-written; run `dvc repro` to run this"),
     ],
 )
 def test_ctrl_c_says_what_is_kept_and_how_to_go_on(
@@ -90,24 +76,14 @@ def test_a_reader_that_has_ended_ends_the_command_without_a_traceback(command: s
     assert (done.returncode, done.stderr) == (UNREAD, "")
 
 
-def test_another_broken_pipe_is_not_hidden(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("error", [ValueError("a defect"), BrokenPipeError("of a socket")])
+def test_an_unexpected_error_is_not_hidden(error: Exception, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(_options: object) -> None:
-        raise BrokenPipeError("of a socket")
+        raise error
 
     monkeypatch.setattr(check, "run", broken)
-    with pytest.raises(BrokenPipeError, match="of a socket"):
+    with pytest.raises(type(error), match=str(error)):
         main(["check"])
-
-
-def test_an_unexpected_error_is_not_hidden(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    def broken(_options: object) -> None:
-        raise ValueError("a defect")
-
-    monkeypatch.setattr(check, "run", broken)
-    with pytest.raises(ValueError, match="a defect"):
-        main(["check"])
-    monkeypatch.setattr(export, "run", broken)
-    assert main(["export", "onnx", "models/hybrid", "--output", str(tmp_path)]) == 1
 
 
 @pytest.mark.parametrize(
@@ -128,9 +104,3 @@ def test_what_the_system_refuses_is_a_sentence(
     monkeypatch.setattr(check, "run", refused)
     assert main(["check"]) == 1
     assert f"cylinder-friction check: {words}" in capsys.readouterr().err
-
-
-@pytest.mark.skipif(not Path("/sys/kernel").is_dir(), reason="a folder where nobody may write")
-def test_where_nobody_may_write_it_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["init", "/sys/project"]) == 1
-    assert "; choose a place where you may read and write" in capsys.readouterr().err

@@ -27,26 +27,25 @@ def log(tmp_path: Path, labelled_recordings: list[Recording]) -> Path:
     return tmp_path / "stroke.csv"
 
 
-def test_one_line_per_file_and_where_the_results_lie(
-    log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    out = tmp_path / "out"
-    assert main(["estimate", str(log), "--cylinder", GEOMETRY, "--output", str(out)]) == 0
+def test_one_line_per_new_file_and_the_page(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = ["estimate", str(log), "--cylinder", GEOMETRY]
+    assert main([*given, "--output", f"{tmp_path}/out"]) == 0
     printed = capsys.readouterr().out
     assert "guessed from stroke.csv" in printed
     assert "stroke: friction " in printed
-    assert f"page     {out}/friction.html" in printed
+    assert f"page     {tmp_path}/out/friction.html" in printed
+    assert main([*given, "--into", f"{tmp_path}/out"]) == 0
+    printed = capsys.readouterr().out
+    assert "1 file as before\n" in printed
+    assert "stroke: friction" not in printed
 
 
 def test_json_is_all_that_is_printed(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "bad.csv").write_text("Time [s],P1 [Pa]\n0,1\n", encoding="utf-8")
     arguments = [str(log), str(tmp_path / "bad.csv"), "--cylinder", GEOMETRY, "--output", str(tmp_path / "out")]
-    mapping = tmp_path / "mapping.yaml"
-    rows = (("time_s", "Time [s]", "s"), ("pressure_1_pa", "P1 [Pa]", "Pa"), ("pressure_2_pa", "P2 [Pa]", "Pa"))
-    entries = [f"  {column}: {{channel: '{name}', unit: {unit}}}" for column, name, unit in rows]
-    entries.append("  position_m: {channel: 'Position [m]', unit: m}")
-    mapping.write_text("\n".join(["channels:", *entries]), encoding="utf-8")
-    assert main(["estimate", *arguments, "--channels", str(mapping), "--json"]) == 1
+    assert main(["ingest", "init", str(log), "--output", str(tmp_path / "mapping.yaml")]) == 0
+    capsys.readouterr()
+    assert main(["estimate", *arguments, "--channels", str(tmp_path / "mapping.yaml"), "--json"]) == 1
     content = json.loads(capsys.readouterr().out)
     assert [each["name"] for each in content["recordings"]] == ["stroke"]
     assert content["refused"][0]["file"] == "bad.csv"
@@ -75,7 +74,7 @@ def test_results_are_the_same_whoever_works(
     ],
     ids=["help", "a mistyped option", "a label"],
 )
-def test_a_run_imports_what_it_uses(
+def test_imports_stay_few(
     log: Path, tmp_path: Path, arguments: list[str], status: int, without: tuple[str, ...]
 ) -> None:
     given = ["estimate", *arguments, *(["--cylinder", GEOMETRY, "--output", str(tmp_path / "out")] * (status == 0))]
@@ -87,16 +86,6 @@ def test_a_run_imports_what_it_uses(
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
     assert (done.returncode, done.stderr.splitlines()[-1:]) == (status, [""])
-
-
-def test_a_second_run_names_what_is_new(log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = ["estimate", str(log), "--cylinder", GEOMETRY, "--output", str(tmp_path / "out")]
-    assert main(arguments) == 0
-    capsys.readouterr()
-    assert main([each.replace("--output", "--into") for each in arguments]) == 0
-    printed = capsys.readouterr().out
-    assert "1 file as before\n" in printed
-    assert "stroke: friction" not in printed
 
 
 def test_a_cylinder_is_stated_as_pairs_or_as_a_file(tmp_path: Path) -> None:
@@ -118,12 +107,6 @@ def test_a_wrong_cylinder_is_refused(given: str, said: str) -> None:
         cylinder_of(given)
 
 
-def test_without_a_cylinder_the_projects_is_taken(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises((ParamsError, FileNotFoundError), match=r"params\.yaml"):
-        cylinder_of(None)
-
-
 @pytest.mark.parametrize(("command", "summary"), [("estimate", "summary.json"), ("identify", "friction_models.json")])
 def test_what_was_guessed_stands_in_the_summary_and_on_the_page(
     command: str, summary: str, log: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -132,16 +115,11 @@ def test_what_was_guessed_stands_in_the_summary_and_on_the_page(
     log.write_text("".join(["t,p1,p2<script>alert(1)</script>,x\n", *lines[1:]]), encoding="utf-8")
     out = tmp_path / "out"
     generations = ["--generations", "1"] if command == "identify" else []
-    status = main(
-        [command, str(log), "--cylinder", GEOMETRY, "--output", str(out), "--unit", "pressure=Pa", *generations]
-    )
-    assert status == (1 if command == "identify" else 0), "one speed determines no model"
+    given = [command, str(log), "--cylinder", GEOMETRY, "--output", str(out), "--unit", "pressure=Pa", *generations]
+    assert main(given) == (1 if command == "identify" else 0), "one speed determines no model"
     guessed = json.loads((out / summary).read_text(encoding="utf-8"))["guessed"]
-    assert (guessed["from"], set(guessed["columns"])) == (
-        "stroke.csv",
-        {"time_s", "pressure_1_pa", "pressure_2_pa", "position_m"},
-    )
-    assert guessed["columns"]["pressure_1_pa"]["unit"] == "Pa"
+    assert guessed["from"] == "stroke.csv"
+    assert set(guessed["columns"]) == {"time_s", "pressure_1_pa", "pressure_2_pa", "position_m"}
     assert "unit Pa as given" in guessed["columns"]["pressure_1_pa"]["reasons"]
     assert guessed["columns"]["position_m"]["check"] == ["the unit is stated nowhere"]
     (page,) = out.glob("*.html")
@@ -149,7 +127,6 @@ def test_what_was_guessed_stands_in_the_summary_and_on_the_page(
     assert "Guessed channels and units" in text
     assert "unit Pa as given" in text
     assert "alert(1)</script>" not in text
-    capsys.readouterr()
 
 
 @pytest.mark.parametrize("given", [["pressure"], ["=bar"], ["pressure="], ["pressure=bar", "pressure=psi"]])

@@ -25,9 +25,7 @@ def arguments(tmp_path: Path, cylinder: Cylinder, speeds_m_s: list[float]) -> li
     return ["identify", str(log), *(str(word) for pair in options.items() for word in pair)]
 
 
-def test_parameters_are_printed_with_intervals_and_reasons(
-    tmp_path: Path, cylinder: Cylinder, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_parameters_are_printed(tmp_path: Path, cylinder: Cylinder, capsys: pytest.CaptureFixture[str]) -> None:
     given = arguments(tmp_path, cylinder, [*np.geomspace(0.02, 0.2, 9)] * 2)
     assert main([*given, "--generations", "1"]) == 0
     printed = capsys.readouterr().out
@@ -38,9 +36,7 @@ def test_parameters_are_printed_with_intervals_and_reasons(
     assert f"page     {tmp_path}/out/friction_models.html" in printed
 
 
-def test_json_is_all_that_is_printed_and_nothing_identified_is_a_failure(
-    tmp_path: Path, cylinder: Cylinder, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_json_and_status_of_a_failure(tmp_path: Path, cylinder: Cylinder, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*arguments(tmp_path, cylinder, [0.05, 0.06] * 6), "--json"]) == 1
     content = json.loads(capsys.readouterr().out)
     assert set(content["models"]) == {"lugre", "pressure_lugre"}

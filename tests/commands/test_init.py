@@ -33,8 +33,9 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_a_project_holds_what_its_pipeline_and_its_user_need(project: Path) -> None:
-    assert (project / "conf/config.yaml").read_bytes() == (CHECKOUT / "conf/config.yaml").read_bytes()
-    assert (project / "params.yaml").read_bytes() == (CHECKOUT / "params.yaml").read_bytes()
+    for name in ("conf/config.yaml", "params.yaml", "dvc.yaml"):
+        assert (project / name).read_bytes() == (CHECKOUT / name).read_bytes()
+    assert git(project, "check-ignore", "code.yaml") is None, "the hashes of its code are committed"
     assert {".dvc", ".dvcignore", ".git", ".gitignore"} <= {path.name for path in project.iterdir()}
     readme = (project / "README.md").read_text(encoding="utf-8")
     assert len([line for line in readme.splitlines() if line]) <= 10
@@ -45,12 +46,6 @@ def test_code_yaml_holds_the_hash_of_every_stage(project: Path) -> None:
     codes = yaml.safe_load((project / "code.yaml").read_text(encoding="utf-8"))
     assert codes.pop("cylinder-friction")
     assert codes == {stage: code_key(f"cylinder_friction.stages.{stage}") for stage in (*STAGES, *FLEET_STAGES)}
-
-
-def test_its_pipeline_is_that_of_the_checkout_and_it_commits_the_hashes_of_its_code(project: Path) -> None:
-    assert (project / "dvc.yaml").read_bytes() == (CHECKOUT / "dvc.yaml").read_bytes()
-    assert git(project, "check-ignore", "code.yaml") is None
-    assert git(CHECKOUT, "check-ignore", "code.yaml") == "code.yaml"
 
 
 def test_the_example_log_gives_friction(
@@ -69,7 +64,7 @@ def test_without_git_dvc_is_told_so(monkeypatch: pytest.MonkeyPatch, tmp_path: P
     assert "[core]\n    no_scm = true\n" in (tmp_path / "project/.dvc/config").read_text(encoding="utf-8")
 
 
-def test_a_full_disk_leaves_no_half_of_a_project(
+def test_a_full_disk_leaves_nothing(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     def full(*_: object) -> None:
