@@ -1,9 +1,14 @@
+"""Files become recordings; a damaged one says why it is repaired or refused, and never stops the good ones."""
+
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.files import read_json
@@ -14,24 +19,22 @@ from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_stored
 from logger_files import CHANNELS, write_log
 
-LIMITS = CheckLimits(stroke_m=0.25)
+PATTERN = r"(?P<session>condition(?P<condition>[^_/]+)_session[^_/]+)_[^/]*\.csv$"
+SENSOR = {"sensor": {"range": [0.0, 250.0], "unit": "bar", "bits": 12}}
+MAPPING = CHANNELS | {name: CHANNELS[name] | SENSOR for name in ("pressure_1_pa", "pressure_2_pa")}
+
+
+def source_of(folder: Path, cylinder: Cylinder) -> Source:
+    channels = {name: ChannelMapping.from_dict(entry) for name, entry in MAPPING.items()}
+    limits = CheckLimits(cylinder.stroke_m, cylinder.piston_area_m2, cylinder.annulus_area_m2)
+    return Source(folder, "*.csv", Recipe(NameRules(PATTERN), channels, cylinder.name, limits))
 
 
 @pytest.fixture
-def source(tmp_path: Path, labelled_recordings: list[Recording]) -> Source:
-    folder = tmp_path / "raw"
+def source(tmp_path: Path, cylinder: Cylinder, labelled_recordings: list[Recording]) -> Source:
     for number, recording in enumerate(labelled_recordings[:3]):
-        write_log(folder / f"condition1_session0{number}_recording01.csv", recording)
-    return Source(
-        folder,
-        "*.csv",
-        Recipe(
-            NameRules(r"(?P<session>condition(?P<condition>[^_/]+)_session[^_/]+)_[^/]*\.csv$"),
-            {column: ChannelMapping.from_dict(entry) for column, entry in CHANNELS.items()},
-            "made",
-            LIMITS,
-        ),
-    )
+        write_log(tmp_path / f"raw/condition1_session0{number}_recording01.csv", recording)
+    return source_of(tmp_path / "raw", cylinder)
 
 
 def ingest(source: Source, into: Path) -> Ingested:
@@ -96,3 +99,69 @@ def test_a_table_of_names_is_no_recording_although_the_pattern_matches_it(source
     result = ingest(replace(source, recipe=replace(source.recipe, names=NameRules(table=table))), tmp_path / "out")
     assert (result.files, result.quarantined, result.notes) == (3, [], [])
     assert [metadata.condition for metadata, _ in result.recordings] == ["1", "2", "2"]
+
+
+Damage = Callable[[pd.DataFrame], pd.DataFrame | str]
+DAMAGED = "condition1_session09_recording01"
+TOLD: dict[str, tuple[Damage, list[str]]] = {
+    "one sample lost": (lambda log: log.drop(index=[1500]), ["1 lost sample interpolated"]),
+    "cut in the last number": (lambda log: log.to_csv(index=False)[:-3], ["last line"]),
+    "a spike": (lambda log: log.assign(p1=log["p1"].where(log.index != 1234, 180.0)), ["spike"]),
+    "a second lost": (lambda log: log.drop(index=range(2000, 2200)), ["split at 1 gap of more than 2 lost"] * 2),
+}
+REFUSED: dict[str, tuple[Damage, str]] = {
+    "empty": (lambda _: "", "is empty"),
+    "header again in the middle": (lambda log: log.to_csv(index=False) * 2, "line 4002 is the header again"),
+    "another rate": (lambda log: log.iloc[::2], "sample time of 0.01 s"),
+    "broken wire": (lambda log: log.assign(p2=log["p2"].where(log.index < 1000, -62.5)), "0 to 250 bar"),
+    "position from the other end": (lambda log: log.assign(x=250.0 - log["x"]), "inverted"),
+}
+
+
+def ingest_beside(source: Source, damaged: pd.DataFrame | str) -> tuple[list[Recording], list[str], str]:
+    """Return recordings of a damaged file beside good ones, reasons of refusals and the summary."""
+    text = damaged if isinstance(damaged, str) else damaged.to_csv(index=False)
+    (source.folder / f"{DAMAGED}.csv").write_text(text, encoding="utf-8")
+    out = source.folder.with_name("out")
+    result = ingest(source, out)
+    good = [f"condition1_session0{number}_recording01" for number in range(3)]
+    first, stored = read_stored(out)[:3], read_stored(out)[3:]
+    assert [each.name for each in first] == good
+    assert all(each.metadata.repairs == () for each in first)
+    return stored, [entry["reason"] for entry in read_json(out.with_name("out.json"))], result.summary()
+
+
+@pytest.fixture
+def log(labelled_recordings: list[Recording], tmp_path: Path) -> pd.DataFrame:
+    return pd.read_csv(write_log(tmp_path / "fourth.csv", labelled_recordings[3]))
+
+
+@pytest.mark.parametrize("name", TOLD)
+def test_a_damage_that_can_be_repaired_is_told(name: str, source: Source, log: pd.DataFrame) -> None:
+    damage, told = TOLD[name]
+    recordings, reasons, summary = ingest_beside(source, damage(log))
+    assert reasons == []
+    parts = [DAMAGED] if len(told) == 1 else [f"{DAMAGED}_part1", f"{DAMAGED}_part2"]
+    assert [recording.name for recording in recordings] == parts
+    for recording, says in zip(recordings, told, strict=True):
+        assert np.isfinite(recording.samples()).all()
+        assert says in " ".join(recording.metadata.repairs)
+        assert recording.name in summary
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_damage_that_cannot_be_repaired_is_the_reason(name: str, source: Source, log: pd.DataFrame) -> None:
+    damage, says = REFUSED[name]
+    recordings, (reason,), summary = ingest_beside(source, damage(log))
+    assert recordings == []
+    assert says in reason
+    assert reason in summary
+
+
+@pytest.mark.parametrize(("decimals", "says"), [(None, "same bytes"), (2, "recording")])
+def test_a_recording_that_is_there_twice_counts_once(source: Source, decimals: int | None, says: str) -> None:
+    first = source.folder / "condition1_session00_recording01.csv"
+    again = first.read_text() if decimals is None else pd.read_csv(first).round(decimals)
+    recordings, (reason,), _ = ingest_beside(source, again)
+    assert recordings == []
+    assert says in reason

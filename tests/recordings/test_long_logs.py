@@ -146,9 +146,7 @@ def test_what_is_found_in_single_samples_counts_for_the_file(tmp_path: Path, cyl
     assert whole.repairs[0] in parts.metadata.repairs
 
 
-def test_a_large_file_with_several_time_columns_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cylinder: Cylinder
-) -> None:
+def test_many_time_columns_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cylinder: Cylinder) -> None:
     lines = ["t;p1;t;p2;x", *(f"{row};1.5;{row};2.5;3.5" for row in range(3_000))]
     (tmp_path / "scope.csv").write_text("\n".join([*lines, ""]))
     monkeypatch.setattr("cylinder_friction.recordings.formats.delimited.MOST_INDIVISIBLE", 10_000)

@@ -5,25 +5,26 @@ import pytest
 from cylinder_friction.recordings.path_names import NameRules, PathNames
 from cylinder_friction.recordings.recording import RecordingError
 
+FOLDERS = r"^(?P<session>(?P<condition>\w+)_\d+)/(?P<load>\d+kg)"
 RIG = r"(?P<session>condition(?P<condition>[^_/]+)_session[^_/]+)_[^/]*\.csv$"
 
 
-def test_names_of_the_rig() -> None:
-    names = NameRules(RIG).names("condition1_session07_recording02.csv")
-    assert names == PathNames("condition1_session07_recording02", "1", "condition1_session07", "")
+@pytest.mark.parametrize(
+    ("pattern", "path", "expected"),
+    [
+        (
+            RIG,
+            "condition1_session07_recording02.csv",
+            ("condition1_session07_recording02", "1", "condition1_session07"),
+        ),
+        (r"(?P<session>_\d{6})\.", "Jib_230425.csv.gz", ("Jib_230425.csv", "1", "_230425")),
+        (FOLDERS, "crane_3/20kg.part.csv", ("crane_3-20kg.part", "crane", "crane_3", "20kg")),
+    ],
+)
+def test_a_pattern_reads_condition_session_and_load(pattern: str, path: str, expected: tuple[str, ...]) -> None:
+    assert NameRules(pattern).names(path) == PathNames(*expected)
     with pytest.raises(RecordingError, match=r"path 'notes.csv' does not give condition and session"):
-        NameRules(pattern=RIG).names("notes.csv")
-
-
-def test_without_a_group_for_it_all_are_of_one_condition() -> None:
-    names = NameRules(r"(?P<session>_\d{6})\.").names("Jib_230425.csv.gz")
-    assert names == PathNames("Jib_230425.csv", "1", "_230425", "")
-
-
-def test_folders_become_part_of_the_name_and_load_is_read() -> None:
-    pattern = r"^(?P<session>(?P<condition>\w+)_\d+)/(?P<load>\d+kg)"
-    names = NameRules(pattern=pattern).names("crane_3/20kg.part.csv")
-    assert names == PathNames("crane_3-20kg.part", "crane", "crane_3", "20kg")
+        NameRules(pattern).names("notes.csv")
 
 
 @pytest.mark.parametrize(
@@ -53,9 +54,6 @@ def test_table_names_files_and_globs_and_a_path_goes_before_a_glob(tmp_path: Pat
     assert rules.names("monday/a.mat") == PathNames("monday-a", "no load", "mo", "")
     assert rules.names("monday/c.mat") == PathNames("monday-c", "40 kg", "mo-40", "40 kg")
     assert rules.names("tuesday/b.mat") == PathNames("tuesday-b", "no load", "tu", "none")
-
-
-def test_table_without_load_and_with_comma_and_blank_lines(tmp_path: Path) -> None:
     rules = table_at(tmp_path, "\ufefffile,condition,session\n\na.csv,1,s1\n")
     assert rules.names("a.csv") == PathNames("a", "1", "s1", "")
 
@@ -75,9 +73,9 @@ def test_a_file_with_no_line_or_with_two_is_refused(tmp_path: Path, path: str, m
 def test_lines_without_file_are_told(tmp_path: Path) -> None:
     rules = table_at(tmp_path, "file,condition,session\na.csv,1,s1\ngone.csv,1,s1\nx/*.csv,2,s2\n")
     told = rules.lines_without_file(["a.csv", "y/b.csv"])
-    assert told == [
-        "line 3 of the table of names: no file fits 'gone.csv'; correct the line, or put the file where it belongs",
-        "line 4 of the table of names: no file fits 'x/*.csv'; correct the line, or put the file where it belongs",
+    assert [each.partition(";")[0] for each in told] == [
+        "line 3 of the table of names: no file fits 'gone.csv'",
+        "line 4 of the table of names: no file fits 'x/*.csv'",
     ]
     assert NameRules(pattern=RIG).lines_without_file(["a.csv"]) == []
 

@@ -66,15 +66,13 @@ def test_a_name_that_cannot_be_listed_leaves_nothing_that_blocks_the_next_run(tm
 @pytest.mark.parametrize(
     ("content", "expected"),
     [
-        ({}, "does not list the files of an earlier `friction-tool run`"),
-        ([], "does not list the files"),
+        ([], "does not list the files of an earlier `friction-tool run`"),
         ({"written_by": COMMAND}, "does not list the files"),
         ({"written_by": "another tool", "files": ["a"]}, "does not list the files"),
         ({"written_by": COMMAND, "files": ["../mine"]}, r"lists '\.\./mine', which is no file inside it"),
         ({"written_by": COMMAND, "files": ["/etc/passwd"]}, "no file inside it"),
         ({"written_by": COMMAND, "files": ["link/mine"]}, "no file inside it"),
         ({"written_by": COMMAND, "files": ["folder"]}, "no file inside it"),
-        ({"written_by": COMMAND, "files": [""]}, "no file inside it"),
         ({"written_by": COMMAND, "files": [1]}, "no file inside it"),
     ],
 )
@@ -160,9 +158,7 @@ def test_what_the_new_marker_keeps_stays_and_what_nobody_listed_cannot_be_kept(t
 
 
 @pytest.mark.parametrize("moved", range(4))
-def test_what_a_killed_run_had_not_moved_the_next_one_moves_first(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moved: int
-) -> None:
+def test_the_next_run_finishes_a_killed_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moved: int) -> None:
     out, calls = tmp_path / "out", []
     write(out, "a", "b")
     replace = Path.replace

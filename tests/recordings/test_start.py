@@ -1,3 +1,5 @@
+"""When a recording was made: by its header, its stamps or its file's name."""
+
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,8 +12,9 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.ingesting import convert_in_parts
 from cylinder_friction.recordings.long_logs import LongRecording
 from cylinder_friction.recordings.reading_logs import find_logs
-from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.start import Start, start_in_header
+from cylinder_friction.recordings.start_rules import StartRules
 from logger_files import CHANNELS, made_log
 
 
@@ -55,60 +58,45 @@ def test_a_day_stays_a_day() -> None:
 BEGIN = pd.Timestamp("2026-03-27T09:15:00Z")
 
 
-def dated(log: pd.DataFrame, zone: str | None) -> pd.DataFrame:
+def dated(log: pd.DataFrame, zone: str | None = "UTC") -> pd.DataFrame:
     stamps = BEGIN + pd.to_timedelta(log["t"], unit="s")
-    return log.assign(t=stamps if zone == "UTC" else stamps.dt.tz_localize(None))
+    return log.assign(t=stamps.dt.tz_convert(zone))
+
+
+def write_dates(log: pd.DataFrame, path: Path) -> None:
+    dated(log, None).to_csv(path, index=False, date_format="%d.%m.%Y %H:%M:%S.%f")
 
 
 def with_header(log: pd.DataFrame) -> str:
-    return "Starttime of export,134190765000000000,fredag\n\n" + log.assign(t=log["t"] + 5.0).to_csv(index=False)
+    """Begin the rows 5 s after what the header states."""
+    return "Starttime of export,134190764950000000,fredag\n\n" + log.assign(t=log["t"] + 5.0).to_csv(index=False)
 
 
-LOGS: dict[str, tuple[Callable[[pd.DataFrame, Path], Any], dict[str, Any], str, str]] = {
-    "dates in UTC": (
-        lambda log, path: dated(log, "UTC").to_csv(path, index=False, date_format="%Y-%m-%dT%H:%M:%S.%fZ"),
-        {},
-        "2026-03-27T09:15:00.000Z",
-        "time stamps of 't'",
-    ),
-    "dates without a zone": (
-        lambda log, path: dated(log, None).to_csv(path, index=False, date_format="%d.%m.%Y %H:%M:%S.%f"),
-        {},
-        "2026-03-27T09:15:00.000",
-        "time stamps of 't'",
-    ),
-    "dates of a stated zone": (
-        lambda log, path: dated(log, None).to_csv(path, index=False, date_format="%d.%m.%Y %H:%M:%S.%f"),
-        {"zone": "Europe/Oslo"},
-        "2026-03-27T08:15:00.000Z",
-        "time stamps of 't', Europe/Oslo",
-    ),
-    "Parquet": (
-        lambda log, path: dated(log, "UTC").to_parquet(path),
-        {},
-        "2026-03-27T09:15:00.000Z",
-        "time stamps of 't'",
-    ),
-    "seconds since 1970": (
-        lambda log, path: log.assign(t=log["t"] + BEGIN.timestamp()).to_csv(path, index=False),
-        {},
-        "2026-03-27T09:15:00.000Z",
-        "'t', which counts from 1970",
-    ),
-    "a header, rows from 5 s on": (
-        lambda log, path: path.write_text(with_header(log)),
-        {},
-        "2026-03-27T09:15:05.000Z",
-        "FILETIME of the header",
-    ),
-    "nothing": (lambda log, path: log.to_csv(path, index=False), {}, "", ""),
+def write_zoned(log: pd.DataFrame, path: Path) -> None:
+    dated(log).to_csv(path, index=False, date_format="%Y-%m-%dT%H:%M:%S.%fZ")
+
+
+def write_seconds(log: pd.DataFrame, path: Path) -> None:
+    log.assign(t=log["t"] + BEGIN.timestamp()).to_csv(path, index=False)
+
+
+UTC, OSLO = "2026-03-27T09:15:00.000Z", "2026-03-27T08:15:00.000Z"
+LOGS: dict[str, tuple[Callable[[pd.DataFrame, Path], Any], str, str, str]] = {
+    "dates in UTC": (write_zoned, "", UTC, "time stamps of 't'"),
+    "dates without a zone": (write_dates, "", UTC.removesuffix("Z"), "time stamps of 't'"),
+    "dates of a stated zone": (write_dates, "Europe/Oslo", OSLO, "time stamps of 't', Europe/Oslo"),
+    "Parquet": (lambda log, path: dated(log).to_parquet(path), "", UTC, "time stamps of 't'"),
+    "seconds since 1970": (write_seconds, "", UTC, "'t', which counts from 1970"),
+    "a header": (lambda log, path: path.write_text(with_header(log)), "", UTC, "FILETIME of the header"),
+    "nothing": (lambda log, path: log.to_csv(path, index=False), "", "", ""),
 }
 
 
 @pytest.mark.parametrize("rows", [None, 1000])
 @pytest.mark.parametrize("kind", LOGS)
 def test_a_recording_knows_when_it_was_made(tmp_path: Path, cylinder: Cylinder, kind: str, rows: int | None) -> None:
-    write, rules, text, source = LOGS[kind]
+    write, zone, text, source = LOGS[kind]
+    rules = {"zone": zone} if zone else {}
     write(made_log(4000), tmp_path / "log")
     time = {"channel": "t"} | ({} if "dates" in kind or kind == "Parquet" else {"unit": "s"})
     logs = find_logs(tmp_path / "log", {"channels": CHANNELS | {"time_s": time}, "start": rules}, cylinder)
@@ -116,3 +104,48 @@ def test_a_recording_knows_when_it_was_made(tmp_path: Path, cylinder: Cylinder, 
     assert isinstance(recording, LongRecording if rows else Recording), recording
     assert recording.metadata.start == text
     assert recording.metadata.start_source == source
+
+
+PATTERN = r"(?P<day>\d\d)(?P<month>\d\d)(?P<year>\d\d)(?:_(?P<hour>\d\d)(?P<minute>\d\d))?"
+
+
+@pytest.mark.parametrize(
+    ("path", "text"),
+    [
+        ("press_270326_1015.csv", "2026-03-27T09:15:00.000Z"),
+        ("press_270726_1015.csv", "2026-07-27T08:15:00.000Z"),  # summer time
+        ("press_270326.csv", "2026-03-27"),
+        ("press_310226.csv", None),
+        ("press.csv", None),
+    ],
+)
+def test_a_file_name_states_the_start(path: str, text: str | None) -> None:
+    start = StartRules("Europe/Oslo", PATTERN).of(None, path)
+    assert (start and start.text()) == text
+
+
+def test_what_the_log_states_takes_precedence() -> None:
+    stated = Start(np.datetime64("2026-01-02T03:04:05", "ns"), utc=True, source="header")
+    assert StartRules("Europe/Oslo", PATTERN).of(stated, "press_270326_1015.csv") == stated
+
+
+@pytest.mark.parametrize("path", ["251026_0230", "290326_0230"])
+def test_an_hour_that_was_twice_or_never_stays_local(path: str) -> None:
+    start = StartRules("Europe/Oslo", PATTERN).of(None, path)
+    assert start is not None
+    assert not start.utc
+    assert start.source == "file name; in Europe/Oslo that hour was twice or never"
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"zone": "Europe/Oslow"}, "zone: got 'Europe/Oslow', expected a name of the time zone database such as"),
+        ({"zone": "../../etc/passwd"}, "zone: got '../../etc/passwd', expected a name"),
+        ({"pattern": "("}, "pattern: '\\(' is not a regular expression: missing"),
+        ({"pattern": "(?P<year>x)"}, "got groups year, expected year, month, day, and if you like hour, minute, sec"),
+    ],
+)
+def test_wrong_settings_are_refused(settings: dict[str, Any], message: str) -> None:
+    with pytest.raises(RecordingError, match=message):
+        StartRules(**settings)

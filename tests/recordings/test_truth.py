@@ -8,23 +8,17 @@ from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.truth import read_truth
 
 
-def test_truth_is_read_where_it_is(tmp_path: Path, labelled_recordings: list[Recording]) -> None:
-    recording = labelled_recordings[0]
-    assert read_truth(tmp_path, recording) is None
-    recording.table.to_parquet(tmp_path / f"{recording.name}.parquet")
-    truth = read_truth(tmp_path, recording)
-    assert truth is not None
-    np.testing.assert_array_equal(truth["friction_n"], recording.column("friction_n"))
-
-
-def test_the_truth_of_a_piece_is_its_own(tmp_path: Path, labelled_recordings: list[Recording]) -> None:
+def test_truth_is_read_where_it_is_for_the_rows_of_the_recording(
+    tmp_path: Path, labelled_recordings: list[Recording]
+) -> None:
     """Ingest may leave out rows at either end, for example where a sensor is late."""
-    recording = labelled_recordings[0]
-    recording.table.to_parquet(tmp_path / f"{recording.name}.parquet")
-    piece = replace(recording, columns=recording.table[4:-7].reset_index(drop=True))
-    truth = read_truth(tmp_path, piece)
-    assert truth is not None
-    np.testing.assert_array_equal(truth["friction_n"], piece.column("friction_n"))
+    whole = labelled_recordings[0]
+    assert read_truth(tmp_path, whole) is None
+    whole.table.to_parquet(tmp_path / f"{whole.name}.parquet")
+    for recording in (whole, replace(whole, columns=whole.table[4:-7].reset_index(drop=True))):
+        truth = read_truth(tmp_path, recording)
+        assert truth is not None
+        np.testing.assert_array_equal(truth["friction_n"], recording.column("friction_n"))
 
 
 @pytest.mark.parametrize("what", ["column", "rows", "times"])

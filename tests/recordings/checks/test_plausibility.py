@@ -1,3 +1,4 @@
+import re
 from collections.abc import Callable
 from typing import Any
 
@@ -7,7 +8,7 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.finding import Finding
-from cylinder_friction.recordings.checks.plausibility import check_friction, clear_motion
+from cylinder_friction.recordings.checks.plausibility import check_friction
 from logger_files import columns_of
 
 Change = Callable[[pd.DataFrame], pd.DataFrame]
@@ -19,18 +20,12 @@ def swapped(table: pd.DataFrame) -> pd.DataFrame:
     return table.assign(pressure_1_pa=table["pressure_2_pa"], pressure_2_pa=table["pressure_1_pa"])
 
 
-def inverted(table: pd.DataFrame, stroke_m: float = STROKE_M) -> pd.DataFrame:
-    return table.assign(position_m=stroke_m - table["position_m"])
+def inverted(table: pd.DataFrame) -> pd.DataFrame:
+    return table.assign(position_m=STROKE_M - table["position_m"])
 
 
 def scaled(factor: float) -> Change:
-    return lambda table: table.assign(
-        pressure_1_pa=table["pressure_1_pa"] * factor, pressure_2_pa=table["pressure_2_pa"] * factor
-    )
-
-
-def offset(column: str, offset_pa: float) -> Change:
-    return lambda table: table.assign(**{column: table[column] + offset_pa})
+    return lambda table: table.assign(**table[["pressure_1_pa", "pressure_2_pa"]] * factor)
 
 
 @pytest.fixture(scope="module")
@@ -52,11 +47,7 @@ REFUSED = {"direction": "refused"}
     [
         (lambda table: table, OK, "friction opposes the motion, with [3-5].. N on average"),
         (swapped, REFUSED, r"^the pressures are swapped: as they stand, .* N retracting .* exchange the channels"),
-        (
-            inverted,
-            REFUSED,
-            r"^position_m is inverted, or both pressures are: .* friction would drive the piston; .* sign: -1",
-        ),
+        (inverted, REFUSED, r"^position_m is inverted, or both pressures are: .* friction would drive .* sign: -1"),
         (lambda table: swapped(inverted(table)), REFUSED, "^the pressures are swapped and position_m is inverted: "),
         (scaled(100.0), {"direction": "ok", "friction_size": "refused"}, r"expected less than 100; .*kPa read as bar"),
         (scaled(10.0), {"direction": "ok", "friction_size": "noted"}, r"usual are 0.2 to 10; .* \(bar read as MPa\?\)"),
@@ -74,7 +65,7 @@ def test_the_rigs_recordings(
     for table in rig_tables.values():
         findings = check_friction(columns_of(change(table)), 0.005, STROKE_M, areas, load)
         assert outcomes(findings) == expected
-        assert any(pd.Series([finding.text]).str.contains(text).item() for finding in findings)
+        assert any(re.search(text, finding.text) for finding in findings)
 
 
 @pytest.mark.parametrize("column", ["pressure_1_pa", "pressure_2_pa"])
@@ -83,20 +74,10 @@ def test_a_sensors_zero_is_never_taken_for_a_swap(
     rig_tables: dict[str, pd.DataFrame], areas: tuple[float, float], column: str, offset_pa: float
 ) -> None:
     for table in rig_tables.values():
-        wrong = offset(column, offset_pa)(table)
+        wrong = table.assign(**{column: table[column] + offset_pa})
         assert outcomes(check_friction(columns_of(wrong), 0.005, STROKE_M, areas))["direction"] in ("ok", "noted")
         assert outcomes(check_friction(columns_of(swapped(wrong)), 0.005, STROKE_M, areas)) == REFUSED
         assert outcomes(check_friction(columns_of(inverted(wrong)), 0.005, STROKE_M, areas)) == REFUSED
-
-
-@pytest.mark.parametrize("rows", [1600, 4000])
-def test_a_part_of_a_recording_is_never_refused(
-    rig_tables: dict[str, pd.DataFrame], areas: tuple[float, float], rows: int
-) -> None:
-    for table in rig_tables.values():
-        for start in range(0, len(table) - rows + 1, rows // 2):
-            part = table.iloc[start : start + rows]
-            assert "refused" not in outcomes(check_friction(columns_of(part), 0.005, STROKE_M, areas)).values()
 
 
 def pushed(friction_n: float = 300.0, load_n: float = 0.0, seconds: float = 20.0) -> pd.DataFrame:
@@ -131,10 +112,16 @@ def test_a_measured_load_is_taken_off() -> None:
     assert finding.text.endswith("load_force_n is not recorded, though the load is to be measured")
 
 
+SECONDS = 0.005 * np.arange(4000)
+ONE_WAY = np.where(SECONDS < 10.0, 0.03 + 0.008 * SECONDS, 0.24 - 0.008 * (SECONDS - 10.0))
+
+
 @pytest.mark.parametrize(
     ("table", "text"),
     [
+        (pushed().rename(columns={"drive_force_n": "pressure_1_pa"}), "the areas of the cylinder are not known"),
         (pushed().iloc[:5], "in 0 rows only, expected 20 each"),
+        (pushed().assign(position_m=ONE_WAY), "hardly pass the same positions"),
         (pushed().assign(position_m=np.linspace(0.05, 0.2, 4000)), "in 0 rows only, expected 20 each"),
         (pushed().assign(position_m=0.1), "in 0 rows only, expected 20 each"),
         (pushed(0.0), "cannot be distinguished from zero"),
@@ -144,48 +131,6 @@ def test_what_cannot_be_told_is_noted(table: pd.DataFrame, text: str) -> None:
     (finding,) = check_friction(columns_of(table), 0.005, STROKE_M, None)
     assert finding.outcome == "noted"
     assert text in finding.text
-
-
-def test_friction_that_would_drive_the_motion_on_average_is_never_ok(
-    rig_tables: dict[str, pd.DataFrame], areas: tuple[float, float]
-) -> None:
-    negative = 0
-    for table in rig_tables.values():
-        for factor in (1.5, 2.0, 3.0):  # position as if it had been logged at a fraction of the rate of the pressures
-            rows = np.arange(0.0, len(table), factor)
-            fast = table.iloc[: len(rows)].assign(
-                position_m=np.interp(rows, np.arange(len(table)), table["position_m"])
-            )
-            for finding in check_friction(columns_of(fast), 0.005, STROKE_M, areas):
-                if "-" in finding.text.split("seal (")[-1].split()[0] and finding.check == "friction_size":
-                    negative += 1
-                    assert finding.outcome == "noted"
-                    assert "expected more than 0, for it opposes the motion; check which pressure is" in finding.text
-    assert negative > 0
-
-
-def test_without_areas_pressures_cannot_be_judged(rig_tables: dict[str, pd.DataFrame]) -> None:
-    (finding,) = check_friction(columns_of(next(iter(rig_tables.values()))), 0.005, STROKE_M, None)
-    assert finding.outcome == "noted"
-    assert "the areas of the cylinder are not known" in finding.text
-
-
-def test_strokes_that_share_no_position_cannot_part_friction_from_load() -> None:
-    table = pushed()
-    time_s = 0.005 * np.arange(len(table))
-    position = np.where(time_s < 10.0, 0.03 + 0.008 * time_s, 0.24 - 0.008 * (time_s - 10.0))
-    (finding,) = check_friction(columns_of(table.assign(position_m=position)), 0.005, STROKE_M, None)
-    assert "hardly pass the same positions" in finding.text
-
-
-def test_clear_motion_leaves_out_ends_stops_and_reversals() -> None:
-    time_s = 0.005 * np.arange(8000)
-    position = np.clip(0.125 + 0.16 * np.sin(0.5 * time_s), 0.0, 0.25)
-    motion = clear_motion(position, 0.005, STROKE_M)
-    assert motion.strokes == 7
-    assert position[motion.rows].min() > 0.05 * STROKE_M
-    assert position[motion.rows].max() < 0.95 * STROKE_M
-    assert np.array_equal(motion.direction, np.sign(np.cos(0.5 * time_s[motion.rows])))
 
 
 @pytest.mark.parametrize("steady_n", [0.0, 2000.0])

@@ -39,35 +39,15 @@ def with_values(rows: slice | list[int], value: float | Array) -> Array:
     return values
 
 
-def test_sound_signals_are_the_same_objects() -> None:
-    signals = {"pressure_1_pa": Signal(TIME_S, pressure()), "position_m": Signal(TIME_S, 0.1 + 0.05 * np.sin(TIME_S))}
-    screened, repairs = screen_signals(signals, LIMITS, RULES, STROKE_M)
-    assert repairs == ()
-    assert all(screened[column] is signals[column] for column in signals)
-
-
-def test_what_is_missing_stays_missing_and_is_nobodys_spike() -> None:
-    values = with_values(slice(100, 400), np.nan)
-    screened, repairs = screen(values)
-    assert screened is values
-    assert repairs == ()
-
-
 @pytest.mark.parametrize(
     ("values", "rows", "message"),
     [
-        (
-            with_values([700, 900], -62.5e5),  # 0 mA of a 4-20 mA loop
-            [700, 900],
-            "pressure_1_pa is -62.5 bar in row 701 (2 such rows in all), which a sensor of 0 to 250 bar (4 to 20 mA) "
-            "cannot read; taken as missing",
-        ),
+        (with_values([700, 900], -62.5e5), [700, 900], "a sensor of 0 to 250 bar (4 to 20 mA) cannot read; taken as"),
         (with_values([50], 4000e5), [50], "is 4000 bar in row 51 (1 such rows in all), which a sensor of"),
         (with_values([50], np.inf), [50], "pressure_1_pa is inf in row 51 (1 such rows in all), expected finite"),
         (with_values([50, 51], 250e5), [50, 51], "is 250 bar in row 51 (2 such rows in all), the end of its sensor's"),
         (with_values([3000], 60e5), [3000], "is 60 bar in row 3001 (1 such rows in all), a spike: its neighbours"),
         (with_values([30, 31, 32], 1e5), [30, 31, 32], "is 1 bar in row 31 (3 such rows in all), a spike"),
-        (with_values([30, 34], 1e5), [30, 34], "is 1 bar in row 31 (2 such rows in all), a spike"),
     ],
 )
 def test_a_few_bad_samples_become_missing_and_are_told(values: Array, rows: list[int], message: str) -> None:
@@ -83,7 +63,6 @@ def test_a_few_bad_samples_become_missing_and_are_told(values: Array, rows: list
     [
         (with_values(slice(1000, 2000), -62.5e5), r"1001 \(1000 such rows in all\), .* expected at most 6, .* wire"),
         (with_values(slice(1000, 1011), 262e5), "in row 1001 .* the sensor is saturated, at most 11 .* wider"),
-        (with_values(slice(10, 5000, 100), 260e5), "the sensor is saturated, at most 1 in a row; expected at most 6"),
         (with_values(slice(10, 5990, 100), 90e5), r"a spike: .*; expected at most 6, and 10 in a row; check wire"),
         (with_values(slice(10, 5000, 100), np.inf), r"is inf in row 11 \(50 such rows in all\).* exported"),
         (pressure() * 1e-3 - 70e5, "cannot read"),
@@ -115,7 +94,6 @@ def ringing(frequency_hz: float, decay_s: float) -> Array:
     "values",
     [
         ringing(40.0, 0.05),
-        ringing(60.0, 0.02),
         ringing(15.0, 0.1),
         np.where(TIME_S < 10.0, 1e5, 60e5) + pressure(),  # a valve opens
         pressure() + 5e5 * (np.arange(ROWS) // 4 % 2),  # stick-slip as fast as can be
@@ -174,23 +152,12 @@ def test_a_channel_slower_than_its_table_is_screened_by_its_own_samples() -> Non
     assert np.flatnonzero(np.isnan(screened) & ~np.isnan(values)).tolist() == [30007]
 
 
-def test_a_missing_sample_beside_a_jump_is_no_spike() -> None:
-    values = with_values([3000], 60e5)
-    values[2998] = np.nan
-    values[3001] = np.nan
-    screened, (said,) = screen(values)
-    assert "is 60 bar in row 3001 (1 such rows in all)" in said
-    assert np.flatnonzero(np.isnan(screened)).tolist() == [2998, 3000, 3001]
-
-
 @given(
     seed=st.integers(0, 2**32 - 1),
     noise=st.sampled_from([0.1, 1.0, 5.0]),
     spikes=st.lists(st.tuples(st.integers(0, 199), st.integers(1, 5), st.floats(-60.0, 60.0)), max_size=4),
 )
-def test_the_same_spikes_are_found_in_a_signal_whose_jumps_alone_are_looked_at_and_in_one_that_is_read_sample_by_sample(
-    seed: int, noise: float, spikes: list[tuple[int, int, float]]
-) -> None:
+def test_jumps_alone_show_all_spikes(seed: int, noise: float, spikes: list[tuple[int, int, float]]) -> None:
     generator = np.random.default_rng(seed)
     values = np.cumsum(generator.normal(0.0, noise, 200))
     for begin, rows, height in spikes:
@@ -198,12 +165,9 @@ def test_the_same_spikes_are_found_in_a_signal_whose_jumps_alone_are_looked_at_a
     # A sample out of range at the end has every sample read. Whether the last ones are spikes depends on what follows.
     longer = np.concatenate([values, np.full(20, values[-1]), [1e9], np.full(20, values[-1])])
     limits = {"load_force_n": SensorLimits(-1e6, 1e6, None, "-1 to 1 MN")}
-    missing = [
-        np.isnan(
-            Screen(limits, RULES, None, {"load_force_n": 10.0})
-            .screened({"load_force_n": Signal(each, each)})["load_force_n"]
-            .values
-        )
+    by_jumps, by_all = (
+        Screen(limits, RULES, None, {"load_force_n": 10.0}).screened({"load_force_n": Signal(each, each)})
         for each in (values, longer)
-    ]
-    np.testing.assert_array_equal(missing[0][: 200 - BESIDE - MOST_ODD], missing[1][: 200 - BESIDE - MOST_ODD])
+    )
+    known = slice(200 - BESIDE - MOST_ODD)
+    np.testing.assert_array_equal(by_jumps["load_force_n"].values[known], by_all["load_force_n"].values[known])

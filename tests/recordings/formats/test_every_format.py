@@ -73,24 +73,20 @@ def test_the_content_decides_the_format_also_within_gzip(tmp_path: Path, kind: s
 @pytest.mark.parametrize(
     ("kind", "message"),
     [
-        ("mdf4", 'reading MDF4 needs asammdf, which is not installed; pip install "cylinder-friction[mdf]"'),
-        ("tdms", 'reading TDMS needs npTDMS, which is not installed; pip install "cylinder-friction[tdms]"'),
-        ("hdf5", 'reading HDF5 needs h5py, which is not installed; pip install "cylinder-friction[hdf5]"'),
+        ("mdf4", "reading MDF4 needs asammdf, which is not installed; "),
+        ("tdms", "reading TDMS needs npTDMS, which is not installed; "),
+        ("hdf5", "reading HDF5 needs h5py, which is not installed; "),
         ("excel", "reading Excel workbooks needs openpyxl, which is not installed; "),
         ("matlab73", "reading MATLAB 7.3 needs h5py, which is not installed; "),
     ],
 )
-def test_a_missing_library_is_named_with_its_extra(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, message: str
-) -> None:
+def test_a_missing_library_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, message: str) -> None:
     write_sample(kind, tmp_path / "log", 40)
     library = FORMATS[SAMPLES[kind].format].needs
     assert library is not None
     monkeypatch.setitem(sys.modules, library.module, None)
-    with pytest.raises(RecordingError) as refusal:
+    with pytest.raises(RecordingError, match=rf'^{message}pip install "cylinder-friction\[{library.extra}\]"$'):
         read_logged_file(tmp_path / "log")
-    assert str(refusal.value).startswith(message)
-    assert str(refusal.value).endswith(f'pip install "cylinder-friction[{library.extra}]"')
 
 
 def test_an_unknown_format_lists_the_known_ones(tmp_path: Path) -> None:

@@ -43,13 +43,6 @@ def test_sheets_are_tables_and_one_without_rows_is_left_out(tmp_path: Path) -> N
     assert (len(pressures.channels), len(motion.channels)) == (6, 3)
 
 
-def test_time_columns_of_one_name_split_a_sheet(tmp_path: Path) -> None:
-    rows = [[5 * i, i, *([10 * i, 0.5 * i] if i < 3 else [])] for i in range(6)]
-    fast, slow = read_logged_file(saved(tmp_path / "log.xlsx", Scope=[["Name", "p", "Name", "x"], *rows]))
-    assert (fast.name, slow.name) == ("group 1", "group 2")
-    assert slow.channels["x"].tolist() == [0.0, 0.5, 1.0]
-
-
 def test_dates_are_time(tmp_path: Path) -> None:
     start = datetime(2026, 3, 14, 8, 15)
     rows = [["Zeit", "p"], *([start + timedelta(milliseconds=250 * i), i] for i in range(8))]
@@ -60,8 +53,6 @@ def test_dates_are_time(tmp_path: Path) -> None:
 def test_a_workbook_without_a_table_says_which_sheet_holds_none(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="sheet 'Info': no rows of numbers were found in its first 1 lines"):
         read_logged_file(saved(tmp_path / "log.xlsx", Info=[["Operator", "Zoë"]]))
-    with pytest.raises(RecordingError, match=r"sheet 'Empty': .*not one whole line"):
-        read_logged_file(saved(tmp_path / "empty.xlsx", Empty=[]))
 
 
 def test_a_workbook_that_unpacks_to_gigabytes_is_refused_before_it_does(tmp_path: Path) -> None:

@@ -56,15 +56,6 @@ def test_a_stated_rate_makes_a_time_channel(tmp_path: Path, key: str, value: flo
     assert table.units == {"time": "s"}
 
 
-def test_a_time_dataset_goes_before_a_stated_rate(tmp_path: Path) -> None:
-    path = tmp_path / "log.h5"
-    with h5py.File(path, "w") as file:
-        file["time"], file["P1"] = T, T
-        file["P1"].attrs["sampling_rate"] = 200
-    (table,) = read_logged_file(path)
-    assert list(table.channels.columns) == ["P1", "time"]
-
-
 def test_a_dataset_larger_than_its_file_could_hold_is_damaged(tmp_path: Path) -> None:
     path = tmp_path / "log.h5"
     with h5py.File(path, "w") as file:
@@ -82,7 +73,5 @@ def test_a_small_file_that_unpacks_to_what_fills_the_memory_is_refused(tmp_path:
                 file.create_dataset(name, data=np.zeros(7_000_000), chunks=(10**6,), compression="gzip")
     else:
         scipy.io.savemat(path, {"t": np.zeros(26_000_000)}, do_compression=True)
-    with pytest.raises(
-        RecordingError, match=r"unpacks to 2\d\d MB, \d+ times its size; expected at most 200 MB, or 50"
-    ):
+    with pytest.raises(RecordingError, match=r"unpacks to 2\d\d MB, \d+ times its size; expected at most 200 MB"):
         read_logged_file(path)

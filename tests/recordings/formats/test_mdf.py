@@ -12,6 +12,7 @@ from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.recording import RecordingError
 
 T = np.arange(6) * 0.01
+START = datetime(2026, 3, 27, 9, 15, tzinfo=UTC)
 
 
 def saved(file: MDF, folder: Path) -> Path:
@@ -49,11 +50,14 @@ def test_samples_marked_invalid_are_missing(tmp_path: Path) -> None:
     np.testing.assert_array_equal(table.channels["P1"], [0, 1, np.nan, 3, 4, 5])
 
 
+def forty_samples(folder: Path) -> tuple[Path, bytearray]:
+    path = folder / "log.mf4"
+    format_writers.write_mdf4(path, *format_writers.synthetic(40))
+    return path, bytearray(path.read_bytes())
+
+
 def test_fewer_samples_than_stated_are_said(tmp_path: Path) -> None:
-    path = tmp_path / "log.mf4"
-    table, units = format_writers.synthetic(40)
-    format_writers.write_mdf4(path, table, units)
-    content = bytearray(path.read_bytes())
+    path, content = forty_samples(tmp_path)
     # The number of samples stands behind a channel group's header, six links and the record's number.
     place = content.index(b"##CG") + 24 + 6 * 8 + 8
     assert content[place] == 40
@@ -65,10 +69,7 @@ def test_fewer_samples_than_stated_are_said(tmp_path: Path) -> None:
 
 
 def test_a_channel_beyond_its_record_is_refused(tmp_path: Path) -> None:
-    path = tmp_path / "log.mf4"
-    table, units = format_writers.synthetic(40)
-    format_writers.write_mdf4(path, table, units)
-    content = bytearray(path.read_bytes())
+    path, content = forty_samples(tmp_path)
     # A channel's offset within the record stands behind its header, eight links and four bytes of types.
     place = content.rindex(b"##CN") + 24 + 8 * 8 + 4
     content[place : place + 4] = (1 << 20).to_bytes(4, "little")
@@ -77,13 +78,21 @@ def test_a_channel_beyond_its_record_is_refused(tmp_path: Path) -> None:
         read_logged_file(path)
 
 
-def bus_log(path: Path, signals: bool) -> Path:
-    """Write frames of a CAN bus as loggers do, beside signals or alone."""
-    kinds = [("BusChannel", "u1"), ("ID", "<u4"), ("DLC", "u1"), ("DataLength", "u1"), ("DataBytes", "(8,)u1")]
-    frames = np.zeros(6, np.dtype([(f"CAN_DataFrame.{name}", kind) for name, kind in kinds]))
+BAR = np.array([[20.0, 30.0], [20.5, 31.0], [21.0, 29.99]])
+
+
+def bus_log(path: Path, signals: bool = False) -> Path:
+    """Write frames of a CAN bus as loggers do, with two pressures in each; beside signals or alone."""
+    kinds = [("BusChannel", "u1"), ("ID", "<u4"), ("IDE", "u1"), ("DLC", "u1"), ("DataLength", "u1")]
+    names = [(f"CAN_DataFrame.{name}", kind) for name, kind in [*kinds, ("DataBytes", "(8,)u1")]]
+    frames = np.zeros(3, np.dtype(names))
+    for name, value in (("BusChannel", 1), ("ID", 256), ("DLC", 8), ("DataLength", 8)):
+        frames[f"CAN_DataFrame.{name}"] = value
+    frames["CAN_DataFrame.DataBytes"][:, :4] = np.rint(100.0 * BAR).astype("<u2").view("u1")
     source = Source("CAN", "CAN", "", v4.SOURCE_BUS, v4.BUS_TYPE_CAN)
     file = MDF(version="4.10")
-    file.append([Signal(frames, T, name="CAN_DataFrame", source=source)], acq_source=source)
+    file.start_time = START
+    file.append([Signal(frames, T[:3], name="CAN_DataFrame", source=source)], acq_source=source)
     file.groups[0].channel_group.flags |= v4.FLAG_CG_BUS_EVENT | v4.FLAG_CG_PLAIN_BUS_EVENT
     if signals:
         file.append([Signal(np.arange(6.0), T, name="P1", unit="bar")])
@@ -91,10 +100,8 @@ def bus_log(path: Path, signals: bool) -> Path:
 
 
 def test_frames_of_a_bus_are_no_signals(tmp_path: Path) -> None:
-    with pytest.raises(
-        RecordingError, match=r"holds frames of a bus \(CAN, LIN\), .* give the bus's database \(--dbc FILE"
-    ):
-        read_logged_file(bus_log(tmp_path, signals=False))
+    with pytest.raises(RecordingError, match=r"holds frames of a bus \(CAN, LIN\), .* give the bus's database \(--dbc"):
+        read_logged_file(bus_log(tmp_path))
     (table,) = read_logged_file(bus_log(tmp_path, signals=True))
     assert list(table.channels) == ["time", "P1"]
 
@@ -108,45 +115,30 @@ BO_ 256 PRESSURES: 8 LOGGER
 
 
 def test_frames_of_a_bus_are_decoded_with_its_database(tmp_path: Path) -> None:
-    bar = np.array([[20.0, 30.0], [20.5, 31.0], [21.0, 29.99]])
-    kinds = [("BusChannel", "u1"), ("ID", "<u4"), ("IDE", "u1"), ("DLC", "u1"), ("DataLength", "u1")]
-    names = [(f"CAN_DataFrame.{name}", kind) for name, kind in [*kinds, ("DataBytes", "(8,)u1")]]
-    frames = np.zeros(3, np.dtype(names))
-    for name, value in (("BusChannel", 1), ("ID", 256), ("DLC", 8), ("DataLength", 8)):
-        frames[f"CAN_DataFrame.{name}"] = value
-    frames["CAN_DataFrame.DataBytes"][:, :4] = np.rint(100.0 * bar).astype("<u2").view("u1")
-    source = Source("CAN", "CAN", "", v4.SOURCE_BUS, v4.BUS_TYPE_CAN)
-    file = MDF(version="4.10")
-    file.start_time = datetime(2026, 3, 27, 9, 15, tzinfo=UTC)
-    file.append([Signal(frames, T[:3], name="CAN_DataFrame", source=source)], acq_source=source)
-    file.groups[0].channel_group.flags |= v4.FLAG_CG_BUS_EVENT | v4.FLAG_CG_PLAIN_BUS_EVENT
-    path = saved(file, tmp_path)
-    database = tmp_path / "bus.dbc"
+    path, database = bus_log(tmp_path), tmp_path / "bus.dbc"
     database.write_text(DBC)
     (table,) = read_logged_file(path, database=database)
-    np.testing.assert_allclose(table.channels[["P1", "P2"]].to_numpy(), bar)
+    np.testing.assert_allclose(table.channels[["P1", "P2"]].to_numpy(), BAR)
     assert table.units == {"time": "s", "P1": "bar", "P2": "bar"}
     assert table.start is not None
     assert table.start.text() == "2026-03-27T09:15:00.000Z"
     database.write_text(DBC.replace("BO_ 256", "BO_ 512"))
-    with pytest.raises(
-        RecordingError, match=r"none of its bus frames is described in .*bus\.dbc; state the one of this"
-    ):
-        read_logged_file(path, database=database)
-    with pytest.raises(RecordingError, match=r"database .*gone\.dbc: no such file"):
-        read_logged_file(path, database=tmp_path / "gone.dbc")
     (tmp_path / "bus.yaml").write_text("a: 1")
-    with pytest.raises(RecordingError, match=r"bus\.yaml: cannot be read as one of a CAN bus; expected a \.dbc file"):
-        read_logged_file(path, database=tmp_path / "bus.yaml")
     (tmp_path / "log.csv").write_text("t,p\n" + "1,2\n" * 30)
-    with pytest.raises(RecordingError, match="is for an MDF file of bus frames, not for a text table"):
-        read_logged_file(tmp_path / "log.csv", database=database)
+    for log, described, words in (
+        (path, "bus.dbc", r"none of its bus frames is described in .*bus\.dbc; state the one of this"),
+        (path, "gone.dbc", r"database .*gone\.dbc: no such file"),
+        (path, "bus.yaml", r"bus\.yaml: cannot be read as one of a CAN bus; expected a \.dbc file"),
+        (tmp_path / "log.csv", "bus.dbc", "is for an MDF file of bus frames, not for a text table"),
+    ):
+        with pytest.raises(RecordingError, match=words):
+            read_logged_file(log, database=tmp_path / described)
 
 
 @pytest.mark.parametrize(("version", "utc"), [("3.30", False), ("4.10", True)])
 def test_the_header_states_the_start(tmp_path: Path, version: str, utc: bool) -> None:
     file = MDF(version=version)
-    file.start_time = datetime(2026, 3, 27, 9, 15, tzinfo=UTC)
+    file.start_time = START
     file.append([Signal(np.arange(6.0), T, name="P1", unit="bar")])
     (table,) = read_logged_file(saved(file, tmp_path))
     assert table.start is not None

@@ -16,7 +16,6 @@ from cylinder_friction.recordings.recording import RecordingError
         (b"PK\x03\x04 xl/workbook.bin", r"save the table as \.xlsx or CSV"),
         (b"|CF,2,1,1;|CK,1,3,1,1;\n", "is an imc FAMOS recording: export it as text .ASCII, CSV.; expected"),
         (b"TDSh\x0e\0\0\0", r"is the index of a TDMS file: take the \.tdms file itself"),
-        (b"BZh91AY", "packed with bzip2"),
         (bytes(range(256)) * 4, r"neither text nor a known binary log: it begins with b'\\x00\\x01"),
         (b"\x1f\x8b\x08\0\0\0\0\0\0\0\xff\xff", "its gzip cannot be unpacked: .*; the file is damaged or cut off"),
         (b"\x1f\x8b", "gzipped file is empty or cut off"),
@@ -36,9 +35,7 @@ def test_what_is_no_log_is_refused_by_name(tmp_path: Path, content: bytes, messa
         ("pda.DAT", "if it is of iba, extract it as ASCII or TDMS; if of imc, export it as text .ASCII, CSV."),
     ],
 )
-def test_what_a_program_writes_for_itself_is_refused_with_what_to_export(
-    tmp_path: Path, name: str, advice: str
-) -> None:
+def test_a_programs_own_file_is_refused_with_what_to_export(tmp_path: Path, name: str, advice: str) -> None:
     (tmp_path / name).write_bytes(bytes(range(256)) * 4)
     with pytest.raises(RecordingError, match=f"neither text nor a known binary log: .*; {advice}"):
         read_logged_file(tmp_path / name)

@@ -10,9 +10,7 @@ from cylinder_friction.recordings.formats.reading import read_logged_file
 def written(folder: Path, *channels: tuple[str, str, Any, dict[str, Any]]) -> Path:
     path = folder / "log.tdms"
     with TdmsWriter(str(path)) as writer:
-        writer.write_segment(
-            [ChannelObject(group, name, data, properties=more) for group, name, data, more in channels]
-        )
+        writer.write_segment([ChannelObject(*place, data, properties=more) for *place, data, more in channels])
     return path
 
 
@@ -35,12 +33,8 @@ def test_waveforms_get_a_time_that_groups_share(tmp_path: Path) -> None:
 
 def test_channels_of_other_lengths_make_another_table(tmp_path: Path) -> None:
     stamps = np.array(["2026-03-14T08:15:00", "2026-03-14T08:15:01"], dtype="datetime64[us]")
-    path = written(
-        tmp_path,
-        ("bench", "P1", np.arange(6.0), {}),
-        ("bench", "when", stamps, {}),
-        ("bench", "state", ["up", "down"], {}),
-    )
+    channels = {"P1": np.arange(6.0), "when": stamps, "state": ["up", "down"]}
+    path = written(tmp_path, *(("bench", name, values, {}) for name, values in channels.items()))
     long, short = read_logged_file(path)
     assert list(long.channels.columns) == ["P1"]
     assert short.channels["when"].dtype == np.dtype("datetime64[ns]")
@@ -65,6 +59,5 @@ def test_waveforms_without_a_start_beside_others_with_one_are_said(tmp_path: Pat
     )
     fast, slow = read_logged_file(path)
     assert fast.notes == ()
-    assert slow.notes == (
-        "channel 's' states no start time, others do; it was taken to start with the earliest of them",
-    )
+    (note,) = slow.notes
+    assert note == "channel 's' states no start time, others do; it was taken to start with the earliest of them"

@@ -21,39 +21,25 @@ MAPPING = {
 }
 
 
-def values(source: ChannelMapping, column: str, *raw: float) -> list[float]:
-    return list(source.column_values(np.array(raw), column))
-
-
-def test_position_that_reads_less_when_extending_counts_from_its_offset() -> None:
-    source = ChannelMapping("x", "mm", sign=-1, offset=250.0)
-    assert values(source, "position_m", 250.0, 150.0, 0.0) == pytest.approx([0.0, 0.1, 0.25])
-
-
-def test_position_from_a_current_loop() -> None:
-    sensor = {"range": [0, 300], "unit": "mm", "signal": [4, 20]}
-    source = ChannelMapping.from_dict({"channel": "x", "unit": "mA", "offset": 10.0, "sensor": sensor})
-    assert values(source, "position_m", 4.0, 12.0, 20.0) == pytest.approx([-0.01, 0.14, 0.29])
-
-
-def test_pressure_from_counts_and_from_volts() -> None:
-    counts = ChannelMapping("a", "counts", sensor=SensorScale((0.0, 250.0), "bar", (0.0, 4095.0), bits=12))
-    assert values(counts, "pressure_1_pa", 0.0, 4095.0) == pytest.approx([0.0, 250e5])
-    volts = ChannelMapping("a", "V", sensor=SensorScale((0.0, 3000.0), "psi", (0.5, 4.5)))
-    assert values(volts, "pressure_1_pa", 2.5) == pytest.approx([1500.0 * 6894.757293168])
+COUNTS = SensorScale((0.0, 250.0), "bar", (0.0, 4095.0), bits=12)
+ABSOLUTE_LOOP, VOLTS = SensorScale((0.0, 10.0), "bara", (4.0, 20.0)), SensorScale((0.0, 3000.0), "psi", (0.5, 4.5))
+POSITION_LOOP = SensorScale((0.0, 300.0), "mm", (4.0, 20.0))
 
 
 @pytest.mark.parametrize(
-    "source",
-    [ChannelMapping("a", "bar", reference="absolute"), ChannelMapping("a", "bara"), ChannelMapping("a", "bar (abs)")],
+    ("column", "source", "raw", "expected"),
+    [
+        ("position_m", ChannelMapping("x", "mm", sign=-1, offset=250.0), [250.0, 150.0, 0.0], [0.0, 0.1, 0.25]),
+        ("position_m", ChannelMapping("x", "mA", offset=10.0, sensor=POSITION_LOOP), [4.0, 12.0], [-0.01, 0.14]),
+        ("pressure_1_pa", ChannelMapping("a", "counts", sensor=COUNTS), [0.0, 4095.0], [0.0, 250e5]),
+        ("pressure_1_pa", ChannelMapping("a", "V", sensor=VOLTS), [2.5], [1500.0 * 6894.757293168]),
+        ("pressure_1_pa", ChannelMapping("a", "bar", reference="absolute"), [1.01325, 2.01325], [0.0, 1e5]),
+        ("pressure_1_pa", ChannelMapping("a", "bar (abs)"), [1.01325, 2.01325], [0.0, 1e5]),
+        ("pressure_1_pa", ChannelMapping("a", "mA", sensor=ABSOLUTE_LOOP), [4.0, 20.0], [-101325.0, 1e6 - 101325.0]),
+    ],
 )
-def test_absolute_pressure_becomes_gauge(source: ChannelMapping) -> None:
-    assert values(source, "pressure_1_pa", 1.01325, 2.01325) == pytest.approx([0.0, 1e5], abs=1e-9)
-
-
-def test_absolute_sensor_behind_a_current_loop() -> None:
-    source = ChannelMapping("a", "mA", sensor=SensorScale((0.0, 10.0), "bara", (4.0, 20.0)))
-    assert values(source, "pressure_1_pa", 4.0, 20.0) == pytest.approx([-101325.0, 1e6 - 101325.0])
+def test_values_become_si_units(column: str, source: ChannelMapping, raw: list[float], expected: list[float]) -> None:
+    assert list(source.column_values(np.array(raw), column)) == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
 def test_drive_force_stands_in_for_both_pressures() -> None:

