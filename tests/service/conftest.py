@@ -46,6 +46,27 @@ def samples(labelled_recordings: list[Recording]) -> Array:
 
 
 @pytest.fixture(scope="session")
+def step_outputs(small_hybrid: HybridEstimator, samples: Array) -> tuple[Array, Array]:
+    return small_hybrid.real_time().run(samples)
+
+
+@pytest.fixture(scope="session")
+def newtons(step_outputs: tuple[Array, Array]) -> Array:
+    """Friction and bounds of the small hybrid's step for all samples; the first rows are those of the first samples."""
+    return step_outputs[0]
+
+
+@pytest.fixture(scope="session")
+def flags(step_outputs: tuple[Array, Array]) -> Array:
+    return step_outputs[1]
+
+
+@pytest.fixture
+def service(engine: Engine, tmp_path: Path) -> LiveService:
+    return LiveService(engine, Journal(tmp_path / "journal.db"))
+
+
+@pytest.fixture(scope="session")
 def model(small_hybrid: HybridEstimator, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("model") / "hybrid"
     small_hybrid.save(folder)
@@ -53,10 +74,9 @@ def model(small_hybrid: HybridEstimator, tmp_path_factory: pytest.TempPathFactor
 
 
 @pytest.fixture
-def golden(small_hybrid: HybridEstimator, samples: Array) -> dict[str, Any]:
+def golden(samples: Array, newtons: Array, flags: Array) -> dict[str, Any]:
     """The model's golden trajectory."""
-    newtons, flags = small_hybrid.real_time().run(samples[:300])
-    return {"samples": samples[:300].tolist(), "newtons": newtons.tolist(), "flags": flags.tolist()}
+    return {"samples": samples[:300].tolist(), "newtons": newtons[:300].tolist(), "flags": flags[:300].tolist()}
 
 
 @pytest.fixture

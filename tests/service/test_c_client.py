@@ -31,7 +31,7 @@ def lines_of(samples: Array) -> str:
     return "".join(f"{','.join(map(repr, row))}\n" for row in samples.tolist())
 
 
-def test_the_c_client_gets_the_newtons_of_the_step_over_a_kill(
+def test_it_gets_the_newtons_of_the_step_over_a_kill(
     program: Path, small_hybrid: HybridEstimator, samples: Array, model: Path, tmp_path: Path
 ) -> None:
     samples = samples[:1500].copy()

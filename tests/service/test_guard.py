@@ -18,13 +18,10 @@ from websockets.sync.client import ClientConnection, connect
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.commands.cli import main
-from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.service import guard
 from cylinder_friction.service.access import AccessError, LiveAccess
 from cylinder_friction.service.client import Client, LiveClientError
 from cylinder_friction.service.live.app import create_app
-from cylinder_friction.service.live.engine import Engine
-from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveService
 from live_process import stalled_client
 
@@ -77,10 +74,8 @@ def test_a_role_may_do_what_it_is_for_and_no_more(address: str) -> None:
         headers = bearer(f"the {has} token")
         for needs, path in ROUTES.items():
             if guard.ROLES.index(has) < guard.ROLES.index(needs):
-                assert refused(address, path, headers) == (
-                    "the role of this token is read; expected write or admin",
-                    4403,
-                )
+                expected = "the role of this token is read; expected write or admin", 4403
+                assert refused(address, path, headers) == expected
                 continue
             with connect(f"ws://{address}{path}", additional_headers=headers) as socket:
                 socket.send("{")
@@ -121,14 +116,14 @@ def test_other_names_and_origins_are_refused_also_with_a_token(address: str) -> 
 
 
 def test_a_client_brings_its_token_over_tls_and_gives_up_at_once_where_it_may_not(
-    served: Served, tokens: Path, samples: Array, small_hybrid: HybridEstimator, certificate: tuple[Path, Path]
+    served: Served, tokens: Path, samples: Array, newtons: Array, certificate: tuple[Path, Path]
 ) -> None:
     trusted, key = certificate
     address = served(LiveAccess(tokens=tokens, tls_certificate=trusted, tls_key=key))
     url = f"wss://{address}/stream"
     with Client(url, "press", 0.005, token="the write token", ca=trusted) as client:
         client.send(samples[:50])
-        np.testing.assert_array_equal(client.estimates()[1], small_hybrid.real_time().run(samples[:50])[0])
+        np.testing.assert_array_equal(client.estimates()[1], newtons[:50])
     for token, ca, words in (
         ("the read token", trusted, "expected write or admin"),
         ("", trusted, "expected a known token"),
@@ -157,9 +152,7 @@ def closed(socket: ClientConnection) -> tuple[int | None, str | None]:
     return socket.close_code, socket.close_reason
 
 
-def test_what_a_token_let_in_is_closed_when_the_file_no_longer_does(
-    served: Served, tokens: Path, samples: Array, tmp_path: Path
-) -> None:
+def test_what_a_token_let_in_ends_with_it(served: Served, tokens: Path, samples: Array, tmp_path: Path) -> None:
     address = served(LiveAccess(tokens=tokens), log=tmp_path / "log")
     _, write, admin = tokens.read_text(encoding="ascii").splitlines()
     with ExitStack() as stack:
@@ -181,14 +174,11 @@ def test_what_a_token_let_in_is_closed_when_the_file_no_longer_does(
         assert 'refused_total{kind="revoked"} 2.0' in got(address, "/metrics", bearer("the admin token"))[1]
     events = [json.loads(line) for line in (tmp_path / "log").read_text(encoding="utf-8").splitlines()]
     why = [each["why"] for each in events if each["event"] == "connection closed" and each["client"]]
-    assert sorted(why) == [
-        "the role of this token is read; expected write or admin", "this token was taken out of the service's file"
-    ]  # fmt: skip
+    lower = "the role of this token is read; expected write or admin"
+    assert sorted(why) == [lower, "this token was taken out of the service's file"]
 
 
-def test_a_client_that_is_to_leave_and_reads_nothing_is_left_behind(
-    served: Served, tokens: Path, samples: Array
-) -> None:
+def test_a_client_that_is_to_leave_and_reads_nothing_is_left(served: Served, tokens: Path, samples: Array) -> None:
     address = served(LiveAccess(tokens=tokens))
     with stalled_client(f"ws://{address}/stream", samples, bearer("the write token")) as stalled:
         gone = select.poll()
@@ -198,8 +188,7 @@ def test_a_client_that_is_to_leave_and_reads_nothing_is_left_behind(
         assert gone.poll(60_000) != []
 
 
-def test_tokens_without_a_role_are_refused_at_the_start(engine: Engine, tokens: Path, tmp_path: Path) -> None:
+def test_tokens_without_a_role_are_refused(service: LiveService, tokens: Path, tmp_path: Path) -> None:
     tokens.write_text(f"{sha256(b'abc').hexdigest()}  -\n", encoding="ascii")
-    service = LiveService(engine, Journal(tmp_path / "journal.db"))
     with pytest.raises(AccessError, match=r"tokens:1: got '-' behind the hash, expected a role: read, write, admin"):
         create_app(service, tmp_path, access=LiveAccess(tokens=tokens))

@@ -34,9 +34,7 @@ def test_a_small_log_stays(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> 
     assert caplog.records == []
 
 
-def test_a_log_that_cannot_be_written_is_reported_once_and_fails_no_request(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_a_log_that_cannot_be_written_is_reported_once(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     folder = tmp_path / "logs"
     folder.mkdir()
     log = JsonLog(folder / "access.jsonl", 0.0)

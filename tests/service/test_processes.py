@@ -296,10 +296,7 @@ def test_tls(model: str, certificate: tuple[Path, Path]) -> None:
 @pytest.mark.parametrize(
     ("arguments", "reported"),
     [
-        (
-            ["{folder}/none"],
-            "expected models:/<name>@<alias>, models:/<name>/<version>, or a folder with an MLmodel in it",
-        ),
+        (["{folder}/none"], "expected models:/<name>@<alias>, models:/<name>/<version>, or a folder with an MLmodel"),
         (["{model}", "--tls-key", "key.pem"], "TLS needs both a certificate and its key; got one of them"),
         (["{model}", "--host", "0.0.0.0"], "whoever reaches it could use the model"),
         (["{model}", "--port", "{taken}"], "cannot be listened on (Address already in use)"),

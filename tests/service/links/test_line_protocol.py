@@ -7,7 +7,7 @@ import threading
 import time
 import urllib.parse
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -17,12 +17,9 @@ import numpy as np
 import pytest
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.service.client import Client
 from cylinder_friction.service.links.line_protocol import LineProtocolLink
-from cylinder_friction.service.live.engine import Engine
-from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveService
 from cylinder_friction.service.live.settings import LineProtocolSettings
 from live_process import served
@@ -62,80 +59,74 @@ def database(*codes: int) -> Iterator[Any]:
         server.server_close()
 
 
-def sent(
-    engine: Engine,
-    samples: Array,
-    folder: Path,
-    settings: LineProtocolSettings,
-    name: str = "press 7",
-    wait_s: float = 0.0,
-) -> LineProtocolLink:
-    """The link, after samples were stepped and the service has ended."""
-    link, port = LineProtocolLink(settings), free_port()
+Sent = Callable[..., LineProtocolLink]
 
-    def use() -> None:
-        with Client(f"ws://127.0.0.1:{port}/stream", name, engine.sample_time_s, start_time_s=START_S) as client:
-            for begin in range(0, len(samples), 70):
-                client.send(samples[begin : begin + 70])
-            client.wait_until_kept()
-        time.sleep(wait_s)
 
-    served([link], LiveService(engine, Journal(folder / "journal.db")), folder, use, port)
-    return link
+@pytest.fixture
+def sent(service: LiveService, samples: Array, tmp_path: Path) -> Sent:
+    """Return the link with its settings, after samples were stepped and the service has ended."""
+
+    def sent(rows: int, settings: LineProtocolSettings, name: str = "a 7", wait_s: float = 0.0) -> LineProtocolLink:
+        link, port = LineProtocolLink(settings), free_port()
+
+        def use() -> None:
+            with Client(f"ws://127.0.0.1:{port}/stream", name, 0.005, start_time_s=START_S) as client:
+                for begin in range(0, rows, 70):
+                    client.send(samples[begin : min(begin + 70, rows)])
+                client.wait_until_kept()
+            time.sleep(wait_s)
+
+        served([link], service, tmp_path, use, port)
+        return link
+
+    return sent
 
 
 def url_of(server: Any) -> str:
     return f"http://127.0.0.1:{server.server_port}/write?db=friction"
 
 
-def test_every_row_arrives_once_with_the_senders_time(
-    engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path
-) -> None:
+def test_every_row_arrives_once_with_its_time(sent: Sent, newtons: Array, flags: Array, tmp_path: Path) -> None:
     """A database that is away for a while gets them later, with the token of the file."""
-    newtons, flags = small_hybrid.real_time().run(samples[:500])
     (tmp_path / "token").write_text("a-word\n", encoding="utf-8")
     with database(503, 401) as server:
-        settings = LineProtocolSettings(
-            url_of(server), token_file=str(tmp_path / "token"), rows_hz=0.0, flush_s=0.05, batch_rows=100
-        )
-        link = sent(engine, samples[:500], tmp_path, settings, "a 7", wait_s=0.5)
+        token = str(tmp_path / "token")
+        settings = LineProtocolSettings(url_of(server), token_file=token, rows_hz=0.0, flush_s=0.05, batch_rows=100)
+        link = sent(500, settings, wait_s=0.5)
         assert server.tokens == {"Token a-word"}
         first = server.lines[0]
         fields = [line.split(" ")[-2] for line in server.lines]
     values = [dict(part.split("=") for part in each.split(",")) for each in fields]
     got = np.array([[float(each[name]) for name in ("friction_n", "lower_n", "upper_n")] for each in values])
-    np.testing.assert_array_equal(got, newtons)
-    assert [each["flags"] for each in values] == [f"{flag}i" for flag in flags.tolist()]
+    np.testing.assert_array_equal(got, newtons[:500])
+    assert [each["flags"] for each in values] == [f"{flag}i" for flag in flags[:500].tolist()]
     assert [each["index"] for each in values] == [f"{index}i" for index in range(500)]
     assert first.startswith("friction,session=a\\ 7 friction_n=")
     assert first.endswith(" 1750000000000000000")
     assert +link.counts == {"rows": 500, "retries": 2}
 
 
-def test_rows_by_index_in_a_file_per_day(engine: Engine, samples: Array, tmp_path: Path) -> None:
+def test_rows_by_index_in_a_file_per_day(sent: Sent, tmp_path: Path) -> None:
     settings = LineProtocolSettings(folder=str(tmp_path / "lines"), rows_hz=10.0, flush_s=0.05)
-    sent(engine, samples[:400], tmp_path, settings)
+    sent(400, settings)
     (file,) = (tmp_path / "lines").iterdir()
     assert file.name == "2025-06-15.lp"
     lines = file.read_text(encoding="utf-8").splitlines()
-    assert [line.split("index=")[1] for line in lines] == [
-        f"{index}i {1_750_000_000_000_000_000 + 5_000_000 * index}" for index in range(0, 400, 20)
-    ]
+    expected = [f"{index}i {10**9 * round(START_S) + 5_000_000 * index}" for index in range(0, 400, 20)]
+    assert [line.split("index=")[1] for line in lines] == expected
 
 
-def test_lines_that_are_refused_are_counted_and_not_sent_again(engine: Engine, samples: Array, tmp_path: Path) -> None:
+def test_lines_that_are_refused_are_counted_and_not_sent_again(sent: Sent) -> None:
     with database(400) as server:
         settings = LineProtocolSettings(url_of(server), rows_hz=0.0, flush_s=0.05, batch_rows=100_000)
-        link = sent(engine, samples[:70], tmp_path, settings)
+        link = sent(70, settings)
         assert server.lines == []
     assert +link.counts == {"refused": 70}
 
 
-def test_without_a_database_the_oldest_rows_are_dropped_and_counted(
-    engine: Engine, samples: Array, tmp_path: Path
-) -> None:
+def test_without_a_database_the_oldest_rows_are_dropped_and_counted(sent: Sent) -> None:
     settings = LineProtocolSettings(f"http://127.0.0.1:{free_port()}/write", rows_hz=0.0, flush_s=0.05, queue_rows=150)
-    link = sent(engine, samples[:700], tmp_path, settings)
+    link = sent(700, settings)
     assert link.counts["dropped"] == 700
     assert link.counts["retries"] > 0
     assert link.counts["rows"] == 0
@@ -143,10 +134,7 @@ def test_without_a_database_the_oldest_rows_are_dropped_and_counted(
 
 @pytest.mark.extended
 @pytest.mark.skipif(shutil.which("influxd") is None, reason="influxdb is not installed")
-def test_influxdb_takes_the_lines(
-    engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path
-) -> None:
-    newtons, _ = small_hybrid.real_time().run(samples[:300])
+def test_influxdb_takes_the_lines(sent: Sent, newtons: Array, tmp_path: Path) -> None:
     port, inner = free_port(), free_port()
     config = tmp_path / "influx.conf"
     config.write_text(
@@ -156,11 +144,9 @@ def test_influxdb_takes_the_lines(
     )
     process = subprocess.Popen(["influxd", "-config", config], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
 
-    def query(text: str, method: str) -> Any:
+    def query(text: str, body: bytes | None = None) -> Any:
         data = urllib.parse.urlencode({"q": text, "db": "friction", "epoch": "ns"})
-        with urllib.request.urlopen(
-            f"http://127.0.0.1:{port}/query?{data}", b"" if method == "POST" else None
-        ) as reply:
+        with urllib.request.urlopen(f"http://127.0.0.1:{port}/query?{data}", body) as reply:
             return json.load(reply)
 
     try:
@@ -170,20 +156,18 @@ def test_influxdb_takes_the_lines(
                 break
             except OSError:
                 time.sleep(0.1)
-        query("CREATE DATABASE friction", "POST")
+        query("CREATE DATABASE friction", b"")
         settings = LineProtocolSettings(f"http://127.0.0.1:{port}/write?db=friction", rows_hz=0.0, flush_s=0.05)
-        link = sent(engine, samples[:300], tmp_path, settings, "hall 3/press 7")
+        link = sent(300, settings, "hall 3/press 7")
         selected = "SELECT friction_n, lower_n, upper_n, index FROM friction WHERE session = 'hall 3/press 7'"
-        (series,) = query(selected, "GET")["results"][0]["series"]
+        (series,) = query(selected)["results"][0]["series"]
     finally:
         process.kill()
         process.wait()
     got = np.array([row[1:4] for row in series["values"]])
-    np.testing.assert_array_equal(got, newtons)
+    np.testing.assert_array_equal(got, newtons[:300])
     assert [row[4] for row in series["values"]] == list(range(300))
-    assert [row[0] for row in series["values"]] == [
-        1_750_000_000_000_000_000 + 5_000_000 * index for index in range(300)
-    ]
+    assert [row[0] for row in series["values"]] == [10**9 * round(START_S) + 5_000_000 * index for index in range(300)]
     assert +link.counts == {"rows": 300}
 
 

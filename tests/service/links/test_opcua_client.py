@@ -4,7 +4,6 @@ import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,9 +15,7 @@ from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.service.links.opcua_client import OpcUaClientLink
 from cylinder_friction.service.live.connection import Peers
-from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.frames import EstimateBlock
-from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveService, LiveSession
 from cylinder_friction.service.live.settings import OpcUaClientSettings, OpcUaSource
 
@@ -47,22 +44,23 @@ async def plant(port: int) -> AsyncIterator[Server]:
         yield server
 
 
+Rows = dict[int, tuple[float, ...]]
+
+
 @asynccontextmanager
-async def followed(
-    engine: Engine, folder: Path, port: int, *sources: OpcUaSource
-) -> AsyncIterator[tuple[LiveService, OpcUaClientLink, dict[int, tuple[float, ...]]]]:
-    """A service that follows them, with what it estimates by index."""
-    rows: dict[int, tuple[float, ...]] = {}
+async def followed(service: LiveService, port: int, source: OpcUaSource) -> AsyncIterator[tuple[OpcUaClientLink, Rows]]:
+    """A link that follows them, with what the service estimates by index."""
+    rows: Rows = {}
 
     def keep(_: LiveSession, block: EstimateBlock) -> None:
         for row, newtons in enumerate(block.newtons.tolist()):
             rows[block.index + row] = tuple(newtons)
 
-    service = LiveService(engine, Journal(folder / "journal.db"), takers=[keep])
-    link = OpcUaClientLink(OpcUaClientSettings(f"opc.tcp://127.0.0.1:{port}/", sources, publishing_ms=10.0))
+    service.takers = [keep]
+    link = OpcUaClientLink(OpcUaClientSettings(f"opc.tcp://127.0.0.1:{port}/", (source,), publishing_ms=10.0))
     async with link.running(service, Peers()):
         try:
-            yield service, link, rows
+            yield link, rows
         except AssertionError as error:
             error.add_note(f"{len(rows)} rows, {link.counts}, {[each.order for each in service.sessions.values()]}")
             raise
@@ -93,22 +91,16 @@ async def write_row(server: Server, index: int, row: Array, bad: str = "", left_
             await server.write_attribute_value(ua.NodeId(name, 2), written)
 
 
-async def subscribed(link: OpcUaClientLink, times: int = 1) -> None:
-    await until(lambda: link.counts["connected"] == times)
+async def subscribed(link: OpcUaClientLink) -> None:
+    await until(lambda: link.counts["connected"] == 1)
 
 
-def newtons_of(estimator: HybridEstimator, samples: Array) -> list[tuple[float, ...]]:
-    return [tuple(row) for row in estimator.real_time().run(samples)[0].tolist()]
-
-
-def test_arrays_are_stepped_by_their_index_over_a_break_of_the_server(
-    engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path
-) -> None:
+def test_arrays_are_stepped_by_index_over_a_break(service: LiveService, newtons: Array, samples: Array) -> None:
     """Arrays that overlap make up for those that a break lost; what is no array of samples is counted."""
     port = free_port()
 
-    async def run() -> tuple[dict[int, tuple[float, ...]], dict[str, int], dict[str, int]]:
-        async with followed(engine, tmp_path, port, ARRAY) as (service, link, rows):
+    async def run() -> tuple[Rows, dict[str, int], dict[str, int]]:
+        async with followed(service, port, ARRAY) as (link, rows):
             async with plant(port) as server:
                 await subscribed(link)
                 for begin in range(0, 300, 10):
@@ -121,24 +113,22 @@ def test_arrays_are_stepped_by_their_index_over_a_break_of_the_server(
             return rows, dict(link.counts), vars(service.sessions["by array"].order.counts)
 
     rows, events, counts = asyncio.run(run())
-    assert [rows[index] for index in range(350)] == newtons_of(small_hybrid, samples[:350])
+    assert [rows[index] for index in range(350)] == [tuple(row) for row in newtons[:350].tolist()]
     assert events["no samples"] == 1
     assert events["connected"] == 2
     assert (counts["missing"], counts["skipped"], counts["resets"]) == (0, 0, 0)
     assert counts["duplicate"] == 29 * 10 + 60
 
 
-def test_values_are_put_in_rows_by_their_time_stamps(
-    engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path
-) -> None:
+def test_values_make_rows_by_their_time(service: LiveService, small_hybrid: HybridEstimator, samples: Array) -> None:
     """A value that does not come, or comes as bad, is no number; a row of which nothing comes is a gap."""
     expected = samples[:200].copy()
     expected[50, 2] = expected[80, 0] = np.nan
     expected[120:123] = np.nan
 
-    async def run() -> tuple[dict[int, tuple[float, ...]], dict[str, int], dict[str, int]]:
+    async def run() -> tuple[Rows, dict[str, int], dict[str, int]]:
         port = free_port()
-        async with plant(port) as server, followed(engine, tmp_path, port, VALUES) as (service, link, rows):
+        async with plant(port) as server, followed(service, port, VALUES) as (link, rows):
             await subscribed(link)
             for place, row in enumerate(samples[:200]):
                 if not 120 <= place < 123:
@@ -150,16 +140,17 @@ def test_values_are_put_in_rows_by_their_time_stamps(
 
     rows, events, counts = asyncio.run(run())
     assert min(rows) == FIRST
-    assert [rows[FIRST + place] for place in range(200)] == newtons_of(small_hybrid, expected)
+    stepped = small_hybrid.real_time().run(expected)[0]
+    assert [rows[FIRST + place] for place in range(200)] == [tuple(row) for row in stepped.tolist()]
     assert events["incomplete"] == 1
     assert "doubled" not in events
     assert (counts["missing"], counts["resets"]) == (3, 0)
 
 
-def test_a_session_that_was_closed_while_it_rested_goes_on(engine: Engine, samples: Array, tmp_path: Path) -> None:
+def test_a_session_that_was_closed_while_it_rested_goes_on(service: LiveService, samples: Array) -> None:
     async def run() -> int:
         port = free_port()
-        async with plant(port) as server, followed(engine, tmp_path, port, ARRAY) as (service, link, rows):
+        async with plant(port) as server, followed(service, port, ARRAY) as (link, rows):
             await subscribed(link)
             await write_array(server, 0, samples[:20])
             await until(lambda: len(rows) == 20)
@@ -173,9 +164,9 @@ def test_a_session_that_was_closed_while_it_rested_goes_on(engine: Engine, sampl
     assert asyncio.run(run()) == 40
 
 
-def test_nodes_for_other_inputs_than_the_models_are_refused(engine: Engine, tmp_path: Path) -> None:
+def test_nodes_for_other_inputs_than_the_models_are_refused(service: LiveService) -> None:
     async def run() -> None:
-        async with followed(engine, tmp_path, 1, OpcUaSource("press", inputs={"position_m": "i=1"})):
+        async with followed(service, 1, OpcUaSource("press", inputs={"position_m": "i=1"})):
             pass
 
     with pytest.raises(ValueError, match=r"session 'press' has nodes for \['position_m'\]; the model takes"):
@@ -189,8 +180,5 @@ def test_nodes_for_other_inputs_than_the_models_are_refused(engine: Engine, tmp_
 def test_a_source_has_one_kind_of_nodes(source: dict[str, Any], words: str) -> None:
     with pytest.raises(ValueError, match=words):
         OpcUaSource("press", **source)
-
-
-def test_a_user_without_a_password_is_refused() -> None:
     with pytest.raises(ValueError, match="expected both user and password_file, or neither"):
         OpcUaClientSettings("opc.tcp://plc", (ARRAY,), user="me")

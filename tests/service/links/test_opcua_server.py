@@ -1,11 +1,8 @@
 """A public OPC UA client sees each session's newtons, units, quality and health."""
 
 import asyncio
-import logging
 import os
 import signal
-import socket
-import sys
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
 from hashlib import sha256
@@ -23,7 +20,6 @@ from cryptography.x509.oid import ExtendedKeyUsageOID
 from live_service import running
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.params.checking import ParamsError
 from cylinder_friction.params.live import load_live_params
@@ -32,12 +28,10 @@ from cylinder_friction.recordings.files import write_json
 from cylinder_friction.service.client import Client as LiveClient
 from cylinder_friction.service.links import opcua_cylinders, opcua_server
 from cylinder_friction.service.links.opcua_server import OpcUaServerLink
-from cylinder_friction.service.links.opcua_worker import APPLICATION, NAMESPACE, Brief, Health, health_of, status_of
+from cylinder_friction.service.links.opcua_worker import APPLICATION, NAMESPACE, Health, health_of, status_of
 from cylinder_friction.service.live.connection import Peers
-from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.frames import SampleBlock
-from cylinder_friction.service.live.journal import Journal
-from cylinder_friction.service.live.service import LiveService
+from cylinder_friction.service.live.service import LiveService, LiveSession
 from cylinder_friction.service.live.settings import OpcUaServerSettings
 
 pytestmark = pytest.mark.extended
@@ -47,20 +41,24 @@ PATIENCE_S = 120.0
 
 
 @asynccontextmanager
-async def serving(engine: Engine, folder: Path, **settings: Any) -> AsyncIterator[tuple[LiveService, OpcUaServerLink]]:
-    """A service with an OPC UA server."""
+async def serving(service: LiveService, **settings: Any) -> AsyncIterator[OpcUaServerLink]:
+    """An OPC UA server of the service."""
     link = OpcUaServerLink(OpcUaServerSettings(port=free_port(), update_hz=10.0, **settings))
-    service = LiveService(engine, Journal(folder / "journal.db"), takers=[link.note])
+    service.takers = [link.note]
     async with link.running(service, Peers()):
-        yield service, link
+        yield link
     service.journal.close()
 
 
 @asynccontextmanager
-async def shown(engine: Engine, folder: Path, **settings: Any) -> AsyncIterator[tuple[LiveService, Client]]:
-    """The same, and a client of that."""
-    async with serving(engine, folder, **settings) as (service, link), connected(link.address) as client:
-        yield service, client
+async def shown(service: LiveService, **settings: Any) -> AsyncIterator[Client]:
+    """A client of such a server."""
+    async with serving(service, **settings) as link, connected(link.address) as client:
+        yield client
+
+
+def opened(service: LiveService, name: str) -> LiveSession:
+    return service.open(name, service.engine.inputs, service.engine.sample_time_s)
 
 
 @asynccontextmanager
@@ -112,15 +110,12 @@ async def values_at(client: Client, session: str, index: int) -> dict[str, ua.Da
     return found
 
 
-def test_a_client_reads_newtons_with_the_senders_time_and_their_quality(
-    engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path
-) -> None:
-    newtons, flags = small_hybrid.real_time().run(samples[:600])
+def test_a_client_reads_newtons_and_quality(service: LiveService, newtons: Array, flags: Array, samples: Array) -> None:
     broken = np.vstack([samples[:600], [[np.nan, *samples[600, 1:]]]])
 
     async def look() -> tuple[dict[str, ua.DataValue], ...]:
-        async with shown(engine, tmp_path) as (service, client):
-            session = service.open("press 7", engine.inputs, engine.sample_time_s)
+        async with shown(service) as client:
+            session = opened(service, "press 7")
             service.receive([SampleBlock(session.handle, 0, BEGAN_S, broken[:1])])
             first = await values_at(client, "press 7", 0)
             service.receive([SampleBlock(session.handle, 1, BEGAN_S + 0.005, broken[1:600])])
@@ -152,10 +147,10 @@ def test_a_client_reads_newtons_with_the_senders_time_and_their_quality(
     assert closed["DeviceHealth"].Value.Value == Health.CHECK_FUNCTION
 
 
-def test_the_address_space_states_units_ranges_and_names(engine: Engine, samples: Array, tmp_path: Path) -> None:
+def test_the_address_space_states_units_ranges_and_names(service: LiveService, samples: Array) -> None:
     async def look() -> None:
-        async with shown(engine, tmp_path, range_n=3000.0) as (service, client):
-            session = service.open("press 7", engine.inputs, engine.sample_time_s)
+        async with shown(service, range_n=3000.0) as client:
+            session = opened(service, "press 7")
             service.receive([SampleBlock(session.handle, 0, BEGAN_S, samples[:3])])
             await values_at(client, "press 7", 2)
             number = await client.get_namespace_index(NAMESPACE)
@@ -181,7 +176,7 @@ def test_the_address_space_states_units_ranges_and_names(engine: Engine, samples
     asyncio.run(look())
 
 
-def test_a_client_reads_what_monitoring_found_of_each_cylinder(engine: Engine, tmp_path: Path) -> None:
+def test_a_client_reads_what_monitoring_found_of_each_cylinder(service: LiveService, tmp_path: Path) -> None:
     file = tmp_path / "health" / "health.json"
     names = ("DeviceHealth", "Status")
 
@@ -206,7 +201,7 @@ def test_a_client_reads_what_monitoring_found_of_each_cylinder(engine: Engine, t
         return found
 
     async def look() -> None:
-        async with shown(engine, tmp_path, health=file.parent) as (_, client):
+        async with shown(service, health=file.parent) as client:
             write(press=("NORMAL", "fine"), crane=("OFF_SPEC", "undecided"))
             health, status = await wait_for(client, "crane", Health.OFF_SPEC)
             assert status.Value.Value == "undecided: Why."
@@ -225,14 +220,11 @@ def test_a_client_reads_what_monitoring_found_of_each_cylinder(engine: Engine, t
     asyncio.run(look())
 
 
-def test_sessions_beyond_the_configured_number_are_counted_not_shown(
-    engine: Engine, samples: Array, tmp_path: Path
-) -> None:
+def test_sessions_beyond_the_configured_number_are_counted_not_shown(service: LiveService, samples: Array) -> None:
     async def look() -> int:
-        async with serving(engine, tmp_path, sessions=1) as (service, link), connected(link.address) as client:
+        async with serving(service, sessions=1) as link, connected(link.address) as client:
             for name in ("one", "two"):
-                session = service.open(name, engine.inputs, engine.sample_time_s)
-                service.receive([SampleBlock(session.handle, 0, BEGAN_S, samples[:3])])
+                service.receive([SampleBlock(opened(service, name).handle, 0, BEGAN_S, samples[:3])])
             await values_at(client, "one", 2)
             while not link.counts["not shown"]:
                 await asyncio.sleep(0.02)
@@ -241,14 +233,14 @@ def test_sessions_beyond_the_configured_number_are_counted_not_shown(
     assert asyncio.run(look()) == 1
 
 
-def test_a_killed_process_comes_back_with_the_values_that_were_shown(
-    engine: Engine, samples: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_killed_process_comes_back_with_its_values(
+    service: LiveService, samples: Array, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(opcua_server, "RESTARTS_S", (0.1, 60.0))
 
     async def look() -> None:
-        async with serving(engine, tmp_path) as (service, link):
-            session = service.open("press", engine.inputs, engine.sample_time_s)
+        async with serving(service) as link:
+            session = opened(service, "press")
             service.receive([SampleBlock(session.handle, 0, BEGAN_S, samples[:3])])
             async with connected(link.address) as client:
                 await values_at(client, "press", 2)
@@ -265,10 +257,10 @@ def test_a_killed_process_comes_back_with_the_values_that_were_shown(
     asyncio.run(look())
 
 
-def test_what_a_held_up_process_does_not_read_is_merged(engine: Engine, samples: Array, tmp_path: Path) -> None:
+def test_what_a_held_up_process_does_not_read_is_merged(service: LiveService, samples: Array) -> None:
     async def look() -> None:
-        async with serving(engine, tmp_path) as (service, link), connected(link.address) as client:
-            sessions = [service.open(f"press {place}", engine.inputs, engine.sample_time_s) for place in range(50)]
+        async with serving(service) as link, connected(link.address) as client:
+            sessions = [opened(service, f"press {place}") for place in range(50)]
             process, index = server_process(os.getpid()), 0
             process.suspend()
             while link.counts["merged"] < 200:
@@ -282,17 +274,15 @@ def test_what_a_held_up_process_does_not_read_is_merged(engine: Engine, samples:
     asyncio.run(look())
 
 
-def test_objects_of_closed_sessions_go_after_a_while_and_come_back_with_the_session(
-    engine: Engine, samples: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_sessions_go_and_come_back(service: LiveService, samples: Array, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(opcua_server, "KEPT_S", 0.5)
 
     async def look() -> None:
-        async with shown(engine, tmp_path) as (service, client):
+        async with shown(service) as client:
             folder = await client.nodes.objects.get_child("2:CylinderFriction")
             service.limits = type(service.limits)(idle_s=1e-9)
             for begin in (0, 3):
-                session = service.open("press", engine.inputs, engine.sample_time_s)
+                session = opened(service, "press")
                 service.receive([SampleBlock(session.handle, begin, BEGAN_S, samples[begin : begin + 3])])
                 await values_at(client, "press", begin + 2)
                 service.keep()
@@ -323,7 +313,7 @@ def test_the_process_ends_with_the_service(number: int, model: Path, samples: Ar
         assert psutil.wait_procs([process], 60.0)[1] == []
 
 
-def test_with_tokens_and_a_certificate_only_known_users_get_in_encrypted(engine: Engine, tmp_path: Path) -> None:
+def test_with_tokens_and_a_certificate_only_known_users_get_in(service: LiveService, tmp_path: Path) -> None:
     (tmp_path / "tokens").write_text(f"{sha256(b'a token').hexdigest()} read\n", "ascii")
     files = {name: tmp_path / name for name in ("key.pem", "certificate.der")}
     settings = OpcUaServerSettings(port=free_port(), certificate=files["certificate.der"], private_key=files["key.pem"])
@@ -355,7 +345,6 @@ def test_with_tokens_and_a_certificate_only_known_users_get_in_encrypted(engine:
 
     async def run() -> None:
         await made()
-        service = LiveService(engine, Journal(tmp_path / "journal.db"))
         async with link.running(service, Peers()):
             await until(lambda: enter("anybody", "a token"))
             for wrong in (("anybody", "another"), (None, ""), ("anybody", "a token", False)):
@@ -390,27 +379,9 @@ def test_what_would_be_open_to_others_is_refused(server: dict[str, Any], words: 
         load_live_params(path)
 
 
-def test_a_taken_port_is_an_error_of_the_start(engine: Engine, tmp_path: Path) -> None:
-    with socket.socket() as taken:
-        taken.bind(("127.0.0.1", 0))
-        taken.listen()
-        link = OpcUaServerLink(OpcUaServerSettings(port=taken.getsockname()[1]))
-        service = LiveService(engine, Journal(tmp_path / "journal.db"))
-
-        async def start() -> None:
-            async with link.running(service, Peers()):
-                pass
-
-        with pytest.raises(OSError, match="address already in use"):
-            asyncio.run(start())
-
-
-def test_files_that_are_no_certificate_are_named(
-    engine: Engine, tmp_path: Path, capfd: pytest.CaptureFixture[str]
-) -> None:
+def test_wrong_certificates_are_named(service: LiveService, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     missing, junk = tmp_path / "missing.der", tmp_path / "junk.der"
     junk.write_text("junk", "ascii")
-    service = LiveService(engine, Journal(tmp_path / "journal.db"))
 
     async def start(certificate: Path) -> None:
         settings = OpcUaServerSettings(port=free_port(), update_hz=10.0, certificate=certificate, private_key=junk)
@@ -447,20 +418,6 @@ def test_every_flag_has_a_status(flags: int, code: int) -> None:
 def test_no_flag_is_good(flag: Flag) -> None:
     assert not status_of(flag).is_good()
     assert health_of(flag, failed_before=False) is not Health.NORMAL
-
-
-def test_what_clients_send_does_not_fill_the_log(capsys: pytest.CaptureFixture[str]) -> None:
-    log, handler = logging.getLogger("a library"), logging.StreamHandler(sys.stderr)
-    handler.addFilter(Brief())
-    log.addHandler(handler)
-    for _ in range(1000):
-        try:
-            raise ValueError("of a message")
-        except ValueError:
-            log.exception("a message that is none")
-    written = capsys.readouterr().err
-    assert 0 < written.count("a message that is none") < 200
-    assert "Traceback" not in written
 
 
 def test_a_sensor_that_failed_a_while_ago_wants_maintenance() -> None:

@@ -12,7 +12,6 @@ from hypothesis import strategies as st
 from paho.mqtt.client import Client as PahoClient
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.service.client import Client
 from cylinder_friction.service.links.sparkplug import SparkplugLink
@@ -55,19 +54,16 @@ def rebirth(value: bool = True, name: str = REBIRTH) -> bytes:
 
 
 @needs_broker
-def test_births_data_deaths_and_a_rebirth(
-    engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path, broker: Mosquitto
+def test_births_data_and_deaths(
+    service: LiveService, newtons: Array, flags: Array, samples: Array, tmp_path: Path, broker: Mosquitto
 ) -> None:
-    newtons, flags = small_hybrid.real_time().run(samples[:600])
-    service = LiveService(engine, Journal(tmp_path / "journal.db"), limits=LiveLimits(idle_s=2.0))
+    service.limits = LiveLimits(idle_s=2.0)
     link = SparkplugLink(SparkplugSettings(BrokerSettings(port=broker.port), "plant", "live", rate_hz=20.0))
     port = free_port()
     seen: list[tuple[str, Any]] = []
 
     def use(host: PahoClient, got: queue.Queue[tuple[str, bytes]]) -> None:
-        with Client(
-            f"ws://127.0.0.1:{port}/stream", "hall 3/press", engine.sample_time_s, start_time_s=100.0
-        ) as client:
+        with Client(f"ws://127.0.0.1:{port}/stream", "hall 3/press", 0.005, start_time_s=100.0) as client:
 
             def take(kind: str) -> None:
                 while not seen or kind not in seen[-1][0]:
@@ -108,9 +104,7 @@ def test_births_data_deaths_and_a_rebirth(
 
 
 @needs_broker
-def test_death_has_the_number_of_its_birth_over_a_broker_that_goes_away(
-    engine: Engine, tmp_path: Path, broker: Mosquitto
-) -> None:
+def test_death_has_the_number_of_its_birth(engine: Engine, tmp_path: Path, broker: Mosquitto) -> None:
     link = SparkplugLink(SparkplugSettings(BrokerSettings(port=broker.port), "plant"))
 
     def numbers(payload: Any) -> tuple[int, bool]:
@@ -138,7 +132,7 @@ def test_death_has_the_number_of_its_birth_over_a_broker_that_goes_away(
 
 
 @needs_broker
-def test_a_flood_of_commands_makes_few_births(engine: Engine, tmp_path: Path, broker: Mosquitto) -> None:
+def test_a_flood_of_commands_makes_few_births(service: LiveService, tmp_path: Path, broker: Mosquitto) -> None:
     link = SparkplugLink(SparkplugSettings(BrokerSettings(port=broker.port), "plant", "live"))
 
     def use(host: PahoClient, got: queue.Queue[tuple[str, bytes]]) -> None:
@@ -151,7 +145,7 @@ def test_a_flood_of_commands_makes_few_births(engine: Engine, tmp_path: Path, br
             time.sleep(0.05)
 
     with by_hand(broker, "spBv1.0/plant/#") as (host, got):
-        served([link], LiveService(engine, Journal(tmp_path / "journal.db")), tmp_path, lambda: use(host, got))
+        served([link], service, tmp_path, lambda: use(host, got))
         topics = list(iter(lambda: got.get(timeout=60.0)[0], "spBv1.0/plant/NDEATH/live"))
     assert link.counts["rebirth"] == 100
     assert topics.count("spBv1.0/plant/NBIRTH/live") < 50

@@ -43,10 +43,9 @@ def port() -> int:
 
 
 @pytest.mark.extended
-def test_no_sample_is_lost_and_no_bit_changes_over_kills(
-    small_hybrid: HybridEstimator, samples: Array, model: Path, tmp_path: Path, port: int
+def test_kills_lose_nothing(
+    newtons: Array, flags: Array, samples: Array, model: Path, tmp_path: Path, port: int
 ) -> None:
-    newtons, flags = small_hybrid.real_time().run(samples)
     got: list[Array] = []
     with ExitStack() as services:
         process = services.enter_context(running(model, tmp_path, port))
@@ -206,9 +205,7 @@ def test_the_page_shows_a_session(
 
 
 @pytest.mark.extended
-def test_the_page_asks_for_a_token_once(
-    served: Callable[..., str], tmp_path: Path, new_page: Callable[..., Page]
-) -> None:
+def test_the_page_asks_for_a_token(served: Callable[..., str], tmp_path: Path, new_page: Callable[..., Page]) -> None:
     (tmp_path / "tokens").write_text(f"{sha256('größer'.encode()).hexdigest()} read\n", encoding="ascii")
     address = served(LiveAccess(tokens=tmp_path / "tokens"))
     page = new_page()
@@ -222,9 +219,7 @@ def test_the_page_asks_for_a_token_once(
 
 
 @pytest.mark.extended
-def test_sessions_are_found_by_keys_filter_and_order(
-    served: Callable[..., str], samples: Array, new_page: Callable[..., Page]
-) -> None:
+def test_sessions_are_found_by_keys(served: Callable[..., str], samples: Array, new_page: Callable[..., Page]) -> None:
     address, shown = served(), "[...document.querySelectorAll('#sessions tbody tr:not([hidden]) td:first-child')]"
     with ExitStack() as stack:
         for name, rows in (("press 10", 300), ("press 2", 100), ("lift", 200)):

@@ -11,10 +11,8 @@ import pytest
 from cylinder_friction.arrays import Array
 from cylinder_friction.service.live import connection
 from cylinder_friction.service.live.connection import BURST_S, ClientGoneError, Connection, Pace, Peers
-from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.events import Events
 from cylinder_friction.service.live.frames import SampleBlock, pack_samples
-from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import BusyError, LiveService
 from cylinder_friction.service.live.settings import LiveLimits
 
@@ -28,7 +26,6 @@ class Wire:
         self.reading = asyncio.Event()
 
     async def receive(self) -> bytes | str:
-        """Give the next message."""
         await asyncio.sleep(0)
         if not self.messages:
             await asyncio.sleep(0.05)
@@ -36,7 +33,6 @@ class Wire:
         return self.messages.pop(0)
 
     async def send(self, message: bytes | str) -> None:
-        """Take a message."""
         if self.stalled:
             await self.reading.wait()
         self.got.append(message)
@@ -46,7 +42,6 @@ class AtOnce(Wire):
     """A client's end whose messages have all come."""
 
     async def receive(self) -> bytes | str:
-        """Give the next message without a pause."""
         return self.messages.pop(0) if self.messages else await super().receive()
 
 
@@ -58,31 +53,29 @@ class Cut(AtOnce):
         self.noticed = False
 
     async def send(self, message: bytes | str) -> None:
-        """Take nothing more once the break is known."""
         if self.noticed:
             raise ClientGoneError
         asyncio.get_running_loop().call_soon(setattr, self, "noticed", True)
         self.got.append(message)
 
 
-def opening(engine: Engine, name: str = "press") -> str:
-    return json.dumps({"open": {"session": name, "inputs": engine.inputs, "sample_time_s": engine.sample_time_s}})
-
-
-def service_of(engine: Engine, folder: Path, **limits: float) -> LiveService:
-    return LiveService(engine, Journal(folder / "journal.db"), limits=LiveLimits(**limits))  # type: ignore[arg-type]
+def opening(name: str = "press") -> str:
+    inputs = ["pressure_1_pa", "pressure_2_pa", "position_m"]
+    return json.dumps({"open": {"session": name, "inputs": inputs, "sample_time_s": 0.005}})
 
 
 def errors(wire: Wire) -> list[str]:
     return [str(json.loads(each).get("error", "")) for each in wire.got if isinstance(each, str)]
 
 
-def test_one_client_too_many_is_sent_away_until_another_leaves(engine: Engine, tmp_path: Path) -> None:
+def test_one_client_too_many_is_sent_away_until_another_leaves(service: LiveService) -> None:
+    service.limits = LiveLimits(connections=1)
+
     async def scenario() -> tuple[Wire, Wire]:
-        service, peers = service_of(engine, tmp_path, connections=1), Peers()
-        first = asyncio.create_task(Connection(Wire(opening(engine)), service, peers).run())
+        peers = Peers()
+        first = asyncio.create_task(Connection(Wire(opening()), service, peers).run())
         await asyncio.sleep(0.01)
-        second, third = Wire(opening(engine)), Wire(opening(engine))
+        second, third = Wire(opening()), Wire(opening())
         await Connection(second, service, peers).run()
         await first
         await Connection(third, service, peers).run()
@@ -96,16 +89,14 @@ def test_one_client_too_many_is_sent_away_until_another_leaves(engine: Engine, t
     assert errors(third) == [""]
 
 
-def test_long_json_and_new_sessions_under_load_are_refused_and_known_ones_are_not(
-    engine: Engine, samples: Array, tmp_path: Path
-) -> None:
-    service, peers = service_of(engine, tmp_path, text_bytes=500), Peers()
+def test_under_load_long_json_and_new_sessions_are_refused(service: LiveService, samples: Array) -> None:
+    service.limits, peers = LiveLimits(text_bytes=500), Peers()
     frame = pack_samples(SampleBlock(1, 0, 0.0, samples[:10]))
-    asyncio.run(Connection(Wire(opening(engine), frame), service, peers).run())
+    asyncio.run(Connection(Wire(opening(), frame), service, peers).run())
     service.keep()
-    again = LiveService(engine, service.journal, limits=service.limits)
+    again = LiveService(service.engine, service.journal, limits=service.limits)
     again.loop_lag_s = 0.3
-    wire = Wire(opening(engine), opening(engine, "other"), " " * 501)
+    wire = Wire(opening(), opening("other"), " " * 501)
     asyncio.run(Connection(wire, again, peers).run())
     assert errors(wire) == [
         "",
@@ -116,20 +107,18 @@ def test_long_json_and_new_sessions_under_load_are_refused_and_known_ones_are_no
     assert peers.refused[BusyError.__name__] == 1
 
 
-def test_a_client_that_is_gone_is_written_to_once_however_many_messages_it_left(engine: Engine, tmp_path: Path) -> None:
+def test_a_client_that_is_gone_is_written_to_once_however_many_messages_it_left(service: LiveService) -> None:
     wire = Cut(*["no JSON"] * 1000)
-    asyncio.run(Connection(wire, service_of(engine, tmp_path), Peers()).run())
+    asyncio.run(Connection(wire, service, Peers()).run())
     assert len(wire.got) == 1
 
 
-def test_others_have_their_turn_while_much_of_one_client_has_come(
-    engine: Engine, samples: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_others_have_their_turn(service: LiveService, samples: Array, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connection, "TURN_S", 0.0)
-    wire = AtOnce(opening(engine), *[pack_samples(SampleBlock(1, 10 * at, 0.0, samples[:10])) for at in range(100)])
+    wire = AtOnce(opening(), *[pack_samples(SampleBlock(1, 10 * at, 0.0, samples[:10])) for at in range(100)])
 
     async def scenario() -> int:
-        taking = asyncio.create_task(Connection(wire, service_of(engine, tmp_path), Peers()).run())
+        taking = asyncio.create_task(Connection(wire, service, Peers()).run())
         for _ in range(10):
             await asyncio.sleep(0)
         left = len(wire.messages)
@@ -148,18 +137,15 @@ def test_a_client_may_catch_up_after_a_break_and_is_then_slowed() -> None:
     assert not pace.is_ahead(51.1)
 
 
-def test_what_waits_for_a_client_that_does_not_read_is_bounded(
-    engine: Engine, samples: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_waits_is_bounded(service: LiveService, samples: Array, monkeypatch: pytest.MonkeyPatch) -> None:
     """It is not read from any more; what waits is the bound and one message's estimates at most."""
     monkeypatch.setattr(connection, "UNSENT_BYTES", 20_000)
     rows, count = 100, 60
     frames = [pack_samples(SampleBlock(1, rows * at, 0.0, samples[:rows])) for at in range(count)]
-    wire = Wire(opening(engine), *frames, stalled=True)
+    wire = Wire(opening(), *frames, stalled=True)
 
     async def scenario() -> tuple[int, int]:
-        service, peers = service_of(engine, tmp_path), Peers()
-        client = Connection(wire, service, peers)
+        client = Connection(wire, service, Peers())
         running = asyncio.create_task(client.run())
         await asyncio.sleep(0.3)
         waiting, left = client.unsent, len(wire.messages)
@@ -174,15 +160,15 @@ def test_what_waits_for_a_client_that_does_not_read_is_bounded(
     assert sum(len(each) for each in wire.got if isinstance(each, bytes)) == count * one_message
 
 
-def test_what_happens_is_written_down(engine: Engine, samples: Array, tmp_path: Path) -> None:
-    path = tmp_path / "live.jsonl"
+def test_what_happens_is_written_down(service: LiveService, samples: Array, tmp_path: Path) -> None:
+    path, service.limits = tmp_path / "live.jsonl", LiveLimits(connections=2)
     frame = pack_samples(SampleBlock(1, 0, 0.0, np.ascontiguousarray(samples[:10])))
 
     async def scenario() -> None:
-        service, peers = service_of(engine, tmp_path, connections=2), Peers(Events(path))
-        first = asyncio.create_task(Connection(Wire(opening(engine), frame), service, peers, "one").run())
+        peers = Peers(Events(path))
+        first = asyncio.create_task(Connection(Wire(opening(), frame), service, peers, "one").run())
         await asyncio.sleep(0.01)
-        await Connection(Wire(opening(engine)), service, peers, "two").run()
+        await Connection(Wire(opening()), service, peers, "two").run()
         await first
         session, service.loop_lag_s = service.sessions["press"], 0.5
         watching = asyncio.create_task(peers.events.watch(service))

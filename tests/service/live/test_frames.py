@@ -1,45 +1,18 @@
-"""Frames survive the way, and what is none is refused as a whole."""
+"""Frames and JSON of the live service: what is none is refused as a whole, with what is wrong."""
 
 from __future__ import annotations
+
+import json
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.service.live.frames import (
-    HEADER,
-    SAMPLES,
-    Acknowledgement,
-    EstimateBlock,
-    FrameError,
-    SampleBlock,
-    pack_acknowledgement,
-    pack_estimates,
-    pack_samples,
-    unpack,
-)
-
-
-@given(rows=st.integers(1, 7), columns=st.integers(1, 5), handle=st.integers(0, 2**32 - 1), index=st.integers(0, 2**52))
-def test_blocks_of_one_message_come_back(rows: int, columns: int, handle: int, index: int) -> None:
-    numbers = np.arange(rows * columns, dtype=np.float64).reshape(rows, columns)
-    numbers[0, 0] = np.nan
-    newtons = np.arange(3.0 * rows).reshape(rows, 3)
-    sent = [
-        pack_samples(SampleBlock(handle, index, 1.5, numbers)),
-        pack_estimates(EstimateBlock.of(handle, index, 2.5, newtons, np.arange(rows, dtype=np.uint32))),
-        pack_acknowledgement(Acknowledgement(handle, index)),
-    ]
-    samples, estimates, acknowledged = unpack(b"".join(sent))
-    assert isinstance(samples, SampleBlock)
-    assert isinstance(estimates, EstimateBlock)
-    assert (samples.handle, samples.index, samples.time_s) == (handle, index, 1.5)
-    np.testing.assert_array_equal(samples.samples, numbers)
-    np.testing.assert_array_equal(estimates.newtons, newtons)
-    assert estimates.flags.tolist() == list(range(rows))
-    assert acknowledged == Acknowledgement(handle, index)
-    assert all(len(each) % 8 == 0 for each in sent)
+from cylinder_friction.service.live.frames import HEADER, SAMPLES, FrameError, unpack
+from cylinder_friction.service.live.service import LiveError
+from cylinder_friction.service.live.text_forms import read_text
 
 
 @given(st.binary(max_size=200))
@@ -66,3 +39,38 @@ def test_garbage_is_refused_or_is_blocks(message: bytes) -> None:
 def test_what_is_no_frame_is_named(message: bytes, words: str) -> None:
     with pytest.raises(FrameError, match=words):
         unpack(message)
+
+
+OPEN = {"session": "press", "inputs": ["position_m"], "sample_time_s": 0.005}
+SAMPLES = {"session": "press", "index": 3, "time_s": 10, "rows": [[1, None], [0.5, -2e5]]}
+
+
+def test_numbers_and_missing_ones_are_read() -> None:
+    assert read_text(json.dumps({"open": {**OPEN, "estimates_from": 7}})).estimates_from == 7
+    read = read_text(json.dumps({"samples": SAMPLES}))
+    assert (read.session, read.index, read.time_s) == ("press", 3, 10.0)
+    np.testing.assert_array_equal(read.samples, [[1.0, np.nan], [0.5, -2e5]])
+
+
+@pytest.mark.parametrize(
+    ("kind", "changed"),
+    [
+        ("samples", {"rows": [[True, 1.0]]}),
+        ("samples", {"rows": [[[1.0], 1.0]]}),
+        ("samples", {"rows": []}),
+        ("samples", {"index": 1.5}),
+        ("samples", {"index": "3"}),
+        ("samples", {"index": -1}),
+        ("samples", {"index": 1 << 53}),
+        ("samples", {"time_s": "10"}),
+        ("samples", {"session": 5}),
+        ("open", {"session": None}),
+        ("open", {"sample_time_s": True}),
+        ("open", {"inputs": [1]}),
+        ("open", {"estimates_from": -1}),
+        ("open", {"estimates_from": 1 << 60}),
+    ],
+)
+def test_what_is_another_kind_of_value_is_refused(kind: str, changed: dict[str, Any]) -> None:
+    with pytest.raises(LiveError, match=r"; expected \{\"open\": "):
+        read_text(json.dumps({kind: (OPEN if kind == "open" else SAMPLES) | changed}))

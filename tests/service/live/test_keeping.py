@@ -1,16 +1,13 @@
 """What runs in the background of the live service is started again when it fails, and said to have failed."""
 
 import asyncio
-from pathlib import Path
 
-from cylinder_friction.service.live.engine import Engine
-from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.keeping import kept_running
 from cylinder_friction.service.live.service import LiveService
 
 
-def test_a_job_that_ends_makes_the_service_not_ready_until_it_runs_again(engine: Engine, tmp_path: Path) -> None:
-    service, runs = LiveService(engine, Journal(tmp_path / "journal.db")), []
+def test_a_job_that_ends_makes_the_service_not_ready_until_it_runs_again(service: LiveService) -> None:
+    runs: list[str | None] = []
 
     async def job() -> None:
         runs.append(service.ended_jobs.get("history"))

@@ -10,7 +10,6 @@ import pytest
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.estimators.base import FrictionEstimator
-from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.engine_building import built_engine
 from cylinder_friction.service.live.frames import EstimateBlock, SampleBlock
@@ -50,15 +49,15 @@ def send(service: LiveService, name: str, samples: Array, begin: int, end: int, 
     return session
 
 
-def of(estimator: FrictionEstimator, samples: Array) -> Array:
-    newtons: Array = estimator.real_time().run(samples)[0]
-    return newtons
+@pytest.fixture(scope="module")
+def others(other_estimator: FrictionEstimator, samples: Array) -> Array:
+    """Newtons of the other model, which begins at sample 300."""
+    return other_estimator.real_time().run(samples[300:])[0]
 
 
 def test_a_second_model_changes_nothing_until_it_takes_over_and_can_be_taken_back(
-    engine: Engine, other_engine: Engine, small_hybrid: HybridEstimator, other_estimator: FrictionEstimator,
-    samples: Array, tmp_path: Path,
-) -> None:  # fmt: skip
+    engine: Engine, other_engine: Engine, newtons: Array, others: Array, samples: Array, tmp_path: Path
+) -> None:
     given = Given()
     service = service_of(engine, other_engine, tmp_path, given)
     session = send(service, "press", samples, 0, 100)
@@ -73,25 +72,23 @@ def test_a_second_model_changes_nothing_until_it_takes_over_and_can_be_taken_bac
     service.keep()
     send(service, "press", samples, 900, 1200)
     assert session.model == engine.model
-    first, second = of(small_hybrid, samples[:1200]), of(other_estimator, samples[300:1200])
-    np.testing.assert_array_equal(given.array(0, 700), first[:700])
-    np.testing.assert_array_equal(given.array(700, 1000), second[400:700])
-    np.testing.assert_array_equal(given.array(1000, 1200), first[1000:])
+    np.testing.assert_array_equal(given.array(0, 700), newtons[:700])
+    np.testing.assert_array_equal(given.array(700, 1000), others[400:700])
+    np.testing.assert_array_equal(given.array(1000, 1200), newtons[1000:1200])
     service.keep()
     files = [pd.read_parquet(path) for path in move_into_history(service.journal, tmp_path / "history")]
     history = pd.concat(files).sort_values("index").set_index("index")
     assert history.index.tolist() == list(range(1200))
     beside = history["shadow_friction_n"]
     assert beside[:299].isna().all()
-    np.testing.assert_array_equal(beside.loc[300:699], second[:400, 0])
-    np.testing.assert_array_equal(beside.loc[700:999], first[700:1000, 0])
+    np.testing.assert_array_equal(beside.loc[300:699], others[:400, 0])
+    np.testing.assert_array_equal(beside.loc[700:999], newtons[700:1000, 0])
 
 
 @pytest.mark.parametrize("killed_at", [350, 650, 760])
 def test_a_kill_changes_no_bit_of_a_change(
-    killed_at: int, engine: Engine, other_engine: Engine, small_hybrid: HybridEstimator,
-    other_estimator: FrictionEstimator, samples: Array, tmp_path: Path,
-) -> None:  # fmt: skip
+    killed_at: int, engine: Engine, other_engine: Engine, newtons: Array, others: Array, samples: Array, tmp_path: Path
+) -> None:
     """Killed before the second model takes over, between its last keeping and the change, and after it."""
     given = Given()
     service = service_of(engine, other_engine, tmp_path, given)
@@ -105,12 +102,12 @@ def test_a_kill_changes_no_bit_of_a_change(
     service.journal.close()
     again = service_of(engine, other_engine, tmp_path, given)
     send(again, "press", samples, killed_at - 30, 900)
-    np.testing.assert_array_equal(given.array(0, 700), of(small_hybrid, samples[:700]))
-    np.testing.assert_array_equal(given.array(700, 900), of(other_estimator, samples[300:900])[400:])
+    np.testing.assert_array_equal(given.array(0, 700), newtons[:700])
+    np.testing.assert_array_equal(given.array(700, 900), others[400:600])
 
 
-def test_a_change_that_is_not_kept_in_time_waits(
-    engine: Engine, other_engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path
+def test_a_change_that_is_not_kept_waits(
+    engine: Engine, other_engine: Engine, newtons: Array, samples: Array, tmp_path: Path
 ) -> None:
     """Were it not, a kill would undo what clients have been given already."""
     given = Given()
@@ -120,16 +117,15 @@ def test_a_change_that_is_not_kept_in_time_waits(
     session.models.take_over(0)
     send(service, "press", samples, 100, 600)
     assert session.models.shadow is None
-    np.testing.assert_array_equal(given.array(0, 600), of(small_hybrid, samples[:600]))
+    np.testing.assert_array_equal(given.array(0, 600), newtons[:600])
     service.keep()
     send(service, "press", samples, 600, 1400)
     assert session.model == other_engine.model
 
 
-def test_a_service_that_starts_with_another_model_goes_on_with_the_old_one_until_the_new_one_is_warm(
-    engine: Engine, other_engine: Engine, small_hybrid: HybridEstimator, other_estimator: FrictionEstimator,
-    samples: Array, tmp_path: Path,
-) -> None:  # fmt: skip
+def test_a_start_with_another_model_goes_on_with_the_old_one_until_the_new_one_is_warm(
+    engine: Engine, other_engine: Engine, newtons: Array, others: Array, samples: Array, tmp_path: Path
+) -> None:
     given = Given()
     before = service_of(engine, other_engine, tmp_path, given)
     send(before, "press", samples, 0, 300)
@@ -138,14 +134,11 @@ def test_a_service_that_starts_with_another_model_goes_on_with_the_old_one_until
     after = service_of(other_engine, engine, tmp_path, given, warm_s=1.0)
     session = send(after, "press", samples, 300, 900)
     assert session.order.counts.resets == 0
-    np.testing.assert_array_equal(given.array(0, 500), of(small_hybrid, samples[:500]))
-    np.testing.assert_array_equal(given.array(500, 900), of(other_estimator, samples[300:900])[200:])
+    np.testing.assert_array_equal(given.array(0, 500), newtons[:500])
+    np.testing.assert_array_equal(given.array(500, 900), others[200:600])
 
 
-def test_what_could_not_be_kept_is_kept_later(
-    engine: Engine, samples: Array, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    service = LiveService(engine, Journal(tmp_path / "journal.db"))
+def test_what_could_not_be_kept_is_kept_later(service: LiveService, samples: Array, tmp_path: Path) -> None:
     session = send(service, "press", samples, 0, 66)
     saved, _ = service.unkept([session])
     send(service, "press", samples, 66, 99)

@@ -18,11 +18,6 @@ def test_the_shipped_file_states_every_default() -> None:
     assert [name for name in LiveParams.model_fields if f"\n{name}:" not in text] == []
 
 
-def test_without_a_project_the_defaults_hold(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
-    assert load_live_params() == LiveParams()
-
-
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -43,8 +38,5 @@ def test_what_is_wrong_is_refused_by_its_key(text: str, message: str, tmp_path: 
         load_live_params(path)
     assert message in str(refused.value)
     assert str(path) in str(refused.value)
-
-
-def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(ParamsError, match=r"none\.yaml: cannot be read"):
         load_live_params(tmp_path / "none.yaml")

@@ -32,9 +32,7 @@ def the_next(page: ClientConnection, key: str) -> dict[str, Any]:
     return dict(content)
 
 
-def test_a_page_that_comes_after_the_end_is_told_so_and_gets_the_last_rows(
-    served: Callable[..., str], samples: Array, tmp_path: Path
-) -> None:
+def test_after_the_end_a_page_gets_the_last_rows(served: Callable[..., str], samples: Array, tmp_path: Path) -> None:
     address = served()
     with Client(f"ws://{address}/stream", "press", 0.005) as client:
         client.send(samples[:400])
@@ -75,9 +73,7 @@ def test_a_session_without_an_estimate_has_no_newtons(served: Callable[..., str]
     assert (rows[0]["newtons"], rows[0]["lag_s"]) == (None, None)
 
 
-def test_samples_of_a_replay_are_not_of_the_future(
-    served: Callable[..., str], labelled_recordings: list[Recording]
-) -> None:
+def test_a_replay_is_not_of_the_future(served: Callable[..., str], labelled_recordings: list[Recording]) -> None:
     address = served()
     recordings = [each.rows(slice(0, 300)) for each in labelled_recordings[:2]]
     for speed in (None, 50.0):

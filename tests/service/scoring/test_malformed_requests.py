@@ -23,9 +23,7 @@ ANY_JSON = st.recursive(
 )
 
 
-def test_every_request_gets_what_the_table_states(
-    server: Any, small_model: StepModel, labelled_recordings: list[Recording]
-) -> None:
+def test_the_table_of_requests_holds(server: Any, small_model: StepModel, labelled_recordings: list[Recording]) -> None:
     wrong = []
     for case in malformed_requests.cases(labelled_recordings[0].samples()[:700]):
         reply, text = malformed_requests.problem(case, server, lambda samples: RealTimeStream(small_model).run(samples))

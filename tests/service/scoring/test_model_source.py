@@ -37,12 +37,6 @@ def with_golden(model: ServedModel, off_n: float = 0.0, flags: int = 0) -> None:
     (model.folder / GOLDEN_FILE).write_text(json.dumps({**golden, "flags": (found + flags).tolist()}))
 
 
-def test_a_model_is_run_on_its_golden_trajectory(other: ServedModel) -> None:
-    assert open_model(other).golden_difference_n < 0.1
-    with_golden(other)
-    assert open_model(other).golden_difference_n == 0.0
-
-
 def test_a_model_whose_golden_trajectory_was_deleted_is_refused(other: ServedModel) -> None:
     (other.folder / GOLDEN_FILE).unlink()
     with pytest.raises(ServingError, match=r"version 8: its golden trajectory, .*golden.json, is not there; register"):
@@ -61,15 +55,6 @@ def test_a_model_that_misses_it_is_refused(other: ServedModel, off_n: float, fla
     with_golden(other, off_n, flags)
     with pytest.raises(ServingError, match=message):
         open_model(other)
-
-
-def test_a_model_is_exchanged_when_the_file_names_another(current: Path, other: ServedModel) -> None:
-    source = ModelSource(current)
-    source.refresh()
-    assert (source.now.model.version, source.exchanges) == ("7", 0)
-    write_current(current, other)
-    source.refresh()
-    assert (source.now.model, source.exchanges, source.problem) == (other, 1, "")
 
 
 def test_a_bad_model_leaves_the_old_one_in_service(current: Path, other: ServedModel) -> None:

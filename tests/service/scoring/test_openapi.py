@@ -29,9 +29,7 @@ def test_the_description_is_whole_and_its_examples_are_scored(server: Any) -> No
     assert [*row] == [*schemas["Estimate"]["properties"]]
     assert {*schemas["Sample"]["required"]} == {"pressure_1_pa", "pressure_2_pa", "position_m"}
     stated = schemas["Sample"]["properties"]["pressure_1_pa"]["description"]
-    assert re.fullmatch(
-        r"in the unit that its name states; valid from -?[\d.]+ to [\d.]+ bar, flagged beyond", stated
-    )  # in the words of the model card
+    assert re.search(r"valid from -?[\d.]+ to [\d.]+ bar, flagged beyond$", stated)  # in the words of the model card
     for path, methods in described["paths"].items():
         assert "get" not in methods or server.get(path).status == 200
 
@@ -63,6 +61,5 @@ def test_the_description_names_tokens_where_they_are_needed(
         described = server.get("/openapi.json", {"Authorization": "Bearer abc"}).json()
         assert described["security"] == [{"token": []}]
         assert "401" in described["paths"]["/invocations"]["post"]["responses"]
-        assert b"Authorization: Bearer TOKEN" in server.get("/docs", {"Authorization": "Bearer abc"}).body.replace(
-            b"&#39;", b""
-        )
+        page = server.get("/docs", {"Authorization": "Bearer abc"}).body
+        assert b"Authorization: Bearer TOKEN" in page.replace(b"&#39;", b"")

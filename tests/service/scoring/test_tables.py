@@ -18,22 +18,6 @@ EXPECTED = Expected(("a", "b"), 30_000)
 
 
 @pytest.mark.parametrize(("decode", "write"), [(from_arrow, arrow_stream), (from_parquet, parquet_file)])
-def test_columns_keep_their_values(decode: Callable[..., dict[str, object]], write: Callable[..., bytes]) -> None:
-    table = pa.table(
-        {
-            "a": [1.5, None],
-            "b": pa.array([1, 2], pa.int32()),
-            "recording": pa.array(["x", None]).dictionary_encode(),
-            "c": [True, False],
-        }
-    )
-    columns = decode(write(table), EXPECTED)
-    np.testing.assert_array_equal(columns["a"], [1.5, np.nan])
-    assert np.asarray(columns["b"]).tolist() == [1, 2]
-    assert (columns["recording"], columns["c"]) == (["x", None], [True, False])
-
-
-@pytest.mark.parametrize(("decode", "write"), [(from_arrow, arrow_stream), (from_parquet, parquet_file)])
 def test_one_long_name_is_not_repeated_for_every_row(
     decode: Callable[..., dict[str, object]], write: Callable[..., bytes]
 ) -> None:
@@ -101,15 +85,8 @@ def test_an_index_with_gaps_is_refused(metadata: str, message: str) -> None:
             decode(body, EXPECTED)
 
 
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("a,b\n1,2\n", {"a": [1.0], "b": [2.0]}),
-        ("\ufeffa,b\r\n1e3,-2.5\r\n", {"a": [1000.0], "b": [-2.5]}),
-        (",a,b\n0,1,2\n1,3,4\n", {"a": [1.0, 3.0], "b": [2.0, 4.0]}),
-        ("a,b,recording\n1,2,007\n1,2,7\n", {"a": [1.0, 1.0], "b": [2.0, 2.0], "recording": ["007", "7"]}),
-        ("a,b,c\n1,2,true\n", {"a": [1.0], "b": [2.0], "c": ["true"]}),
-    ],
-)
-def test_csv_gives_numbers_of_inputs_and_text_of_all_else(text: str, expected: dict[str, object]) -> None:
-    assert {name: list(values) for name, values in from_csv(text.encode(), EXPECTED).items()} == expected
+def test_csv_gives_numbers_of_inputs_and_text_of_all_else() -> None:
+    columns = from_csv(b"a,b,recording,c\n1,2,007,true\n1e3,-2.5,7,\n", EXPECTED)
+    assert {name: list(values) for name, values in columns.items()} == {
+        "a": [1.0, 1000.0], "b": [2.0, -2.5], "recording": ["007", "7"], "c": ["true", ""]
+    }  # fmt: skip
