@@ -62,6 +62,14 @@ def test_oil_is_taken_out() -> None:
     assert per_kelvin == pytest.approx(1.5, abs=0.6)  # per kelvin of cooling
 
 
+def test_a_rise_shows_upward_after_the_baseline() -> None:
+    values, covariates = made(6)
+    values[90:] += 30.0
+    _, upward, downward = statistics(values, covariates)
+    assert np.isnan(upward[:90]).all()
+    assert np.nanmax(upward) > 5.0 > np.nanmax(downward)
+
+
 def test_no_session_counts_for_more_than_the_greatest() -> None:
     values, covariates = made(4)
     values[100] *= 50.0

@@ -6,22 +6,19 @@ from cylinder_friction.recordings.path_names import NameRules, PathNames
 from cylinder_friction.recordings.recording import RecordingError
 
 FOLDERS = r"^(?P<session>(?P<condition>\w+)_\d+)/(?P<load>\d+kg)"
+FIRST = "condition1_session07_recording02"
 RIG = r"(?P<session>condition(?P<condition>[^_/]+)_session[^_/]+)_[^/]*\.csv$"
 
 
 @pytest.mark.parametrize(
     ("pattern", "path", "expected"),
     [
-        (
-            RIG,
-            "condition1_session07_recording02.csv",
-            ("condition1_session07_recording02", "1", "condition1_session07"),
-        ),
-        (r"(?P<session>_\d{6})\.", "Jib_230425.csv.gz", ("Jib_230425.csv", "1", "_230425")),
+        (RIG, f"{FIRST}.csv", (FIRST, "1", "condition1_session07", "")),
+        (r"(?P<session>_\d{6})\.", "Jib_230425.csv.gz", ("Jib_230425.csv", "1", "_230425", "")),
         (FOLDERS, "crane_3/20kg.part.csv", ("crane_3-20kg.part", "crane", "crane_3", "20kg")),
     ],
 )
-def test_a_pattern_reads_condition_session_and_load(pattern: str, path: str, expected: tuple[str, ...]) -> None:
+def test_a_pattern_reads_names(pattern: str, path: str, expected: tuple[str, str, str, str]) -> None:
     assert NameRules(pattern).names(path) == PathNames(*expected)
     with pytest.raises(RecordingError, match=r"path 'notes.csv' does not give condition and session"):
         NameRules(pattern).names("notes.csv")

@@ -14,8 +14,6 @@ from cylinder_friction.recordings.mapping.calibration import ZeroRules
 from cylinder_friction.recordings.mapping.channel_mapping import SensorScale
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
-NAN = float("nan")
-
 
 def limits(**values: Any) -> CheckLimits:
     return CheckLimits(**{"stroke_m": 0.25, **values})
