@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from cylinder_friction.arrays import Mask
 from cylinder_friction.labelling.load import pooled_load
 from cylinder_friction.labelling.session import SessionIdentification
+from cylinder_friction.realtime.bounds import bounds_count
 from cylinder_friction.realtime.flags import LEAST_ROWS, Flag
 from cylinder_friction.realtime.model import Bounds
 from cylinder_friction.recordings.recording import Recording
@@ -39,14 +41,13 @@ def for_load(estimator: FrictionEstimator, identified: SessionIdentification | N
 def label_missed(parts: Sequence[Recording], bounds: Bounds) -> str:
     """Return how seldom bounds hold the label of a recording, in words; empty if they hold it about as often as stated.
 
-    Rows count while no flag but ``OUTSIDE`` and ``OFFSET_UNKNOWN`` is set.
+    Rows count as ``bounds_count`` states.
     """
-    held = [np.empty(0)]
+    held: list[Mask] = [np.empty(0, dtype=np.bool_)]
     for part in parts:
-        label_n, flags = part.column("label_n"), part.columns["flags"]
-        counted = part.usable() & (flags & ~(Flag.OUTSIDE | Flag.OFFSET_UNKNOWN) == 0)
+        label_n = part.column("label_n")
         within = (part.column("lower_n") <= label_n) & (label_n <= part.column("upper_n"))
-        held.append(within[counted])
+        held.append(within[bounds_count(part)])
     every = np.concatenate(held)
     share = float(every.mean()) if len(every) >= LEAST_ROWS else 1.0
     if 1.0 - share <= OFTEN_MISSED * (1.0 - bounds.probability):

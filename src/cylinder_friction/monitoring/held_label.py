@@ -8,18 +8,17 @@ import numpy as np
 
 from cylinder_friction.monitoring.plan import IndicatorPlan
 from cylinder_friction.monitoring.session_row import HeldLabel
-from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.bounds import bounds_count
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.motion import direction_of_motion
 
-_SETTLING = int(Flag.NOT_READY | Flag.WARMING)
 _COLUMNS = ("label_n", "friction_n", "lower_n", "upper_n", "velocity_m_s")
 
 
 def held_label(recordings: Sequence[Recording], stated: float) -> HeldLabel | None:
     """Return the share of a session's label between the bounds; None if no model estimated all its recordings.
 
-    Rows count if they are usable, and once the model's state no longer remembers the start.
+    Rows count as ``bounds_count`` states.
 
     Args:
         recordings: All recordings of the session, as ``estimate`` writes them with a model.
@@ -28,12 +27,11 @@ def held_label(recordings: Sequence[Recording], stated: float) -> HeldLabel | No
     models = {each.metadata.depends_on.get("model", "") for each in recordings}
     if len(models) != 1 or "" in models:
         return None
-    (model,), parts = models, []
-    for each in recordings:
-        rows = each.usable() & (each.columns["flags"] & _SETTLING == 0)
-        parts.append(np.stack([each.column(name)[rows] for name in _COLUMNS]))
-    known = np.concatenate(parts, axis=1)
-    label_n, friction_n, lower_n, upper_n, velocity_m_s = known[:, np.isfinite(known).all(axis=0)]
+    (model,) = models
+    counted = [(each, bounds_count(each)) for each in recordings]
+    label_n, friction_n, lower_n, upper_n, velocity_m_s = (
+        np.concatenate([each.column(name)[rows] for each, rows in counted]) for name in _COLUMNS
+    )
     if not len(label_n):
         return HeldLabel(model, stated, None, None)
     error_n, direction = label_n - friction_n, direction_of_motion(velocity_m_s, IndicatorPlan.slowest_m_s)

@@ -43,7 +43,7 @@ class HeldLabel:
 
     model: str  # SHA-256 of the model
     stated: float  # Share that the bounds state they hold
-    share: float | None  # Share of the usable rows that the bounds hold; None without such rows
+    share: float | None  # Share of the rows in which bounds count that they hold; None without such rows
     # The same once the part of label less estimate is taken off that does not turn with the direction: a sensor's zero
     # or a load
     share_less_zero: float | None

@@ -19,7 +19,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.model import Bounds
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, SAMPLE_COLUMNS, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.recording import Recording
@@ -85,6 +86,14 @@ def creep_below_m_s(velocities_m_s: Sequence[Array], standstill_m_s: float) -> f
     speed = np.abs(np.concatenate([np.empty(0), *velocities_m_s]))
     moving = speed[speed > standstill_m_s]
     return float(f"{np.quantile(moving, CREEP_SHARE):.3g}") if len(moving) else standstill_m_s
+
+
+def bounds_count(estimated: Recording) -> Mask:
+    """Return in which rows of an estimated recording the bounds are to hold, ``(n,)``.
+
+    They do in usable rows while no flag but ``OUTSIDE`` and ``OFFSET_UNKNOWN`` is set.
+    """
+    return estimated.usable() & (estimated.columns["flags"] & ~(Flag.OUTSIDE | Flag.OFFSET_UNKNOWN) == 0)
 
 
 def unknown_bounds(sample_time_s: float) -> Bounds:
