@@ -15,7 +15,7 @@ of all. Nobody knows true friction there. Of the held-out day's usable rows it p
 error against the label, over all rows and while the jib slides; against the label of another smoothing; half of the
 estimate extending less retracting at equal position beside that of the measured balance; how far the piston-side
 pressure is from the one that friction, load, velocity and the other pressure give, for estimators that do not see it;
-and how often the hybrid's bounds hold the label, as they are and as wide as `estimate` makes them. ± is twice the
+and how often the bounds hold the label, as they are and as wide as `estimate` makes them. ± is twice the
 standard error of means over 2 s.
 """
 
@@ -36,7 +36,6 @@ from cylinder_friction.estimators.front_end import Design
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.labelling.up_and_down import up_and_down
-from cylinder_friction.realtime.bounds import calibrated_bounds
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.recordings.columns import (
     ALL_CONDITIONS,
@@ -112,7 +111,7 @@ def print_days(folder: Path, only: str | None, load_of: str) -> None:
 
 
 def fitted(train: Sequence[Recording], cylinder: cf.Cylinder, load: PositionLoad) -> Estimators:
-    """Return every estimator of the table, fitted; the hybrid's bounds come from days that it was not fitted on."""
+    """Return every estimator of the table, fitted; bounds come from days that models of the other days estimate."""
 
     def hybrid(design: Design, inputs: tuple[str, ...] = INPUTS, epochs: int = 30) -> cf.HybridEstimator:
         paper = Architecture(4, 64, 0.3, 1e-3)
@@ -121,23 +120,30 @@ def fitted(train: Sequence[Recording], cylinder: cf.Cylinder, load: PositionLoad
         known = load if set(SAMPLE_COLUMNS) <= set(inputs) else None
         return cf.HybridEstimator(cylinder, design, chosen, plan, inputs=inputs, position_load=known)
 
-    named: Estimators = dict(baselines(cylinder, INPUTS, position_load=load))
-    named = {name: named[name] for name in ("force_balance_unfiltered", "force_balance_low_pass", "ridge")}
-    named |= {"hybrid": hybrid("force_balance"), "paper_hybrid": hybrid("paper", epochs=15)}
-    named |= {"lugre": cf.LugreEstimator(cylinder, generations=20)}
-    named |= {"hybrid without P1": hybrid("force_balance", INPUTS[1:])}
-    for estimator in named.values():
-        estimator.fit(train)
-    left_out, estimates_n = list[Recording](), list[Array]()
+    def made() -> Estimators:
+        simple = baselines(cylinder, INPUTS, position_load=load)
+        return {
+            **{name: simple[name] for name in ("force_balance_unfiltered", "force_balance_low_pass", "ridge")},
+            "hybrid": hybrid("force_balance"),
+            "paper_hybrid": hybrid("paper", epochs=15),
+            "lugre": cf.LugreEstimator(cylinder, generations=20),
+            "hybrid without P1": hybrid("force_balance", INPUTS[1:]),
+        }
+
+    named = {name: each.fit(train) for name, each in made().items()}
+    left_out, estimates_n = list[Recording](), {name: list[Array]() for name in named}
     for day in sorted({each.metadata.session for each in train}):
         others = [each for each in train if each.metadata.session != day]
-        left_out += [each for each in train if each.metadata.session == day]
-        separate = hybrid("force_balance").fit(others)
-        estimates_n += [separate.estimate(each) for each in left_out[len(estimates_n) :]]
-    best = named["hybrid"]
-    best.calibrate(train, left_out, cylinder)
-    assert best.guard is not None
-    best.bounds = calibrated_bounds(left_out, estimates_n, train[0].sample_time_s, best.guard.warm_up_samples)
+        own = [each for each in train if each.metadata.session == day]
+        left_out += own
+        for name, separate in made().items():
+            if not separate.has_step:  # nothing gives its bounds
+                continue
+            separate.fit(others)
+            estimates_n[name] += [separate.estimate(each) for each in own]
+    for name, estimator in named.items():
+        if estimates_n[name]:
+            estimator.calibrate(train, left_out, cylinder, estimates_n[name])
     return named
 
 
@@ -171,14 +177,20 @@ def print_day(named: Estimators, own: Sequence[Recording], other: Sequence[Recor
             f"{name:26}{shares[0]:9.2f} {shares[1]:12.2f} {shares[2]:11.2f} {turned_n:+14.0f} "
             f"{bar if predicts else np.nan:11.2f} {blocks.mean():12.2f} ± {2.0 * blocks.std() / len(blocks) ** 0.5:.2f}"
         )
-    calibrated = named["hybrid"]
-    wide = [calibrated.with_bounds_for([each]) for each in own]
-    for words, models in (("as calibrated", [calibrated] * len(own)), ("as wide as noise asks for", wide)):
-        steps = [model.real_time().run(each.samples(INPUTS))[0] for model, each in zip(models, own, strict=True)]
-        lower, upper = np.concatenate(steps)[:, 1:].T
-        held = (lower <= label) & (label <= upper)
-        percent = " %, sliding ".join(f"{100.0 * held[rows].mean():.1f}" for rows in (usable, slides))
-        print(f"of the usable rows, the hybrid's 90 % bounds {words} hold the label in {percent} %")
+    print("90 % bounds hold the label [%]   as calibrated  sliding   as wide as noise asks for  sliding")
+    for name, calibrated in named.items():
+        if calibrated.bounds is None:
+            continue
+        print(f"{name:26}", end="")
+        for wide in (False, True):
+            models = [calibrated.with_bounds_for([each]) if wide else calibrated for each in own]
+            steps = [
+                model.real_time().run(each.samples(model.inputs))[0] for model, each in zip(models, own, strict=True)
+            ]
+            lower, upper = np.concatenate(steps)[:, 1:].T
+            held = (lower <= label) & (label <= upper)
+            print(f"{100.0 * held[usable].mean():{26 if wide else 20}.1f} {100.0 * held[slides].mean():8.1f}", end="")
+        print()
 
 
 def _all(recordings: Sequence[Recording], of: Callable[[Recording], Any]) -> Any:

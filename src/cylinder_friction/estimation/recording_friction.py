@@ -157,8 +157,11 @@ class RecordingFriction:
         estimator = self.estimator
         about, given = excerpt[0].metadata, None if estimator is None else estimator.position_load
         known = self.labeller.load if given is None else given.in_words()
-        trained = None if estimator is None else estimator.trained_for
-        other, noisy = ("", "") if trained is None else trained.differences(excerpt)
+        other = noisy = ""
+        level = None if estimator is None else estimator.noise_level(excerpt)
+        if estimator is not None and estimator.trained_for is not None and level is not None:
+            trained = replace(estimator.trained_for, pressure_noise_pa=level.noise_pa)
+            other, noisy = trained.differences(excerpt)
         return FrictionOfRecording(
             name=about.name,
             source_file=about.source_file,

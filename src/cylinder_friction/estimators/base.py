@@ -26,18 +26,18 @@ from cylinder_friction.estimators.saved_folder import (
 )
 from cylinder_friction.realtime.bounds import (
     LearnedOffset,
-    calibrated_bounds,
     causal_velocity,
     unknown_bounds,
     velocity_taps,
 )
+from cylinder_friction.realtime.bounds_by_noise import NoiseBounds, calibrated_by_noise, level_for
 from cylinder_friction.realtime.checking import check_step_model, check_timing
 from cylinder_friction.realtime.guard import TrainingRange, freeze_travel_m, guard_from, largest_friction_n
 from cylinder_friction.realtime.model import Bounds, Guard, StepModel, from_json
 from cylinder_friction.realtime.position_load import PositionLoad, channel_names
 from cylinder_friction.realtime.sensor_offset import BALANCE, OffsetTracker
 from cylinder_friction.realtime.stream import NO_OFFSET, EstimatorStream, RealTimeStream, StrictStream
-from cylinder_friction.realtime.trained_for import TrainedFor
+from cylinder_friction.realtime.trained_for import TrainedFor, pressure_noise_pa
 from cylinder_friction.realtime.unmodelled_force import with_force_limits
 from cylinder_friction.recordings.columns import LOAD_FORCE, POSITION, SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording, RecordingError, refuse_not_finite
@@ -68,6 +68,7 @@ class FrictionEstimator(ABC):
         training_range: Range of the raw samples that it was trained on; None before ``fit``.
         guard: What a sample must be in real time; None before ``calibrate``.
         bounds: The interval around the estimate that holds friction or its label; None before ``calibrate``.
+        bounds_by_noise: Those of each level of noise, the quietest first, if calibration sessions differ in noise.
         lag_s: How long after a moment its friction is estimated [s]: what comes meanwhile makes the estimate surer. A
             step gives friction of ``lag_s`` before its sample; ``estimate`` puts it where it belongs.
         offset: How the offset of the sensors' zeros is learned while running, see ``labelling.offset_tracker``; None:
@@ -101,6 +102,7 @@ class FrictionEstimator(ABC):
         self.training_range: TrainingRange | None = None
         self.guard: Guard | None = None
         self.bounds: Bounds | None = None
+        self.bounds_by_noise: tuple[NoiseBounds, ...] = ()
         self.trained_for: TrainedFor | None = None
         self.offset: OffsetTracker | None = None
         self.position_load: PositionLoad | None = None
@@ -191,19 +193,23 @@ class FrictionEstimator(ABC):
         return other
 
     def with_bounds_for(self, recordings: Sequence[Recording]) -> Self:
-        """Return this fitted estimator with bounds that hold for these recordings, if their pressures are noisier.
-
-        If pressures are k times as noisy as in training, where k is more than 1.5, bounds are k times as far from the
-        estimate: they are right if noise makes all of the errors, and too wide if something else makes part of them.
-        """
-        trained_for, bounds = self.trained_for, self.bounds
-        if trained_for is None or bounds is None or (times := trained_for.times_as_noisy(recordings)) == 1.0:
+        """Return this fitted estimator with the bounds of ``noise_level``, wider for recordings that are noisier."""
+        level = self.noise_level(recordings)
+        if self.trained_for is None or level is None:
             return self
-        lower_n, upper_n = (tuple(times * each_n for each_n in side) for side in (bounds.lower_n, bounds.upper_n))
-        other = copy.copy(self)
-        other.bounds = replace(bounds, lower_n=lower_n, upper_n=upper_n)
-        other.trained_for = replace(trained_for, pressure_noise_pa=times * trained_for.pressure_noise_pa)
+        level, other = level.widened(pressure_noise_pa(recordings)), copy.copy(self)
+        other.bounds, other.trained_for = level.bounds, replace(self.trained_for, pressure_noise_pa=level.noise_pa)
         return other
+
+    def noise_level(self, recordings: Sequence[Recording]) -> NoiseBounds | None:
+        """Return the bounds of the quietest calibration sessions that are as noisy as recordings, else of the noisiest.
+
+        None if it is not known how noisy any were.
+        """
+        if self.trained_for is None or self.bounds is None:
+            return None
+        own, noise_pa = NoiseBounds(self.trained_for.pressure_noise_pa, (), self.bounds), pressure_noise_pa(recordings)
+        return level_for(self.bounds_by_noise if noise_pa > 0.0 else (), noise_pa) or own
 
     def aligned(self, stepped: Array) -> Array:
         """Return what steps gave, shape ``(n, ...)``, at the samples it is of; the last rows repeat the last one."""
@@ -294,14 +300,11 @@ class FrictionEstimator(ABC):
         if estimates_n is None:
             estimates_n = [self._stepped(recording) for recording in validation]
         offsets = None if self.offset is None else [self._learned_offset(each) for each in validation]
-        self.bounds = calibrated_bounds(
-            lagged,
-            estimates_n,
-            self.sample_time_s,
-            self.guard.warm_up_samples,
-            offsets=offsets,
-        )
-        self.trained_for = None if cylinder is None else TrainedFor.of(train, cylinder).calibrated_on(validation)
+        known = calibrated_by_noise(lagged, estimates_n, self.sample_time_s, self.guard.warm_up_samples, offsets)
+        self.bounds_by_noise = tuple(known) if len(known) > 1 else ()
+        level = level_for(known, pressure_noise_pa(validation)) or known[-1]
+        self.bounds, own = level.bounds, [each for each in validation if each.metadata.session in level.sessions]
+        self.trained_for = None if cylinder is None else TrainedFor.of(train, cylinder).calibrated_on(own)
         if cylinder is not None:
             loaded = [self._loaded(each) for each in train]
             self.guard = with_force_limits(self.guard, self.bounds, cylinder, loaded, self.channels)
@@ -331,6 +334,7 @@ class FrictionEstimator(ABC):
                 "guard": None if self.guard is None else asdict(self.guard),
                 "bounds": None if self.bounds is None else asdict(self.bounds),
                 "trained_for": None if self.trained_for is None else self.trained_for.to_dict(),
+                **({"bounds_by_noise": list(map(asdict, self.bounds_by_noise))} if self.bounds_by_noise else {}),
                 "offset": None if self.offset is None else self.offset.to_dict(),
                 "position_load": None if self.position_load is None else self.position_load.to_dict(),
                 "multiply_adds_a_step": self.multiply_adds(),
@@ -362,7 +366,9 @@ class FrictionEstimator(ABC):
         description = read_description(folder)
         try:
             estimator = cls._from_description(folder, description)
-            check_step_model(estimator._checked_step())
+            step = estimator._checked_step()
+            for bounds in (step.bounds, *(each.bounds for each in estimator.bounds_by_noise)):
+                check_step_model(replace(step, bounds=bounds))
         except SavedModelError:
             raise
         except (ValueError, TypeError, LookupError, AttributeError, ArithmeticError) as error:
@@ -393,6 +399,7 @@ class FrictionEstimator(ABC):
         )
         estimator.guard = from_json(Guard, description.get("guard"))
         estimator.bounds = from_json(Bounds, description.get("bounds"))
+        estimator.bounds_by_noise = tuple(map(NoiseBounds.from_dict, description.get("bounds_by_noise", ())))
         estimator.trained_for = TrainedFor.from_dict(description.get("trained_for"))
         tracker = description.get("offset")
         estimator.offset = None if tracker is None else OffsetTracker.from_dict(tracker)

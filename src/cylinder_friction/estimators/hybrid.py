@@ -165,6 +165,7 @@ class HybridEstimator(FrictionEstimator):
         if self.forest_plan is not None:
             self._set(replace(self._fitted(), forest=self._fit_forest(sequences, self.forest_plan)))
         self.guard = self.bounds = self.trained_for = None
+        self.bounds_by_noise = ()
         if calibration or validation:
             self.calibrate(train, calibration or validation, self.cylinder)
         return self

@@ -9,11 +9,10 @@ import numpy as np
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.columns import PRESSURES
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.signals.noise import sensor_noise
+from cylinder_friction.signals.noise import OTHER_NOISE, median_noise, times_as_noisy
 
-ALIKE, OTHER_LEVEL, OTHER_NOISE = 0.02, 2.0, 1.5
-"""Share by which diameters may differ, ratio of friction beyond which estimates are not to be used as they are, and of
-noise beyond which bounds are wider; single recordings of one rig are up to 1.48 times as noisy as the median of all."""
+ALIKE, OTHER_LEVEL = 0.02, 2.0
+"""Share by which diameters may differ, and ratio of friction beyond which estimates are not to be used as they are."""
 
 ADAPTED = "adapted"  # The one field that is no number
 
@@ -41,7 +40,7 @@ class TrainedFor:
     def of(cls, recordings: Sequence[Recording], cylinder: Cylinder) -> Self:
         """Return what labelled recordings of a cylinder, as measured, are."""
         friction_n = _mean_level_n(recordings)
-        return cls(cylinder.bore_diameter_m, cylinder.rod_diameter_m, friction_n, _noise_pa(recordings))
+        return cls(cylinder.bore_diameter_m, cylinder.rod_diameter_m, friction_n, pressure_noise_pa(recordings))
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any] | None) -> Self | None:
@@ -84,7 +83,8 @@ class TrainedFor:
 
         The recordings of a session are labelled, and their ``label_n`` is known beside the estimate.
         """
-        level, times = _mean_level_n(recordings, "label_n"), self.times_as_noisy(recordings)
+        level = _mean_level_n(recordings, "label_n")
+        times = times_as_noisy(pressure_noise_pa(recordings), self.pressure_noise_pa)
         ratio = level / self.friction_n if self.friction_n > 0.0 else 1.0
         other = noisy = ""
         if np.isfinite(ratio) and not 1.0 / OTHER_LEVEL <= ratio <= OTHER_LEVEL:
@@ -95,15 +95,9 @@ class TrainedFor:
 
     def calibrated_on(self, recordings: Iterable[Recording]) -> Self:
         """Return it with the noise of the recordings that its bounds come from, if that is clearly another one."""
-        noise_pa = _noise_pa(recordings)
+        noise_pa = pressure_noise_pa(recordings)
         alike = noise_pa <= OTHER_NOISE * self.pressure_noise_pa and self.pressure_noise_pa <= OTHER_NOISE * noise_pa
         return self if alike or noise_pa == 0.0 else replace(self, pressure_noise_pa=noise_pa)
-
-    def times_as_noisy(self, recordings: Iterable[Recording]) -> float:
-        """Return how many times as noisy as the model knows pressures are; 1 up to ``OTHER_NOISE`` times."""
-        noise_pa = _noise_pa(recordings)
-        noisier = 0.0 < OTHER_NOISE * self.pressure_noise_pa < noise_pa
-        return noise_pa / self.pressure_noise_pa if noisier else 1.0
 
 
 def _mean_level_n(recordings: Iterable[Recording], column: str = "friction_n") -> float:
@@ -112,6 +106,6 @@ def _mean_level_n(recordings: Iterable[Recording], column: str = "friction_n") -
     return float(np.mean(levels)) if levels else np.nan
 
 
-def _noise_pa(recordings: Iterable[Recording]) -> float:
-    known = [sensor_noise(each.column(name)) for each in recordings for name in PRESSURES if name in each.columns]
-    return float(np.median(known)) if known else 0.0
+def pressure_noise_pa(recordings: Iterable[Recording]) -> float:
+    """Return the standard deviation of the pressures' noise, the median over recordings [Pa]; 0 without a pressure."""
+    return median_noise(each.column(name) for each in recordings for name in PRESSURES if name in each.columns)
