@@ -50,6 +50,7 @@ class Engine:
         called: The folder or registered version that it was last brought in as; empty where nobody stated it.
         inputs: Columns of a sample.
         bounds: What the bounds hold, in words.
+        pressure_noise_pa: Noise of the pressures up to which they do [Pa]; 0: not stated.
         sample_time_s: The one time between two samples [s].
         golden_difference_n: How far it was from its golden trajectory, as ``checked_engine`` found [N]; None: has none.
 
@@ -72,6 +73,7 @@ class Engine:
         self._states_at = 0
         self._free: list[int] = []
         self.bounds = str(described.get("bounds", "not stated"))
+        self.pressure_noise_pa = float(described.get("pressure_noise_pa", 0.0))
         self.golden_difference_n: float | None = None
         self.called = called_in(folder)
 

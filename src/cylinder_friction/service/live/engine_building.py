@@ -72,7 +72,8 @@ def built_engine(estimator: FrictionEstimator, engines: Path) -> Path:
     with tempfile.TemporaryDirectory(dir=engines, prefix=".draft") as name:
         draft = Path(name) / "engine"
         exported = export_c(estimator, draft, NAME)
-        made_from = " ".join((exported.model, processor(), compiler_version(), *OPTIMISED))
+        noise_pa = 0.0 if estimator.trained_for is None else estimator.trained_for.pressure_noise_pa
+        made_from = " ".join((exported.model, repr(noise_pa), processor(), compiler_version(), *OPTIMISED))
         folder = engines / sha256(made_from.encode()).hexdigest()[:32]
         if (folder / DESCRIPTION).is_file():
             return folder
@@ -87,6 +88,7 @@ def built_engine(estimator: FrictionEstimator, engines: Path) -> Path:
             "sample_time_s": estimator.sample_time_s,
             "state_bytes": exported.state_bytes,
             "bounds": "as wide as can be" if estimator.bounds is None else estimator.bounds.in_words(),
+            "pressure_noise_pa": noise_pa,
         }
         write_json(draft / DESCRIPTION, described)
         with suppress(OSError):  # another process was first; it made the same

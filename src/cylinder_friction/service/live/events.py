@@ -31,16 +31,18 @@ class Events:
     async def watch(self, service: LiveService) -> None:
         """Note each second which sessions began anew and how late the loop was, and rotate the file."""
         resets: dict[str, int] = {}
-        named: set[str] = set()  # Sessions whose model does not know them, and that were named
+        named: set[tuple[str, str]] = set()  # What was noted of a session's model, and the session
         while self._path is not None:
             before, resets = resets, {name: each.order.counts.resets for name, each in service.sessions.items()}
             for name, count in resets.items():
                 if count > before.get(name, count):
                     self.note("session reset", session=name, skipped=service.sessions[name].order.counts.skipped)
             for each in service.sessions.values():
-                if each.name not in named and (words := each.not_known):
-                    named.add(each.name)
-                    self.note("estimates not to be used as they are", session=each.name, because=words)
+                seen = {"estimates not to be used as they are": each.not_known, "bounds too narrow": each.too_narrow}
+                for event, words in seen.items():
+                    if words and (event, each.name) not in named:
+                        named.add((event, each.name))
+                        self.note(event, session=each.name, because=words)
             if service.loop_lag_s > service.limits.loop_lag_s:
                 self.note("slow loop", seconds=round(service.loop_lag_s, 3), **service.load())
             await asyncio.to_thread(rotate, self._path, LOG_BYTES, LOG_FILES)

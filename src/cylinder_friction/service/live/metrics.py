@@ -13,6 +13,7 @@ from cylinder_friction.service.live.service import LiveService
 _GAUGES = {
     "sessions": "Open sessions.",
     "held_rows": "Samples that wait for ones before them.",
+    "noisy_sessions": "Open sessions whose pressures are noisier than their model's bounds hold.",
     "unkept_rows": "Estimates that are not kept yet.",
 }
 

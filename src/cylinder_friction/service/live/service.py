@@ -14,9 +14,11 @@ from cylinder_friction.service.live.engine import Engine, Job
 from cylinder_friction.service.live.frames import FLAG_BYTES, LATEST_S, EstimateBlock, SampleBlock
 from cylinder_friction.service.live.journal import Journal, SavedSession, Unkept, made_by
 from cylinder_friction.service.live.models import PiecePart, Running, SavedState, SessionModels
+from cylinder_friction.service.live.noise import ROWS_BETWEEN, NoiseWindow
 from cylinder_friction.service.live.session import Counts, SamplePiece, SessionOrder
 from cylinder_friction.service.live.settings import LiveLimits, SessionRules
 from cylinder_friction.service.live.totals import FlagTotals
+from cylinder_friction.signals.noise import times_as_noisy
 
 _NAME = re.compile(r"(?=.*\w)[\w.:/ -]{1,80}")
 LONGEST_NAME = 200
@@ -56,6 +58,7 @@ class LiveSession:
     handle: int
     models: SessionModels
     order: SessionOrder
+    noise: NoiseWindow
     unkept: list[Unkept] = field(default_factory=list)  # In the order in which they came
     handed_over: list[Unkept] = field(default_factory=list)  # To the journal; whether it has them is not known yet
     kept_index: int = 0  # All samples before it are kept
@@ -87,6 +90,13 @@ class LiveSession:
     def not_known(self) -> str:
         """Why the estimates are not to be used as they are; empty where they may be."""
         return unknown_in_words(self.flagged["rows"], self.flagged)
+
+    @property
+    def too_narrow(self) -> str:
+        """Why the bounds hold less than they state; empty if nothing shows that they do."""
+        times = times_as_noisy(self.noise.noise_pa, self.models.current.engine.pressure_noise_pa)
+        words = f"pressures are {times:.1f} times as noisy as those that this model knows, and bounds are too narrow"
+        return words if times > 1.0 else ""
 
     def refuse_others(self, owner: Owner) -> None:
         """Raise ``LiveError`` where the session is another's."""
@@ -161,7 +171,8 @@ class LiveService:
                 f"session {name!r}: new sessions are refused while the service is {self.loop_lag_s:.2f} s late"
             )
         models = self._models(saved, order)
-        session = LiveSession(name, self._next_handle, models, order, last_seen_s=self._clock())
+        noise = NoiseWindow(self.engine.inputs, self._next_handle * 17 % ROWS_BETWEEN)
+        session = LiveSession(name, self._next_handle, models, order, noise, last_seen_s=self._clock())
         session.kept_index = session.next_index
         self.sessions[name] = self._by_handle[session.handle] = session
         self._next_handle += 1
@@ -265,7 +276,9 @@ class LiveService:
     def load(self) -> dict[str, int]:
         """Return what the service holds just now, as counts."""
         held = sum(each.order.held_rows for each in self.sessions.values())
-        return {"sessions": len(self.sessions), "held_rows": held, "unkept_rows": self.unkept_rows}
+        noisy = sum(each.too_narrow != "" for each in self.sessions.values())
+        waits = {"held_rows": held, "unkept_rows": self.unkept_rows}
+        return {"sessions": len(self.sessions), "noisy_sessions": noisy, **waits}
 
     def unkept(self, sessions: Iterable[LiveSession]) -> tuple[list[SavedSession], list[Unkept]]:
         """Return what ``Journal.keep`` is to keep of some sessions; from now on it counts as handed over."""
@@ -364,6 +377,7 @@ class LiveService:
                 shadow = EstimateBlock(session.handle, piece.index, piece.time_s, *next(results[engine]), engine.model)
             session.latest = given
             session.count_unknown(bits)
+            session.noise.take(piece.samples)
             flags.append(bits)
             self._add(session, piece, given, shadow if recorded else None)
             if session.owner is not None:

@@ -126,6 +126,7 @@ class Watchers:
             "kept": session.kept_index,
             "counts": vars(session.order.counts),
             "not_known": session.not_known,
+            "too_narrow": session.too_narrow,
         }
 
 

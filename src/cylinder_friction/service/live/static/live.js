@@ -86,7 +86,7 @@ function table(sessions) {
     seen.add(each.name);
     const row = rows.get(each.name) ?? addRow(each.name);
     const [friction, lower, upper] = each.newtons ?? [null, null, null], cells = row.children, spark = sparks.get(each.name), silent = silence(each);
-    const flags = [silent, each.flags.map(spoken).join(", ")].filter(Boolean).join("; ");
+    const flags = [silent, each.flags.map(spoken).join(", "), each.too_narrow].filter(Boolean).join("; ");
     const good = each.flags.every((flag) => flag === "OFFSET_UNKNOWN");
     spark.push(good && silent === "" ? friction : null);
     if (spark.length > SPARK) spark.shift();
