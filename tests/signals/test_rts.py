@@ -45,12 +45,6 @@ def test_smoother_equals_least_squares(rows: int) -> None:
     np.testing.assert_allclose(got, expected, rtol=1e-3, atol=1e-4)
 
 
-def test_steady_gain_of_a_random_walk_has_its_closed_form() -> None:
-    ratio = 0.7**2
-    gain = random_walk(0.7, 1.0).gains().filter[-1, 0]
-    assert gain == pytest.approx((-ratio + np.sqrt(ratio**2 + 4.0 * ratio)) / 2.0, rel=1e-8)
-
-
 def test_how_much_is_smoothed_depends_on_time_alone() -> None:
     """Noise that is twice as large leaves twice as much: nothing is known of any sensor's noise."""
     noise = np.random.default_rng(1).normal(0.0, 1.0, (3000, 3))

@@ -89,6 +89,5 @@ def test_impossible_savitzky_golay_is_refused(parameters: dict[str, int], messag
 
 
 def test_too_short_recordings_are_refused() -> None:
-    for each in (CentredMovingAverage(), SavitzkyGolay()):
-        with pytest.raises(ValueError, match="got 20 samples, but"):
-            each.smooth(np.zeros((20, 3)), STEP_S)
+    with pytest.raises(ValueError, match="got 20 samples, but"):
+        SavitzkyGolay().smooth(np.zeros((20, 3)), STEP_S)
