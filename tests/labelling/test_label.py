@@ -7,13 +7,12 @@ import pytest
 
 from boom import STEP_S, boom_load, motion
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.labelling.audit import Audit
 from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller, label, position_load
 from cylinder_friction.labelling.session import SessionIdentification
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, SensorUncertainty
 from cylinder_friction.signals.smooth_signals import smooth_columns
-from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyGolay
+from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 FILTER = SavitzkyGolay()
 COULOMB_N, VISCOUS_N_S_M = 300.0, 1500.0
@@ -67,13 +66,6 @@ def test_a_measured_load_is_taken_off(cylinder: Cylinder, pressures: bool) -> No
     assert worst_error(labelled) < 1.0
 
 
-def test_a_measured_load_passes_the_filter_of_the_pressures(cylinder: Cylinder) -> None:
-    """A causal filter makes pressures late; a load that was not as late would show up as friction."""
-    recording = boom_recording(cylinder, load_force_n=boom_load(motion()[0]))
-    raw = recording.column("load_force_n")
-    np.testing.assert_array_equal(recording.column("load_force_smooth_n"), FILTER.smooth_force(raw, STEP_S))
-
-
 def test_rows_where_the_load_is_not_known_are_not_usable(cylinder: Cylinder) -> None:
     labeller = Labeller(cylinder, Stiffness(), 0.003, load="position")
     recording = boom_recording(cylinder)
@@ -98,27 +90,27 @@ def test_uncertainty_of_an_identified_load_goes_into_the_labels(cylinder: Cylind
     assert expanded.max() < 2.0 * np.hypot(found.load.uncertainty_n(recording.column("position_m")).max(), 10.0)
 
 
-def test_a_load_column_that_contradicts_the_mode_is_refused(cylinder: Cylinder) -> None:
-    with_load = boom_recording(cylinder, load_force_n=boom_load(motion()[0]))
-    with pytest.raises(
-        RecordingError, match=r"recording 'boom': load \(ingest\.load\) is none, but a load was measured"
-    ):
-        Labeller(cylinder, Stiffness(), 0.003).label(with_load, FILTER)
-    labeller = Labeller(cylinder, Stiffness(), 0.003, load="position")
-    with pytest.raises(
-        RecordingError, match=r"load \(ingest\.load\) is position, but a load was measured .* set load to"
-    ):
-        session(labeller, with_load)
-    with pytest.raises(
-        RecordingError, match=r"load \(ingest\.load\) is measured, but there is no column 'load_force_n'; map the"
-    ):
-        Labeller(cylinder, Stiffness(), 0.003, load="measured").label(boom_recording(cylinder), FILTER)
+LOADED = {"load_force_n": boom_load(motion()[0])}
 
 
-def test_a_session_that_was_not_asked_is_refused(cylinder: Cylinder) -> None:
-    labeller = Labeller(cylinder, Stiffness(), 0.003, load="position")
-    with pytest.raises(ValueError, match=r"expected load and mass of its session .* but got None"):
-        labeller.label(boom_recording(cylinder), FILTER)
+@pytest.mark.parametrize(
+    ("mode", "how", "recorded", "message"),
+    [
+        ("none", {}, LOADED, r"recording 'boom': load \(ingest\.load\) is none, but a load was measured"),
+        ("none", {"load": "position"}, LOADED, r"load \(ingest\.load\) is position, but a load was measured"),
+        ("none", {"load": "measured"}, {}, r"is measured, but there is no column 'load_force_n'; map the"),
+        ("none", {"load": "position"}, {}, r"expected load and mass of its session .* but got None"),
+        ("none", {"load": "gravity"}, {}, "load must be one of none, measured, position, but got 'gravity'"),
+        ("none", {"inertia": "guessed"}, {}, "inertia must be one of given, identified, but got 'guessed'"),
+        ("trapped_oil", {}, {"pressures": False}, "label.stiffness is trapped_oil, .* has drive_force_n"),
+    ],
+)
+def test_what_cannot_be_labelled_is_refused(
+    cylinder: Cylinder, mode: Any, how: dict[str, Any], recorded: dict[str, Any], message: str
+) -> None:
+    recording = boom_recording(cylinder, **recorded)
+    with pytest.raises(ValueError, match=message):
+        Labeller(cylinder, Stiffness(mode), 0.003, **how).label(recording, FILTER)
 
 
 def test_an_identified_mass_is_used(cylinder: Cylinder) -> None:
@@ -129,39 +121,6 @@ def test_an_identified_mass_is_used(cylinder: Cylinder) -> None:
     found = replace(given, moving_mass_kg=2000.0)
     assert worst_error(labeller.label(recording, FILTER, found)) < 1.0
     assert worst_error(labeller.label(recording, FILTER, given)) > 5.0
-
-
-@pytest.mark.parametrize("mode", ["trapped_oil", "paper_literal"])
-def test_the_oils_spring_needs_pressures(cylinder: Cylinder, mode: Any) -> None:
-    labeller = Labeller(cylinder, Stiffness(mode), 0.003)
-    with pytest.raises(RecordingError, match=f"label.stiffness is {mode}, .* but the recording has drive_force_n"):
-        labeller.label(boom_recording(cylinder, pressures=False), FILTER)
-
-
-def test_audit_takes_the_session_too(cylinder: Cylinder) -> None:
-    labeller = Labeller(cylinder, Stiffness(), 0.003, load="position")
-    recording = boom_recording(cylinder)
-    velocity = motion()[1]
-    truth = pd.DataFrame({"friction_n": true_friction(velocity), "velocity_m_s": velocity})
-    audit = Audit(0.5)
-    filters = {"savitzky_golay": FILTER, "centred": CentredMovingAverage()}
-    labeller.audit(recording, truth, filters, audit, session(labeller, recording))
-    (row,) = [
-        row for row in audit.rows() if (row.filter, row.condition, row.stratum) == ("savitzky_golay", "all", "steady")
-    ]
-    assert row.mae_n < 5.0
-
-
-@pytest.mark.parametrize(
-    ("field", "value", "message"),
-    [
-        ("load", "gravity", "load must be one of none, measured, position, but got 'gravity'"),
-        ("inertia", "guessed", "inertia must be one of given, identified, but got 'guessed'"),
-    ],
-)
-def test_unknown_modes_are_refused(cylinder: Cylinder, field: str, value: str, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        Labeller(cylinder, Stiffness(), 0.003, **{field: value})  # type: ignore[arg-type]
 
 
 RAW = ["time_s", "pressure_1_pa", "pressure_2_pa", "position_m"]

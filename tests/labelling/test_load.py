@@ -3,9 +3,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from boom import STEP_S, boom_load, boom_points
+from boom import boom_load, boom_points
 from cylinder_friction.labelling.load import POOLED_PLACES, LoadPlan, identify_load, pooled_load
-from cylinder_friction.labelling.strokes import TravelCovered, stroke_points
+from cylinder_friction.labelling.strokes import TravelCovered
 from cylinder_friction.recordings.recording import RecordingError
 
 
@@ -78,24 +78,6 @@ def test_outliers_count_little() -> None:
     assert np.abs(found.load_n(grid) - boom_load(grid)).max() < 60.0
 
 
-@pytest.mark.extended
-def test_one_speed_a_direction_tells_no_viscous_friction() -> None:
-    """Up at one speed and down at another: viscous friction, Coulomb friction and a constant load look alike."""
-    time_s = STEP_S * np.arange(20_000)
-    phase = (time_s / 10.0) % 1.0
-    position_m = 0.125 + 0.05 * np.where(phase < 0.3, phase / 0.3, (1.0 - phase) / 0.7)
-    velocity = np.where(phase < 0.3, 0.05 / 3.0, -0.05 / 7.0)
-    generator = np.random.default_rng(3)
-    force_n = 1000.0 + 300.0 * np.sign(velocity) + 1500.0 * velocity + generator.normal(0.0, 5.0, len(velocity))
-    usable = np.ones(len(velocity), dtype=np.bool_)
-    points = stroke_points(force_n, position_m, velocity, 0.0 * velocity, usable, STEP_S, 2e-3, 2e-3)
-    found = identify_load(points, LoadPlan())
-    assert found.viscous_n_s_m == 0.0
-    assert found.viscous_interval_n_s_m == (0.0, 0.0)
-    half_difference = 300.0 + 1500.0 * 0.5 * (0.05 / 3.0 + 0.05 / 7.0)
-    assert found.coulomb_n == pytest.approx(half_difference, rel=0.01)
-
-
 def test_only_positions_of_both_directions_are_covered() -> None:
     points = boom_points()
     up_only = (points.velocity_m_s < 0.0) & (points.position_m > 0.16)
@@ -107,32 +89,17 @@ def test_only_positions_of_both_directions_are_covered() -> None:
     assert found.load_n(np.array([0.24])) == found.load_n(np.array([found.coverage.range_m[1]]))
 
 
-def test_strokes_of_one_direction_are_refused() -> None:
-    points = boom_points()
-    with pytest.raises(RecordingError, match="got no stroke that retracts; expected strokes of both directions"):
-        identify_load(points.where(points.velocity_m_s > 0.0), LoadPlan())
-
-
-def test_strokes_that_do_not_overlap_are_refused() -> None:
-    points = boom_points()
-    apart = ((points.velocity_m_s > 0.0) & (points.position_m > 0.13)) | (
-        (points.velocity_m_s < 0.0) & (points.position_m < 0.12)
-    )
-    message = r"strokes that extend cover 0\.12.* to 0\.20.* m and strokes that retract 0\.04.* to 0\.12.* m, with 0 %"
-    with pytest.raises(RecordingError, match=message):
-        identify_load(points.where(apart), LoadPlan())
-
-
-def test_too_few_points_are_refused() -> None:
-    points = boom_points(seconds=18.0)
-    middle = np.abs(points.position_m - 0.125) < 0.004
-    with pytest.raises(RecordingError, match=r"got \d+ points of 0\.1 s where .* expected at least 12"):
-        identify_load(points.where(middle), LoadPlan())
-
-
-def test_friction_that_drives_the_motion_is_refused() -> None:
-    with pytest.raises(RecordingError, match=r"Coulomb friction would be -399.* check the sign"):
-        identify_load(boom_points(coulomb_n=-400.0, viscous_n_s_m=0.0), LoadPlan())
+def test_strokes_that_determine_no_load_are_refused() -> None:
+    points, few = boom_points(), boom_points(seconds=18.0)
+    extends, at_m = points.velocity_m_s > 0.0, points.position_m
+    for seen, message in (
+        (points.where(extends), "got no stroke that retracts; expected strokes of both directions"),
+        (points.where(np.where(extends, at_m > 0.13, at_m < 0.12)), r"strokes that extend cover 0\.12.*, with 0 %"),
+        (few.where(np.abs(few.position_m - 0.125) < 0.004), r"got \d+ points of 0\.1 s .* expected at least 12"),
+        (boom_points(coulomb_n=-400.0, viscous_n_s_m=0.0), r"Coulomb friction would be -399.* check the sign"),
+    ):
+        with pytest.raises(RecordingError, match=message):
+            identify_load(seen, LoadPlan())
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros_are_known
 from cylinder_friction.realtime.bounds import causal_velocity
-from cylinder_friction.realtime.sensor_offset import BALANCE, EXTENDED, MEANS, RETRACTED, ZERO, OffsetTracker
+from cylinder_friction.realtime.sensor_offset import BALANCE, EXTENDED, RETRACTED, ZERO, OffsetTracker
 from cylinder_friction.recordings.columns import LOAD_FORCE, SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import IdentifiedZero, Recording, RecordingError, SensorUncertainty
 
@@ -94,13 +94,6 @@ def test_a_known_offset_is_kept_and_an_unknown_one_drifts(
     assert found[0, 1] == pytest.approx(7.0)
 
 
-def test_caution_in_stating_learns_the_same(tracker: OffsetTracker, offset_recordings: list[Recording]) -> None:
-    calm, careful = (learned(tracker.careful(1.0, stated), offset_recordings[-1]) for stated in (1.0, 2.0))
-    assert careful[:, 0].tolist() == calm[:, 0].tolist()
-    assert np.all(careful[500:, 1] > calm[500:, 1])
-    assert careful[:, 1].max() <= calm[:, 1].max() * (1.0 + 1e-9), "never more than what was stated for the sensors"
-
-
 def test_rest_before_the_first_stroke_shows_an_offset_as_large_as_friction(
     tracker: OffsetTracker, offset_recordings: list[Recording]
 ) -> None:
@@ -118,39 +111,10 @@ def test_rest_before_the_first_stroke_shows_an_offset_as_large_as_friction(
         assert found[20, 0] == found[-1, 0], "friction changes while at rest; the offset does not"
 
 
-def test_rest_after_a_stroke_shows_nothing(tracker: OffsetTracker, offset_recordings: list[Recording]) -> None:
-    recording = offset_recordings[-1]
-    state = tracker.new_state()
-    before = tracker.rows(recording.samples(), causal_velocity(recording), PLACE, state)[-1, 0]
-    resting = np.repeat(recording.samples()[-1:], 400, axis=0)
-    assert set(tracker.rows(resting, np.zeros(400), PLACE, state)[1:, 0]) <= {state[MEANS]}
-    assert state[MEANS] == pytest.approx(before, abs=0.5)
-
-
-@pytest.mark.extended
-def test_zeros_that_drift_are_followed_faster(cylinder: Cylinder, offset_recordings: list[Recording]) -> None:
-    drifting = []
-    for number, recording in enumerate(offset_recordings):
-        drift = 400.0 if number % 2 else -400.0
-        metadata, since_s = recording.metadata, 0.005 * np.arange(len(recording))
-        zero = replace(metadata.identified_zero["pressure_1_pa"], drift=drift)
-        zeros = {**metadata.identified_zero, "pressure_1_pa": zero}
-        shifted = recording.with_columns(pressure_1_pa=recording.column("pressure_1_pa") + drift * since_s)
-        drifting.append(replace(shifted, metadata=replace(metadata, identified_zero=zeros)))
-    calm, faster = (fit_offset_tracker(each, cylinder, SAMPLE_COLUMNS) for each in (offset_recordings, drifting))
-    assert faster.settings.walk > calm.settings.walk
-
-
 def test_nothing_that_comes_later_counts(tracker: OffsetTracker, offset_recordings: list[Recording]) -> None:
     recording = offset_recordings[-1]
     cut = replace(recording, columns=recording.table[:1500])
     assert learned(tracker, cut).tolist() == learned(tracker, recording)[:1500].tolist()
-
-
-@pytest.mark.parametrize("start", [(np.nan, 1.0), (0.0, -1.0), (0.0, np.inf)])
-def test_an_impossible_start_is_refused(tracker: OffsetTracker, start: tuple[float, float]) -> None:
-    with pytest.raises(ValueError, match="expected a finite offset and an uncertainty of at least 0 N, but got"):
-        tracker.new_state(*start)
 
 
 def test_what_gives_no_tracker_is_refused(cylinder: Cylinder, offset_recordings: list[Recording]) -> None:

@@ -42,11 +42,6 @@ def test_alike_neighbours_widen_intervals_and_bootstrap_alike() -> None:
     np.testing.assert_allclose(2.02 * drawn.std(axis=0), alike, rtol=0.25)
 
 
-def test_too_few_clusters_tell_nothing() -> None:
-    fit = robust_fit(DESIGN, DESIGN @ np.array([2.0, 3.0]))
-    assert np.isinf(clustered_half_widths(DESIGN, fit, np.arange(400) // 200, 0.95)).all()
-
-
 def test_blocks_are_drawn_within_their_group() -> None:
     """A draw without one of the groups could not tell its level."""
     group = np.arange(400) // 200
