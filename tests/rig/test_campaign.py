@@ -54,11 +54,7 @@ def test_sessions_differ_and_their_recordings_share_the_calibration(cylinder: Cy
     assert np.abs(offsets).max() <= 5e3
     assert len(np.unique(offsets)) == 40
     assert np.ptp([session.oil_temperature_c for session in sessions]) > 8.0
-    drift = np.concatenate([session.drift for session in sessions])
-    assert 0.01 < drift.std() < 0.05
-    assert np.abs(drift - 1.0).max() <= 0.08 + 1e-9
-    loose = draw_session(rig, np.random.default_rng(0), 600.0, zeroed=False, residual_offset_pa=5e3)
-    assert np.abs(loose.rig.sensors.pressure_offset_pa).max() > 5e3
+    assert 0.01 < np.concatenate([session.drift for session in sessions]).std() < 0.05
 
 
 def test_asymmetry_varies_between_sessions_by_as_much_as_is_asked_for_and_changes_nothing_else(
@@ -97,17 +93,12 @@ def test_the_load_is_in_the_log_and_in_the_truth_of_such_campaigns_alone(
     assert tuple(recordings[0].logger.columns) == LOGGER_COLUMNS
 
 
-def test_the_load_changes_within_recordings_and_from_one_to_the_next(loaded: list[RigRecording]) -> None:
-    loads = [recording.truth["load_force_n"] for recording in loaded]
-    assert all(np.ptp(load) > 150.0 for load in loads)
-    assert np.ptp([load.iloc[0] for load in loads]) > 500.0
-    assert max(load.abs().max() for load in loads) < 3100.0
-
-
 def test_with_the_measured_load_sensors_tell_friction_as_without_one(
     cylinder: Cylinder, loaded: list[RigRecording]
 ) -> None:
     for recording in loaded:
+        assert np.ptp(recording.truth["load_force_n"]) > 150.0
+        assert recording.truth["load_force_n"].abs().max() < 3100.0
         logger, truth = recording.logger, recording.truth
         oil = logger["P1 [bar]"] * 1e5 * cylinder.piston_area_m2 - logger["P2 [bar]"] * 1e5 * cylinder.annulus_area_m2
         inside = truth["position_m"].between(0.003, cylinder.stroke_m - 0.003)

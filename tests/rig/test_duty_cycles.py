@@ -3,45 +3,11 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.rig.duty_cycles import duty_cycle, lever_for_speed
-from cylinder_friction.rig.lever import APPROACH, CHAINED, KIND, SINE, hand_step, new_hand
+from cylinder_friction.rig.lever import CHAINED, SINE
 from cylinder_friction.rig.parameters import RigParameters
 from cylinder_friction.rig.simulate import balanced_state, simulate
 
 MIDDLE_M, OVERLAP = 0.125, 0.1
-
-
-def row(target: float, move_s: float, hold_s: float, *, low: float = 0.03, high: float = 0.22, chained: float = 0.0):
-    return [0.0, target, move_s, hold_s, 0.0, low, high, 0.3, chained, 1.0]
-
-
-def test_a_move_is_smooth_and_reaches_its_target() -> None:
-    hand, actions = new_hand(), np.array([row(0.6, 0.2, 1.0), row(0.0, 0.2, 1.0)])
-    levers = np.array([hand_step(hand, actions, 0.0, 0.1, OVERLAP, MIDDLE_M) for _ in range(800)])
-    assert levers[-1] == pytest.approx(0.6)
-    assert (np.diff(levers) >= -1e-12).all()
-    assert np.abs(np.diff(levers, 2)).max() < 2e-4
-
-
-def test_near_the_end_the_hand_reverses_after_its_reaction_time() -> None:
-    hand = new_hand()
-    actions = np.array([row(0.6, 0.2, 20.0), row(0.5, 0.2, 20.0, chained=1.0), row(0.4, 0.2, 5.0)])
-    position, levers = 0.20, []
-    for _ in range(2000):
-        levers.append(hand_step(hand, actions, 0.0, position, OVERLAP, MIDDLE_M))
-        position += 0.05 * 0.001 * (levers[-1] > OVERLAP)
-    turned = int(np.argmax(np.diff(levers) < -1e-9))
-    seen = 1e-3 * turned
-    # 20 mm at 50 mm/s take 0.4 s after the lever has left the overlap; then 0.3 s of reaction.
-    assert 0.7 < seen < 0.9
-    assert levers[-1] == pytest.approx(-0.4), "the correction is skipped, and the next stroke points away from the end"
-
-
-def test_an_approach_is_left_out_where_the_piston_is_there_already() -> None:
-    hand, there = new_hand(), np.array([row(-0.6, 0.2, 20.0), row(0.4, 0.2, 20.0)])
-    there[0, KIND] = APPROACH
-    levers = [hand_step(hand, there, 0.0, 0.02, OVERLAP, MIDDLE_M) for _ in range(500)]
-    assert min(levers) > -1e-3
-    assert levers[-1] == pytest.approx(0.4)
 
 
 @pytest.mark.parametrize("speed_m_s", [0.005, 0.02, 0.04, -0.005, -0.02, -0.04])

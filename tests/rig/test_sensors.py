@@ -76,18 +76,6 @@ def test_the_range_ends_where_the_transmitter_does() -> None:
     assert table["P2 [bar]"].min() == pytest.approx(-2.5, abs=0.05)
 
 
-def test_backlash_hides_small_motion() -> None:
-    trace = still()
-    trace["position_m"] += 5e-6 * np.sin(2.0 * np.pi * trace["time_s"])
-    assert seen(replace(SILENT, bits=24, backlash_m=2e-5), trace)["Position [mm]"].iloc[50:].std() < 1e-6
-    assert seen(replace(SILENT, bits=24), trace)["Position [mm]"].std() > 1e-3
-
-
-def test_a_sample_time_that_does_not_fit_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"sample_time_s: got 0\.0025 s, but expected a multiple of the trace's step"):
-        seen(replace(SILENT, sample_time_s=0.0025), still())
-
-
 def test_the_thermometer_is_off_by_its_offset_and_late_by_its_time_constant() -> None:
     sensors = replace(SILENT, bits=24, temperature_offset_c=0.4, temperature_lag_s=2.0)
     trace = still(seconds=20.0)
@@ -96,15 +84,6 @@ def test_the_thermometer_is_off_by_its_offset_and_late_by_its_time_constant() ->
     assert oil_c[:800] == pytest.approx(37.4, abs=1e-3)
     assert oil_c[800 + 400] == pytest.approx(37.4 + 10.0 * (1.0 - np.exp(-1.0)), abs=0.02)
     assert oil_c[-1] == pytest.approx(47.4, abs=0.01)
-
-
-def test_thermometer_and_load_cell_take_no_random_number_from_the_others() -> None:
-    plain = seen(SensorParameters(), still())
-    noisy = replace(SensorParameters(), temperature_noise_c=0.5, load_noise_n=50.0)
-    with_cell = measure(noisy, still(), np.random.default_rng(0), load_cell=True)
-    assert tuple(plain.columns) == LOGGER_COLUMNS
-    assert tuple(with_cell.columns) == (*LOGGER_COLUMNS, LOAD_COLUMN)
-    pd.testing.assert_frame_equal(plain.iloc[:, :4], with_cell.iloc[:, :4], check_exact=True)
 
 
 def test_the_load_cell_is_as_late_as_its_amplifier() -> None:

@@ -7,6 +7,7 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.rig.external_load import ExternalLoad, boom_n
 from cylinder_friction.rig.hydraulics import bulk_modulus
 from cylinder_friction.rig.parameters import PUMP_FLOWS_M3_S, RigParameters, default_rig, hydraulic_constants
 from cylinder_friction.rig.simulate import balanced_state, simulate
@@ -21,50 +22,44 @@ def held(level: float, seconds: float, after_s: float = 0.3) -> np.ndarray:
     return level * np.clip((time_s - 0.1) / (after_s - 0.1), 0.0, 1.0)
 
 
-def reversing(seconds: float) -> np.ndarray:
-    """Return a lever swung to and fro, then let go."""
-    time_s = 0.001 * np.arange(round((seconds + 0.01) / 0.001))
-    lever = 0.5 * np.sin(2.0 * np.pi * 1.1 * (time_s - 0.05)) * np.clip((time_s - 0.05) / 0.2, 0.0, 1.0)
-    return np.where(time_s < 0.8 * seconds, lever, 0.0)
+def boom_with_steps(seconds: float) -> ExternalLoad:
+    ticks = round(seconds * 1000) + 10
+    steps = np.interp(np.arange(ticks), [0, 700, 900, 1500, 1600], [200.0, 200.0, -400.0, -400.0, 600.0])
+    return ExternalLoad(steps, np.ones(ticks), boom_n(np.random.default_rng(3), 0.25))
 
 
-@pytest.mark.parametrize("condition", ["1", "3"])
+@pytest.mark.parametrize(("condition", "loaded"), [("1", False), ("2", True)])
 def test_fixed_step_agrees_with_the_stiff_reference_solver_over_reversals(
-    rigs: dict[str, RigParameters], condition: str
+    rigs: dict[str, RigParameters], condition: str, loaded: bool
 ) -> None:
     rig, seconds = rigs[condition], 2.2
-    lever, start = reversing(seconds), balanced_state(rigs[condition], 0.12, 10e5, 35.0)
-    found, reference = simulate(rig, lever, start, seconds), solve_reference(rig, lever, start, seconds, 1e-6)
-    velocity = reference["velocity_m_s"]
-    assert velocity.max() > 0.03
-    assert velocity.min() < -0.03
-    moves = np.sign(velocity[velocity.abs() > 1e-3])
-    assert int((np.diff(moves) != 0).sum()) >= 3
-
-    def apart(column: str) -> tuple[float, float]:
-        difference = (found[column] - reference[column]).abs()
-        return float(difference.mean()), float(difference.max())
-
+    time_s = 0.001 * np.arange(2210)
+    lever = 0.5 * np.sin(2.0 * np.pi * 1.1 * (time_s - 0.05)) * np.clip((time_s - 0.05) / 0.2, 0.0, 1.0)
+    lever[time_s > 0.8 * seconds] = 0.0
+    load = None
+    if loaded:
+        rig, load = replace(rig, hydraulics=replace(rig.hydraulics, makeup_gain=2e-6)), boom_with_steps(seconds)
+    start = balanced_state(rig, 0.12, 10e5, 35.0, 0.0 if load is None else load.at_start(0.12, 0.25))
+    found = simulate(rig, lever, start, seconds, external_force=load)
+    reference = solve_reference(rig, lever, start, seconds, 1e-6, external_force=load)
+    moves = np.sign(reference["velocity_m_s"][reference["velocity_m_s"].abs() > 0.02])
+    assert int((np.diff(moves) != 0).sum()) >= 2
     for column, mean, worst in (
         ("pressure_1_pa", 5e3, 4e4),
         ("pressure_2_pa", 5e3, 4e4),
         ("velocity_m_s", 1e-4, 1.5e-3),
         ("position_m", 2e-5, 5e-5),
-        ("friction_n", 1.0, 15.0),
+        ("friction_n", 1.5, 15.0),
     ):
-        assert apart(column)[0] < mean, column
-        assert apart(column)[1] < worst, column
+        difference = (found[column] - reference[column]).abs()
+        assert difference.mean() < mean, column
+        assert difference.max() < worst, column
 
 
-@pytest.mark.parametrize("fill_pa", [2e5, 20e5])
-def test_nothing_moves_while_the_lever_rests_but_by_leakage(rigs: dict[str, RigParameters], fill_pa: float) -> None:
-    rig, lever = rigs["1"], np.zeros(10_002)
-    tight = replace(rig, hydraulics=replace(rig.hydraulics, leakage_m3_s_pa=0.0))
-    start = balanced_state(rig, 0.1, fill_pa, 35.0)
-    assert (simulate(tight, lever, start, 10.0)["position_m"] - 0.1).abs().max() < 1e-9
-    leaking = simulate(rig, lever, start, 10.0)
-    leak_m3 = rig.hydraulics.leakage_m3_s_pa / 0.8 * (start.pressure_2_pa - start.pressure_1_pa) * 10.0
-    assert (leaking["position_m"] - 0.1).abs().max() < leak_m3 / rig.hydraulics.annulus_area_m2
+def test_bulk_modulus_is_that_of_aerated_oil(rigs: dict[str, RigParameters]) -> None:
+    y = hydraulic_constants(rigs["1"].hydraulics)
+    found = [bulk_modulus(y, bar * 1e5) / 1e9 for bar in (1.0, 10.0, 50.0)]
+    assert found == pytest.approx([0.09, 0.77, 1.32], rel=0.05)
 
 
 @pytest.mark.parametrize("condition", TESTS)
@@ -157,14 +152,6 @@ def test_the_throttle_loads_extension_alone(rigs: dict[str, RigParameters]) -> N
     assert len({round(rod_side[-1.0, condition], -3) for condition in TESTS}) == 1
 
 
-def test_friction_is_hundreds_of_newtons_and_grows_from_test_to_test(traces: dict[str, pd.DataFrame]) -> None:
-    extending = {condition: trace[trace["velocity_m_s"] > 0.003] for condition, trace in traces.items()}
-    means = [float(extending[condition]["friction_n"].mean()) for condition in TESTS]
-    assert means == sorted(means)
-    assert 250.0 < means[0] < 450.0
-    assert 450.0 < means[-1] < 750.0
-
-
 def test_a_longer_dwell_makes_a_higher_breakaway(rigs: dict[str, RigParameters]) -> None:
     def breakaway(dwell_s: float) -> float:
         time_s = 0.001 * np.arange(round((dwell_s + 3.01) / 0.001))
@@ -176,14 +163,6 @@ def test_a_longer_dwell_makes_a_higher_breakaway(rigs: dict[str, RigParameters])
 
     short, medium, long = breakaway(0.3), breakaway(5.0), breakaway(30.0)
     assert short < medium < long
-
-
-def test_times_that_do_not_fit_are_refused(rigs: dict[str, RigParameters]) -> None:
-    start = balanced_state(rigs["1"], 0.1, 8e5, 35.0)
-    with pytest.raises(ValueError, match=r"got 0\.001 s, but expected a multiple of time_step_s, 0\.0003 s"):
-        simulate(rigs["1"], np.zeros(2000), start, 1.0, time_step_s=3e-4)
-    with pytest.raises(ValueError, match=r"got 500 values, but 1\.0 s need 1002, one each millisecond"):
-        simulate(rigs["1"], np.zeros(500), start, 1.0)
 
 
 def test_an_unknown_supply_is_refused(cylinder: Cylinder) -> None:
