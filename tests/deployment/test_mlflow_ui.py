@@ -1,20 +1,15 @@
 """The MLflow UI as a process: it is ended with whoever started it, at the worst moments too."""
 
-import signal
 import socket
 import subprocess
 import sys
 import time
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import pytest
 
-from cylinder_friction.deployment.mlflow_ui import run_ui, served_ui
-from cylinder_friction.execution.ports import free_port
+from cylinder_friction.deployment.mlflow_ui import served_ui
 from cylinder_friction.tracking.repository import TrackingError
 
 pytestmark = pytest.mark.extended
@@ -51,36 +46,6 @@ def test_a_polite_kill_while_it_starts_leaves_no_server_behind(
     assert served.wait(60.0) != 0
     assert comes_true(lambda: not runs(server), 120.0), "the server still runs"
     log.unlink()
-
-
-class KilledTwice(subprocess.Popen[bytes]):
-    """A server with a worker that ignores SIGTERM; who starts it gets SIGTERM at once, and again while ending it."""
-
-    def __init__(self, worker: str, _: Any, **options: Any) -> None:
-        super().__init__(["bash", "-c", f"(trap '' TERM; {worker}; true) & {worker}; true"], **options)
-        assert comes_true(lambda: runs(f"^{worker}", 2), 120.0)
-        signal.raise_signal(signal.SIGTERM)
-
-    def wait(self, timeout: float | None = None) -> int:
-        signal.raise_signal(signal.SIGTERM)
-        return super().wait(timeout)
-
-
-def test_two_kills_at_the_worst_moments_leave_neither_the_server_nor_its_worker(
-    champion_root: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
-    worker = f"sleep 9{free_port()}"
-    parts = SimpleNamespace(Popen=partial(KilledTwice, worker), STDOUT=subprocess.STDOUT)
-    monkeypatch.setattr("cylinder_friction.deployment.mlflow_ui.subprocess", parts)
-    handlers = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        with pytest.raises(KeyboardInterrupt):
-            run_ui(champion_root)
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
-    assert comes_true(lambda: not runs(worker), 120.0), "the server or its worker still runs"
 
 
 def test_a_port_that_is_taken_is_named(champion_root: Path, monkeypatch: pytest.MonkeyPatch) -> None:

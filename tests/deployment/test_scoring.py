@@ -88,13 +88,6 @@ def test_an_estimator_on_other_inputs_is_scored_on_them(labelled_recordings: lis
         score(served(ridge.step_model()), rows_of(recordings[0]))
 
 
-def test_recordings_are_scored_separately(small_graph: ServedGraph, labelled_recordings: list[Recording]) -> None:
-    one, other = rows_of(labelled_recordings[0], 200), rows_of(labelled_recordings[4], 150)
-    both = pd.concat([one.assign(recording="one"), other.assign(recording="other")])
-    alone = np.concatenate([score(small_graph, one)["friction_n"], score(small_graph, other)["friction_n"]])
-    assert np.abs(score(small_graph, both)["friction_n"].to_numpy() - alone).max() < 1e-3
-
-
 def joined(rows: pd.DataFrame, row: int, shift_m: float) -> pd.DataFrame:
     return rows.assign(position_m=rows["position_m"] + np.where(np.arange(len(rows)) >= row, shift_m, 0.0))
 

@@ -1,97 +1,21 @@
-"""Models of every shape as plain arrays, and the compilers that are there."""
+"""Models of every shape, each compiled once, and the samples that they are stepped through."""
 
 import shutil
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cylinder_friction.deployment.c_export.compiled import CompiledEstimator
-from cylinder_friction.deployment.c_export.export import Precision, export_model, part_of
-from cylinder_friction.realtime.forest import Forest
-from cylinder_friction.realtime.lstm import LstmWeights
+from cylinder_friction.deployment.c_export.export import Precision, export_model
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.testing.golden import read_trajectories
 from golden_fixtures import GOLDEN, golden_model
-from learned_offset import learning, learning_hybrid, offset_samples
+from learned_offset import learning_hybrid, offset_samples
+from model_shapes import SHAPES
 
 __all__ = ["compiled", "golden_model", "learning_hybrid", "offset_samples", "trajectories"]
 COMPILERS = ("gcc", "clang")
-
-
-def random_network(layers: int, nodes: int, inputs: int, seed: int) -> LstmWeights:
-    generator = np.random.default_rng(seed)
-
-    def weights(*shape: int) -> np.ndarray:
-        return generator.normal(0.0, 0.5, shape).astype(np.float32)
-
-    padded = np.zeros((layers, max(inputs, nodes), 4 * nodes), dtype=np.float32)
-    padded[0, :inputs] = weights(inputs, 4 * nodes)
-    padded[1:, :nodes] = weights(layers - 1, nodes, 4 * nodes)
-    recurrent, bias = weights(layers, nodes, 4 * nodes), weights(layers, 4 * nodes)
-    return LstmWeights(padded, recurrent, bias, weights(nodes), 0.25, inputs)
-
-
-def random_forest(trees: int, depth: int, inputs: int, seed: int) -> Forest:
-    """Trees of uneven depth, the last a single leaf."""
-    generator = np.random.default_rng(seed)
-    feature, threshold, left, right, value, roots = [], [], [], [], [], []
-
-    def grow(below: int) -> int:
-        node = len(feature)
-        leaf = below == 0 or generator.random() < 0.15
-        feature.append(-1 if leaf else int(generator.integers(inputs)))
-        threshold.append(generator.normal(0.0, 0.7))
-        value.append(generator.normal() / trees if leaf else 0.0)
-        left.append(0)
-        right.append(0)
-        if not leaf:
-            left[node] = grow(below - 1)
-            right[node] = grow(below - 1)
-        return node
-
-    for tree in range(trees):
-        roots.append(len(feature))
-        grow(0 if tree == trees - 1 else depth)
-    whole = (np.array(numbers, dtype=np.int64) for numbers in (left, right, roots))
-    lefts, rights, starts = whole
-    single = (np.array(numbers, dtype=np.float32) for numbers in (threshold, value))
-    thresholds, values = single
-    return Forest(np.array(feature, dtype=np.int64), thresholds, lefts, rights, values, starts, depth, inputs)
-
-
-def _shapes() -> dict[str, Callable[[StepModel], StepModel]]:
-    def hidden_only(model: StepModel) -> StepModel:
-        return replace(
-            model,
-            network=random_network(3, 10, len(model.feature_taps), 1),
-            forest=random_forest(11, 6, 10, 2),
-            forest_sees="hidden",
-            head_counts=False,
-            base_taps=np.zeros((3, 1)),
-        )
-
-    def wide(model: StepModel) -> StepModel:
-        return replace(part_of(model, "lstm"), network=random_network(1, 33, len(model.feature_taps), 3))
-
-    def forest_alone(model: StepModel) -> StepModel:
-        forest = random_forest(3, 12, len(model.feature_taps), 4)
-        return replace(model, network=None, forest=forest, forest_sees="features", head_counts=False)
-
-    return {
-        "whole": lambda model: model,
-        "lstm": lambda model: part_of(model, "lstm"),
-        "base": lambda model: part_of(model, "base"),
-        "hidden_only": hidden_only,
-        "wide": wide,
-        "forest_alone": forest_alone,
-        "learning": learning,
-        "learning_base": lambda model: part_of(learning(model), "base"),
-    }
-
-
-SHAPES = _shapes()
 
 
 @pytest.fixture(scope="session")

@@ -14,7 +14,7 @@ from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
-from deployment.c_export.conftest import SHAPES
+from model_shapes import SHAPES
 
 DOUBLE_N = 1e-9
 
@@ -49,15 +49,3 @@ def test_lugre_streams_what_it_estimates(
     estimator.fit(warm)
     newtons, _ = CompiledEstimator(export_c(estimator, tmp_path)).stream().run(warm[0].samples(inputs))
     np.testing.assert_allclose(newtons[:, 0], estimator.estimate(warm[0]), rtol=0.0, atol=1e-6)
-
-
-@pytest.mark.extended
-def test_an_hour_agrees(
-    compiled: Callable[..., CompiledEstimator], golden_model: StepModel, trajectories: dict[str, np.ndarray]
-) -> None:
-    once = np.concatenate([trajectories[name] for name in sorted(trajectories)])
-    hour = np.tile(once, (-(-720_000 // len(once)), 1))[:720_000]
-    expected, expected_flags = RealTimeStream(golden_model).run(hour)
-    newtons, flags = compiled("whole").stream().run(hour)
-    np.testing.assert_array_equal(flags, expected_flags)
-    np.testing.assert_allclose(newtons, expected, rtol=0.0, atol=DOUBLE_N)

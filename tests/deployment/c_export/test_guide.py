@@ -65,12 +65,9 @@ def test_the_command_says_what_it_wrote(
     assert re.search(r"#define PRESS_STATE_BYTES (\d+)", header)[1] in said
 
 
-def test_the_command_says_what_it_cannot_do(
-    small_hybrid: HybridEstimator, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    small_hybrid.save(tmp_path / "model")
-    arguments = ["export", "c", str(tmp_path / "model"), "--output", str(tmp_path / "out")]
-    assert main([*arguments, "--name", "Press"]) == 1
-    assert "export c: name must be lower-case letters" in capsys.readouterr().err
-    assert main(["export", "c", str(tmp_path / "none"), "--output", str(tmp_path / "out")]) == 1
-    assert "holds no estimator.json" in capsys.readouterr().err
+@pytest.mark.parametrize("what", ["c", "fmu", "onnx"])
+def test_a_model_that_is_not_there_is_named(what: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["export", what, str(tmp_path), "--output", str(tmp_path / "out.fmu")]) == 1
+    assert f"export {what}: " in (said := capsys.readouterr().err)
+    assert "holds no estimator.json" in said
+    assert list(tmp_path.iterdir()) == []

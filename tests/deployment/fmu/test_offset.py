@@ -2,56 +2,28 @@
 
 import math
 
-import numpy as np
 import pytest
 from fmpy.fmi1 import FMICallException
 
 from cylinder_friction.realtime.model import StepModel
-from cylinder_friction.realtime.stream import RealTimeStream
 from fmu_host import ExtractedFmu, FmuInstance
 
-NEWTONS = 0.01
 START = ("start_offset", "start_offset_uncertainty")
 LEARNED = ("offset", "offset_uncertainty")
 
 pytestmark = pytest.mark.parametrize("hybrid", ["learning_hybrid"], indirect=True)
 
 
-@pytest.mark.parametrize("start", [(90.0, 4.0), (90.0, -1.0), (-30.0, 0.0)])
-def test_it_starts_from_a_known_offset(
-    instance: FmuInstance, model: StepModel, offset_samples: np.ndarray, start: tuple[float, float]
-) -> None:
-    python, rest = RealTimeStream(model), offset_samples[100].tolist()
-    python.reset(start[0], None if start[1] < 0.0 else start[1])
-    for name, value in zip(START, start, strict=True):
-        instance.set_real((name,), (value,))
-    assert instance.get_real(*START) == start
-    assert instance.get_real(*LEARNED) == pytest.approx(python.offset)
-    instance.initialize(warm_up_steps=50, sample=tuple(rest))
-    for _ in range(50):
-        python.step(*rest)
-    for sample in offset_samples[100:400].tolist():
-        assert instance.step(sample) == pytest.approx(python.step(*sample), abs=NEWTONS)
-        assert instance.get_real(*LEARNED) == pytest.approx(python.offset, abs=NEWTONS)
-
-
-def test_what_was_learned_is_part_of_the_state_and_reset_forgets_it(
-    opened: ExtractedFmu, instance: FmuInstance, offset_samples: np.ndarray
-) -> None:
+def test_a_start_offset_is_part_of_the_state_and_reset_forgets_it(opened: ExtractedFmu, instance: FmuInstance) -> None:
     instance.set_real(START, (20.0, 3.0))
     instance.initialize()
-    for sample in offset_samples[:600].tolist():
-        instance.step(sample)
-    saved, other = instance.save(), opened.instance("another")
-    other.restore(other.read(instance.store(saved)))
-    other.time_s = instance.time_s
-    assert other.get_real(*START, *LEARNED) == instance.get_real(*START, *LEARNED)
-    for sample in offset_samples[600:900].tolist():
-        assert other.step(sample) == instance.step(sample)
+    other = opened.instance("another")
+    other.restore(other.read(instance.store(instance.save())))
+    assert other.get_real(*START, *LEARNED) == instance.get_real(*START, *LEARNED) == (20.0, 3.0, 20.0, 3.0)
+    other.close()
     instance.reset()
     assert instance.get_real(*START) == (0.0, -1.0)
     assert instance.get_real("offset") == (0.0,)
-    other.close()
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -1e10])
@@ -80,7 +52,3 @@ def test_it_is_described(opened: ExtractedFmu, model: StepModel) -> None:
     assert [(variables[name].causality, variables[name].unit) for name in LEARNED] == [("output", "N")] * 2
     assert [float(variables[name].start) for name in START] == [0.0, -1.0]
     assert "below 0: as stated for the sensors, 80 N" in variables[START[1]].description
-    initial = {unknown.variable.name: unknown.dependencies for unknown in opened.description.initialUnknowns}
-    assert [[each.name for each in initial[name]] for name in LEARNED] == [[name] for name in START]
-    page = (opened.folder / "documentation/index.html").read_text(encoding="utf-8")
-    assert "start_offset and start_offset_uncertainty before initialization ends" in page

@@ -1,13 +1,17 @@
 """The measurement: which runtimes, how many steps, what is kept of the process. Never how fast."""
 
 import gc
+import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from cylinder_friction.deployment.latency.machine import Quiet
 from cylinder_friction.deployment.latency.measuring import Effort, Measured, latency_of, measure
+from cylinder_friction.deployment.latency.report import as_dict, metrics_of, table
 from cylinder_friction.deployment.latency.runtimes import CompiledRuntime, PythonRuntime, Runtime
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.hybrid import HybridEstimator
@@ -26,13 +30,18 @@ def test_every_runtime_takes_every_step_and_estimates_the_same(measured: Measure
             assert 0.0 <= figures.latency.p50_us <= figures.latency.p99_us <= figures.latency.maximum_us
 
 
-def test_one_that_learns_the_sensors_offset_takes_it_off_in_every_runtime(
-    learning_hybrid: HybridEstimator, offset_samples: np.ndarray
+def test_text_json_and_metrics_have_every_model_and_runtime_and_say_how_quiet_the_machine_was(
+    measured: Measured,
 ) -> None:
-    measured = measure({"learner": learning_hybrid}, {"learner": offset_samples[1000:1400]}, Effort(steps=4, rounds=2))
-    model = measured.models["learner"]
-    assert model.size.endswith("LSTM, 4 trees of depth 5, learning the sensors' offset")
-    assert max(figures.largest_difference_n for figures in model.runtimes.values()) < 0.5
+    content = json.loads(json.dumps(as_dict(measured), allow_nan=False))
+    assert content["models"]["small"]["runtimes"]["c"]["ratio_to_c"] in (0.0, 1.0)
+    assert content["machine"]["processor"]
+    assert {"small.c.p999_us", "small.onnx_step.ratio_to_c", "lugre.python.p50_us"} <= set(metrics_of(measured))
+    busy, quiet = (table(replace(measured, quiet=Quiet(share, 0.5, 1.0))) for share in (0.3, 0.0))
+    assert "a BUSY machine" in busy
+    assert "others had 0.0 % of that core" in quiet
+    for model in measured.models.values():
+        assert all(figures.title in quiet for figures in model.runtimes.values())
 
 
 def test_the_process_is_left_as_it_was(hybrid: HybridEstimator, samples: np.ndarray) -> None:
@@ -66,13 +75,9 @@ def test_slow_ones_take_fewer_steps() -> None:
     assert effort.steps_per_round(1e12) == 1
 
 
-@pytest.mark.parametrize("wrong", [{"steps": 0}, {"rounds": 0}, {"seconds": 0.0}])
-def test_no_effort_is_refused(wrong: dict[str, int]) -> None:
+def test_no_effort_and_too_few_samples_are_refused(hybrid: HybridEstimator, samples: np.ndarray) -> None:
     with pytest.raises(ValueError, match="expected at least one step"):
-        Effort(**wrong)
-
-
-def test_too_few_samples_are_refused(hybrid: HybridEstimator, samples: np.ndarray) -> None:
+        Effort(steps=0)
     with pytest.raises(ValueError, match="expected at least 200 samples, but got 10"):
         measure({"small": hybrid}, {"small": samples[:10]}, Effort())
 
@@ -82,14 +87,6 @@ def test_every_figure_is_one_of_the_measured_times() -> None:
     latency = latency_of(times, np.array([7000, 9000, 50_000]), timer_ns=0.0, preempted=3)
     assert (latency.p50_us, latency.p99_us, latency.p999_us, latency.maximum_us) == (5000.0, 9900.0, 9990.0, 10_000.0)
     assert (latency.steps, latency.first_us, latency.preempted) == (10_000, 9.0, 3)
-
-
-def test_the_clocks_own_time_is_taken_off_and_never_leaves_less_than_nothing() -> None:
+    # the clock's own time is taken off, and never leaves less than nothing
     latency = latency_of(np.array([10, 40, 1040]), np.array([540]), timer_ns=40.0)
     assert (latency.p50_us, latency.maximum_us, latency.first_us) == (0.0, 1.0, 0.5)
-
-
-@pytest.mark.parametrize(("steps", "first"), [(0, 1), (1, 0)])
-def test_nothing_measured_is_refused(steps: int, first: int) -> None:
-    with pytest.raises(ValueError, match=f"expected at least one timed step, but got {steps} and {first} first ones"):
-        latency_of(np.zeros(steps, dtype=np.int64), np.zeros(first, dtype=np.int64), 0.0)

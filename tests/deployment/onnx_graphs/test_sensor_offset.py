@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import numpy as np
-import onnxruntime
 import pytest
 
 from contracts.tolerances import TOLERANCES_N
@@ -84,28 +83,6 @@ def test_before_the_first_valid_sample_the_offset_is_what_was_given(
     if rows:
         assert_equal(rolled(stepping, nothing, 25.0, 5.0), (newtons, flags, offsets))
         assert set(offsets[:, 0]) == {25.0}
-
-
-def test_without_this_project_a_known_offset_is_the_beginning_of_the_state(
-    learner: StepModel, offset_samples: np.ndarray
-) -> None:
-    session = onnxruntime.InferenceSession(step_graph(learner).SerializeToString(), providers=["CPUExecutionProvider"])
-    types = {"tensor(double)": np.float64, "tensor(float)": np.float32}
-    feed = {port.name: np.zeros(port.shape, types[port.type]) for port in session.get_inputs()}
-    feed["offset"][0, :2] = 25.0, 5.0
-    names = [port.name for port in session.get_outputs()]
-    got = []
-    for sample in offset_samples[:1500]:
-        feed["sample"][0] = sample
-        outputs = dict(zip(names, session.run(names, feed), strict=True))
-        feed |= {name: outputs[f"{name}_out"] for name in feed if name != "sample"}
-        got.append([outputs[name].item() for name in ("offset_n", "offset_uncertainty_n")])
-    np.testing.assert_allclose(got, expected_of(learner, offset_samples[:1500], 25.0, 5.0)[2], rtol=0.0, atol=CLOSE_N)
-
-
-def test_the_stream_states_no_offset_before_it_has_learned_one(stepping: OnnxStepStream) -> None:
-    stepping.reset(25.0, 5.0)
-    assert np.isnan(stepping.offset).all()
 
 
 def test_an_offset_for_a_graph_that_learns_none_is_refused(golden_model: StepModel, samples: np.ndarray) -> None:
