@@ -1,7 +1,6 @@
 """Estimators of another package: found by its entry points, named when they are not."""
 
 import importlib
-import json
 import sys
 from collections.abc import Iterator
 from pathlib import Path
@@ -110,11 +109,6 @@ def test_an_unknown_kind_names_the_module_to_import(
         cf.load(tmp_path / "saved")
     importlib.import_module("my_friction")
     assert cf.load(tmp_path / "saved").kind == KIND
-
-
-def test_estimators_of_this_package_state_no_module(tmp_path: Path, labelled_recordings: list[Recording]) -> None:
-    cf.RidgeEstimator().fit(labelled_recordings).save(tmp_path)
-    assert "defined_in" not in json.loads((tmp_path / "estimator.json").read_text(encoding="utf-8"))
 
 
 @pytest.mark.parametrize(

@@ -34,19 +34,6 @@ def test_an_estimate_stands_at_the_moment_that_it_is_of(
     assert set(estimate_n[-LAG:]) == {stepped[-1]}
 
 
-def test_waiting_makes_the_estimate_surer(
-    late: HybridEstimator, cylinder: Cylinder, labelled_recordings: list[Recording]
-) -> None:
-    """The smoothed force balance alone, which both correct, is nearer to friction with what comes after."""
-    at_once = HybridEstimator(cylinder, architecture=Architecture(1, 8, 0.0, 3e-3), plan=PLAN, forest_plan=None)
-    at_once.fit(labelled_recordings)
-    errors_n = [
-        np.mean([np.abs(each.estimate(one) - one.column("friction_n"))[600:-LAG].mean() for one in labelled_recordings])
-        for each in (late, at_once)
-    ]
-    assert errors_n[0] < errors_n[1]
-
-
 def test_bounds_are_those_of_the_late_estimate(late: HybridEstimator, labelled_recordings: list[Recording]) -> None:
     found = {each.condition: each for each in coverage(late, labelled_recordings, {})}
     assert 80.0 < found["all"].held_percent < 97.0

@@ -77,16 +77,6 @@ def test_ridge_finds_the_areas_when_the_label_is_linear(
     assert error_n(estimator, linear) < 1e-3
 
 
-def test_ridge_refuses_no_lags() -> None:
-    with pytest.raises(ValueError, match="lags must be at least 1 sample, but got 0"):
-        RidgeEstimator(lags=0)
-
-
-def test_an_unknown_filter_is_refused(cylinder: Cylinder) -> None:
-    with pytest.raises(ValueError, match="filtering must be 'none' or 'paper', but got 'kalman'"):
-        ForceBalanceEstimator(cylinder, "kalman")  # type: ignore[arg-type]
-
-
 def test_the_order_of_the_inputs_does_not_matter_to_the_force_balance(
     cylinder: Cylinder, labelled_recordings: list[Recording]
 ) -> None:
@@ -99,6 +89,10 @@ def test_the_order_of_the_inputs_does_not_matter_to_the_force_balance(
     np.testing.assert_allclose(other.estimate(recording), one.estimate(recording), rtol=1e-12)
 
 
-def test_raw_pressures_are_needed(cylinder: Cylinder) -> None:
+def test_what_makes_no_estimator_is_refused(cylinder: Cylinder) -> None:
+    with pytest.raises(ValueError, match="lags must be at least 1 sample, but got 0"):
+        RidgeEstimator(lags=0)
+    with pytest.raises(ValueError, match="filtering must be 'none' or 'paper', but got 'kalman'"):
+        ForceBalanceEstimator(cylinder, "kalman")  # type: ignore[arg-type]
     with pytest.raises(ValueError, match="expected pressure_1_pa, pressure_2_pa, position_m among the inputs, but got"):
         ForceBalanceEstimator(cylinder, "none", ("position_m",))

@@ -8,7 +8,6 @@ import pytest
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.baselines import baselines
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.recordings.recording import Recording
 
@@ -41,20 +40,6 @@ def test_friction_with_the_load_is_friction_without(
     changed = knows.with_position_load(HEAVIER).estimate(heavier)
     assert np.abs(changed - label_n)[usable].mean() < bare_n + 40.0
     assert np.abs(knows.estimate(heavier) - label_n)[usable].mean() > 500.0
-
-
-def test_positions_where_the_load_is_not_known_are_outside(
-    cylinder: Cylinder, labelled_recordings: list[Recording]
-) -> None:
-    knows = baselines(cylinder, position_load=LOAD)["force_balance_low_pass"].fit(labelled_recordings[:2])
-    knows.calibrate(labelled_recordings[:2], labelled_recordings[2:3])
-    for estimator, load in ((knows, LOAD), (knows.with_position_load(HEAVIER), HEAVIER)):
-        recording = labelled_recordings[0]
-        _, flags = estimator.real_time().run(recording.samples(estimator.inputs))
-        position_m = recording.column("position_m")
-        beyond = (position_m < load.first_m) | (position_m > load.last_m)
-        assert beyond.any()
-        assert (flags[beyond] & Flag.OUTSIDE != 0).all()
 
 
 def test_without_a_load_by_position_none_can_take_its_place(

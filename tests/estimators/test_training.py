@@ -76,13 +76,6 @@ def test_training_resumed_after_a_kill_ends_bit_for_bit_where_an_undisturbed_one
         np.testing.assert_array_equal(getattr(resumed, name), getattr(whole, name))
 
 
-def test_another_seed_gives_another_network() -> None:
-    data = lagged_sequences(2, 0)
-    one, _ = train_network(ARCHITECTURE, PLAN, data, data, seed=1)
-    other, _ = train_network(ARCHITECTURE, PLAN, data, data, seed=2)
-    assert not np.array_equal(one.recurrent, other.recurrent)
-
-
 def test_early_stopping_waits_for_its_patience_and_keeps_the_best_epoch() -> None:
     generator = np.random.default_rng(0)
     noise = [
