@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from itertools import product
-
 import numpy as np
 import pytest
 
 from cylinder_friction.estimators.baselines import baselines
+from cylinder_friction.evaluation.analysis import analyse
 from cylinder_friction.evaluation.comparison import LABEL_ITSELF, compare, mean_percent, points_ahead
-from cylinder_friction.evaluation.metric_tree import metric_rows, metric_tree
+from cylinder_friction.evaluation.metric_tree import metric_tree
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.signals.causal_chain import MovingAverage
@@ -34,14 +33,6 @@ def test_scores_by_hand(compared, strokes):
         assert comparison.label["lugre"][condition].errors.bias_n == pytest.approx(-30.0)
     assert comparison.multiply_adds == {"hybrid": 2, "lugre": 2}
     assert comparison.truth == {}
-
-
-def test_strata_hold_the_rows_of_both_recordings(compared):
-    strata = compared(hybrid=3.0, lugre=1.0).label["hybrid"]["1"].strata
-    assert "standstill" not in strata
-    assert strata["sliding"].rows == 2 * 1990
-    assert strata["extend"].rows + strata["retract"].rows == 2 * 1990
-    assert strata["after_reversal"].rows == 2 * 9 * 20  # nine reversals a recording, 100 ms each
 
 
 def test_the_mean_of_the_conditions_and_a_difference_have_the_sessions_intervals(compared, strokes):
@@ -71,14 +62,6 @@ def test_truth_has_its_own_scores_and_its_own_denominator(compared, strokes):
     assert not [name for name in tree["hybrid"]["4"] if name.startswith("truth_")]
 
 
-def test_one_comparison_twice_is_the_same_to_the_last_bit(compared):
-    trees = [metric_tree(compared(hybrid=(3.0, 2.0), lugre=9.0)) for _ in range(2)]
-    assert trees[0] == trees[1]
-    rows = metric_rows(trees[0])
-    assert [(row["estimator"], row["condition"]) for row in rows] == list(product(("hybrid", "lugre"), "1234"))
-    assert rows[0]["label_percent"] == round(trees[0]["hybrid"]["1"]["label_percent"], 2)
-
-
 def test_residuals_are_label_minus_estimate_with_gaps_between_recordings(compared):
     residual, usable = compared(hybrid=3.0, lugre=1.0).residuals("hybrid")
     assert len(residual) == 8 * 2001
@@ -86,19 +69,15 @@ def test_residuals_are_label_minus_estimate_with_gaps_between_recordings(compare
     assert residual[usable] == pytest.approx(-3.0)
 
 
-def test_nothing_to_compare_is_refused(strokes):
+def test_what_cannot_be_compared_is_refused(compared, strokes, curves):
     with pytest.raises(RecordingError, match="got 0 estimators and 8 held-out recordings"):
         compare({}, strokes)
-
-
-def test_truth_of_another_length_is_refused(compared, strokes):
     with pytest.raises(RecordingError, match=r"'t1_1': true friction has shape \(5,\), expected \(2000,\)"):
         compared({strokes[0].name: np.zeros(5)}, hybrid=1.0, lugre=1.0)
-
-
-def test_an_estimate_that_is_not_finite_is_refused_by_name(compared):
     with pytest.raises(RecordingError, match="condition 1, hybrid against the label: estimate is nan at row 10"):
         compared(hybrid=float("nan"), lugre=1.0)
+    with pytest.raises(KeyError, match="'hybrid' was not compared"):
+        analyse(compared(ridge=1.0, lugre=2.0), "hybrid", "lugre", curves, 2.0, 20)
 
 
 def test_it_prints_as_a_table_with_the_denominator_in_the_head(compared, strokes):

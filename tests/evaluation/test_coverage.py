@@ -39,17 +39,11 @@ def test_shares_are_counted_by_condition_and_session(
     assert truth.worst_session_percent == pytest.approx(50.0, abs=0.1)
     assert truth.held_near_events_percent == pytest.approx(truth.held_percent, abs=8.0)
     assert truth.mean_width_n == 20.0
+    estimator.bounds = None
+    assert coverage(estimator, labelled_recordings, {}) == []
     metrics = coverage_metrics(list(found.values()), "truth")
     assert metrics["held_by_bounds_percent/condition_1"] == truth.held_percent
     assert metrics["held_by_bounds_percent/condition_all"] == found["truth", "all"].held_percent
-
-
-def test_without_bounds_there_is_nothing_to_count(
-    small_hybrid: HybridEstimator, labelled_recordings: list[Recording]
-) -> None:
-    estimator = small_hybrid.without_forest()
-    estimator.bounds = None
-    assert coverage(estimator, labelled_recordings, {}) == []
 
 
 def test_without_starts_and_stops_there_is_no_share_near_them(

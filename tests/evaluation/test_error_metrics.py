@@ -52,11 +52,9 @@ def test_percentages_do_not_depend_on_the_unit_and_newtons_scale_with_it(values,
 
 
 def test_an_undefined_ratio_is_left_out_of_the_dictionary():
-    reference = np.zeros(3)
-    found = errors(reference, np.ones(3), all_rows(reference))
-    assert math.isnan(found.percent)
-    assert "percent" not in found.to_dict()
-    assert found.to_dict()["mae_n"] == 1.0
+    found = errors(np.zeros(3), np.ones(3), np.ones(3, dtype=bool)).to_dict()
+    assert "percent" not in found
+    assert found["mae_n"] == 1.0
 
 
 @pytest.mark.parametrize(
@@ -77,8 +75,8 @@ def test_what_cannot_be_judged_is_refused(reference, estimate, usable, message):
 def test_a_shift_is_found_as_lag_and_late_is_positive(shift):
     signal = np.convolve(np.random.default_rng(3).normal(size=1200), np.ones(15), mode="same")
     reference, estimate = signal[100:1100], signal[100 - shift : 1100 - shift]
-    found = lag_s(reference, estimate, np.ones(1000, dtype=bool), 0.005, 0.2)
-    assert found == pytest.approx(0.005 * shift, abs=0.001)
+    found = lag_s(reference, 3.0 * estimate + 50.0, np.ones(1000, dtype=bool), 0.005, 0.2)
+    assert found == pytest.approx(0.005 * shift, abs=0.001), "whatever gain and offset"
 
 
 def test_a_lag_of_part_of_a_sample_is_found():
@@ -86,15 +84,6 @@ def test_a_lag_of_part_of_a_sample_is_found():
     reference = np.sin(2 * np.pi * 1.3 * time_s)
     estimate = np.sin(2 * np.pi * 1.3 * (time_s - 0.0123))
     assert lag_s(reference, estimate, np.ones(4000, dtype=bool), 0.005, 0.1) == pytest.approx(0.0123, abs=1e-4)
-
-
-@given(st.floats(0.1, 10.0), st.floats(-100.0, 100.0))
-def test_lag_does_not_depend_on_gain_or_offset(gain, offset):
-    signal = np.convolve(np.random.default_rng(1).normal(size=400), np.ones(10), mode="valid")
-    reference, estimate = signal[10:], signal[:-10]
-    usable = np.ones(len(reference), dtype=bool)
-    plain = lag_s(reference, estimate, usable, 0.005, 0.1)
-    assert lag_s(reference, gain * estimate + offset, usable, 0.005, 0.1) == pytest.approx(plain, abs=1e-6)
 
 
 def test_lag_looks_at_usable_rows_alone():

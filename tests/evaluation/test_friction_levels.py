@@ -41,10 +41,6 @@ def test_levels_hold_the_mean_friction_against_the_motion() -> None:
     assert len(slow) == 2
     for each in slow:
         assert each.friction_n == pytest.approx(300.0 + 160.0 + 6.0, abs=2.0)
-    parts = strokes("a", 40.0)
-    assert (
-        sum(each.seconds for each in friction_levels([parts.rows(slice(0, 2000)), parts.rows(slice(2000, 4000))])) > 30
-    )
 
 
 def test_pressure_explains_a_difference_and_nothing_is_left() -> None:

@@ -34,16 +34,6 @@ def test_later_recordings_are_scored_from_either_start(
     assert found.warm_percent < found.cold_percent
 
 
-def test_truth_is_the_reference_where_all_of_it_is_known(
-    ridge: RidgeEstimator, offset_recordings: list[Recording]
-) -> None:
-    pair = [offset_recordings[0], replace(offset_recordings[1], metadata=offset_recordings[0].metadata)]
-    pair[1] = replace(pair[1], metadata=replace(pair[0].metadata, name="later"))
-    truth_n = {each.name: each.column("friction_n") + 1.0 for each in pair}
-    assert [each.reference for each in starts(ridge, pair, truth_n)] == ["truth"]
-    assert [each.reference for each in starts(ridge, pair, {"later": truth_n["later"]})] == ["label"]
-
-
 def test_without_offset_or_second_recording_there_is_nothing(
     ridge: RidgeEstimator, offset_recordings: list[Recording]
 ) -> None:

@@ -31,7 +31,5 @@ def test_the_views_agree_with_numbers_known_beforehand(compared):
 def test_a_learning_curve_that_is_not_one_is_refused():
     good = {"epoch": [1, 2], "train_mae_n": [2.0, 1.0], "validation_mae_n": [3.0, 2.0], "best_epoch": 2}
     assert LearningCurve.from_dict(good, "models/hybrid").best_epoch == 2
-    with pytest.raises(ValueError, match="models/hybrid: 'train_mae_n' is missing; got"):
-        LearningCurve.from_dict({"epoch": [1]}, "models/hybrid")
     with pytest.raises(ValueError, match="expected one value per epoch in every list, but got lengths"):
         LearningCurve.from_dict({**good, "epoch": [1]}, "models/hybrid")

@@ -29,16 +29,6 @@ def test_delays_are_those_of_the_theory(strokes: Recording, filters: Filters) ->
             assert abs(cost.velocity_delay_s) < 1e-6
 
 
-def test_what_is_called_causal_never_answers_before_the_pulse(strokes: Recording, filters: Filters) -> None:
-    from cylinder_friction.evaluation.inspection.filter_costs import with_causal_twins
-
-    linear = {name: method for name, method in filters.items() if method.linear}
-    for method, causal in with_causal_twins(linear).values():
-        for response in pulse_responses(method, strokes.sample_time_s):
-            before = np.abs(response[: len(response) // 2]).max()
-            assert (before <= 1e-12 * np.abs(response).max()) == causal
-
-
 def test_noise_at_standstill_is_that_of_white_noise_through_the_taps(strokes: Recording, filters: Filters) -> None:
     costs, _ = filter_costs(filters, strokes)
     for cost in costs:
@@ -46,13 +36,6 @@ def test_noise_at_standstill_is_that_of_white_noise_through_the_taps(strokes: Re
     by_name = {cost.name: cost.velocity_noise_from_sensor_m_s for cost in costs}
     _, taps, _ = pulse_responses(filters["savitzky_golay"], strokes.sample_time_s)
     assert by_name["savitzky_golay"] == pytest.approx(2e-5 * np.sqrt(np.sum(taps**2)), rel=0.05)
-
-
-def test_without_standstill_noise_is_not_a_number(strokes: Recording, filters: Filters) -> None:
-    moving = Recording(strokes.metadata, strokes.table.iloc[700:].reset_index(drop=True))
-    costs, _ = filter_costs(filters, moving)
-    assert all(np.isnan(cost.velocity_noise_m_s) for cost in costs)
-    assert all(np.isfinite(cost.velocity_noise_from_sensor_m_s) for cost in costs)
 
 
 def test_a_filter_longer_than_the_recording_is_left_out_with_the_reason(strokes: Recording) -> None:

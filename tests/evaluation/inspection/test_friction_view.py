@@ -35,20 +35,17 @@ def test_a_load_is_told_from_friction_and_draws_no_curve(
     assert view.friction_name == "friction + load"
 
 
-def test_a_measured_load_is_taken_off(cylinder: Cylinder, labeller: Labeller, filters: Filters) -> None:
-    loaded = made_strokes(cylinder, load_n=4000.0).with_columns(load_force_n=np.full(12000, 4000.0))
-    view = friction_view(loaded, replace(labeller, load="measured"), filters["savitzky_golay"])
-    assert view.curve is not None
-    assert view.friction_name == "friction"
-    assert "Load: measured." in view.assumed[0]
-
-
-def test_a_load_that_position_decides_is_taken_off(cylinder: Cylinder, labeller: Labeller, filters: Filters) -> None:
+def test_a_known_load_is_taken_off(cylinder: Cylinder, labeller: Labeller, filters: Filters) -> None:
     loaded = made_strokes(cylinder, load_n=4000.0)
-    view = friction_view(loaded, replace(labeller, load="position"), filters["savitzky_golay"])
-    assert view.friction_name == "friction"
-    assert view.load_n == pytest.approx(0.0, abs=10.0)
-    assert "A constant difference between the directions counts as load." in view.assumed[0]
+    with_cell = loaded.with_columns(load_force_n=np.full(12000, 4000.0))
+    for recording, load, words in (
+        (with_cell, "measured", "Load: measured."),
+        (loaded, "position", "A constant difference between the directions counts as load."),
+    ):
+        view = friction_view(recording, replace(labeller, load=load), filters["savitzky_golay"])
+        assert view.friction_name == "friction"
+        assert view.load_n == pytest.approx(0.0, abs=10.0)
+        assert words in view.assumed[0]
 
 
 @pytest.mark.parametrize("method", ["savitzky_golay", "rts"])

@@ -1,6 +1,7 @@
 """Mean friction while sliding and its interval, and what is stated in its place where it is not friction alone."""
 
 import math
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -49,14 +50,6 @@ def test_mean_friction_is_that_of_the_strokes_in_both_directions(
         assert zeros_n < mean.half_width_n < zeros_n + 60.0
 
 
-def test_without_stated_sensors_there_is_no_interval(cylinder: Cylinder, labeller: Labeller, filters: Filters) -> None:
-    found = finding(made_strokes(cylinder), labeller, filters)
-    assert found.outcome == "ok"
-    assert found.text.endswith(" N retracting (mean while sliding, no interval: the sensors' accuracy is not stated)")
-    assert "±" not in found.text
-    assert finding(stated(made_strokes(cylinder)), labeller, filters).text.endswith("(mean while sliding, 95 %)")
-
-
 def test_rows_of_one_stroke_do_not_count_as_independent() -> None:
     generator = np.random.default_rng(3)
     held = 0
@@ -70,46 +63,52 @@ def test_rows_of_one_stroke_do_not_count_as_independent() -> None:
     assert stroke_half_width(np.arange(50.0), np.zeros(50, dtype=np.int64)) == 0.0
 
 
-def test_where_a_load_is_left_no_friction_is_stated(cylinder: Cylinder, labeller: Labeller, filters: Filters) -> None:
-    found = finding(made_strokes(cylinder, load_n=4000.0), labeller, filters)
-    assert found.outcome == "refused"
-    assert found.text.startswith("the force still holds a load, or a sensor's zero: 4")
-    remedy = "state the load (ingest.load), map a load cell, or zero the pressure sensors"
-    assert found.text.endswith(f" N does not turn with the direction; {remedy}")
+BACKWARDS = "friction would push the piston (-"
+FINDINGS: dict[str, tuple[Callable[[Cylinder], Recording], str, str]] = {
+    "no accuracy": (made_strokes, "ok", "(mean while sliding, no interval: the sensors' accuracy is not stated)"),
+    "stated accuracy": (lambda cylinder: stated(made_strokes(cylinder)), "ok", "(mean while sliding, 95 %)"),
+    "a load": (
+        lambda cylinder: made_strokes(cylinder, load_n=4000.0),
+        "refused",
+        " N does not turn with the direction; state the load (ingest.load), map a load cell, or zero the pressure",
+    ),
+    "a load below friction, zeros unknown": (lambda cylinder: made_strokes(cylinder, load_n=170.0), "ok", ""),
+    "a load below friction": (
+        lambda cylinder: stated(made_strokes(cylinder, load_n=170.0), 1000.0),
+        "refused",
+        "where the stated zeros and an asymmetry of friction explain",
+    ),
+    "a sensor the other way round": (lambda cylinder: turned(made_strokes(cylinder, sign=-1.0)), "refused", BACKWARDS),
+    "a force the other way round": (lambda cylinder: one_way(cylinder, -300.0), "refused", BACKWARDS),
+    "one direction": (
+        lambda cylinder: one_way(cylinder, 300.0),
+        "noted",
+        "the piston slides one way alone, so that a load or a sensor's zero would not show",
+    ),
+    "at rest": (
+        lambda cylinder: made_strokes(cylinder, rest_s=20.0, seconds=20.0),
+        "refused",
+        "nothing slides faster than ",
+    ),
+}
+
+
+def turned(recording: Recording) -> Recording:
+    return recording.with_columns(position_m=recording.column("position_m") + 0.25)
+
+
+@pytest.mark.parametrize("what", FINDINGS)
+def test_the_finding_states_friction_or_why_it_cannot(
+    what: str, cylinder: Cylinder, labeller: Labeller, filters: Filters
+) -> None:
+    made, outcome, words = FINDINGS[what]
+    found = finding(made(cylinder), labeller, filters)
+    assert found.outcome == outcome
+    assert words in found.text
+
+
+def test_a_load_that_position_decides_is_taken_off_before(
+    cylinder: Cylinder, labeller: Labeller, filters: Filters
+) -> None:
     taken_off = replace(labeller, load="position")
     assert finding(made_strokes(cylinder, load_n=4000.0), taken_off, filters).outcome == "ok"
-
-
-def test_a_load_smaller_than_friction_shows_where_the_zeros_are_stated(
-    cylinder: Cylinder, labeller: Labeller, filters: Filters
-) -> None:
-    loaded = made_strokes(cylinder, load_n=170.0)
-    assert finding(loaded, labeller, filters).outcome == "ok"
-    found = finding(stated(loaded, 1000.0), labeller, filters)
-    assert found.outcome == "refused"
-    assert "where the stated zeros and an asymmetry of friction explain" in found.text
-
-
-def test_friction_that_would_push_the_piston_is_refused(
-    cylinder: Cylinder, labeller: Labeller, filters: Filters
-) -> None:
-    backwards = made_strokes(cylinder, sign=-1.0)
-    backwards = backwards.with_columns(position_m=backwards.column("position_m") + 0.25)
-    for recording in (backwards, one_way(cylinder, -300.0)):
-        found = finding(recording, labeller, filters)
-        assert found.outcome == "refused"
-        assert found.text.startswith("friction would push the piston (-")
-
-
-def test_strokes_in_one_direction_cannot_show_a_load(cylinder: Cylinder, labeller: Labeller, filters: Filters) -> None:
-    found = finding(one_way(cylinder, 300.0), labeller, filters)
-    assert found.outcome == "noted"
-    assert found.text.endswith("the piston slides one way alone, so that a load or a sensor's zero would not show")
-    assert "retracting" not in found.text
-
-
-def test_without_sliding_there_is_no_friction(cylinder: Cylinder, labeller: Labeller, filters: Filters) -> None:
-    still = made_strokes(cylinder, rest_s=20.0, seconds=20.0)
-    found = finding(still, labeller, filters)
-    assert found.outcome == "refused"
-    assert found.text.startswith("nothing slides faster than ")

@@ -19,9 +19,3 @@ def test_the_floor_of_a_converter_is_that_of_rounding() -> None:
     smooth = np.cumsum(np.random.default_rng(0).normal(0.0, 2.0, 60_000))
     found = spectrum(np.round(smooth), 0.005)
     assert found.converter_noise == pytest.approx(np.sqrt(1.0 / 12.0 / 100.0))
-
-
-def test_a_tone_stands_where_it_is() -> None:
-    time_s = 0.005 * np.arange(20_000)
-    found = spectrum(np.sin(2.0 * np.pi * 12.5 * time_s), 0.005)
-    assert found.frequency_hz[np.argmax(found.density)] == pytest.approx(12.5, abs=0.13)
