@@ -11,7 +11,6 @@ from cylinder_friction.reporting.comparison_tables import (
     error_table,
     hyperparameter_table,
     markdown_tables,
-    session_table,
 )
 
 
@@ -42,14 +41,6 @@ def test_markdown_keeps_its_columns_though_heads_hold_bars(compared, strokes):
     assert {line.count("|") for line in rows} == {6}
     assert "**0.33 % (1.0 N)**" in text
     assert text.endswith("|\n")
-    alone = compared(hybrid=1.0, lugre=40.0)
-    lone = {
-        name: {"1": replace(own["1"], sessions=replace(own["1"].sessions, percent={"s1": 0.3}))}
-        for name, own in alone.label.items()
-    }
-    assert markdown_tables(replace(alone, label=lone, conditions=("1",))).startswith(
-        "1 held-out session. No condition has two, so that nothing shows how much sessions differ, and all errors are"
-    )
     published = markdown_tables(compared(hybrid=1.0, lugre=40.0), published=True)
     assert published.endswith("| Published: hybrid (other data) | 5.76 % | 6.35 % | 8.84 % | 5.57 % |\n")
     assert "Published" not in text
@@ -74,15 +65,6 @@ def test_what_equals_the_label_says_so_in_both_tables_and_is_never_marked(compar
     assert "| Label itself (off line, looks ahead) |" in against_truth
     without = compared(force_balance_paper=0.0, hybrid=1.0, lugre=40.0)
     assert [row[0].words for row in difference_table(without, "hybrid").cells] == ["LuGre"]
-
-
-def test_the_session_table_shows_every_session_and_the_mean_of_the_conditions(compared, strokes):
-    comparison = compared(hybrid=3.0, lugre=40.0)
-    table = session_table(comparison.label, comparison.conditions)
-    assert (table.head_cells[1].words, table.head_cells[1].small) == ("Condition 1", "s-t1_1, s-t1_2")
-    assert table.cells[0][1].words == "1.00, 1.00"
-    assert table.cells[0][5].words == f"{np.mean([comparison.percent('hybrid', each) for each in '1234']):.2f}"
-    assert table.cells[0][5].small == "{0} to {0}".format(table.cells[0][5].words)  # the sessions are alike
 
 
 def test_table_one_shows_ranges_choices_and_published_values():

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cylinder_friction.reporting.page_figure import compact
-from cylinder_friction.reporting.time_figure import Line, Panel, extremes, over_time, spread_evenly
+from cylinder_friction.reporting.time_figure import Line, Panel, extremes, over_time
 
 
 @given(st.lists(st.floats(-1e6, 1e6), max_size=400), st.integers(2, 60))
@@ -43,14 +43,3 @@ def test_lines_over_time_begin_and_end_where_the_signal_does() -> None:
     for line in figure.data:
         assert line["x0"] == 5.0
         assert line["x0"] + line["dx"] * len(line["y"]) == pytest.approx(15.0)
-
-
-@given(st.integers(0, 500), st.integers(2, 50))
-def test_spread_rows_are_some_of_the_rows_with_both_ends(count: int, points: int) -> None:
-    rows = np.arange(count) * 3
-    kept = spread_evenly(rows, points)
-    assert len(kept) == min(count, points)
-    assert set(kept) <= set(rows)
-    if count:
-        assert kept[0] == rows[0]
-        assert kept[-1] == rows[-1]

@@ -58,13 +58,6 @@ def test_strokes_in_both_directions_show_each_session_s_offset(
         assert "12 sessions together" in each.words
 
 
-def test_a_session_alone_keeps_what_is_stated(cylinder: Cylinder, filters: Filters, stated_n: float) -> None:
-    (alone,) = known([stated(made_strokes(cylinder, 20.0))], cylinder, filters)
-    assert (alone.source, alone.uncertainty_n) == ("stated uncertainty", pytest.approx(stated_n))
-    assert math.isnan(alone.offset_n)
-    assert alone.words.endswith("give at least 12 sessions of the cylinder together")
-
-
 def test_strokes_in_one_direction_determine_nothing(cylinder: Cylinder, filters: Filters, stated_n: float) -> None:
     both = made_strokes(cylinder)
     out = both.column("position_m").max() + np.cumsum(np.abs(np.gradient(both.column("position_m"))))
@@ -76,25 +69,12 @@ def test_strokes_in_one_direction_determine_nothing(cylinder: Cylinder, filters:
     )
 
 
-def test_without_sliding_there_is_nothing_to_identify(cylinder: Cylinder, filters: Filters) -> None:
-    resting = made_strokes(cylinder, rest_s=60.0)
-    (found,) = known([stated(resting)], cylinder, filters)
-    assert found.words == "not identified: no steady sliding faster than 6 mm/s"
-
-
 def test_what_was_read_with_vented_chambers_is_stated_as_taken_off(cylinder: Cylinder, filters: Filters) -> None:
     vented = stated(made_strokes(cylinder), zero_offset={"pressure_1_pa": 1e4, "pressure_2_pa": 0.0})
     (found,) = known([vented, vented], cylinder, filters)
     assert found.source == "vented interval"
     assert found.offset_n == pytest.approx(1e4 * cylinder.piston_area_m2)
     assert found.words == "taken off as read with vented chambers"
-
-
-def test_beside_a_load_the_stated_uncertainty_is_all(cylinder: Cylinder, filters: Filters, stated_n: float) -> None:
-    loaded = stated(made_strokes(cylinder, 500.0).with_columns(load_force_n=np.full(12000, 500.0)))
-    (found,) = known([loaded], cylinder, filters, "the load is measured")
-    assert (found.source, found.words) == ("stated uncertainty", "not identified: the load is measured")
-    assert found.uncertainty_n == pytest.approx(stated_n)
 
 
 def test_a_load_that_nobody_stated_is_not_taken_for_an_offset(cylinder: Cylinder, filters: Filters) -> None:

@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page
 
-from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.evaluation.inspection.subject import Inspected
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.inspection.recording_pane import Panes
 from cylinder_friction.signals.smooth_signals import SignalFilter
-from inspected_recordings import made_panes, made_strokes, stated, write_page_of
+from inspected_recordings import made_panes, stated, write_page_of
 from packed_pages import unpacked
 
 Filters = dict[str, "SignalFilter"]
@@ -104,13 +103,6 @@ def test_all_files_have_figures_in_their_order_and_bad_ones_lose_nothing(
     assert '"number of the file"' in text
 
 
-def test_signals_are_not_held(strokes: Recording, labeller: Labeller, filters: Filters) -> None:
-    (pane,), _ = made_panes([Inspected("a.csv", [OK], strokes)], labeller, filters)
-    assert pane.subject.recording is None
-    assert pane.subject.outcome == "ok"
-    assert len(pane.points) < 50
-
-
 def test_a_recording_shorter_than_the_filter_is_shown_with_the_reason(
     tmp_path: Path, strokes: Recording, labeller: Labeller, filters: Filters
 ) -> None:
@@ -118,32 +110,6 @@ def test_a_recording_shorter_than_the_filter_is_shown_with_the_reason(
     text = write_page_of(tmp_path / "page.html", [Inspected("a.csv", [OK], short)], labeller, filters)
     assert "not usable: friction cannot be calculated: got 30 samples" in text
     assert text.count('class="plot"') == 1
-
-
-def test_a_load_that_only_the_session_determines_is_noted(
-    strokes: Recording, labeller: Labeller, filters: Filters
-) -> None:
-    """``label`` identifies it from all recordings of the session together."""
-    one_stroke = Recording(strokes.metadata, strokes.table.iloc[1000:1200].reset_index(drop=True))
-    by_position = replace(labeller, load="position")
-    (pane,), _ = made_panes([Inspected("a.csv", [OK], one_stroke)], by_position, filters)
-    assert pane.subject.verdict.startswith(
-        "usable for labelling; worth knowing: friction is not known from this recording alone: load and friction "
-        "cannot be separated: got no stroke that extends"
-    )
-    assert pane.friction == {}
-
-
-def test_friction_that_holds_a_load_is_drawn_as_that_and_stated_nowhere(
-    tmp_path: Path, cylinder: Cylinder, labeller: Labeller, filters: Filters
-) -> None:
-    loaded = made_strokes(cylinder, load_n=4000.0)
-    text = write_page_of(tmp_path / "page.html", [Inspected("a.csv", [OK], loaded)], labeller, filters)
-    assert "not usable: the force still holds a load" in text
-    assert "friction + load [N]" in text
-    assert "Friction while sliding" not in text
-    assert "friction while extending" not in text
-    assert "No curve is stated" in text
 
 
 def test_a_drive_force_and_further_columns_are_drawn(
@@ -158,16 +124,6 @@ def test_a_drive_force_and_further_columns_are_drawn(
     assert "oil [°C]" in text
     assert text.count('"name":"drive force"') == 2
     assert "piston side" not in text
-
-
-def test_each_condition_has_its_own_mean(
-    tmp_path: Path, strokes: Recording, labeller: Labeller, filters: Filters
-) -> None:
-    other = replace(strokes, metadata=replace(strokes.metadata, condition="cold"))
-    subjects = [Inspected(f"{number}.csv", [OK], each) for number, each in enumerate((strokes, strokes, other))]
-    text = write_page_of(tmp_path / "page.html", subjects, labeller, filters)
-    assert re.search(r"Condition 1: <strong>3\d\d N extending \(3\d\d to 3\d\d N\), 3\d\d N retracting \(", text)
-    assert re.search(r"Condition cold: <strong>3\d\d N extending, 3\d\d N retracting<", text)
 
 
 def test_several_rates_are_warned_of(tmp_path: Path, strokes: Recording, labeller: Labeller, filters: Filters) -> None:

@@ -41,7 +41,3 @@ def test_pieces_of_one_file_are_named_and_count_once() -> None:
     assert "a.csv (part 1): usable for labelling\n" in report
     assert "a.csv (part 2): usable with these repairs" in report
     assert report.endswith("1 file: 1 repaired\n")
-
-
-def test_nothing_inspected_is_no_error() -> None:
-    assert text_report([]) == "0 files\n"
