@@ -1,14 +1,11 @@
 """Causal regimes of motion, and bounds that hold the label as often as stated."""
 
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from cylinder_friction.estimators.hybrid import HybridEstimator
-from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.realtime.bounds import (
     CREEP,
     REVERSAL,
@@ -42,11 +39,6 @@ from cylinder_friction.recordings.recording import Recording
 def test_regime_follows_velocity(velocity_mm_s: list[float], expected: list[int]) -> None:
     got = regimes(1e-3 * np.array(velocity_mm_s), 1e-3, 16e-3, 3)
     assert list(got) == expected
-
-
-def test_velocity_of_a_ramp_is_exact() -> None:
-    position_m = 0.03 * 0.005 * np.arange(21)[::-1]
-    np.testing.assert_allclose(velocity_taps(0.005) @ position_m, [0.0, 0.0, 0.03], atol=1e-12)
 
 
 def labelled(recording: Recording, friction_n: np.ndarray, usable: np.ndarray | None = None) -> Recording:
@@ -141,18 +133,6 @@ def test_a_probability_that_is_none_is_refused(probability: float) -> None:
         bounds_of([], probability=probability)
 
 
-def test_a_trained_hybrid_keeps_its_bounds_when_saved(small_hybrid: HybridEstimator, tmp_path: Path) -> None:
-    assert small_hybrid.bounds is not None
-    assert small_hybrid.bounds.probability == 0.9
-    assert all(
-        low < 0.0 < high for low, high in zip(small_hybrid.bounds.lower_n, small_hybrid.bounds.upper_n, strict=True)
-    )
-    small_hybrid.save(tmp_path)
-    loaded = load_estimator(tmp_path)
-    assert (loaded.guard, loaded.bounds) == (small_hybrid.guard, small_hybrid.bounds)
-    assert replace(small_hybrid.bounds) == loaded.bounds
-
-
 def test_stated_uncertainty_widens_the_bounds_to_hold_friction(labelled_recordings: list[Recording]) -> None:
     generator = np.random.default_rng(5)
     offsets_n = 12.0 * generator.normal(size=40)
@@ -168,33 +148,12 @@ def test_stated_uncertainty_widens_the_bounds_to_hold_friction(labelled_recordin
     assert held.mean() == pytest.approx(0.9, abs=0.06), "over forty sessions, each with an offset of its own"
 
 
-def test_an_uncertainty_of_zero_leaves_the_bounds(labelled_recordings: list[Recording]) -> None:
-    recording = labelled(labelled_recordings[0], np.random.default_rng(6).normal(size=len(labelled_recordings[0])))
-    bare, bounds = (
-        bounds_of([recording]),
-        bounds_of([recording.with_columns(friction_uncertainty_n=np.zeros(len(recording)))]),
-    )
-    np.testing.assert_allclose(bounds.upper_n, bare.upper_n, atol=0.3)
-    assert all(mine >= theirs for mine, theirs in zip(bounds.upper_n, bare.upper_n, strict=True))
-
-
 def test_one_recording_without_stated_uncertainty_leaves_the_label(labelled_recordings: list[Recording]) -> None:
     first, second = labelled_recordings[:2]
     assert bounds_of([first.with_columns(friction_uncertainty_n=np.ones(len(first))), second]).holds == "label"
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        (
-            {"holds": "friction"},
-            "friction lies between the bounds with probability 0.9 over all sessions with pressures as quiet as in "
-            "training, if the sensors are",
-        ),
-        ({"holds": "label"}, "friction does only if the sensors' zeros are right: nothing was stated about them"),
-        ({"probability": 1.0}, "as wide as can be, as this model's errors were never calibrated"),
-    ],
-)
-def test_bounds_state_what_they_hold(small_hybrid: HybridEstimator, changes: dict[str, Any], words: str) -> None:
+def test_bounds_that_were_never_calibrated_say_so(small_hybrid: HybridEstimator) -> None:
     assert small_hybrid.bounds is not None
-    assert words in replace(small_hybrid.bounds, **changes).in_words()
+    words = replace(small_hybrid.bounds, probability=1.0).in_words()
+    assert "as wide as can be, as this model's errors were never calibrated" in words

@@ -29,8 +29,3 @@ def test_it_is_right_to_single_precision(function, exact, largest: float) -> Non
     got = _every(function, VALUES)
     assert got.dtype == np.float32
     assert np.abs(got - exact(VALUES.astype(np.float64))).max() < largest
-
-
-def test_tanh_is_odd_and_exact_at_zero() -> None:
-    np.testing.assert_array_equal(_every(tanh, -VALUES), -_every(tanh, VALUES))
-    assert tanh(np.float32(0.0)) == 0.0

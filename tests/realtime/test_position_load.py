@@ -21,13 +21,6 @@ def made(**changed: object) -> PositionLoad:
     return PositionLoad(**fields | changed)  # type: ignore[arg-type]
 
 
-def test_its_words_name_range_and_uncertainty() -> None:
-    assert made().in_words() == (
-        "a load of -300 to 2000 N, which position decides between 0.02 and 0.22 m, known to 4 N (standard "
-        "uncertainty), is taken off"
-    )
-
-
 @pytest.mark.parametrize(
     ("changed", "message"),
     [

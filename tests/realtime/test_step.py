@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimators.base import FrictionEstimator, NotFittedError
+from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
 from cylinder_friction.estimators.loading import load_estimator
@@ -75,11 +75,6 @@ def test_an_estimator_that_was_never_calibrated_says_nothing_about_its_error(
     assert alone.bounds is None
     bounds = alone.step_model().bounds
     assert (bounds.lower_n, bounds.upper_n, bounds.probability) == ((-UNKNOWN_N,) * 4, (UNKNOWN_N,) * 4, 1.0)
-
-
-def test_an_unfitted_estimator_says_so() -> None:
-    with pytest.raises(NotFittedError, match="not fitted yet; call fit or load first"):
-        HybridEstimator().step_model()
 
 
 def test_an_estimator_without_a_real_time_step_is_refused(cylinder: Cylinder) -> None:

@@ -4,27 +4,10 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.realtime.guard import TRAINED_MARGIN, TrainingRange
+from cylinder_friction.realtime.guard import TrainingRange
 from cylinder_friction.realtime.position_load import PositionLoad
-from cylinder_friction.recordings.recording import Recording
 
 RANGE = TrainingRange(("position_m", "velocity_m_s"), (0.0, -0.1), (0.2, 0.3))
-
-
-def test_any_column_may_count_and_each_keeps_its_place(labelled_recordings: list[Recording]) -> None:
-    columns = ("velocity_m_s", "pressure_2_pa")
-    found = TrainingRange.of(labelled_recordings, columns)
-    assert found.columns == columns
-    for place, column in enumerate(columns):
-        values = np.concatenate([recording.column(column) for recording in labelled_recordings])
-        assert (found.lower[place], found.upper[place]) == (values.min(), values.max())
-
-
-def test_the_margin_is_a_share_of_each_span() -> None:
-    wide = RANGE.widened(0.5)
-    np.testing.assert_allclose([wide.lower, wide.upper], [[-0.1, -0.3], [0.3, 0.5]])
-    assert RANGE.widened() == RANGE.widened(TRAINED_MARGIN)
-    assert RANGE.widened(0.0) == RANGE
 
 
 @given(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))

@@ -1,7 +1,6 @@
 """A force that an estimator does not know: the range that it learns, when the flag comes and goes, and what waits."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,8 +8,6 @@ import pytest
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.hybrid import HybridEstimator
-from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.estimators.saved_folder import DESCRIPTION_FILE
 from cylinder_friction.realtime.bounds import CREEP, SLIDING, regimes
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.guard import TRAINED_MARGIN
@@ -24,7 +21,6 @@ from cylinder_friction.realtime.unmodelled_force import (
     with_force_limits,
 )
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.recordings.recording import Recording, SensorUncertainty
 from cylinder_friction.signals.causal import FirFilter
 from learned_offset import learning
@@ -94,7 +90,7 @@ def test_the_range_is_that_of_usable_rows_and_its_margin_is_as_stated(
     assert above_n.min() == pytest.approx(TRAINED_MARGIN * size_n.max())
 
 
-@pytest.mark.parametrize("force_n", [-AWAY_N, -600.0, 600.0, AWAY_N])
+@pytest.mark.parametrize("force_n", [-AWAY_N, 600.0])
 def test_a_load_is_flagged_from_its_first_sample_until_the_piston_has_moved_without_it(
     force_n: float, small_model: StepModel, cylinder: Cylinder, labelled_recordings: list[Recording]
 ) -> None:
@@ -123,27 +119,7 @@ def test_a_small_force_along_the_motion_is_no_friction(
     assert abs(0.5 * balance_n) < small_model.guard.largest_force[0]
 
 
-def test_at_rest_nothing_refutes_it(
-    small_model: StepModel, cylinder: Cylinder, labelled_recordings: list[Recording]
-) -> None:
-    samples = labelled_recordings[0].samples()[:200]
-    resting = np.tile(samples[0], (3000, 1))
-    resting[10, 0] += AWAY_N / cylinder.piston_area_m2
-    assert list(np.flatnonzero(~raised(small_model, resting))) == list(range(10))
-
-
-def test_a_stop_is_flagged_where_the_piston_stands(
-    small_model: StepModel, labelled_recordings: list[Recording]
-) -> None:
-    samples = labelled_recordings[0].samples()
-    stop = np.tile(samples[500], (300, 1))
-    stop[:, 0] = np.linspace(samples[500, 0], small_model.guard.trained_upper[0], 300)
-    flagged = raised(small_model, np.concatenate([samples[:500], stop]))
-    assert not flagged[:500].any()
-    assert flagged[-200:].all()
-
-
-@pytest.mark.parametrize("per_pa", [0.0, 1e-6, 1e-5, 1 / 6894.757, 1e-3])
+@pytest.mark.parametrize("per_pa", [0.0, 1e-5, 1e-3])
 def test_pressures_in_another_unit_are_flagged_in_every_row_even_at_rest(
     per_pa: float, small_model: StepModel, labelled_recordings: list[Recording]
 ) -> None:
@@ -152,15 +128,6 @@ def test_pressures_in_another_unit_are_flagged_in_every_row_even_at_rest(
     samples = labelled_recordings[0].samples() * [per_pa, per_pa, 1.0]
     assert raised(small_model, samples).all()
     assert raised(small_model, np.tile(samples[0], (1000, 1))).all()
-
-
-def test_no_pressure_is_flagged_only_while_it_lasts(
-    small_model: StepModel, labelled_recordings: list[Recording]
-) -> None:
-    """A pump that is switched on leaves no doubt behind, unlike a load."""
-    rested = np.tile(labelled_recordings[0].samples()[0], (300, 1))
-    rested[:100, :2] = 0.0
-    assert np.flatnonzero(raised(small_model, rested)).tolist() == list(range(100))
 
 
 def test_a_load_is_not_learned_as_an_offset(
@@ -186,27 +153,3 @@ def test_what_cannot_know_a_range_never_raises_it(
     assert bool(model.guard.force_weights) == knows, "hybrids calibrate themselves"
     assert force_limits(small_hybrid.without_forest().step_model()).size == 0, "no bounds, so no regimes of motion"
     assert guard_of(small_hybrid, cylinder, []) == small_hybrid.guard
-
-
-def test_an_estimator_saved_before_there_was_a_range_loads_and_never_raises_it(
-    small_hybrid: HybridEstimator, cylinder: Cylinder, labelled_recordings: list[Recording], tmp_path: Path
-) -> None:
-    samples = pushed(labelled_recordings[0], cylinder, STRETCHED, AWAY_N)
-    small_hybrid.save(tmp_path)
-    assert load_estimator(tmp_path).guard == small_hybrid.guard
-    description = read_json(tmp_path / DESCRIPTION_FILE)
-    for key in (
-        "force_weights",
-        "sliding_lower",
-        "sliding_upper",
-        "largest_force",
-        "clear_samples",
-        "least_pressure_pa",
-    ):
-        del description["guard"][key]
-    del description["sha256"]  # which was not there then either
-    write_json(tmp_path / DESCRIPTION_FILE, description)
-    old = load_estimator(tmp_path).step_model()
-    assert not raised(old, samples).any()
-    newtons, _ = RealTimeStream(small_hybrid.step_model()).run(samples)
-    np.testing.assert_array_equal(RealTimeStream(old).run(samples)[0], newtons)
