@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.commands.params import compose_params
-from cylinder_friction.params.checking import Params, ParamsError, check_params
+from cylinder_friction.params.checking import Params, check_params
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_stored, write_recording
 from cylinder_friction.stages import filter as filter_stage
@@ -78,9 +78,3 @@ def test_method_is_the_only_difference_of_the_recipes(recipes: dict[str, Params]
     assert {name: content.pop("method") for name, content in sections.items()} == METHODS
     assert all(content == sections["paper"] for content in sections.values())
     assert sections["paper"]["moving_average"] == {"window": 10, "acceleration_window": 30}, "as published"
-
-
-def test_impossible_windows_are_refused(recipes: dict[str, Params]) -> None:
-    windows = asdict(recipes["savitzky_golay"].filter.savitzky_golay) | {"velocity_window": 20}
-    with pytest.raises(ParamsError, match="for velocity: expected an odd window"):
-        shipped(filter={"savitzky_golay": windows})
