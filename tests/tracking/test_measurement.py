@@ -1,7 +1,6 @@
 """When a run went on and what it cost: true times where it ran on this machine, and none that are invented."""
 
 import time
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -71,9 +70,3 @@ def test_a_stage_that_ran_elsewhere_states_that_its_times_are_unknown(root: Path
     assert before <= run.info.start_time == run.info.end_time
     assert run.data.tags["times"] == TIMES_UNKNOWN
     assert not run.data.metrics
-
-
-def test_what_was_measured_of_one_run_is_never_given_to_another(root: Path) -> None:
-    record = ran(root, RunRecord("label"))
-    other = run_of(root, log_run(replace(record, metrics={"rows": 5.0}), root))
-    assert set(other.data.metrics) == {"rows"}

@@ -4,14 +4,10 @@ import json
 from pathlib import Path
 
 import mlflow
-import numpy as np
-import pandas as pd
 import pytest
 from mlflow import MlflowClient
 
-from candidates import candidate_in, measured, other_model, record_model, registered_in, versions
-from cylinder_friction.estimators.hybrid import HybridEstimator
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
+from candidates import candidate_in, measured, other_model, registered_in, versions
 from cylinder_friction.tracking.registry import register
 from cylinder_friction.tracking.repository import TrackingError
 from cylinder_friction.tracking.store import tracking_uri
@@ -60,24 +56,6 @@ def test_the_logged_model_appears_as_registered_with_its_errors_and_what_they_we
         assert (metric.dataset_name, metric.dataset_digest) == (test.name, test.digest)
     execution = client.get_run(run.data.tags["mlflow.parentRunId"])
     assert [each.model_id for each in execution.outputs.model_outputs] == [model.model_id]
-
-
-def test_a_logged_model_that_learns_the_sensors_offset_gives_what_its_step_does(
-    pipeline: Path, learning_hybrid: HybridEstimator, offset_samples: np.ndarray
-) -> None:
-    learning_hybrid.save(pipeline / "models/hybrid")
-    record_model(pipeline)
-    register(candidate_in(pipeline), pipeline, measured)
-    (description,) = pipeline.glob("mlartifacts/models/*/artifacts/MLmodel")
-    loaded = mlflow.pyfunc.load_model(str(description.parent))
-    samples = offset_samples[10:800]
-    predicted = loaded.predict(pd.DataFrame(samples, columns=list(SAMPLE_COLUMNS)))
-    stream = learning_hybrid.real_time()
-    newtons, flags = stream.run(samples)
-    np.testing.assert_allclose(predicted[["friction_n", "lower_n", "upper_n"]], newtons, rtol=0.0, atol=1e-3)
-    np.testing.assert_array_equal(predicted["flags"], flags)
-    assert tuple(predicted.iloc[-1][["offset_n", "offset_uncertainty_n"]]) == pytest.approx(stream.offset, abs=1e-3)
-    assert list(predicted.columns) == loaded.metadata.signature.outputs.input_names()
 
 
 def test_a_model_that_is_not_the_measured_one_is_refused(pipeline: Path) -> None:

@@ -47,41 +47,24 @@ def test_a_replay_fills_an_empty_store_once_and_promotes_nothing(
     assert len(client.search_runs([experiment.experiment_id])) == 1 + 5 + 3, "trials below the search"
 
 
-def test_a_record_that_is_not_what_dvc_lock_states_is_not_logged(registered_pipeline: Path) -> None:
-    root, path = registered_pipeline, registered_pipeline / "reports/runs/compare.json"
+def test_records_and_registrations_that_are_not_what_dvc_lock_states_are_left_out(
+    registered_pipeline: Path, empty_store: Path
+) -> None:
+    root, forged = registered_pipeline, ("reports/runs/compare.json", REGISTERED_FILE.as_posix())
     lock = yaml.safe_load((root / "dvc.lock").read_text())
-    lock["stages"]["compare"] = {"outs": [{"path": "reports/runs/compare.json", "md5": dvc_hash(path)}]}
+    lock["stages"]["last"] = {"outs": [{"path": path, "md5": dvc_hash(root / path)} for path in forged]}
     (root / "dvc.lock").write_text(yaml.safe_dump(lock))
     assert replay(root).problems == ()
-    path.write_text(path.read_text().replace("2.1", "0.1"))
-    (problem,) = replay(root).problems
-    assert "compare.json is not what dvc.lock states; `dvc checkout` brings that back" in problem
+    for path, figure in zip(forged, ("2.1", "2.0"), strict=True):
+        (root / path).write_text((root / path).read_text().replace(figure, "0.1"))
+    shutil.copy(empty_store, root / "mlflow.db")
+    problems = " ".join(replay(root).problems)
+    assert "compare.json is not what dvc.lock states; `dvc checkout` brings that back" in problems
+    assert "models/registered.json is not what dvc.lock states" in problems
+    assert versions(root) == []
     (root / "dvc.lock").write_text("{[")
     with pytest.raises(TrackingError, match=r"dvc.lock: is not as DVC writes it .*`git checkout dvc.lock`"):
         replay(root)
-
-
-def test_a_forged_registration_is_not_registered(registered_pipeline: Path, empty_store: Path) -> None:
-    root, path = registered_pipeline, registered_pipeline / REGISTERED_FILE
-    lock = yaml.safe_load((root / "dvc.lock").read_text())
-    lock["stages"]["register"] = {"outs": [{"path": REGISTERED_FILE.as_posix(), "md5": dvc_hash(path)}]}
-    (root / "dvc.lock").write_text(yaml.safe_dump(lock))
-    path.write_text(path.read_text().replace("2.0", "0.1"))
-    shutil.copy(empty_store, root / "mlflow.db")
-    (problem,) = replay(root).problems
-    assert "models/registered.json is not what dvc.lock states" in problem
-    assert versions(root) == []
-
-
-def test_a_record_under_another_name_and_one_that_is_none_are_refused_and_the_others_logged(pipeline: Path) -> None:
-    runs = pipeline / "reports/runs"
-    shutil.copy(runs / "compare.json", runs / "compare2.json")
-    (runs / "compare.json").write_text("[]", encoding="utf-8")
-    (runs / "x.json").mkdir()
-    done = replay(pipeline)
-    assert done.logged == ("record", "search", "train")
-    assert [problem.partition(":")[0] for problem in done.problems] == ["compare.json", "compare2.json", "x.json"]
-    assert "compare2.json: holds a record of 'compare'; remove it" in done.problems
 
 
 def test_a_replay_leaves_what_a_person_did_to_the_registry(registered_pipeline: Path) -> None:
@@ -103,12 +86,15 @@ def test_a_replay_leaves_what_a_person_did_to_the_registry(registered_pipeline: 
 
 
 def test_a_replay_goes_on_past_what_is_missing_and_names_it(pipeline: Path) -> None:
+    runs = pipeline / "reports/runs"
     (pipeline / "reports/report.html").unlink()
-    (pipeline / "reports/runs/zz.json").write_text("{", encoding="utf-8")
+    shutil.copy(runs / "compare.json", runs / "compare2.json")
+    (runs / "zz.json").write_text("{", encoding="utf-8")
     done = replay(pipeline)
     assert done.logged == ("record", "search", "train")
     assert done.version is None
     assert "not logged: compare.json: run 'compare': reports/report.html is not there; run `dvc pull`" in done.summary()
+    assert "compare2.json: holds a record of 'compare'; remove it" in done.problems
     assert "not logged: zz.json" in done.summary()
 
 
