@@ -126,17 +126,3 @@ class Forgetful(ForceBalanceEstimator):
 def test_a_broken_promise_is_named(cylinder: Cylinder, recordings: list[Recording]) -> None:
     with pytest.raises(ContractError, match=r"forgetful: .*: row \d+ is -?[\d.]+ N, but expected -?[\d.]+ N"):
         check_estimator(lambda: Forgetful(cylinder, "none"), recordings)
-
-
-class Listing(ForceBalanceEstimator):
-    """Gives lists in place of arrays."""
-
-    kind = "listing"
-
-    def advance(self, state: object, samples: np.ndarray) -> np.ndarray:
-        return super().advance(state, samples).tolist()  # type: ignore[no-any-return]
-
-
-def test_a_list_in_place_of_an_array_is_named(cylinder: Cylinder, recordings: list[Recording]) -> None:
-    with pytest.raises(ContractError, match="estimate is a list, but expected a NumPy array; let advance return one"):
-        check_estimator(lambda: Listing(cylinder, "none"), recordings)

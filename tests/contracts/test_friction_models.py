@@ -83,11 +83,3 @@ def test_a_broken_promise_is_noticed(kind: type[Broken], check: str, message: st
         chosen(case)
     with pytest.raises(ContractError):
         check_friction_model(kind, ODD["lugre"])
-
-
-def test_wrong_numbers_are_noticed() -> None:
-    class Misnamed(LuGre):
-        specs = LuGre().specs[:-1]  # type: ignore[assignment]
-
-    with pytest.raises(ContractError, match=r"lugre: fields are .* but specs name"):
-        check_friction_model(Misnamed, ODD["lugre"])

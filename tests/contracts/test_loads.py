@@ -111,20 +111,6 @@ def test_python_learns_it(case: Case) -> None:
     assert np.isfinite(case.expected.newtons).all()
 
 
-def test_without_the_load_it_would_count_as_friction(case: Case) -> None:
-    if case.model.position_load is not None:
-        blind = replace(case.model.position_load, load_n=0.0 * case.model.position_load.load_n)
-        model, samples = replace(case.model, position_load=blind), case.expected.samples
-    else:
-        model, samples = case.model, case.expected.samples * np.array([1.0, 1.0, 1.0, 0.0])
-    without = trace(model, samples[:2000])
-    off_n = np.abs(without.newtons - case.expected.newtons[:2000])[:, 0]
-    assert off_n.mean() > 200.0
-    unmodelled = without.flags & Flag.UNMODELLED_FORCE != 0
-    assert unmodelled.mean() > 0.6
-    assert not (case.expected.flags[:3000] & Flag.UNMODELLED_FORCE).any()
-
-
 def test_where_the_load_is_not_known_is_outside(case: Case) -> None:
     load = case.model.position_load
     if load is None or load.known is None:
