@@ -7,7 +7,7 @@ from cylinder_friction.friction_models.identification.intervals import confidenc
 from cylinder_friction.friction_models.identification.procedure import Identification, SearchEffort, identify
 from cylinder_friction.friction_models.identification.search import Coordinates
 from cylinder_friction.friction_models.identification.simulation import Motion, Motions
-from cylinder_friction.friction_models.identification.steady_points import steady_points, steady_sliding_by_speed
+from cylinder_friction.friction_models.identification.steady_points import steady_points
 from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from friction_samples import lugre_to_find, new_bristle, simulate
@@ -82,30 +82,6 @@ def test_steady_points_lie_on_the_curve(cylinder: Cylinder, plain_recordings: li
     assert np.all(np.diff(velocity) > 0.0)
     assert np.abs(friction - curve.friction(velocity)).max() < 15.0
     assert all(point.lower_quartile_n <= point.friction_n <= point.upper_quartile_n for point in points)
-
-
-def test_rows_are_numbered_by_stroke_over_all_recordings(plain_recordings: list[Recording]) -> None:
-    back_and_forth = np.where(np.arange(6000) % 2000 < 1000, 0.02, -0.02)
-    one = plain_recordings[0].with_columns(velocity_m_s=back_and_forth, usable=np.ones(6000, dtype=bool))
-    found = steady_sliding_by_speed([one, one], DEAD_BAND_M_S)
-    assert [len(np.unique(each.stroke)) for each in found] == [6, 6]
-    assert not set(found[0].stroke) & set(found[1].stroke)
-    assert [each.point() for each in found] == steady_points([one, one], DEAD_BAND_M_S)
-
-
-def test_unusable_rows_give_no_points(plain_recordings: list[Recording]) -> None:
-    nothing = [recording.with_columns(usable=np.zeros(len(recording), dtype=bool)) for recording in plain_recordings]
-    assert steady_points(nothing, DEAD_BAND_M_S) == []
-
-
-def test_a_few_seconds_of_sine_give_points_too(plain_recordings: list[Recording]) -> None:
-    recording = plain_recordings[0]
-    short = recording.table.iloc[:1200].reset_index(drop=True)
-    velocity = 0.05 * np.sin(8.0 * short["time_s"].to_numpy())
-    wavy = Recording(recording.metadata, short.assign(velocity_m_s=velocity, friction_n=300.0 * np.sign(velocity)))
-    points = steady_points([wavy], DEAD_BAND_M_S)
-    assert len(points) >= 6
-    assert {point.friction_n for point in points} == {-300.0, 300.0}
 
 
 def test_known_parameters_come_back_from_noisy_labels(cylinder: Cylinder, plain_recordings: list[Recording]) -> None:
@@ -192,23 +168,3 @@ def test_every_corner_of_the_search_is_physical_and_passive(cylinder: Cylinder) 
         parameters = coordinates.parameters(corner)
         assert isinstance(parameters, LugreParameters)
         assert parameters.is_passive()
-
-
-def test_a_model_and_its_pressure_must_agree(plain_recordings: list[Recording]) -> None:
-    with pytest.raises(ValueError, match="pressure_lugre: expected a pressure to scale dry friction, but got None"):
-        identify(
-            LuGre(pressure_scaled=True),
-            plain_recordings,
-            {},
-            None,
-            SearchEffort(1, 2, 1, 1),
-            mass_kg=6.0,
-            damping_ratio=0.5,
-            dead_band_m_s=DEAD_BAND_M_S,
-            confidence=0.95,
-        )
-
-
-def test_no_usable_row_is_refused() -> None:
-    with pytest.raises(ValueError, match="1 motions without one usable row among them; check the mask"):
-        Motions.of([Motion(np.ones(3), np.zeros(3), np.ones(3), np.zeros(3, dtype=bool))], SAMPLE_TIME_S)

@@ -37,8 +37,3 @@ def test_impossible_parameters_are_refused_by_name() -> None:
         replace(PLAIN, bristle_stiffness_n_m=0.0)
     with pytest.raises(ValueError, match=r"pressure_slope_n_pa must be zero or a positive number, but got -1\.0"):
         replace(PLAIN, pressure_slope_n_pa=-1.0)
-
-
-def test_pressure_of_another_length_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"pressure_pa has shape \(2,\), but velocity_m_s has \(3,\)"):
-        simulate(PLAIN, np.zeros(3), 5e-3, new_bristle(), np.zeros(2))
