@@ -67,12 +67,3 @@ def compiled(number: int) -> tuple[int, int]:
     import numba  # slow
 
     return numba.njit(lambda each: 2 * each)(number), numba.get_num_threads()
-
-
-def fill_memory(megabytes: int) -> int:
-    """Take memory step by step, so that whoever watches over a limit sees it."""
-    held = []
-    for _ in range(megabytes // 20):
-        held.append(b"x" * 20_000_000)
-        time.sleep(0.05)
-    return len(held)

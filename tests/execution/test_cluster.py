@@ -13,18 +13,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from distributed import Client
-from distributed.comm import CommClosedError
 
 import loopback_cluster as loopback
 from cylinder_friction.execution import cluster as cluster_module
 from cylinder_friction.execution.cluster import common_environment, environment
 from cylinder_friction.execution.selection import workers_from_environment
-from cylinder_friction.execution.workers import ONE_THREAD, VARIABLE, Died, WorkersError
+from cylinder_friction.execution.workers import ONE_THREAD, VARIABLE, WorkersError
 from cylinder_friction.extras import MissingExtraError
 from cylinder_friction.tuning.search import SearchPlan, run_search
 from cylinder_friction.tuning.space import SearchSpace
-from process_work import bowl, compiled, cost, die, die_once, fill_memory, place, twice
+from process_work import bowl, compiled, cost, die, die_once, place, twice
 
 MODULES = (Path(__file__).parents[1],)
 TLS = "DASK_DISTRIBUTED__COMM__TLS__"
@@ -81,37 +79,6 @@ def test_a_killed_worker_costs_nothing(on_cluster: Any, tmp_path: Path) -> None:
     assert (tmp_path / "killed").exists()
 
 
-def test_a_result_whose_worker_dies_as_it_arrives_is_that_result(
-    on_cluster: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    gather = Client._gather_remote
-
-    async def worker_lost_meanwhile(client: Client, *given: Any) -> Any:
-        response = await gather(client, *given)
-        for state in client.futures.values():
-            state.lose()
-        return response
-
-    monkeypatch.setattr(Client, "_gather_remote", worker_lost_meanwhile)
-    with workers_from_environment() as workers:
-        assert list(workers.in_order([partial(twice, 4)])) == [8]
-
-
-def test_a_worker_that_dies_as_it_is_asked_for_its_environment_is_left_out(
-    on_cluster: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    run, calls = Client.run, []
-
-    def first_in_vain(client: Client, *given: Any, **options: Any) -> Any:
-        calls.append(options)
-        return {"tcp://dead:1": CommClosedError("closed")} if len(calls) == 1 else run(client, *given, **options)
-
-    monkeypatch.setattr(Client, "run", first_in_vain)
-    with workers_from_environment() as workers:
-        assert list(workers.in_order([partial(twice, 4)])) == [8]
-    assert len(calls) == 2
-
-
 def test_a_piece_that_kills_every_worker_is_reported_by_name_and_the_others_are_done(on_cluster: Any) -> None:
     names = [f"recording {n}" for n in range(6)]
     done = []
@@ -133,18 +100,6 @@ def test_a_search_in_batches_is_the_same_on_a_cluster_whose_worker_is_killed(on_
         found = run_search(space, plan, cost, objective, tmp_path / "cluster.log", lambda: None, workers)
     assert found == alone
     assert (tmp_path / "killed").exists()
-
-
-def test_a_piece_over_the_memory_limit_is_reported_with_the_limit(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with loopback.loopback_cluster(tmp_path, 0, MODULES) as cluster:
-        cluster.add_worker("--nthreads", "1", "--memory-limit", "300MB")
-        monkeypatch.setenv(VARIABLE, cluster.address)
-        with workers_from_environment() as workers:
-            (lost,) = workers.in_order([partial(fill_memory, 600)])
-    assert isinstance(lost, Died)
-    assert "with a memory limit of 0.279 GiB; it may have run out of memory" in lost.reason
 
 
 def test_a_worker_of_two_threads_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,18 +10,8 @@ from functools import partial
 import pytest
 
 from cylinder_friction.execution.selection import workers_from_environment
-from cylinder_friction.execution.workers import ONE_THREAD, VARIABLE, Died, Processes, Workers, WorkersError
-from process_work import die, minutes_if_first, slow_if_first, threads, twice
-
-
-def test_one_worker_does_all_in_order() -> None:
-    assert list(Workers().do_all([partial(twice, n) for n in range(3)])) == [(0, 0), (1, 2), (2, 4)]
-
-
-def test_two_workers_do_the_same() -> None:
-    with Processes(2) as workers:
-        for _ in range(2):
-            assert sorted(workers.do_all([partial(twice, n) for n in range(5)])) == [(n, 2 * n) for n in range(5)]
+from cylinder_friction.execution.workers import ONE_THREAD, VARIABLE, Died, Processes, WorkersError
+from process_work import die, minutes_if_first, slow_if_first, threads
 
 
 def test_results_come_in_the_order_of_the_pieces_whichever_ends_first() -> None:
