@@ -10,11 +10,9 @@ from typing import Any
 import pytest
 import yaml
 
-from cylinder_friction.commands.cli import main
 from cylinder_friction.commands.init import make_project
 from cylinder_friction.commands.params import compose_params, write_params
 from cylinder_friction.params.checking import ParamsError, check_params
-from cylinder_friction.stages._run import run_stage
 
 PROJECT = Path(__file__).parents[1]
 CONF = PROJECT / "conf"
@@ -59,9 +57,9 @@ def test_every_choice_of_every_group_is_accepted() -> None:
         compose_params(CONF, [choice])
 
 
-def test_the_paper_recipe_searches_table_1_as_published() -> None:
-    space = compose_params(CONF, ["experiment=paper"])["search"]["space"]
-    assert space == {
+def test_the_paper_recipe_is_about_the_published_hybrid_table_and_label() -> None:
+    content = compose_params(CONF, ["experiment=paper"])
+    assert content["search"]["space"] == {
         "layers": [3, 4, 5],
         "nodes": [16, 32, 64],
         "dropout": [0.1, 0.2, 0.3, 0.4, 0.5],
@@ -69,10 +67,6 @@ def test_the_paper_recipe_searches_table_1_as_published() -> None:
         "forest_trees": [32, 100],
         "forest_depth": [10, 50],
     }
-
-
-def test_the_paper_recipe_is_about_the_published_hybrid_on_the_published_label() -> None:
-    content = compose_params(CONF, ["experiment=paper"])
     assert content["compare"]["main"] == content["register"]["candidate"] == "paper_hybrid"
     assert content["filter"]["method"] == "moving_average"
     assert content["offset"]["identify"] == "never"
@@ -95,14 +89,7 @@ def test_the_papers_final_values_are_trained_by_default(composed: dict[str, Any]
     [
         ("search.trails", 5, "search.trails: unknown key; check its spelling against conf/"),
         ("cylinder.stroke_m", -0.25, "'Bosch H160CA 63x28': stroke_m must be a positive number, but got -0.25"),
-        (
-            "cylinder.rod_diameter_m",
-            0.07,
-            "rod_diameter_m must be smaller than bore_diameter_m (0.063 m), but got 0.07",
-        ),
-        ("cylinder.length_m", 0.25, "cylinder.length_m: unknown key; check its spelling against conf/"),
         ("train.training.epochs", "many", "train.training.epochs: Input should be a valid integer, but got 'many'"),
-        ("train.training.epochs", 2.5, "train.training.epochs: Input should be a valid integer"),
         ("filter.method", "kalman", "filter.method: Input should be"),
         ("train.hybrid.dropout", 1.0, "train.hybrid.dropout: Input should be less than 1, but got 1.0"),
         ("record.seed", True, "record.seed: Input should be a valid integer, but got True"),
@@ -159,28 +146,15 @@ def test_all_that_is_wrong_is_told_at_once(content: dict[str, Any]) -> None:
     assert "compare.colour" in str(refused.value)
 
 
-def test_an_unknown_recipe_is_refused() -> None:
-    with pytest.raises(ParamsError, match="experiment/nope"):
-        compose_params(CONF, ["experiment=nope"])
-
-
-def test_an_unknown_override_is_refused_and_params_yaml_stays(tmp_path: Path) -> None:
+def test_an_unknown_recipe_or_override_is_refused_and_params_yaml_stays(tmp_path: Path) -> None:
     target = tmp_path / "params.yaml"
     write_params(CONF, path=target)
     before = target.read_bytes()
-    with pytest.raises(ParamsError, match="serach"):
-        write_params(CONF, ["serach.trials=3"], target)
-    with pytest.raises(ParamsError, match=r"search\.trials"):
-        write_params(CONF, ["search.trials=none"], target)
+    for wrong, message in (
+        ("experiment=nope", "experiment/nope"),
+        ("serach.trials=3", "serach"),
+        ("search.trials=none", r"search\.trials"),
+    ):
+        with pytest.raises(ParamsError, match=message):
+            write_params(CONF, [wrong], target)
     assert target.read_bytes() == before
-
-
-def test_an_unknown_stage_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    with pytest.raises(SystemExit):
-        main(["stage", "lable"])
-    assert "invalid choice: 'lable' (choose from 'record', 'ingest', 'filter', 'label'" in capsys.readouterr().err
-    with pytest.raises(ParamsError, match="no stage 'lable'; expected one of record, ingest, filter, label"):
-        run_stage("lable")

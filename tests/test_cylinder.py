@@ -15,27 +15,24 @@ def test_areas_of_the_catalogue_cylinder(cylinder: Cylinder) -> None:
     assert cylinder.piston_area_m2 / cylinder.annulus_area_m2 == pytest.approx(1.246, rel=1e-3)
 
 
-def test_a_rod_as_thick_as_the_bore_is_refused() -> None:
-    with pytest.raises(ValueError, match=r"rod_diameter_m must be smaller than bore_diameter_m \(0\.063 m\)"):
-        Cylinder(name="solid", bore_diameter_m=0.063, rod_diameter_m=0.063, stroke_m=0.25, moving_mass_kg=6.0)
-
-
-@pytest.mark.parametrize("value", [0.0, -1.0, float("nan"), float("inf"), "63 mm", None])
-def test_a_length_that_is_no_positive_number_is_refused(value: Any) -> None:
-    with pytest.raises(ValueError, match=f"'odd': stroke_m must be a positive number, but got {value!r}"):
-        Cylinder(name="odd", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=value, moving_mass_kg=6.0)
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"rod_diameter_m": 0.063}, r"rod_diameter_m must be smaller than bore_diameter_m \(0\.063 m\)"),
+        ({"stroke_m": 250}, r"in metres, at most 30, but got 250; if that is in millimetres, give 0\.25"),
+        *(
+            ({"stroke_m": value}, f"'odd': stroke_m must be a positive number, but got {value!r}")
+            for value in (0.0, -1.0, float("nan"), float("inf"), "63 mm", None)
+        ),
+    ],
+)
+def test_what_is_no_cylinder_is_refused(changes: dict[str, Any], message: str) -> None:
+    sizes = {"bore_diameter_m": 0.063, "rod_diameter_m": 0.028, "stroke_m": 0.25, "moving_mass_kg": 6.0}
+    with pytest.raises(ValueError, match=message):
+        Cylinder(name="odd", **sizes | changes)
 
 
 def test_a_name_is_optional_and_the_repr_can_be_evaluated() -> None:
     cylinder = Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
     assert cylinder.name == "cylinder"
-    assert repr(cylinder) == (
-        "Cylinder(name='cylinder', bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)"
-    )
     assert eval(repr(cylinder)) == cylinder
-
-
-def test_millimetres_are_refused() -> None:
-    message = r"stroke_m must be in metres, at most 30, but got 250; if that is in millimetres, give 0\.25"
-    with pytest.raises(ValueError, match=message):
-        Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=250, moving_mass_kg=6.0)

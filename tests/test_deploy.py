@@ -79,13 +79,10 @@ def test_images_install_extras_that_exist() -> None:
     assert {extra for each in named for extra in each.split(",")} <= extras.keys()
 
 
-@pytest.mark.parametrize("target", ["serve", "tracking"])
-def test_an_image_starts_with_words_that_its_program_takes(target: str) -> None:
-    accepted(json.loads(last(target, "ENTRYPOINT")) + json.loads(last(target, "CMD")))
-
-
 @pytest.mark.parametrize("name", OWN)
-def test_compose_starts_our_images_with_words_that_their_program_takes(name: str) -> None:
+def test_images_and_compose_start_with_words_that_the_program_takes(name: str) -> None:
+    for image in ("serve", "tracking"):
+        accepted(json.loads(last(image, "ENTRYPOINT")) + json.loads(last(image, "CMD")))
     service = SERVICES[name]
     target = service["build"]["target"]
     accepted(json.loads(last(target, "ENTRYPOINT")) + service["command"])
@@ -131,13 +128,6 @@ def test_the_mlflow_server_is_that_of_the_guide() -> None:
     assert guide == ours
 
 
-def test_the_databases_are_those_of_the_guide() -> None:
-    text = (DEPLOY / "databases.sql").read_text(encoding="utf-8")
-    made = re.findall(r"CREATE DATABASE (\w+) OWNER (\w+)", text)
-    assert made == [(name, owner) for owner, name in re.findall(r"createdb --owner (\w+) (\w+)", TEAM)]
-    assert re.findall(r"CREATE ROLE (\w+)", text) == re.findall(r"createuser --pwprompt (\w+)", TEAM)
-
-
 def test_postgresql_makes_the_databases_with_their_passwords() -> None:
     sqlalchemy = pytest.importorskip("sqlalchemy")
     pytest.importorskip("psycopg2")
@@ -158,17 +148,6 @@ def test_postgresql_makes_the_databases_with_their_passwords() -> None:
             with engine.begin() as connection:
                 connection.execute(sqlalchemy.text("CREATE TABLE made (number int)"))
             engine.dispose()
-
-
-def test_the_object_store_takes_its_words() -> None:
-    weed = servers.object_store_program()
-    if weed is None:
-        pytest.skip("SeaweedFS is not installed")
-    shown = subprocess.run([str(weed), "server", "-h"], capture_output=True, text=True).stderr
-    options = set(re.findall(r"^\s+(-[\w.]+)", shown, re.MULTILINE))
-    program, *words = SERVICES["s3"]["command"]
-    assert program == "server"
-    assert {word.partition("=")[0] for word in words} <= options
 
 
 @pytest.mark.parametrize("unit", UNITS, ids=lambda path: path.stem)

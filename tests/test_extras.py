@@ -105,16 +105,6 @@ def test_a_command_names_the_extra_it_needs(tmp_path: Path) -> None:
     assert all("which is not installed" in message for message in messages)
 
 
-def test_so_does_training_from_python(tmp_path: Path) -> None:
-    code = (
-        "import numpy as np\n"
-        "from cylinder_friction.estimators.forest import ForestPlan, fit_forest\n"
-        "fit_forest(np.zeros((5, 1), dtype=np.float32), np.zeros(5), ForestPlan(), 0)"
-    )
-    done = without_extras(tmp_path, code)
-    assert 'this needs sklearn, which is not installed; pip install "cylinder-friction[train]"' in done.stderr
-
-
 def test_every_library_is_brought_by_the_extra_that_is_named() -> None:
     extras = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
     brings = {extra: {line.split(">")[0].split("=")[0].split("[")[0] for line in extras[extra]} for extra in extras}

@@ -32,8 +32,3 @@ def test_lost_markers_are_an_error(tmp_path: Path, reports: Path) -> None:
     with pytest.raises(ValueError, match="are not both there; put them back"):
         update_readme(readme, reports)
     assert readme.read_text() == "no markers"
-
-
-def test_without_a_report_it_says_what_to_run(tmp_path: Path) -> None:
-    with pytest.raises(FileNotFoundError, match=r"table\.md: not there; run `dvc repro` first"):
-        update_readme(tmp_path / "README.md", tmp_path / "reports")

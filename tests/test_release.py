@@ -7,7 +7,6 @@ import tomllib
 from pathlib import Path
 
 import pytest
-import yaml
 
 PROJECT = Path(__file__).parents[1]
 sys.path.append(str(PROJECT / "tools"))
@@ -33,8 +32,3 @@ def test_the_changelog_must_fit_the_version(version: str, changelog: str, refusa
 def test_that_of_this_version_does() -> None:
     version = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["version"]
     assert release.changelog_refusal(version, (PROJECT / "CHANGELOG.md").read_text(encoding="utf-8")) == ""
-
-
-def test_the_citation_has_what_the_format_requires() -> None:
-    citation = yaml.safe_load((PROJECT / "CITATION.cff").read_text(encoding="utf-8"))
-    assert {"cff-version", "title", "message", "authors"} <= citation.keys()

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,29 +41,6 @@ def test_a_window_estimates_what_a_fresh_network_does(
     peer = kind(golden_model)
     newtons = [peer.step(*sample) for sample in samples[:60].tolist()]
     np.testing.assert_allclose(newtons, windowed(hybrid, golden_model, samples[:60]), rtol=0.0, atol=0.05)
-
-
-@pytest.mark.parametrize("sees", ["hidden", "nothing"])
-def test_both_windows_agree_on_other_designs(sees: str, golden_model: StepModel, samples: np.ndarray) -> None:
-    assert golden_model.network is not None
-    assert golden_model.forest is not None
-    leaf = golden_model.forest.feature < 0
-    narrow = replace(
-        golden_model.forest,
-        feature=np.where(leaf, -1, golden_model.forest.feature % golden_model.network.nodes),
-        inputs=golden_model.network.nodes,
-    )
-    other = replace(
-        golden_model,
-        forest=narrow if sees == "hidden" else None,
-        forest_sees=sees,
-        head_counts=sees == "nothing",
-        base_taps=np.zeros((3, 1)),
-    )
-    ours, theirs = TorchWindow(other), OnnxWindow(other)
-    newtons = np.array([[each.step(*sample) for each in (ours, theirs)] for sample in samples[:30].tolist()])
-    np.testing.assert_allclose(newtons[:, 0], newtons[:, 1], rtol=0.0, atol=0.05)
-    assert np.ptp(newtons[:, 0]) > 0.0
 
 
 def test_the_forest_is_the_same_tree_for_tree(golden_model: StepModel) -> None:

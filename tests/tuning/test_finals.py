@@ -17,10 +17,6 @@ def test_the_best_of_each_size_of_network_come_to_the_finals() -> None:
     assert finalists(trials, 9) == [trials[1], trials[2], trials[4]], "a pruned trial has no error"
 
 
-def test_an_error_is_the_mean_over_the_seeds() -> None:
-    assert Final({"nodes": 16}, (5.0, 6.0), 160).error_n == pytest.approx(5.5)
-
-
 def test_the_final_with_the_smallest_mean_error_decides() -> None:
     finals = [Final({"nodes": 16}, (5.0, 6.0), 160), Final({"nodes": 48}, (5.2, 5.3), 480), Final({}, (9.0, 9.0), 0)]
     assert best_final(finals) is finals[1]

@@ -95,7 +95,6 @@ def test_a_second_process_waits_and_finds_the_trials_of_the_first(
 @pytest.mark.parametrize(
     ("url", "message"),
     [
-        ("studies", f"{STUDY_STORE} is no URL of a database; expected postgresql.psycopg2://USER@HOST/DATABASE"),
         ("sqlite:///studies.db", "names a database of sqlite; expected postgresql"),
         (
             "postgresql+psycopg2://me:hidden@127.0.0.1:1/studies",
