@@ -77,7 +77,7 @@ def outcome(folder: Path, original: np.ndarray | None) -> str:
     if original is None:
         if has_step(estimator):
             model = estimator.step_model()
-            generate_c(model, "fuzzed", "double", estimator.kind)
+            generate_c(model, folder, "fuzzed", "double", estimator.kind)
             step_graph(model)
         return "taken"
     if not np.array_equal(found, original, equal_nan=True):

@@ -38,10 +38,6 @@ RECORDINGS = 4  # Number of test recordings whose samples are taken
 def measure_latency(folders: Sequence[Path], effort: Effort) -> str:
     """Measure models, write ``reports/latency.json``, log the run to MLflow, and return the tables.
 
-    Args:
-        folders: Of trained estimators; none for the pipeline's own.
-        effort: How much is measured.
-
     Raises:
         FileNotFoundError: A model or the test recordings are not there.
         NoCompilerError: There is no C compiler.

@@ -55,14 +55,9 @@ def distil(
 ) -> tuple[HybridEstimator, DistilReport]:
     """Return an LSTM of one layer that imitates ``original``, without a forest, and its cost.
 
-    Args:
-        original: A fitted hybrid, with or without a forest.
-        nodes: Of the student's layer.
-        train: Labelled recordings; the original's estimates on their usable rows are the target.
-        validation: Stops the training, and calibrates the student's bounds.
-        held_out: Labelled recordings for the report.
-        plan: Of the training.
-        seed: Seeds weights, dropout and batch order.
+    The target are the estimates of ``original`` on the usable rows of ``train``. ``validation`` stops the training and
+    calibrates the bounds; the report is about ``held_out``. All recordings are labelled. The student's layer has
+    ``nodes`` nodes.
 
     Raises:
         ValueError: ``nodes`` is not positive, or the original is not fitted.

@@ -54,10 +54,7 @@ leave its hash alone."""
 def render(template: str, real: Type = "double", **values: Any) -> str:
     """Return a template of ``templates/`` filled with values; each value it asks for must be there.
 
-    Args:
-        template: File name; values for XML and HTML are escaped.
-        real: Type that the filter ``real`` writes numbers in.
-        values: What the template asks for.
+    Values for XML and HTML are escaped; ``real`` is the type that the filter of that name writes numbers in.
     """
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("cylinder_friction.deployment", "templates"),

@@ -30,11 +30,8 @@ class FrictionScoringModel(PythonModel):
     def predict(self, context: Any, model_input: pd.DataFrame, params: Any = None) -> pd.DataFrame:  # noqa: ARG002
         """Return what ``score_columns`` does, one row for each row given; rows that cannot be scored give 400.
 
-        Args:
-            context: MLflow's; not used.
-            model_input: A data frame, or a dictionary of columns, as MLflow's server makes it of ``inputs`` and
-                ``instances``.
-            params: Not used.
+        ``model_input`` is a data frame, or a dictionary of columns, as MLflow's server makes it of ``inputs`` and
+        ``instances``.
         """
         try:
             scored = self._scoring.score_columns(self._graph, self._columns(model_input))

@@ -101,8 +101,7 @@ def friction_levels(recordings: Iterable[Recording]) -> tuple[FrictionLevel, ...
 def differences(levels: Mapping[str, Sequence[FrictionLevel]]) -> tuple[RecordingDifference, ...]:
     """Return how friction of each recording differs from that of the others; nothing of a single one.
 
-    Args:
-        levels: Of each recording, by its name; recordings that never slide steadily are left out.
+    Recordings that never slide steadily are left out.
     """
     known = {name: own for name, own in levels.items() if own}
     if len(known) < 2:

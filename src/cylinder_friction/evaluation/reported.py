@@ -17,9 +17,6 @@ def reported_errors(conditions: Mapping[str, Mapping[str, float]]) -> tuple[Refe
 
     That is true friction where it is known in every condition: an estimator that is nearer to friction is not refused
     for reproducing less of the label's noise. An error that the report lacks is NaN.
-
-    Args:
-        conditions: Numbers by name, by condition, as in ``reports/metrics.json``.
     """
     reference: Reference = "truth" if all("truth_percent" in each for each in conditions.values()) else "label"
     return reference, {

@@ -40,8 +40,7 @@ class Cluster(ExecutorWorkers):
 
     Dask repeats a piece whose worker is lost, and gives it up when several workers died of it.
 
-    Args:
-        address: Of the scheduler, or the file that it wrote.
+    ``address`` is that of the scheduler, or the file that it wrote.
     """
 
     at_once, lost = AT_ONCE, (KilledWorker, CancelledError)

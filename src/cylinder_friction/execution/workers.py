@@ -154,12 +154,7 @@ class ExecutorWorkers(Workers):
 
 
 class Processes(ExecutorWorkers):
-    """Processes of this machine that stay for one batch of work after another.
-
-    Args:
-        count: How many.
-        least: As in ``ExecutorWorkers``.
-    """
+    """Processes of this machine that stay for one batch of work after another."""
 
     lost = (BrokenProcessPool,)
 

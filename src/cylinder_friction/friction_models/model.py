@@ -23,8 +23,7 @@ class FrictionModel:
     A subclass sets the class attributes. Its numbers travel as an array, in
     the order of ``parameter_class.specs``: ``parameters`` and ``ModelParameters.packed`` translate.
 
-    Args:
-        pressure_scaled: Whether dry friction grows with pressure; its slope is then one more number to find.
+    With ``pressure_scaled`` dry friction grows with pressure; its slope is then one more number to find.
 
     Attributes:
         name: In files; with pressure scaling, ``pressure_`` stands before it.

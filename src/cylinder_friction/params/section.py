@@ -27,11 +27,7 @@ Kind = TypeVar("Kind", bound=Section)
 def checked(kind: type[Kind], content: Any, where: str, guide: str = "") -> Kind:
     """Return typed parameters, or refuse them with every offending key named.
 
-    Args:
-        kind: What they are checked against.
-        content: What the YAML file or Hydra gave.
-        where: Name of the source, for the message.
-        guide: What states the keys of a file that is not made from conf/.
+    ``where`` names the source for the message; ``guide`` states the keys of a file that is not made from conf/.
 
     Raises:
         ParamsError: A key is unknown or missing, a type is wrong or a value impossible.

@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from operator import itemgetter
 from statistics import fmean
 from typing import Any
 
 from cylinder_friction.evaluation.analysis import Analysis
 from cylinder_friction.evaluation.comparison import LABEL_ITSELF, Comparison, Scores, mean_percent, points_ahead
 from cylinder_friction.evaluation.coverage import Coverage
-from cylinder_friction.evaluation.residuals import ResidualFigures
 from cylinder_friction.evaluation.starts import Starts
 from cylinder_friction.evaluation.timing import StepTime
 from cylinder_friction.reporting.estimator_titles import REFERENCES, phrase, title
@@ -34,12 +34,8 @@ def error_table(
 
     The smallest error of a condition stands out, and every error that it is not clearly better than.
 
-    Args:
-        scores: Against the label or against the truth, never both.
-        conditions: Columns.
-        against: ``label`` or ``true friction``, for the head, which also states each denominator.
-        notes: What stands with a title, see ``row_notes``.
-        published: Whether the paper's own rows are added below; they come from other data.
+    ``scores`` are against the label or the truth, never both; ``against`` names which, for the head, which also states
+    each denominator. ``published`` adds the paper's own rows below, which come from other data.
     """
     names = list(scores)
     head: list[str | Cell] = ["Estimator"]
@@ -68,56 +64,51 @@ def row_notes(comparison: Comparison) -> dict[str, str]:
 
 def coverage_table(found: Sequence[Coverage]) -> Table:
     """Return how often the bounds hold the label and true friction, in each condition and in the worst session."""
-    rows = [
-        (
-            REFERENCES[each.reference],
-            each.condition,
-            f"{each.rows:,}",
-            f"{each.held_percent:.1f}",
-            "–" if each.held_near_events_percent is None else f"{each.held_near_events_percent:.1f}",
-            Cell(f"{each.worst_session_percent:.1f}", each.worst_session),
-            f"{each.mean_width_n:.1f}",
-        )
-        for each in found
-    ]
-    shares = ("Share [% of rows]", "Near events [% of rows]", "Worst session [% of rows]")
-    return Table(("Held", "Condition", "Rows", *shares, "Mean width [N]"), rows)
+    return Table.of(
+        found,
+        {
+            "Held": lambda each: REFERENCES[each.reference],
+            "Condition": lambda each: each.condition,
+            "Rows": lambda each: f"{each.rows:,}",
+            "Share [% of rows]": lambda each: f"{each.held_percent:.1f}",
+            "Near events [% of rows]": lambda each: _known(each.held_near_events_percent, ".1f"),
+            "Worst session [% of rows]": lambda each: Cell(f"{each.worst_session_percent:.1f}", each.worst_session),
+            "Mean width [N]": lambda each: f"{each.mean_width_n:.1f}",
+        },
+    )
 
 
 def start_table(found: Sequence[Starts]) -> Table:
     """Return what the offset learned in a session's earlier recording is worth, by condition."""
-    rows = [
-        (
-            each.condition,
-            str(each.recordings),
-            f"{each.mean_abs_friction_n:.0f}",
-            f"{each.cold_percent:.2f}",
-            f"{each.warm_percent:.2f}",
-        )
-        for each in found
-    ]
     against = REFERENCES[found[0].reference] if found else "label"
     share = f"[% of mean |{against}|]"
-    return Table(("Condition", "Recordings", f"Mean |{against}| [N]", f"Cold {share}", f"Warm {share}"), rows)
+    return Table.of(
+        found,
+        {
+            "Condition": lambda each: each.condition,
+            "Recordings": lambda each: str(each.recordings),
+            f"Mean |{against}| [N]": lambda each: f"{each.mean_abs_friction_n:.0f}",
+            f"Cold {share}": lambda each: f"{each.cold_percent:.2f}",
+            f"Warm {share}": lambda each: f"{each.warm_percent:.2f}",
+        },
+    )
 
 
 def offset_table(sessions: Sequence[Mapping[str, Any]]) -> Table:
     """Return the sensors' offset of each session, as stage ``offset`` wrote it."""
-    rows = [
-        (
-            each["session"],
-            each["role"],
-            f"{each['offset_n']:.1f}",
-            f"{each['standard_uncertainty_n']:.1f}",
-            f"{each['common_uncertainty_n']:.1f}",
-            f"{each['prior_n']:.1f}",
-            f"{each['strokes_extend']} / {each['strokes_retract']}",
-            f"{each['sliding_s']:.0f}",
-        )
-        for each in sessions
-    ]
-    uncertainties = ("Uncertainty [N]", "Common to all [N]", "Stated zeros [N]")
-    return Table(("Session", "Role", "Offset [N]", *uncertainties, "Strokes out / in", "Sliding [s]"), rows)
+    return Table.of(
+        sessions,
+        {
+            "Session": itemgetter("session"),
+            "Role": itemgetter("role"),
+            "Offset [N]": lambda each: f"{each['offset_n']:.1f}",
+            "Uncertainty [N]": lambda each: f"{each['standard_uncertainty_n']:.1f}",
+            "Common to all [N]": lambda each: f"{each['common_uncertainty_n']:.1f}",
+            "Stated zeros [N]": lambda each: f"{each['prior_n']:.1f}",
+            "Strokes out / in": lambda each: f"{each['strokes_extend']} / {each['strokes_retract']}",
+            "Sliding [s]": lambda each: f"{each['sliding_s']:.0f}",
+        },
+    )
 
 
 def difference_table(comparison: Comparison, main: str) -> Table:
@@ -170,31 +161,31 @@ def session_table(scores: Scores, conditions: Sequence[str]) -> Table:
 
 def hyperparameter_table(searched: Mapping[str, Any], best: Mapping[str, Any], chosen: Mapping[str, Any]) -> Table:
     """Return Table I: the range searched, the value found there and the value used, beside the published ones."""
-    words = {
-        "layers": "LSTM layers",
-        "nodes": "LSTM nodes per layer",
-        "dropout": "Dropout",
-        "learning_rate": "Learning rate",
-        "forest_trees": "Forest: trees",
-        "forest_depth": "Forest: greatest depth",
-    }
-    rows = [
-        (name, _searched(key, searched.get(key)), _value(best.get(key)), _value(chosen.get(key)), *HYPERPARAMETERS[key])
-        for key, name in words.items()
-    ]
-    values = ("Range searched", "Value found", "Value used")
-    return Table(("Hyperparameter", *values, "Published range", "Published value"), rows)
+    return Table.of(
+        HYPERPARAMETERS.items(),
+        {
+            "Hyperparameter": lambda each: each[1][0],
+            "Range searched": lambda each: _searched(each[0], searched.get(each[0])),
+            "Value found": lambda each: _value(best.get(each[0])),
+            "Value used": lambda each: _value(chosen.get(each[0])),
+            "Published range": lambda each: each[1][1],
+            "Published value": lambda each: each[1][2],
+        },
+    )
 
 
 def finals_table(finals: Sequence[Mapping[str, Any]]) -> Table:
     """Return the candidates of the search's finals, the best first, and how far their trainings differ."""
-    rows = []
-    for each in sorted(finals, key=lambda final: fmean(final["errors_n"])):
-        errors_n, params = each["errors_n"], each["params"]
-        extent = f"{min(errors_n):.2f} to {max(errors_n):.2f}"
-        size = (str(params["layers"]), str(params["nodes"]))
-        rows.append((*size, f"{fmean(errors_n):.2f}", extent, f"{each['multiply_adds']:,}"))
-    return Table(("Layers", "Nodes", "Error [N]", "Of each training [N]", "Multiply-adds"), rows)
+    return Table.of(
+        sorted(finals, key=lambda final: fmean(final["errors_n"])),
+        {
+            "Layers": lambda each: str(each["params"]["layers"]),
+            "Nodes": lambda each: str(each["params"]["nodes"]),
+            "Error [N]": lambda each: f"{fmean(each['errors_n']):.2f}",
+            "Of each training [N]": lambda each: f"{min(each['errors_n']):.2f} to {max(each['errors_n']):.2f}",
+            "Multiply-adds": lambda each: f"{each['multiply_adds']:,}",
+        },
+    )
 
 
 def cost_table(comparison: Comparison, times: Mapping[str, StepTime]) -> Table:
@@ -214,51 +205,38 @@ def cost_table(comparison: Comparison, times: Mapping[str, StepTime]) -> Table:
 
 def residual_shape_table(analysis: Analysis) -> Table:
     """Return the distribution of every estimator's residuals over all conditions."""
-    head = (
-        "Estimator",
-        "median [N]",
-        "quartiles [N]",
-        "standard deviation [N]",
-        "skewness",
-        "excess kurtosis",
-        "Jarque–Bera",
+    found = analysis.residuals
+    return Table.of(
+        ranked(analysis.comparison.label),
+        {
+            "Estimator": title,
+            "median [N]": lambda name: f"{found[name].median_n:+.2f}",
+            "quartiles [N]": lambda name: f"{found[name].lower_quartile_n:+.1f} … {found[name].upper_quartile_n:+.1f}",
+            "standard deviation [N]": lambda name: f"{found[name].deviation_n:.1f}",
+            "skewness": lambda name: f"{found[name].skewness:+.2f}",
+            "excess kurtosis": lambda name: f"{found[name].excess_kurtosis:+.1f}",
+            "Jarque–Bera": lambda name: f"{found[name].jarque_bera:.3g} ({_p_value(found[name].jarque_bera_p)})",
+        },
     )
-    rows = [
-        (
-            title(name),
-            f"{found.median_n:+.2f}",
-            f"{found.lower_quartile_n:+.1f} … {found.upper_quartile_n:+.1f}",
-            f"{found.deviation_n:.1f}",
-            f"{found.skewness:+.2f}",
-            f"{found.excess_kurtosis:+.1f}",
-            f"{found.jarque_bera:.3g} ({_p_value(found.jarque_bera_p)})",
-        )
-        for name, found in _residuals(analysis)
-    ]
-    return Table(head, rows)
 
 
 def residual_memory_table(analysis: Analysis) -> Table:
     """Return the memory of every estimator's residuals, and what they still depend on, over all conditions."""
-    inputs = list(analysis.dependences[analysis.main])
-    head = ["Estimator", "autocorrelation, 1 sample", "Ljung–Box, 10 lags", "rows", "effective rows"]
-    rows = [
-        (
-            title(name),
-            f"{found.autocorrelation_1:.3f}",
-            f"{found.ljung_box:.3g} ({_p_value(found.ljung_box_p)})",
-            f"{found.rows:,}",
-            f"{found.effective_rows:,.0f}",
-            *(f"{analysis.dependences[name][key]:+.2f}" for key in inputs),
-        )
-        for name, found in _residuals(analysis)
-    ]
-    return Table([*head, *(f"correlation with {name}" for name in inputs)], rows)
-
-
-def _residuals(analysis: Analysis) -> list[tuple[str, ResidualFigures]]:
-    """Return the estimators whose residuals are more than rounding."""
-    return [(name, analysis.residuals[name]) for name in ranked(analysis.comparison.label)]
+    found, dependences = analysis.residuals, analysis.dependences
+    return Table.of(
+        ranked(analysis.comparison.label),
+        {
+            "Estimator": title,
+            "autocorrelation, 1 sample": lambda name: f"{found[name].autocorrelation_1:.3f}",
+            "Ljung–Box, 10 lags": lambda name: f"{found[name].ljung_box:.3g} ({_p_value(found[name].ljung_box_p)})",
+            "rows": lambda name: f"{found[name].rows:,}",
+            "effective rows": lambda name: f"{found[name].effective_rows:,.0f}",
+            **{
+                f"correlation with {key}": lambda name, key=key: f"{dependences[name][key]:+.2f}"
+                for key in dependences[analysis.main]
+            },
+        },
+    )
 
 
 def data_table(comparison: Comparison) -> Table:
@@ -338,6 +316,10 @@ def label_warning(comparison: Comparison) -> str:
 
 def _interval(low: float, high: float, digits: str) -> str:
     return "not known" if math.isnan(low) else f"{low:{digits}} to {high:{digits}}"
+
+
+def _known(value: float | None, digits: str) -> str:
+    return "–" if value is None else f"{value:{digits}}"
 
 
 def _audited(value: Any) -> str:

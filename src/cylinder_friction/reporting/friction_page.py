@@ -34,11 +34,9 @@ def pane_file(name: str) -> str:
 def friction_pane(recording: Recording, view: FrictionView | None, shown: str) -> str:
     """Return the pane of a recording, a script that hands it to the page; equal input makes equal text.
 
-    Args:
-        recording: With raw columns beside ``velocity_m_s``, ``friction_n``, ``lower_n`` and ``upper_n`` [N], and with
-            ``label_n`` where friction is an estimator's.
-        view: Of the recording, for friction against velocity; None for friction over time alone.
-        shown: Which part of a long recording this is; empty for all of it.
+    The recording has raw columns beside ``velocity_m_s``, ``friction_n``, ``lower_n`` and ``upper_n`` [N], and
+    ``label_n`` where friction is an estimator's. Without a view the pane shows friction over time alone. ``shown``
+    states which part of a long recording this is.
     """
     has_label = "label_n" in recording.columns
     label = [Line("label, off line", _usable(recording, "label_n"), QUIET, 1.0)] if has_label else []

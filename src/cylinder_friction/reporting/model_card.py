@@ -33,14 +33,8 @@ def model_card(
 ) -> str:
     """Return the card of an estimator.
 
-    Args:
-        name: Of the estimator, ``hybrid`` for example.
-        cylinder: Which it is for.
-        description: Content of its ``estimator.json``.
-        chosen: Its hyperparameters.
-        recordings: How many it was trained on, by role.
-        conditions: Its numbers by name, by condition, as in ``reports/metrics.json``.
-        held: How often its bounds hold, as in ``reports/coverage.json``; empty where that is not known.
+    ``description`` is the content of its ``estimator.json``, ``recordings`` how many it was trained on by role,
+    ``conditions`` and ``held`` are as in ``reports/metrics.json`` and ``reports/coverage.json``.
     """
     reference, errors = reported_errors(conditions)
     shares = {each["condition"]: each["held_percent"] for each in held if each["reference"] == reference}

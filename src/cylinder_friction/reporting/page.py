@@ -6,7 +6,7 @@ import base64
 import math
 import re
 import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property
 from importlib.resources import files
@@ -69,6 +69,11 @@ class Table:
     sortable: bool = False  # Whether a click on the head sorts by that column
     outcomes: Sequence[str] = ()  # Of every row, for the buttons that filter by it; empty for none
 
+    @classmethod
+    def of(cls, items: Iterable[Any], columns: Mapping[str | Cell, Callable[[Any], str | Cell]], **look: Any) -> Table:
+        """Return a row per item; each column's head with what the column shows of an item, and further fields."""
+        return cls(list(columns), [[show(item) for show in columns.values()] for item in items], **look)
+
     @property
     def classes(self) -> str:
         return f"{self.style} sortable".strip() if self.sortable else self.style
@@ -102,10 +107,8 @@ class Table:
 def page_html(template: str, package: str = __package__, **context: Any) -> str:
     """Return a page.
 
-    Args:
-        template: A file's path in the package, ``templates/...``; it may use what lies in ``templates/frame`` here.
-        package: Where the template is.
-        context: What the template shows; ``title`` at least.
+    The template is a path in the package, ``templates/...``, and may use what lies in ``templates/frame`` here. The
+    context holds ``title`` at least.
     """
     _DRAWN.clear()
     return _environment(package).get_template(template).render(context)

@@ -28,11 +28,8 @@ _LEGEND = {
 class PageFigure:
     """Panels side by side, or one below the other with a common axis below, and what they show.
 
-    Args:
-        shares: Each panel's share of the width, or of the height where ``below`` is true.
-        gap: Share of the whole between two panels.
-        below: Whether panels stand one below the other.
-        titles: Of the panels.
+    ``shares`` are each panel's share of the width, or of the height where ``below`` is true; ``gap`` is that between
+    two.
 
     Attributes:
         data: The traces, and ``layout`` all else, as Plotly names them.

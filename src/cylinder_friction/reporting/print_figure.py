@@ -95,10 +95,7 @@ def png_bytes(figure: Figure) -> bytes:
 def svg_text(figure: Figure, name: str, words: str) -> str:
     """Return the figure as an SVG element that fills the width it is given; equal data give equal text.
 
-    Args:
-        figure: A figure.
-        name: Makes the identifiers within the element unique in the page.
-        words: What the figure shows, for screen readers.
+    ``name`` makes identifiers within the element unique in the page; ``words`` state what it shows, for screen readers.
     """
     text = _saved(figure, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None}).decode()
     text = re.sub(r"(?s)^.*?<svg\b", "<svg", text)

@@ -11,11 +11,11 @@ PERCENT_BY_TEST = {
 STEP_SECONDS = {"lugre": 8.71e-5, "hybrid": 1.51e-3}  # Table III: seconds an estimate takes
 
 HYPERPARAMETERS = {
-    "layers": ("3, 4, 5", "4"),
-    "nodes": ("16, 32, 64", "64, 64, 64"),
-    "dropout": ("0.1, 0.2, 0.3, 0.4, 0.5", "0.3"),
-    "learning_rate": ("1e-05 to 0.001", "0.001"),
-    "forest_trees": ("32 to 100", "64"),
-    "forest_depth": ("10 to 50", "10"),
+    "layers": ("LSTM layers", "3, 4, 5", "4"),
+    "nodes": ("LSTM nodes per layer", "16, 32, 64", "64, 64, 64"),
+    "dropout": ("Dropout", "0.1, 0.2, 0.3, 0.4, 0.5", "0.3"),
+    "learning_rate": ("Learning rate", "1e-05 to 0.001", "0.001"),
+    "forest_trees": ("Forest: trees", "32 to 100", "64"),
+    "forest_depth": ("Forest: greatest depth", "10 to 50", "10"),
 }
-"""Table I: the range searched and the final value, as printed: three numbers of nodes for four layers."""
+"""Table I: name, range searched and final value, as printed: three numbers of nodes for four layers."""

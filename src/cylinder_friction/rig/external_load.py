@@ -116,10 +116,7 @@ def weight_n(mass_kg: float, angle_rad: float, stroke_m: float) -> Array:
     The boom turns by some 45° over the stroke: the weight's lever changes with the cosine of the boom's angle, the
     cylinder's by the law of cosines in the triangle of frame, boom and cylinder.
 
-    Args:
-        mass_kg: Mass of the weight.
-        angle_rad: Of the boom above the horizon with the rod in.
-        stroke_m: Length of travel.
+    With the rod in, the boom is ``angle_rad`` above the horizon.
     """
     length = CLOSED_M + np.linspace(0.0, 1.0, PLACES) * stroke_m
     cosine = np.clip((FRAME_M**2 + BOOM_M**2 - length**2) / (2.0 * FRAME_M * BOOM_M), -0.95, 0.95)

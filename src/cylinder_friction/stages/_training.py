@@ -94,16 +94,7 @@ def hybrid_from(
     data: LearningData,
     lag_s: float = 0.0,
 ) -> HybridEstimator:
-    """Return an untrained hybrid.
-
-    Args:
-        cylinder: Its geometry.
-        design: What the forest and the network are given.
-        chosen: The hyperparameters that the search varies.
-        settings: Training, seed and device of the stage.
-        data: Its inputs, the load that position decides, and how it learns the sensors' offset.
-        lag_s: How long after a moment its friction is estimated [s].
-    """
+    """Return an untrained hybrid."""
     return HybridEstimator(
         cylinder,
         design,
@@ -210,10 +201,8 @@ def training_record(
 def resume_folder(stage: str, code: Sequence[str], *depends_on: Mapping[str, Any]) -> Path:
     """Return where a killed stage finds what it had finished.
 
-    Args:
-        stage: Name of the stage.
-        code: The modules that do the resumed work; their names and those of all they import go into the key by content.
-        depends_on: Parameters, and hashes of the data that is read.
+    ``code`` are the modules that do the resumed work; their names and those of all they import go into the key by
+    content.
     """
     content = json.dumps([[dict(part) for part in depends_on], code_key(*code)], sort_keys=True)
     return Path(".cylinder-friction/resume") / f"{stage}-{hashlib.sha256(content.encode()).hexdigest()[:16]}"

@@ -130,11 +130,6 @@ def headline(
     """Return about ten figures of a comparison, for DVC: percentages, means over the conditions.
 
     ``against`` states what errors and bounds are measured against: ``truth``, or ``label`` if truth is not known.
-
-    Args:
-        tree: Numbers by estimator, condition and name.
-        held: How often the main estimator's bounds hold.
-        main: Its name.
     """
     reference, errors = reported_errors(tree[main])
     shown = {main: main} | {name: short for name, short in HEADLINERS.items() if name in tree and name != main}
@@ -153,13 +148,7 @@ def headline(
 def notes_of(
     estimators: Mapping[str, FrictionEstimator], recordings: Sequence[Recording], method: str
 ) -> dict[str, str]:
-    """Return what is known of estimators and of the label beside their errors: the words behind their titles.
-
-    Args:
-        estimators: By name.
-        recordings: The held-out ones; conditions carry the same load in all sessions.
-        method: Of the filter that smoothed the label's signals.
-    """
+    """Return what is known of estimators and of the label beside their errors: the words behind their titles."""
     notes = {LABEL_ITSELF: LABEL_NOTES.get(method, "off line, looks ahead")}
     for name, estimator in estimators.items():
         if isinstance(estimator, HybridEstimator) and name in DESIGNED:

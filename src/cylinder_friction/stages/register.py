@@ -88,13 +88,7 @@ def run(params: Params) -> RunRecord:
 
 
 def measured_errors(reference: Reference, truth_folder: str, folder: Path) -> dict[str, float]:
-    """Return the error by condition [percent of mean |friction|] of a saved estimator on the held-out recordings.
-
-    Args:
-        reference: What is taken for friction, ``label`` or ``truth``.
-        truth_folder: Where true friction lies, for ``truth``; recordings whose truth is not there are left out.
-        folder: Of the saved estimator.
-    """
+    """Return the error by condition [percent of mean |friction|] of a saved estimator on the held-out recordings."""
     estimator = load_estimator(folder)
     known: defaultdict[str, list[Array]] = defaultdict(list)
     for recording in iterate_recordings(PROCESSED_FOLDERS["test"]):

@@ -103,12 +103,8 @@ def error_of(
 ) -> float:
     """Return a hybrid's error on the validation recordings, trained with these hyperparameters [N].
 
-    Args:
-        settings: Of the search.
-        cylinder: Whose recordings they are.
-        given: What is learned from; or its hashes, for a worker elsewhere that reads it.
-        values: The hyperparameters.
-        report: If given, called with the network's validation error after each epoch [N].
+    ``given`` is what is learned from; or its hashes, for a worker elsewhere that reads it. ``report`` is called with
+    the network's validation error after each epoch [N].
     """
     data = given if isinstance(given, LearningData) else _read_once(Path.cwd(), tuple(sorted(given.items())))
     estimator = hybrid_from(cylinder, settings.hybrid, values, settings, data)

@@ -38,12 +38,7 @@ _TYPES = {
 def execution_of(store: Store, record: RunRecord, root: Path, tags: dict[str, str], started_ms: int) -> str:
     """Return the id of the execution that a stage's run belongs to; makes it where it is not there.
 
-    Args:
-        store: Open.
-        record: Of the stage.
-        root: Of the repository, for the records of the other stages.
-        tags: Commit, user and so on of an execution that is made.
-        started_ms: When it began then [ms since 1970].
+    One that is made has ``tags``, its commit, user and so on, and began at ``started_ms`` [ms since 1970].
     """
     keys = {stage: each.key() for stage, each in records_in(root).items()} | {record.name: record.key()}
     before = {stage: key for stage, key in keys.items() if comes_after(record.name, stage)}

@@ -68,12 +68,9 @@ def register(
     Machines that share a server decide one after the other, in the order of their version numbers, which the server
     gives out once each: a version waits until all before it are decided.
 
-    Args:
-        candidate: The trained estimator.
-        root: The repository's root.
-        measure: Returns the errors of the estimator saved in a folder on the present held-out recordings: the
-            champion's figures are measured, not read from the registry.
-        patience_s: How long to wait for an earlier version, whose machine may have stopped, before going on without it.
+    ``measure`` returns the errors of the estimator saved in a folder on the present held-out recordings: the champion's
+    figures are measured, not read from the registry. An earlier version, whose machine may have stopped, is waited for
+    ``patience_s``.
 
     Raises:
         TrackingError: The registry cannot be reached, the candidate's folder is not the one that was measured, or

@@ -95,10 +95,6 @@ def open_store(root: Path, *, create: bool = True) -> Iterator[Store]:
     The lock makes "look whether it is there, else log it" one step, and a killed process gives it back. Artifacts of
     the repository's own store are those of the repository as it lies now, also after it was moved or copied.
 
-    Args:
-        root: Anywhere in the repository.
-        create: Whether a store that is not there yet is made.
-
     Raises:
         TrackingError: There is no store, the server does not respond, MLflow cannot open it, or refuses what the block
             asks for.

@@ -84,15 +84,9 @@ def run_search(
     Hyperparameters are proposed by a tree-structured Parzen estimator (Bergstra et al. 2011); a trial whose
     intermediate error is worse than the median is ``pruned``. Both look at the batches before its own.
 
-    Args:
-        space: Where to look.
-        plan: How long.
-        cost: See ``Cost``.
-        objective: See ``Objective``; for workers elsewhere both can be pickled.
-        journal: File of the finished trials, read at the start and appended to, or what ``study_storage`` takes in its
-            place.
-        after_trial: Called as each trial finishes, and for each one of an earlier run.
-        workers: Run the trials of a batch side by side; None: one after the other, here.
+    ``journal`` is the file of the finished trials, read at the start and appended to, or what ``study_storage`` takes
+    in its place. ``after_trial`` is called as each trial finishes, and for each one of an earlier run. ``workers`` run
+    the trials of a batch side by side; ``cost`` and ``objective`` can then be pickled.
     """
     workers = workers or Workers()
     search = _Search(_distributions(space), plan, cost, objective)

@@ -42,9 +42,6 @@ def study_storage(journal: Path) -> Iterator[tuple[BaseStorage, str]]:
     In a database the study has the name of the journal's folder, which states what the trials depend on: clones that
     search the same thing share its trials. One machine at a time: the others wait, and then find them finished.
 
-    Args:
-        journal: The file.
-
     Raises:
         StudyStoreError: The database cannot be used.
     """

@@ -25,9 +25,9 @@ def test_every_runtime_takes_every_step_and_estimates_the_same(measured: Measure
     assert set(measured.models["lugre"].runtimes) == COMPILED | {"python"}
     for model in measured.models.values():
         for figures in model.runtimes.values():
-            assert figures.latency.steps == STEPS
+            assert figures.steps == STEPS
             assert figures.largest_difference_n < 0.5
-            assert 0.0 <= figures.latency.p50_us <= figures.latency.p99_us <= figures.latency.maximum_us
+            assert 0.0 <= figures.p50_us <= figures.p99_us <= figures.maximum_us
 
 
 def test_text_json_and_metrics_have_every_model_and_runtime_and_say_how_quiet_the_machine_was(

@@ -66,11 +66,7 @@ def compile_shared(sources: Sequence[Path], library: Path, options: Sequence[str
 
 
 class CompiledEstimator:
-    """A compiled library; ``stream`` returns as many instances as needed.
-
-    Args:
-        exported: Return value of ``export_c``.
-    """
+    """A compiled library; ``stream`` returns as many instances as needed."""
 
     def __init__(self, exported: ExportedC) -> None:
         self.exported = exported

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -36,10 +36,12 @@ SOURCE = Path(__file__).with_name("friction.c")
 _IDENTIFIER = re.compile(r"[a-z][a-z0-9_]*")
 
 
-@dataclass(frozen=True, kw_only=True)
-class DescribedC:
-    """What header and source hold."""
+@dataclass(frozen=True)
+class ExportedC:
+    """One header and one source, and what they hold."""
 
+    header: Path
+    source: Path
     name: str  # Prefix of every public name
     model: str  # SHA-256 of every number that a step uses
     inputs: tuple[str, ...]  # Columns that a step takes, in order
@@ -47,22 +49,6 @@ class DescribedC:
     state_bytes: int  # Size of an instance
     operations: int  # Multiply-adds, comparisons and the like of one step, at worst
     learns_offset: bool  # Whether it learns the offset of the sensors' zeros
-
-
-@dataclass(frozen=True, kw_only=True)
-class GeneratedC(DescribedC):
-    """Both files as text."""
-
-    header: str
-    source: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class ExportedC(DescribedC):
-    """The paths of both files as written."""
-
-    header: Path
-    source: Path
 
 
 def export_c(
@@ -98,12 +84,10 @@ def export_model(
     kind: str = "hybrid",
 ) -> ExportedC:
     """Write ``name.c`` and ``name.h`` of a step model; arguments as for ``export_c``."""
-    generated = generate_c(model, name, precision, kind)
-    header, source = folder / f"{name}.h", folder / f"{name}.c"
-    folder.mkdir(parents=True, exist_ok=True)
-    write_text(header, generated.header)
-    write_text(source, generated.source)
-    return ExportedC(**vars(generated) | {"header": header, "source": source})
+    exported, texts = generate_c(model, folder, name, precision, kind)
+    for path, text in texts.items():
+        write_text(path, text)
+    return exported
 
 
 def c_model(estimator: FrictionEstimator) -> StepModel | LugreModel:
@@ -144,8 +128,10 @@ def part_of(model: StepModel | LugreModel, part: Part) -> StepModel | LugreModel
     )
 
 
-def generate_c(model: StepModel | LugreModel, name: str, precision: Precision, kind: str) -> GeneratedC:
-    """Return header and source of a step model; arguments as for ``export_c``."""
+def generate_c(
+    model: StepModel | LugreModel, folder: Path, name: str, precision: Precision, kind: str
+) -> tuple[ExportedC, dict[Path, str]]:
+    """Return what header and source of a step model hold, and their texts; arguments as for ``export_c``."""
     if not _IDENTIFIER.fullmatch(name):
         raise ValueError(f"name must be lower-case letters, digits and underscores, a letter first, but got {name!r}")
     if precision not in ("double", "float"):
@@ -154,17 +140,20 @@ def generate_c(model: StepModel | LugreModel, name: str, precision: Precision, k
     forest = None if step.forest is None else flatten(step.forest)
     fields = state_fields(model, precision)
     inputs = described_inputs(step.inputs)
-    described: dict[str, Any] = {
-        "name": name,
-        "model": model_hash(model),
-        "inputs": step.inputs,
-        "state_bytes": sum(field.bytes for field in fields),
-        "operations": operations(model, forest),
-        "real": precision,
-    }
+    exported = ExportedC(
+        header=folder / f"{name}.h",
+        source=folder / f"{name}.c",
+        name=name,
+        model=model_hash(model),
+        inputs=step.inputs,
+        real=precision,
+        state_bytes=sum(field.bytes for field in fields),
+        operations=operations(model, forest),
+        learns_offset=step.offset is not None,
+    )
     header = render(
         "estimator.h.j2",
-        **described,
+        **vars(exported),
         NAME=name.upper(),
         title=f"Friction of a hydraulic cylinder, sample by sample: {kind}, {precision} precision.",
         version=version("cylinder-friction"),
@@ -179,7 +168,7 @@ def generate_c(model: StepModel | LugreModel, name: str, precision: Precision, k
         data=definitions(model_data(model, forest, precision), precision),
     )
     source = SOURCE.read_text(encoding="utf-8").replace('#include "friction.h"', f'#include "{name}.h"', 1)
-    return GeneratedC(**described, header=header, source=source, learns_offset=step.offset is not None)
+    return exported, {exported.header: header, exported.source: source}
 
 
 @dataclass(frozen=True)
@@ -263,12 +252,7 @@ def _offset_fields(channels: int, real: Type) -> list[StateField]:
         StateField(real, "block_velocity_m_s", (), "the same of the velocity"),
         StateField(real, "block_first_m_s", (), "velocity at this block's first sample"),
         StateField("uint32_t", "block_samples", (), "samples in this block so far"),
-        StateField(
-            "uint32_t",
-            "stroke_samples",
-            (),
-            "samples in this stroke until it has settled, or in this rest",
-        ),
+        StateField("uint32_t", "stroke_samples", (), "samples in this stroke until it has settled, or in this rest"),
         StateField("uint32_t", "directions", (), "bits: 1 once a block extended, 2 once one retracted"),
         StateField("int32_t", "stroke_direction", (), "-1 or 1: direction of this stroke; 0: at rest; 2: invalid"),
     ]

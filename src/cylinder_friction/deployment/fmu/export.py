@@ -87,8 +87,8 @@ def export_model_fmu(
     if fmi not in (2, 3):
         raise ValueError(f"expected FMI version 2 or 3, but got {fmi}")
     name = model_identifier(path.stem)
-    generated = generate_c(model, name, precision, kind)
-    sources = {f"{name}.c": generated.source.encode(), f"{name}.h": generated.header.encode()}
+    _, texts = generate_c(model, Path(), name, precision, kind)
+    sources = {file.name: text.encode() for file, text in texts.items()}
     folder = files(__package__) / "sources"
     sources |= {file: (folder / file).read_bytes() for file in INTERFACE_FILES[fmi]}
     step = model.step if isinstance(model, LugreModel) else model

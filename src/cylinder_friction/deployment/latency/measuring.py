@@ -60,14 +60,7 @@ class Latency:
 
 
 def latency_of(steps_ns: Times, first_ns: Times, timer_ns: float, preempted: int = 0) -> Latency:
-    """Return the figures of measured durations, less the time of reading the clock itself.
-
-    Args:
-        steps_ns: Of every timed step, at least one.
-        first_ns: Of the first step of each block, at least one.
-        timer_ns: Between two readings of the clock with nothing between them.
-        preempted: See ``Latency``.
-    """
+    """Return the figures of all timed steps and of each block's first steps, less the time of reading the clock."""
     if len(steps_ns) == 0 or len(first_ns) == 0:
         raise ValueError(f"expected at least one timed step, but got {len(steps_ns)} and {len(first_ns)} first ones")
     own = np.maximum(np.asarray(steps_ns, dtype=np.float64) - timer_ns, 0.0)
@@ -77,11 +70,11 @@ def latency_of(steps_ns: Times, first_ns: Times, timer_ns: float, preempted: int
 
 
 @dataclass(frozen=True)
-class RuntimeFigures:
-    """One runtime: its title, its times, and its largest difference from the expected friction [N]."""
+class RuntimeFigures(Latency):
+    """One runtime: its times, and its largest difference from the expected friction [N]."""
 
     title: str
-    latency: Latency
+    ratio_to_c: float  # Of the medians; 0 where that of C is
     largest_difference_n: float
 
 
@@ -114,12 +107,8 @@ def measure(
 ) -> Measured:
     """Measure every runtime of every estimator.
 
-    Args:
-        estimators: By name.
-        samples: Raw, of each estimator, shape ``(n, inputs)``; taken over and over.
-        effort: How much.
-        peers: Gives further runtimes to measure beside those of an estimator, from it, its C, the samples and a
-            folder.
+    ``samples`` are raw, of each estimator, shape ``(n, inputs)``, and taken over and over. ``peers`` gives further
+    runtimes to measure beside an estimator's own.
 
     Raises:
         NoCompilerError: There is no C compiler.
@@ -208,12 +197,20 @@ def _compiled(runtimes: Sequence[Runtime]) -> CompiledRuntime:
 
 def _figures(estimator: FrictionEstimator, turns: list[_Turns]) -> ModelFigures:
     exported = _compiled([turn.runtime for turn in turns]).exported
-    runtimes = {
-        turn.runtime.name: RuntimeFigures(
-            turn.runtime.title,
-            latency_of(np.concatenate(turn.timed), np.array(turn.first), turn.runtime.timer_ns, turn.preempted),
-            turn.largest_difference_n,
+    latencies = {
+        turn.runtime.name: latency_of(
+            np.concatenate(turn.timed), np.array(turn.first), turn.runtime.timer_ns, turn.preempted
         )
         for turn in turns
+    }
+    own_us = latencies["c"].p50_us
+    runtimes = {
+        turn.runtime.name: RuntimeFigures(
+            **vars(found),
+            title=turn.runtime.title,
+            ratio_to_c=found.p50_us / own_us if own_us > 0.0 else 0.0,
+            largest_difference_n=turn.largest_difference_n,
+        )
+        for turn, found in zip(turns, latencies.values(), strict=True)
     }
     return ModelFigures(size_of(estimator), runtimes, exported.state_bytes, exported.operations)

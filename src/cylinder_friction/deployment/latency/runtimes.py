@@ -46,9 +46,7 @@ class Runtime(Protocol):
 class PythonRuntime:
     """A function of one sample, called and timed in Python.
 
-    Args:
-        name, title, group: See ``Runtime``.
-        step: Takes one number per input, by default P1 [Pa], P2 [Pa] and position [m]; returns friction [N].
+    ``step`` takes one number per input, by default P1 [Pa], P2 [Pa] and position [m], and returns friction [N].
     """
 
     def __init__(self, name: str, title: str, step: Callable[..., float], group: str = "estimator") -> None:
@@ -69,11 +67,6 @@ class PythonRuntime:
 
 class CompiledRuntime:
     """An exported estimator with the loop and the clock around its step in C too: Python is not part of the time.
-
-    Args:
-        name, title: See ``Runtime``.
-        exported: Return value of ``export_c``.
-        options: Of the compiler.
 
     Raises:
         NoCompilerError: There is no compiler, or it refused the source.
@@ -112,10 +105,6 @@ def _address(array: NDArray[np.generic]) -> ctypes.c_void_p:
 
 def runtimes_of(estimator: FrictionEstimator, folder: Path) -> tuple[Runtime, ...]:
     """Return every runtime of an estimator, each in a fresh state; the C in double precision is ``c``.
-
-    Args:
-        estimator: A fitted estimator that can be exported.
-        folder: For compiled files.
 
     Raises:
         NoCompilerError: There is no C compiler.

@@ -89,12 +89,7 @@ def follow_motion(graph: Graph, model: StepModel, rows: Rows) -> list[str]:
 def checked(graph: Graph, model: StepModel, rows: Rows, constant: str, unmodelled: list[str]) -> tuple[str, str]:
     """Return flags and regime as numbers, each shape ``(n, 1)``, of rows that are ``filtered``.
 
-    Args:
-        graph: Where they are made.
-        model: Its guard and bounds.
-        rows: The samples.
-        constant: From ``unchanging``.
-        unmodelled: From ``follow_motion``.
+    ``constant`` is from ``unchanging``, ``unmodelled`` from ``follow_motion``.
     """
     guard, inputs = model.guard, len(model.inputs)
     frozen = _frozen(graph, model, constant)

@@ -85,11 +85,7 @@ def block_ends(graph: Graph, tracker: OffsetTracker, rows: Rows, valid: str) -> 
 
     What lasts is sliding outwards, sliding inwards, and rest, of which the first block alone counts.
 
-    Args:
-        graph: With ``strokes_m_s``.
-        tracker: What slides.
-        rows: The samples.
-        valid: Whether a row counts at all, shape ``(n, 1)``.
+    The graph has ``strokes_m_s``; ``valid``, shape ``(n, 1)``, is whether a row counts at all.
     """
     settling, block = settling_rows(tracker), block_rows(tracker)
     graph.add("ReduceMax", "strokes_m_s", to="stroke_m_s", axes=[1])
@@ -121,11 +117,7 @@ def new_learned(graph: Graph, tracker: OffsetTracker, given: str, to: str) -> tu
     These are the means and the covariance of what a session has of its own; whether the piston has slid outwards,
     inwards, and both; and the level of friction (see ``realtime.sensor_offset``).
 
-    Args:
-        graph: Where it is made.
-        tracker: What was known from training.
-        given: Offset and standard uncertainty [N], shape ``(1, 2)``; an uncertainty of 0 stands for none.
-        to: Name.
+    ``given`` is offset and standard uncertainty [N], shape ``(1, 2)``; an uncertainty of 0 stands for none.
     """
     variances, settings, zero = tracker.prior**2, tracker.settings, graph.constant(0.0)
     graph.split(given, {"given_n": 1, "given_uncertainty_n": 1})
@@ -195,13 +187,8 @@ def explained(graph: Graph, tracker: OffsetTracker, averages: str, to: str) -> s
 def learn(graph: Graph, tracker: OffsetTracker, block: str, first: str, before: str, to: str) -> str:
     """Return what is learned after a block.
 
-    Args:
-        graph: Where it is computed.
-        tracker: What was known from training.
-        block: ``EXPLAINED``, shape ``(1, 5)``.
-        first: Whether the block is its stroke's first, shape ``(1, 1)``.
-        before: What was learned before, see ``new_learned``.
-        to: Name.
+    ``block`` is ``EXPLAINED``, shape ``(1, 5)``; ``first`` whether it is its stroke's first, shape ``(1, 1)``;
+    ``before`` is as in ``new_learned``.
     """
     graph.split(block, {f"block_{name}": 1 for name in EXPLAINED})
     graph.split(before, {"own_before": OWN * (OWN + 1), "seen_before": 2, "known_before": 1, "level_before": 1})

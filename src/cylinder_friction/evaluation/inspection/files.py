@@ -23,10 +23,6 @@ def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspect
 
     As in ``ingest``, a recording that was not vented is zeroed by the others of its session, and a recording that is
     there already is refused.
-
-    Args:
-        files: By the name that is shown, which is the path below the source where that is known.
-        recipe: How a file becomes recordings.
     """
     zeros = {} if recipe.zero.method == "none" else session_zeros(files, recipe)
     duplicates = DuplicateDetection()

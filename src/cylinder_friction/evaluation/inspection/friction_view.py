@@ -113,12 +113,8 @@ def view_of_labelled(
 ) -> FrictionView:
     """Return the view of friction that is known already.
 
-    Args:
-        labelled: With ``friction_n``, ``velocity_m_s`` and ``usable``.
-        signals: Of the recording, smooth.
-        cylinder: Its areas.
-        method: Which filter smoothed them.
-        assumed: What the force balance takes for granted, one sentence each.
+    ``labelled`` has ``friction_n``, ``velocity_m_s`` and ``usable``; ``assumed`` is what the force balance takes for
+    granted.
     """
     position_m, sample_time_s = labelled.column("position_m"), labelled.sample_time_s
     friction_n, usable, support = labelled.column("friction_n"), labelled.usable(), method.support(sample_time_s)

@@ -34,9 +34,8 @@ class Spectrum:
 def signal_spectra(recording: Recording, velocity_m_s: Array) -> dict[str, Spectrum]:
     """Return the spectra of a recording's signals in SI units, by column.
 
-    Args:
-        recording: Its pressures, or its drive force where it has none, and its position.
-        velocity_m_s: Its smooth velocity, shape ``(n,)``; differences of the raw position are ``raw_velocity_m_s``.
+    These are its pressures, or its drive force where it has none, its position, its smooth velocity, shape ``(n,)``,
+    and as ``raw_velocity_m_s`` differences of the raw position.
     """
     position_m, sample_time_s = recording.column(POSITION), recording.sample_time_s
     signals = {name: recording.column(name) for name in (PRESSURES if has_pressures(recording) else [DRIVE_FORCE])}

@@ -71,13 +71,7 @@ def trend_picture(trend: Trend) -> Markup:
 
 
 def life_figure(found: Assessment, rows: Sequence[SessionRow], entries: Sequence[Entry]) -> PageFigure:
-    """Return a cylinder's life: indicators with their bands and alarms, services, and what else changed below.
-
-    Args:
-        found: What is known of the cylinder.
-        rows: Its assessed sessions in the order of time.
-        entries: Of which services, resets and references are drawn.
-    """
+    """Return a cylinder's life: indicators with their bands and alarms, services, and what else changed below."""
     dated = all(row.start for row in rows)
     places: dict[str, Any] = {row.session: row.start if dated else place for place, row in enumerate(rows, start=1)}
     first = [each.indicator for each in found.changes]

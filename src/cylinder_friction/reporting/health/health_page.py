@@ -33,11 +33,8 @@ def write_health_page(
 ) -> None:
     """Write the page of a fleet whole, beside which the panes of its cylinders lie; equal input makes equal bytes.
 
-    Args:
-        path: Of the HTML file.
-        lines: Of all cylinders, first what needs a person.
-        refused: Logs that were not taken, and sessions that are not assessed.
-        news: What is new, one sentence each.
+    ``lines`` begin with what needs a person; ``refused`` are logs that were not taken, and sessions that are not
+    assessed.
     """
     counts = Counter[str](each.answer for each in lines)
     html = page_html(
@@ -62,11 +59,7 @@ def health_pane(
 ) -> str:
     """Return the pane of one cylinder, a script that hands it to the page; equal input makes equal text.
 
-    Args:
-        found: What is known of it.
-        rows: All its sessions in the order of time.
-        entries: What people did and stated.
-        left_out: Why sessions are not assessed.
+    ``rows`` are all its sessions in the order of time; ``left_out`` states why sessions are not assessed.
     """
     used = [row for row in rows if row.session not in left_out]
     then, now = _two(found, used)

@@ -33,9 +33,7 @@ SIGNALS = {
 def spectra(found: Mapping[str, Spectrum], cost: FilterCost | None) -> PageFigure:
     """Return the amplitude densities of pressures or drive force, position and velocity.
 
-    Args:
-        found: By column, as ``signal_spectra`` gives them.
-        cost: Of the filter in use, whose cut-offs are marked; None if they are not known.
+    The spectra are those of ``signal_spectra``. The cut-offs of the filter in use, if ``cost`` is known, are marked.
     """
     panels = [(axis, list(names)) for axis, names in itertools.groupby(found, key=lambda name: SIGNALS[name][0])]
     figure = PageFigure([1.0] * len(panels), 0.11)

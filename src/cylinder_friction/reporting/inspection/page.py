@@ -18,14 +18,7 @@ from cylinder_friction.reporting.page import NONE, Cell, Table, page_html
 
 
 def write_page(path: Path, panes: Sequence[Pane], made_by: Panes, offsets: Sequence[KnownOffset] = ()) -> None:
-    """Write the page whole; equal input makes equal bytes.
-
-    Args:
-        path: Of the HTML file.
-        panes: Of every file, in the order to be shown.
-        made_by: What made them.
-        offsets: What is known of the pressure sensors' offset in each session.
-    """
+    """Write the page whole; equal input makes equal bytes."""
     counts = count_outcomes([pane.subject for pane in panes])
     html = page_html(
         "templates/inspection.html.j2",

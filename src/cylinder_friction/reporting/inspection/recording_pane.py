@@ -62,12 +62,8 @@ class Pane:
 class Panes:
     """Makes panes one after the other; holds nothing of them but what filters cost at each rate.
 
-    Args:
-        labeller: How friction is calculated.
-        filters: By name, as ``filters_by_method`` gives them.
-        method: Which of them velocity and friction are shown with.
-        files: How many there are: of more files each gets fewer points, so that the page stays small.
-        plan, no_offset: As for ``offset_evidence``.
+    Velocity and friction are shown with the filter ``method``. Of more ``files`` each gets fewer points, so that the
+    page stays small. ``plan`` and ``no_offset`` are as for ``offset_evidence``.
 
     Attributes:
         costs: By sample time [s], the title of the first usable recording, what filters cost there, and which are left
