@@ -45,7 +45,8 @@ from cylinder_friction.labelling.up_and_down import up_and_down
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.columns import PRESSURES, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.recording import Recording, SensorUncertainty
-from cylinder_friction.rig.campaign import CampaignPlan, campaign
+from cylinder_friction.rig.campaign import campaign
+from cylinder_friction.rig.campaign_plan import CampaignPlan
 from cylinder_friction.rig.sensors import DECIMALS
 
 BAR = 1e5

@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 
 import cylinder_friction as cf
-from cylinder_friction.rig.campaign import CampaignPlan, campaign
+from cylinder_friction.rig.campaign import campaign
+from cylinder_friction.rig.campaign_plan import CampaignPlan
 
 ROOT = Path(__file__).parents[1]
 CYLINDER = cf.Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)

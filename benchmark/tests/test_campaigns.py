@@ -15,7 +15,7 @@ from cylinder_friction.params.checking import Params, check_params
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.recordings.truth import read_truth
-from cylinder_friction.rig.campaign import CampaignPlan
+from cylinder_friction.rig.campaign_plan import CampaignPlan
 from cylinder_friction.stages import filter as filter_stage
 from cylinder_friction.stages import ingest, label, record
 from cylinder_friction.stages._stage import LABELLED_FOLDER, RIG_TRUTH_FOLDER
@@ -49,7 +49,7 @@ def test_recordings_and_labels_are_those_of_the_stages(
     monkeypatch.chdir(tmp_path)
     params = smoke(*overrides)
     written = through_the_stages(params)
-    made = labelled_campaign(CampaignPlan(**params.record.model_dump()), cylinder)
+    made = labelled_campaign(params.record, cylinder)
     assert len(written) == 12
     assert [entry.recording.name for entry in made] == [recording.name for recording in written]
     for entry, recording in zip(made, written, strict=True):

@@ -4,7 +4,8 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.rig.campaign import CampaignPlan, campaign
+from cylinder_friction.rig.campaign import campaign
+from cylinder_friction.rig.campaign_plan import CampaignPlan
 
 
 @pytest.fixture(scope="session")

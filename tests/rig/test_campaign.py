@@ -6,7 +6,8 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.rig.campaign import TRUTH_COLUMNS, CampaignPlan, RigRecording, campaign
+from cylinder_friction.rig.campaign import TRUTH_COLUMNS, RigRecording, campaign
+from cylinder_friction.rig.campaign_plan import CampaignPlan
 from cylinder_friction.rig.parameters import default_rig
 from cylinder_friction.rig.sensors import LOAD_COLUMN, LOGGER_COLUMNS
 from cylinder_friction.rig.variation import Session, draw_session

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.rig.campaign import CampaignPlan, campaign
+from cylinder_friction.rig.campaign import campaign
+from cylinder_friction.rig.campaign_plan import CampaignPlan
 from cylinder_friction.rig.parameters import RigParameters, default_rig
 from cylinder_friction.rig.variation import draw_wide_rig
 

@@ -22,7 +22,8 @@ from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import write_recording
-from cylinder_friction.rig.campaign import CampaignPlan, RigRecording, campaign
+from cylinder_friction.rig.campaign import RigRecording, campaign
+from cylinder_friction.rig.campaign_plan import CampaignPlan
 from cylinder_friction.rig.sensors import as_written
 from cylinder_friction.signals.methods import default_filter
 from cylinder_friction.signals.smooth_signals import filtered

@@ -12,7 +12,7 @@ from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.friction_models.identification.procedure import SearchEffort
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import write_recording
-from cylinder_friction.rig.campaign import CampaignPlan
+from cylinder_friction.rig.campaign_plan import CampaignPlan
 from friction_benchmark.campaigns import labelled_campaign
 from friction_benchmark.cli import main
 from friction_benchmark.servo_rig import evaluation

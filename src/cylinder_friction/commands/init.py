@@ -9,7 +9,7 @@ from cylinder_friction.commands.code import write_code
 from cylinder_friction.import_graph import SOURCE
 from cylinder_friction.params.checking import load_params
 from cylinder_friction.recordings.files import write_text
-from cylinder_friction.rig.campaign import CampaignPlan, campaign
+from cylinder_friction.rig.campaign import campaign
 from cylinder_friction.stages.record import write_logger_csv
 from cylinder_friction.tracking.repository import CODE_FILE, git
 
@@ -54,7 +54,7 @@ def _fill(folder: Path) -> None:
     write_text(folder / "README.md", README)
     write_code(folder)
     params = load_params(folder / "params.yaml")
-    recordings = campaign(params.cylinder, CampaignPlan(**params.record.model_dump()))
+    recordings = campaign(params.cylinder, params.record)
     write_logger_csv(folder / EXAMPLE, next(iter(recordings)).logger)
     if git(folder, "rev-parse", "--show-toplevel") is None and git(folder, "init", "--quiet") is None:
         config = folder / ".dvc/config"  # without git

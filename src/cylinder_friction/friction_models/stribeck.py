@@ -3,7 +3,6 @@
 import math
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from cylinder_friction.arrays import Array
@@ -57,21 +56,6 @@ class StribeckCurve:
         """Return where friction has fallen and does not yet rise, while extending [m/s], to within 3 %."""
         speeds = self.stribeck_velocity_m_s * np.geomspace(0.1, 100.0, 301)
         return float(speeds[np.argmin(self.friction(speeds))])
-
-
-@numba.njit(cache=True)
-def falling_part(log_speed: float, stribeck_velocity: float, exponent: float) -> float:
-    """Return ``exp(-|v / vs|**a)`` from ``ln |v|``: a search over parameters computes that logarithm once."""
-    return math.exp(-math.exp(exponent * (log_speed - math.log(stribeck_velocity))))
-
-
-@numba.njit(cache=True)
-def side_factor(
-    direction: float, retract_ratio: float, coulomb: float, pressure_slope: float, pressure: float
-) -> float:
-    """Return the factor on dry friction of direction and pressure; below zero gauge the seal is not relieved more."""
-    factor = 1.0 + pressure_slope * max(pressure, 0.0) / coulomb
-    return factor * retract_ratio if direction < 0.0 else factor
 
 
 def fit_stribeck(velocity_m_s: Array, friction_n: Array, weight: Array | None = None) -> StribeckCurve:

@@ -14,7 +14,6 @@ from cylinder_friction.params.data import (
     IngestParams,
     LabelParams,
     OffsetParams,
-    RecordParams,
     SplitParams,
 )
 from cylinder_friction.params.file import IN_A_PROJECT, PARAMS_FILE, ParamsError
@@ -29,6 +28,7 @@ from cylinder_friction.params.learning import (
 )
 from cylinder_friction.params.section import Section, checked
 from cylinder_friction.recordings.files import read_yaml
+from cylinder_friction.rig.campaign_plan import CampaignPlan
 
 __all__ = [
     "IN_A_PROJECT",
@@ -48,7 +48,7 @@ class Params(Section):
     """The whole configuration, one section a stage."""
 
     cylinder: Cylinder
-    record: RecordParams
+    record: CampaignPlan
     ingest: IngestParams
     filter: FilterParams
     label: LabelParams

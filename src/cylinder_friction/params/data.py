@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Literal
 
 from pydantic import Field, field_validator, model_validator
@@ -17,39 +16,6 @@ from cylinder_friction.recordings.path_names import compile_name_pattern
 from cylinder_friction.recordings.start_rules import StartRules
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
-
-
-class RecordParams(Section):
-    """The simulated rig's campaign; its hand lever and its trace run in milliseconds."""
-
-    seed: Seed
-    sessions_per_condition: Annotated[int, Field(ge=0)]
-    recordings_per_session: Count
-    duration_s: Positive
-    sample_time_s: Positive
-    time_step_s: Annotated[float, Field(gt=0.0, le=2e-4)]
-    supply: Literal["didactic", "industrial"]
-    zeroed: bool
-    residual_offset_bar: NotNegative
-    asymmetry_sd: NotNegative
-    fault: Literal["none", "wear", "tight_seal", "aeration", "sensor_drift", "bent_rod"]
-    external_load: Literal["none", "varied", "boom"]
-    load_delay_s: NotNegative
-    specimen: Literal["default", "wide"]
-
-    @field_validator("duration_s", "sample_time_s")
-    @classmethod
-    def _whole_milliseconds(cls, seconds: float) -> float:
-        if not math.isclose(seconds, round(seconds, 3), rel_tol=1e-9) or round(seconds, 3) == 0.0:
-            raise ValueError("must be a whole number of milliseconds, such as 0.005")
-        return seconds
-
-    @field_validator("time_step_s")
-    @classmethod
-    def _divides_a_millisecond(cls, seconds: float) -> float:
-        if not math.isclose(round(1e-3 / seconds) * seconds, 1e-3, rel_tol=1e-9):
-            raise ValueError("must divide one millisecond without remainder, such as 5.0e-5")
-        return seconds
 
 
 class IngestParams(Section):

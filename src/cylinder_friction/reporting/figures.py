@@ -349,7 +349,7 @@ def line_colour(name: str) -> str:
 
 
 def session_offsets(sessions: Sequence[Mapping[str, Any]]) -> Figure:
-    """Return the sensors' offset of each session with two standard uncertainties, beside those of their stated zeros."""
+    """Return the sensors' offset of each session with two standard uncertainties, beside their stated zeros."""
     figure, (axis,) = panels(1, 1, PANEL[0], 1.2 * PANEL[1])
     ordered = sorted(sessions, key=lambda each: (each["condition"], each["session"]))
     stated_n = 2.0 * max(each["prior_n"] for each in ordered)

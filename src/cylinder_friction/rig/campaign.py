@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 import pandas as pd
@@ -10,13 +9,14 @@ from numpy.random import Generator
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.recording import RecordingMetadata
+from cylinder_friction.rig.campaign_plan import CampaignPlan
 from cylinder_friction.rig.duty_cycles import duty_cycle
 from cylinder_friction.rig.external_load import ExternalLoad, crane_load, varied_load
 from cylinder_friction.rig.faults import with_fault
 from cylinder_friction.rig.lever import TICK_S
 from cylinder_friction.rig.parameters import BAR_PA, THROTTLE_GAINS, default_rig, refuse_unknown
 from cylinder_friction.rig.sensors import measure
-from cylinder_friction.rig.simulate import DEFAULT_STEP_S, balanced_state, simulate
+from cylinder_friction.rig.simulate import balanced_state, simulate
 from cylinder_friction.rig.variation import PAUSE_S, Session, draw_rig, draw_session, draw_wide_rig
 
 TRUTH_COLUMNS = (
@@ -56,36 +56,6 @@ class RigRecording:
     logger: pd.DataFrame
     # Columns ``TRUTH_COLUMNS`` at the same times, SI units; with an external load also ``load_force_n``
     truth: pd.DataFrame
-
-
-@dataclass(frozen=True)
-class CampaignPlan:
-    """How much is recorded, and under which conditions."""
-
-    seed: int = 0  # Seeds everything that is drawn
-    # Sessions in each of the four conditions, each with its temperature, offsets and drift
-    sessions_per_condition: int = 6
-    recordings_per_session: int = 2  # Two or more contain all set exercises
-    duration_s: float = 60.0  # Duration of a recording [s]
-    sample_time_s: float = 0.005  # Of the logger [s], a multiple of 1 ms
-    time_step_s: float = DEFAULT_STEP_S  # Of the integration [s], a divisor of 1 ms
-    supply: str = "industrial"  # ``"didactic"`` or ``"industrial"``
-    zeroed: bool = True  # Whether the pressure transmitters were zeroed before each session
-    residual_offset_bar: float = 0.05  # Largest offset that zeroing leaves [bar]
-    # Standard deviation, from session to session, of the ratio of friction retracting to friction extending
-    asymmetry_sd: float = 0.0
-    fault: str = "none"  # One of ``faults.FAULTS``
-    # ``"none"``; ``"varied"``, a load cell and forces on the rod that change within a recording; or ``"boom"``, one
-    # crane without a load cell, whose load depends on position alone
-    external_load: Literal["none", "varied", "boom"] = "none"
-    load_delay_s: float = 0.0  # How late the load cell is, whole milliseconds [s]
-    # ``"default"``, one rig within its tolerances, or ``"wide"``, any rig of this size
-    specimen: Literal["default", "wide"] = "default"
-
-    @property
-    def recordings(self) -> int:
-        """How many recordings there will be."""
-        return len(THROTTLE_GAINS) * self.sessions_per_condition * self.recordings_per_session
 
 
 def campaign(cylinder: Cylinder, plan: CampaignPlan) -> Iterator[RigRecording]:

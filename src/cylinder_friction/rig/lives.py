@@ -24,9 +24,9 @@ from cylinder_friction.rig.campaign import MAKEUP_GAIN, TRUTH_COLUMNS, RigRecord
 from cylinder_friction.rig.duty_cycles import Row, lever_for_speed
 from cylinder_friction.rig.external_load import ExternalLoad
 from cylinder_friction.rig.lever import MOVE, TICK_S, DutyCycle, hand_remnant, ornstein_uhlenbeck
-from cylinder_friction.rig.parameters import BAR_PA, RigParameters, default_rig, refuse_unknown
+from cylinder_friction.rig.parameters import BAR_PA, DEFAULT_STEP_S, RigParameters, default_rig, refuse_unknown
 from cylinder_friction.rig.sensors import measure
-from cylinder_friction.rig.simulate import DEFAULT_STEP_S, balanced_state, simulate
+from cylinder_friction.rig.simulate import balanced_state, simulate
 from cylinder_friction.rig.variation import draw_rig
 
 Fate = Literal["healthy", "wear", "leak", "seal", "drift", "oil", "load", "duty"]

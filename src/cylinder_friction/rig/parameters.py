@@ -14,6 +14,7 @@ from typing import Any
 from cylinder_friction.cylinder import Cylinder
 
 BAR_PA = 1e5
+DEFAULT_STEP_S = 5e-5  # Of the integration
 ELEMENTS = 4
 """Maxwell-slip elements of the true friction; four to ten describe presliding well (Al-Bender et al., 2005)."""
 
@@ -172,19 +173,15 @@ def refuse_unknown(key: str, name: str, known: Collection[str]) -> None:
         raise ValueError(f"record.{key}: got {name!r}, but expected one of {sorted(known)}")
 
 
-def _tuple_class(name: str, parameters: type) -> Any:
-    return namedtuple(name, [entry.name for entry in fields(parameters)], module=__name__)
-
-
-FrictionConstants = _tuple_class("FrictionConstants", FrictionParameters)
-HydraulicConstants = _tuple_class("HydraulicConstants", HydraulicParameters)
+FrictionConstants = namedtuple("FrictionConstants", [entry.name for entry in fields(FrictionParameters)])
+HydraulicConstants = namedtuple("HydraulicConstants", [entry.name for entry in fields(HydraulicParameters)])
 
 
 def friction_constants(parameters: FrictionParameters) -> Any:
     """Return the same names and numbers as compiled code takes them."""
-    return FrictionConstants(*(getattr(parameters, entry.name) for entry in fields(parameters)))
+    return FrictionConstants(**vars(parameters))
 
 
 def hydraulic_constants(parameters: HydraulicParameters) -> Any:
     """Return the same names and numbers as compiled code takes them."""
-    return HydraulicConstants(*(float(getattr(parameters, entry.name)) for entry in fields(parameters)))
+    return HydraulicConstants(*map(float, vars(parameters).values()))

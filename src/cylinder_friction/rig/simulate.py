@@ -10,9 +10,8 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.rig.external_load import ExternalLoad
 from cylinder_friction.rig.integration import compiled_run
 from cylinder_friction.rig.lever import TICK_S, DutyCycle
-from cylinder_friction.rig.parameters import RigParameters, friction_constants, hydraulic_constants
+from cylinder_friction.rig.parameters import DEFAULT_STEP_S, RigParameters, friction_constants, hydraulic_constants
 
-DEFAULT_STEP_S = 5e-5
 LEAST_START_PA = 2e5  # On the piston side when a load pulls the rod out
 TRACE_COLUMNS = (
     "time_s",

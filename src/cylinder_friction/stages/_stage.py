@@ -1,13 +1,11 @@
 """What every stage shares: where things lie, and the parts of its run record."""
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel
+from pydantic import TypeAdapter
 
-from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.recordings.storage import columns_and_rows
 from cylinder_friction.run_record import Dataset, Scalar
@@ -58,18 +56,13 @@ TRAINING_DATA_FILE = "training_data.json"
 """Beside it: the hash of every source file, by role and recording."""
 
 
-def flat(section: BaseModel | Cylinder, prefix: str = "", *, exclude_defaults: bool = False) -> dict[str, Scalar]:
+def flat(section: Any, prefix: str = "", *, exclude_defaults: bool = False) -> dict[str, Scalar]:
     """Return a section's parameters as ``{"outer.inner": value}``; lists become text."""
-    if isinstance(section, Cylinder):
-        return _flat(asdict(section), prefix)
-    return _flat(section.model_dump(exclude_defaults=exclude_defaults), prefix)
-
-
-def _flat(content: Mapping[str, Any], prefix: str) -> dict[str, Scalar]:
+    content = TypeAdapter(type(section)).dump_python(section, exclude_defaults=exclude_defaults)
     result: dict[str, Scalar] = {}
     for key, value in content.items():
         if isinstance(value, dict):
-            result |= _flat(value, f"{prefix}{key}.")
+            result |= flat(value, f"{prefix}{key}.")
         else:
             result[prefix + key] = value if isinstance(value, str | int | float | bool) else str(value)
     return result

@@ -11,7 +11,7 @@ import pandas as pd
 from tqdm import tqdm
 
 from cylinder_friction.recordings.files import hash_of, whole_folder, write_text
-from cylinder_friction.rig.campaign import CampaignPlan, campaign
+from cylinder_friction.rig.campaign import campaign
 from cylinder_friction.rig.sensors import DECIMALS
 from cylinder_friction.run_record import Dataset, RunRecord
 from cylinder_friction.stages._stage import RIG_FOLDER, RIG_TRUTH_FOLDER, flat
@@ -31,7 +31,7 @@ def run(params: Params) -> RunRecord:
     Raises:
         ValueError: See ``rig.campaign.campaign``.
     """
-    plan = CampaignPlan(**params.record.model_dump())
+    plan = params.record
     recordings = campaign(params.cylinder, plan)
     columns: dict[Path, dict[str, str]] = {RIG_FOLDER: {}, RIG_TRUTH_FOLDER: {}}
     rows = 0
@@ -49,7 +49,7 @@ def run(params: Params) -> RunRecord:
             magnitudes_n[recording.metadata.condition].append(float(recording.truth["friction_n"].abs().mean()))
     return RunRecord(
         name="record",
-        params=flat(params.record) | flat(params.cylinder, "cylinder."),
+        params=flat(plan) | flat(params.cylinder, "cylinder."),
         metrics={
             "recordings": float(plan.recordings),
             "seconds": plan.recordings * plan.duration_s,

@@ -9,7 +9,7 @@ import numba
 from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.model import FrictionModel
 from cylinder_friction.friction_models.parameters import SCALING, STRIBECK, ParameterSpec, StribeckParameters
-from cylinder_friction.friction_models.stribeck import falling_part, side_factor
+from friction_benchmark.friction_models.dry_friction import falling_part, side_factor
 
 RISE = ParameterSpec("regularising_velocity_m_s", "m/s", "speed over which friction rises to its curve", 1e-5, 2e-2)
 STANDSTILL = ParameterSpec(

@@ -16,7 +16,7 @@ from cylinder_friction.friction_models.parameters import (
     ModelParameters,
     ParameterSpec,
 )
-from cylinder_friction.friction_models.stribeck import side_factor
+from friction_benchmark.friction_models.dry_friction import side_factor
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from cylinder_friction.friction_models.parameters import (
     ParameterSpec,
     StribeckParameters,
 )
-from cylinder_friction.friction_models.stribeck import falling_part, side_factor
+from friction_benchmark.friction_models.dry_friction import falling_part, side_factor
 
 TIMES_S = (1e-3, 100.0, 0.5)
 """Bounds and start of every time constant of the film, none of which is known before the search: five decades, from a

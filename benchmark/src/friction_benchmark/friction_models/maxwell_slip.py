@@ -10,7 +10,7 @@ import numpy as np
 from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.model import FrictionModel
 from cylinder_friction.friction_models.parameters import SCALING, STIFFNESS, STRIBECK, ParameterSpec, StribeckParameters
-from cylinder_friction.friction_models.stribeck import falling_part, side_factor
+from friction_benchmark.friction_models.dry_friction import falling_part, side_factor
 
 ELEMENTS = 6
 

@@ -30,7 +30,7 @@ from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import LOAD_FORCE, SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.splits import split
-from cylinder_friction.rig.campaign import CampaignPlan
+from cylinder_friction.rig.campaign_plan import CampaignPlan
 from friction_benchmark.campaigns import labelled_campaign, twin_campaign
 from friction_benchmark.models.learned_gain import MODELS, LearnedGain
 from friction_benchmark.registry import BuildConfiguration, Estimator

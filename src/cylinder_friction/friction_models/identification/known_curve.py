@@ -23,11 +23,7 @@ def known_curve(points: Sequence[SteadyPoint]) -> tuple[StribeckCurve | None, st
     if problem:
         return None, problem
     try:
-        curve = fit_stribeck(
-            np.array([point.velocity_m_s for point in points]),
-            np.array([point.friction_n for point in points]),
-            np.sqrt(np.array([point.rows for point in points], dtype=np.float64)),
-        )
+        curve = curve_through(points)
     except ValueError as error:
         return None, str(error)
     problem = _beyond_seen(curve, points)
@@ -41,36 +37,31 @@ def is_breakaway_known(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> b
 
 def undetermined(points: Sequence[SteadyPoint]) -> str:
     """Return why points of steady sliding, at least one, do not determine friction at all, empty where they do."""
-    return _too_few_oppose(points) or _one_way(points) or _narrow(points)
-
-
-def _too_few_oppose(points: Sequence[SteadyPoint]) -> str:
     opposing = [point for point in points if point.friction_n * point.velocity_m_s > 0.0]
-    if len(opposing) >= OPPOSING * len(points):
-        return ""
-    return (
-        f"only {len(opposing)} of {len(points)} points of steady sliding oppose the motion, as friction must; the "
-        "force carries a load, the position counts the other way, or the pressures are swapped"
-    )
-
-
-def _one_way(points: Sequence[SteadyPoint]) -> str:
-    if len({point.velocity_m_s > 0.0 for point in points}) == 2:
-        return ""
-    way = "extending" if points[0].velocity_m_s > 0.0 else "retracting"
-    return f"steady sliding was seen while {way} alone; record strokes in both directions"
-
-
-def _narrow(points: Sequence[SteadyPoint]) -> str:
+    if len(opposing) < OPPOSING * len(points):
+        return (
+            f"only {len(opposing)} of {len(points)} points of steady sliding oppose the motion, as friction must; the "
+            "force carries a load, the position counts the other way, or the pressures are swapped"
+        )
+    if len({point.velocity_m_s > 0.0 for point in points}) == 1:
+        way = "extending" if points[0].velocity_m_s > 0.0 else "retracting"
+        return f"steady sliding was seen while {way} alone; record strokes in both directions"
     speeds = [abs(point.velocity_m_s) for point in points]
     span = max(speeds) / min(speeds)
-    if span >= LEAST_SPAN:
-        return ""
-    return (
-        f"speeds of steady sliding run from {1e3 * min(speeds):.2g} to {1e3 * max(speeds):.2g} mm/s, a factor of "
-        f"{span:.2g}; Coulomb and viscous friction can be separated from a factor of {LEAST_SPAN:.2g}; record "
-        "slower and faster strokes"
-    )
+    if span < LEAST_SPAN:
+        return (
+            f"speeds of steady sliding run from {1e3 * min(speeds):.2g} to {1e3 * max(speeds):.2g} mm/s, a factor of "
+            f"{span:.2g}; Coulomb and viscous friction can be separated from a factor of {LEAST_SPAN:.2g}; record "
+            "slower and faster strokes"
+        )
+    return ""
+
+
+def curve_through(points: Sequence[SteadyPoint]) -> StribeckCurve:
+    """Return the fitted curve; a point counts by the root of its rows. Errors are those of ``fit_stribeck``."""
+    names = ("velocity_m_s", "friction_n", "rows")
+    velocity, friction, rows = (np.array([getattr(each, name) for each in points], dtype=np.float64) for name in names)
+    return fit_stribeck(velocity, friction, np.sqrt(rows))
 
 
 def _beyond_seen(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> str:

@@ -9,13 +9,14 @@ from tqdm import tqdm
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.identification.intervals import confidence_intervals
+from cylinder_friction.friction_models.identification.known_curve import curve_through
 from cylinder_friction.friction_models.identification.presliding import bristle_stiffness
 from cylinder_friction.friction_models.identification.search import Coordinates, search_globally, search_locally
 from cylinder_friction.friction_models.identification.simulation import Motion, Motions
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, steady_points
 from cylinder_friction.friction_models.model import FrictionModel
 from cylinder_friction.friction_models.parameters import ModelParameters
-from cylinder_friction.friction_models.stribeck import StribeckCurve, fit_stribeck
+from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.recordings.recording import Recording
 
 STIFFNESS_FACTORS = (1.0, 10.0)
@@ -112,11 +113,7 @@ def identify(
             f"but got {pressure!r}"
         )
     points = steady_points(recordings, dead_band_m_s)
-    curve = fit_stribeck(
-        np.array([point.velocity_m_s for point in points]),
-        np.array([point.friction_n for point in points]),
-        np.sqrt(np.array([point.rows for point in points], dtype=np.float64)),
-    )
+    curve = curve_through(points)
     stiffness = bristle_stiffness(recordings, curve.coulomb_n, dead_band_m_s)
 
     def motions_of(chosen: Sequence[Recording], name: str, piece_s: float = 0.0) -> Motions:

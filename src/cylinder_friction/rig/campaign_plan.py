@@ -1,0 +1,58 @@
+"""The plan of a campaign, which is the section ``record`` of ``params.yaml``."""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+
+from cylinder_friction.rig.parameters import DEFAULT_STEP_S, THROTTLE_GAINS
+
+
+def _whole_milliseconds(seconds: float) -> float:
+    if not math.isclose(seconds, round(seconds, 3), rel_tol=1e-9) or round(seconds, 3) == 0.0:
+        raise ValueError("must be a whole number of milliseconds, such as 0.005")
+    return seconds
+
+
+def _divides_a_millisecond(seconds: float) -> float:
+    if not math.isclose(round(1e-3 / seconds) * seconds, 1e-3, rel_tol=1e-9):
+        raise ValueError("must divide one millisecond without remainder, such as 5.0e-5")
+    return seconds
+
+
+_NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
+_Milliseconds = Annotated[float, Field(gt=0.0, allow_inf_nan=False), AfterValidator(_whole_milliseconds)]
+"""The hand lever and the trace run in milliseconds."""
+
+
+@dataclass(frozen=True)
+class CampaignPlan:
+    """How much is recorded, and under which conditions: the section ``record`` of ``params.yaml``."""
+
+    # Seeds everything that is drawn
+    seed: Annotated[int, Field(ge=0, lt=2**31)] = 0
+    # Sessions in each of the four conditions, each with its temperature, offsets and drift
+    sessions_per_condition: Annotated[int, Field(ge=0)] = 6
+    recordings_per_session: Annotated[int, Field(ge=1)] = 2  # Two or more contain all set exercises
+    duration_s: _Milliseconds = 60.0  # Duration of a recording [s]
+    sample_time_s: _Milliseconds = 0.005  # Of the logger [s]
+    # Of the integration [s]
+    time_step_s: Annotated[float, Field(gt=0.0, le=2e-4), AfterValidator(_divides_a_millisecond)] = DEFAULT_STEP_S
+    supply: Literal["didactic", "industrial"] = "industrial"
+    zeroed: bool = True  # Whether the pressure transmitters were zeroed before each session
+    residual_offset_bar: _NotNegative = 0.05  # Largest offset that zeroing leaves [bar]
+    # Standard deviation, from session to session, of the ratio of friction retracting to friction extending
+    asymmetry_sd: _NotNegative = 0.0
+    fault: Literal["none", "wear", "tight_seal", "aeration", "sensor_drift", "bent_rod"] = "none"
+    # ``"none"``; ``"varied"``, a load cell and forces on the rod that change within a recording; or ``"boom"``, one
+    # crane without a load cell, whose load depends on position alone
+    external_load: Literal["none", "varied", "boom"] = "none"
+    load_delay_s: _NotNegative = 0.0  # How late the load cell is, whole milliseconds [s]
+    # ``"default"``, one rig within its tolerances, or ``"wide"``, any rig of this size
+    specimen: Literal["default", "wide"] = "default"
+
+    @property
+    def recordings(self) -> int:
+        """How many recordings there will be."""
+        return len(THROTTLE_GAINS) * self.sessions_per_condition * self.recordings_per_session
