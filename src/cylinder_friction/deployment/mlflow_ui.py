@@ -4,11 +4,10 @@ import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 import urllib.error
 import urllib.request
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -18,33 +17,39 @@ from cylinder_friction.execution.ports import free_port
 from cylinder_friction.tracking.repository import TrackingError
 
 _HOST = "127.0.0.1"
-_START_TIMEOUT_S = 120.0
+_START_TIMEOUT_S, _POLL_S = 120.0, 0.2
 _WITHOUT_JOBS = {"MLFLOW_SERVER_ENABLE_JOB_EXECUTION": "false"}
 """Spares the UI half a dozen processes that wait for evaluation jobs of language models."""
 
 
 def run_ui(root: Path, port: int | None = None) -> int:
-    """Open the MLflow UI on the repository's runs until interrupted, on this port or a free one."""
-    _end_on_a_polite_kill()
-    with served_ui(root, port) as url:
+    """Open the MLflow UI on the repository's runs until Ctrl-C or SIGTERM, on this port or a free one.
+
+    Raises:
+        KeyboardInterrupt: It was ended while the server was starting.
+    """
+    received: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):  # noted alone, so that no moment is a bad one
+        signal.signal(number, lambda number, _: received.append(number))
+    with served_ui(root, port, received) as url:
         sys.stdout.write(
             f"MLflow UI (stop with Ctrl-C)\n  runs of the pipeline   {runs_page(url, root)}\n"
             f"  registered models      {url}/#/models?workflowType=machine_learning\n"
         )
         sys.stdout.flush()
-        with suppress(KeyboardInterrupt):
-            while True:
-                time.sleep(3600.0)
+        while not received:
+            time.sleep(_POLL_S)
     sys.stdout.write("\n")
     return 0
 
 
 @contextmanager
-def served_ui(root: Path, port: int | None = None) -> Iterator[str]:
+def served_ui(root: Path, port: int | None = None, received: Sequence[int] = ()) -> Iterator[str]:
     """Yield the URL of the MLflow UI, once it is ready; ``port`` None takes a free one.
 
     Raises:
         TrackingError: Something else listens there, or the server does not start.
+        KeyboardInterrupt: A signal was ``received`` before it was ready.
     """
     from cylinder_friction.tracking.store import LOCAL_FOLDER, artifact_folder, open_store, tracking_uri
 
@@ -63,18 +68,15 @@ def served_ui(root: Path, port: int | None = None) -> Iterator[str]:
     environment = {**_WITHOUT_JOBS, **os.environ, "MLFLOW_TRACKING_URI": uri, "MLFLOW_REGISTRY_URI": uri}
     environment["PATH"] = f"{Path(sys.executable).parent}{os.pathsep}{environment.get('PATH', '')}"
     url, log_path = f"http://{_HOST}:{port}", log_folder / f"server-{port}.log"
-    started: list[subprocess.Popen[bytes]] = []
     with log_path.open("w+b") as log:
+        process = subprocess.Popen(  # noqa: S603
+            command, stdout=log, stderr=subprocess.STDOUT, env=environment, start_new_session=True
+        )
         try:
-            with _interrupts_held_back():  # or a process that is not in the list yet would be left behind
-                started += [subprocess.Popen(  # noqa: S603
-                    command, stdout=log, stderr=subprocess.STDOUT, env=environment, start_new_session=True
-                )]  # fmt: skip
-            _wait_until_ready(started[0], f"{url}/health", log_path)
+            _wait_until_ready(process, f"{url}/health", log_path, received)
             yield url
         finally:
-            for process in started:
-                _stop(process)
+            _stop(process)
     log_path.unlink(missing_ok=True)  # kept only where something went wrong
 
 
@@ -86,14 +88,16 @@ def runs_page(url: str, root: Path) -> str:
         return f"{url}/#/experiments/{store.experiment_id}/runs?workflowType=machine_learning&compareRunsMode=CHART"
 
 
-def _wait_until_ready(process: subprocess.Popen[bytes], url: str, log_path: Path) -> None:
+def _wait_until_ready(process: subprocess.Popen[bytes], url: str, log_path: Path, received: Sequence[int]) -> None:
     deadline = time.monotonic() + _START_TIMEOUT_S
     while time.monotonic() < deadline and process.poll() is None:
+        if received:
+            raise KeyboardInterrupt
         try:
             with urllib.request.urlopen(url, timeout=2.0):  # noqa: S310
                 return
         except (urllib.error.URLError, OSError):
-            time.sleep(0.2)
+            time.sleep(_POLL_S)
     ended = process.poll()
     what = f"ended with exit status {ended}" if ended is not None else f"was not ready in {_START_TIMEOUT_S:.0f} s"
     log = log_path.read_text(encoding="utf-8", errors="replace").strip()[-2000:]
@@ -119,37 +123,3 @@ def _stop(process: subprocess.Popen[bytes]) -> None:
         except subprocess.TimeoutExpired:
             continue
     process.wait()
-
-
-def _end_on_a_polite_kill() -> None:
-    """Take SIGTERM for Ctrl-C from now on, and only the first of them: a second must not cut short what ends a server.
-
-    A server that is only starting is stopped too, not orphaned.
-    """
-
-    def end(*_: object) -> None:
-        for number in (signal.SIGINT, signal.SIGTERM):
-            signal.signal(number, signal.SIG_IGN)
-        raise KeyboardInterrupt
-
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, end)
-
-
-@contextmanager
-def _interrupts_held_back() -> Iterator[None]:
-    """Act on Ctrl-C and SIGTERM only after the block. Other threads than the main one never get them."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    held: list[int] = []
-    handlers = {
-        number: signal.signal(number, lambda n, _: held.append(n)) for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    try:
-        yield
-    finally:
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
-    for received in held:
-        signal.raise_signal(received)
