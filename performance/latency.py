@@ -39,7 +39,7 @@ WINDOW = 40
 """Samples of the published estimator's window."""
 
 
-def peers_of(estimator: FrictionEstimator, *_: object) -> tuple[Runtime, ...]:
+def peers_of(estimator: FrictionEstimator) -> tuple[Runtime, ...]:
     """Return what an estimator with a network is measured against; LuGre has no peers."""
     if isinstance(estimator, LugreEstimator) or estimator.step_model().network is None:
         return ()

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cylinder_friction.evaluation.views import LearningCurve, agreement, excerpt, histogram, velocity_profile
+from cylinder_friction.evaluation.views import agreement, excerpt, histogram, velocity_profile
 
 
 def test_an_excerpt_is_the_stretch_with_most_motion_and_hides_what_is_not_usable(compared):
@@ -26,10 +26,3 @@ def test_the_views_agree_with_numbers_known_beforehand(compared):
     counted = histogram(np.random.default_rng(0).normal(size=50_000))
     assert counted.density.sum() * counted.width_n == pytest.approx(1.0 - counted.outside, abs=1e-9)
     assert np.abs(counted.density - counted.normal_density).max() < 0.03
-
-
-def test_a_learning_curve_that_is_not_one_is_refused():
-    good = {"epoch": [1, 2], "train_mae_n": [2.0, 1.0], "validation_mae_n": [3.0, 2.0], "best_epoch": 2}
-    assert LearningCurve.from_dict(good, "models/hybrid").best_epoch == 2
-    with pytest.raises(ValueError, match="expected one value per epoch in every list, but got lengths"):
-        LearningCurve.from_dict({**good, "epoch": [1]}, "models/hybrid")

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Self
 
 import numpy as np
 
@@ -19,30 +18,12 @@ MINIMUM_ROWS_A_BIN = 20
 
 @dataclass(frozen=True)
 class LearningCurve:
-    """Error after each epoch of a training [N]; ``best_epoch`` is the one whose network was kept."""
+    """Error after each epoch of a training [N], as ``learning_curve.json`` holds it."""
 
-    epoch: tuple[int, ...]
-    train_mae_n: tuple[float, ...]
-    validation_mae_n: tuple[float, ...]
-    best_epoch: int
-
-    @classmethod
-    def from_dict(cls, content: Mapping[str, Any], where: str) -> Self:
-        """Return the curve a training wrote; raises ``ValueError`` naming what is missing or of unequal length."""
-        columns: dict[str, list[Any]] = {}
-        for key in ("epoch", "train_mae_n", "validation_mae_n"):
-            if key not in content:
-                raise ValueError(f"{where}: {key!r} is missing; got {sorted(content)}; train the model again")
-            columns[key] = list(content[key])
-        lengths = {key: len(values) for key, values in columns.items()}
-        if len(set(lengths.values())) != 1 or not columns["epoch"]:
-            raise ValueError(f"{where}: expected one value per epoch in every list, but got lengths {lengths}")
-        return cls(
-            tuple(map(int, columns["epoch"])),
-            tuple(map(float, columns["train_mae_n"])),
-            tuple(map(float, columns["validation_mae_n"])),
-            int(content["best_epoch"]),
-        )
+    epoch: Sequence[int]
+    train_mae_n: Sequence[float]
+    validation_mae_n: Sequence[float]
+    best_epoch: int  # The one whose network was kept
 
 
 @dataclass(frozen=True, eq=False)

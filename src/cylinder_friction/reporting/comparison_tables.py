@@ -258,28 +258,13 @@ def data_table(comparison: Comparison) -> Table:
     return Table(head, rows)
 
 
-def audit_table(audit: Any) -> Table:
-    """Return one row for each innermost group of numbers, named by the keys that lead to it.
-
-    Args:
-        audit: The label audit: nested dictionaries (and lists of them) of numbers and text.
-    """
-    groups = _groups(audit, ())
-    columns = list(dict.fromkeys(key for _, numbers in groups for key in numbers))
+def audit_table(groups: Mapping[tuple[str, ...], Mapping[str, Any]]) -> Table:
+    """Return a row for each group of the label audit's numbers, named by its keys."""
+    columns = list(dict.fromkeys(key for numbers in groups.values() for key in numbers))
     head = ("", *(AUDIT_HEADS.get(column, column.replace("_", " ")) for column in columns))
-    return Table(head, [(name or "all", *(_audited(numbers.get(key)) for key in columns)) for name, numbers in groups])
-
-
-def _groups(content: Any, path: tuple[str, ...]) -> list[tuple[str, dict[str, Any]]]:
-    if isinstance(content, list):
-        content = {str(index): item for index, item in enumerate(content, 1)}
-    if not isinstance(content, dict):
-        return []
-    leaves = {str(key): value for key, value in content.items() if not isinstance(value, dict | list)}
-    found = [(", ".join(path).replace("_", " "), leaves)] if leaves else []
-    for key, value in content.items():
-        found += _groups(value, (*path, str(key))) if isinstance(value, dict | list) else []
-    return found
+    names = [", ".join(keys).replace("_", " ") for keys in groups]
+    cells = [[_audited(numbers.get(key)) for key in columns] for numbers in groups.values()]
+    return Table(head, [(name, *row) for name, row in zip(names, cells, strict=True)])
 
 
 def markdown_tables(comparison: Comparison, published: bool = False) -> str:

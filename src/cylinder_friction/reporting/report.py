@@ -181,8 +181,14 @@ def _panels(analysis: Analysis) -> dict[str, list[Figure]]:
 
 
 def _audit(audit: dict[str, Any] | None) -> tuple[Table, ...]:
-    """Return the audit over all conditions and, where there is such a summary, by condition."""
+    """Return the audit over all conditions and, below it, by condition."""
     if audit is None or "note" in audit:
         return ()
-    brief = {name: found[ALL_CONDITIONS] for name, found in audit.items() if ALL_CONDITIONS in found}
-    return (tables.audit_table(brief), tables.audit_table(audit)) if brief else (tables.audit_table(audit),)
+    groups = {
+        (name, condition, stratum): numbers
+        for name, conditions in audit.items()
+        for condition, strata in conditions.items()
+        for stratum, numbers in strata.items()
+    }
+    brief = {(name, stratum): each for (name, at, stratum), each in groups.items() if at == ALL_CONDITIONS}
+    return tables.audit_table(brief), tables.audit_table(groups)

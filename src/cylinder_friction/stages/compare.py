@@ -99,7 +99,7 @@ def run(params: Params) -> RunRecord:
         notes=notes_of(estimators, recordings, read_json(FILTERS_FILE)["method"]),
     )
     curves = {
-        path.parent.name: LearningCurve.from_dict(read_json(path), path.as_posix())
+        path.parent.name: LearningCurve(**read_json(path))
         for path in (HYBRID_FOLDER / LEARNING_CURVE_FILE, PAPER_HYBRID_FOLDER / LEARNING_CURVE_FILE)
     }
     analysis = analyse(comparison, main, RIVAL, curves, settings.figure_duration_s, settings.autocorrelation_lags)

@@ -62,9 +62,6 @@ def test_a_session_that_the_model_does_not_know_is_named(service: LiveService, s
     assert re.fullmatch(r"\d+ % of the rows (hold a force that|lie outside the range) .*", foreign.not_known)
 
 
-<<<<<<< HEAD
-def test_it_goes_on_after_a_kill(engine: Engine, expected: Array, samples: Array, tmp_path: Path) -> None:
-=======
 def test_a_session_too_noisy_for_the_bounds_is_named(engine: Engine, samples: Array, tmp_path: Path) -> None:
     service = service_of(engine, tmp_path)
     known, noisy = opened(service, "known"), opened(service, "noisy")
@@ -77,10 +74,7 @@ def test_a_session_too_noisy_for_the_bounds_is_named(engine: Engine, samples: Ar
     assert re.fullmatch(r"pressures are (3|4)\.\d times as noisy as .*, and bounds are too narrow", noisy.too_narrow)
 
 
-def test_a_service_that_was_killed_goes_on_to_the_last_bit(
-    engine: Engine, small_hybrid: HybridEstimator, samples: Array, tmp_path: Path
-) -> None:
->>>>>>> 816c400 (The live service measures the noise of each session's pressures and names sessions whose bounds are too narrow for it)
+def test_it_goes_on_after_a_kill(engine: Engine, expected: Array, samples: Array, tmp_path: Path) -> None:
     """What was not kept is sent again; nothing else is, and the history has each sample once."""
     kept = Kept()
     before = service_of(engine, tmp_path, kept)

@@ -81,14 +81,15 @@ def fmu_variables(model: StepModel) -> tuple[FmuVariable, ...]:
         "friction_lower": f"Lower bound of friction: {holds}",
         "friction_upper": f"Upper bound of friction: {holds}",
     }
+    offset_parameters, offset_outputs = _offset(model)
     return (
         FmuVariable("time", "real", "independent", "continuous", "Simulation time", "s"),
         *_inputs(model),
         FmuVariable("warm_up_steps", "integer", "parameter", "fixed", warm_up, start=0, minimum=0),
         FmuVariable("sample_time", "real", "calculatedParameter", "fixed", step, "s"),
-        *_offset_parameters(model),
+        *offset_parameters,
         *(FmuVariable(name, "real", "output", "continuous", text, "N") for name, text in estimates.items()),
-        *_offset_outputs(model),
+        *offset_outputs,
         FmuVariable("flags", "integer", "output", "discrete", "How far to trust the estimate, as bits; 0: all is well"),
         FmuVariable("trusted", "boolean", "output", "discrete", "No flag is set"),
         *(
@@ -98,30 +99,26 @@ def fmu_variables(model: StepModel) -> tuple[FmuVariable, ...]:
     )
 
 
-def _offset_parameters(model: StepModel) -> list[FmuVariable]:
-    """Return what states a known offset; nothing for a model that learns none."""
+def _offset(model: StepModel) -> tuple[list[FmuVariable], list[FmuVariable]]:
+    """Return the parameters that state a known offset, and what has been learned of it; none where none is learned."""
     if model.offset is None:
-        return []
+        return [], []
     stated = f"below 0: as stated for the sensors, {stated_uncertainty_n(model):.3g} N"
-    texts = {
+    starts = {
         "start_offset": (0.0, "Offset of the sensors' zeros in friction to start from, where it is known"),
         "start_offset_uncertainty": (-1.0, f"Standard uncertainty of start_offset; {stated}"),
     }
-    return [FmuVariable(name, "real", "parameter", "fixed", text, "N", start) for name, (start, text) in texts.items()]
-
-
-def _offset_outputs(model: StepModel) -> list[FmuVariable]:
-    """Return what has been learned of the offset; nothing for a model that learns none."""
-    if model.offset is None:
-        return []
-    texts = {
+    learned = {
         "offset": "Offset of the sensors' zeros in friction, as learned so far: the next step takes it off",
         "offset_uncertainty": "Standard uncertainty of that offset",
     }
-    return [
-        FmuVariable(name, "real", "output", "continuous", text, "N", initial_from=f"start_{name}")
-        for name, text in texts.items()
-    ]
+    return (
+        [FmuVariable(name, "real", "parameter", "fixed", text, "N", at) for name, (at, text) in starts.items()],
+        [
+            FmuVariable(name, "real", "output", "continuous", text, "N", initial_from=f"start_{name}")
+            for name, text in learned.items()
+        ],
+    )
 
 
 def _inputs(model: StepModel) -> list[FmuVariable]:

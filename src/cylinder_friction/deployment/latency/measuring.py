@@ -20,7 +20,7 @@ from cylinder_friction.estimators.base import FrictionEstimator
 
 Times = NDArray[np.int64]
 
-Peers = Callable[[FrictionEstimator, CompiledRuntime, Array, Path], Sequence[Runtime]]
+Peers = Callable[[FrictionEstimator], Sequence[Runtime]]
 
 COMPARED_STEPS = 200  # First steps, in which all are checked to estimate the same; they compile and warm up what runs
 LEAD_IN_STEPS = 20
@@ -120,11 +120,8 @@ def measure(
     with TemporaryDirectory() as folder, one_core() as core, _no_garbage_collection():
         turns: dict[str, list[_Turns]] = {}
         for place, (name, estimator) in enumerate(estimators.items()):
-            own = Path(folder) / f"model{place}"
-            runtimes = list(runtimes_of(estimator, own))
-            if peers is not None:
-                runtimes = [*peers(estimator, _compiled(runtimes), samples[name], own), *runtimes]
-            turns[name] = _compared(runtimes, estimator, samples[name])
+            own = runtimes_of(estimator, Path(folder) / f"model{place}")
+            turns[name] = _compared([*(peers(estimator) if peers else ()), *own], estimator, samples[name])
         watch = QuietWatch(core)
         _take_turns([turn for each in turns.values() for turn in each], effort)
         quiet = watch.end()
@@ -191,12 +188,8 @@ def _take_turns(turns: list[_Turns], effort: Effort) -> None:
             turns[(start + place) % len(turns)].take(start / effort.rounds)
 
 
-def _compiled(runtimes: Sequence[Runtime]) -> CompiledRuntime:
-    return next(each for each in runtimes if isinstance(each, CompiledRuntime))
-
-
 def _figures(estimator: FrictionEstimator, turns: list[_Turns]) -> ModelFigures:
-    exported = _compiled([turn.runtime for turn in turns]).exported
+    exported = next(each.runtime.exported for each in turns if isinstance(each.runtime, CompiledRuntime))
     latencies = {
         turn.runtime.name: latency_of(
             np.concatenate(turn.timed), np.array(turn.first), turn.runtime.timer_ns, turn.preempted

@@ -4,7 +4,6 @@ import ctypes
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from time import perf_counter_ns
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,24 +22,6 @@ Times = NDArray[np.int64]
 
 COMPILER_OPTIONS = {"c": OPTIMISED, "c_o2": ("-O2", "-ffp-contract=off"), "c_float": OPTIMISED}
 """Compiler options of the runtimes that are C; ratios are to ``c``."""
-
-
-class Runtime(Protocol):
-    """One running estimate that times its own steps.
-
-    Attributes:
-        name, title: For the table.
-        group: Runtimes of one group must give the same friction; those of ``estimator`` that of the estimator itself.
-        timer_ns: Time between two readings of its clock with nothing between them.
-    """
-
-    name: str
-    title: str
-    group: str
-    timer_ns: float
-
-    def run(self, samples: Array) -> tuple[Array, Times]:
-        """Take the next samples, shape ``(n, inputs)``; returns friction [N] and the time of each step [ns]."""
 
 
 class PythonRuntime:
@@ -97,6 +78,15 @@ class CompiledRuntime:
         rows = ctypes.c_int64(len(samples))
         self._c.timed_run(_address(self._state), _address(samples), rows, _address(friction), _address(times))
         return friction, times
+
+
+Runtime = PythonRuntime | CompiledRuntime
+"""One running estimate that times its own steps: ``run`` takes the next samples, shape ``(n, inputs)``, and returns
+friction [N] and the time of each step [ns].
+
+``name`` and ``title`` are for the table. Runtimes of one ``group`` must give the same friction, those of ``estimator``
+that of the estimator itself. ``timer_ns`` is the time between two readings of its clock with nothing between them.
+"""
 
 
 def _address(array: NDArray[np.generic]) -> ctypes.c_void_p:
