@@ -85,14 +85,6 @@ class PageFigure:
         """Add words at a place."""
         self.layout["annotations"].append({"text": text, "showarrow": False, "font": {"size": 13}, **place})
 
-    def band(self, axis: str, low: float, high: float, colour: str, opacity: float = 1.0) -> None:
-        """Shade what lies between two values of an axis, ``x`` or ``y``, below all else."""
-        across = "y" if axis == "x" else "x"
-        ends = {f"{axis}0": low, f"{axis}1": high, f"{axis}ref": axis}
-        ends |= {f"{across}0": 0, f"{across}1": 1, f"{across}ref": f"{across} domain"}
-        fill = {"fillcolor": colour, "opacity": opacity, "line": {"width": 0}, "layer": "below"}
-        self.layout["shapes"].append({"type": "rect", **ends, **fill})
-
     def upright(self, x: Any, line: Mapping[str, Any], across: str = "y domain") -> None:
         """Add a line from bottom to top of the first panel, or of all panels if ``across`` is ``paper``."""
         ends = {"x0": x, "x1": x, "xref": "x", "y0": 0, "y1": 1, "yref": across}

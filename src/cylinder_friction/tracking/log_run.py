@@ -157,15 +157,14 @@ def _write_values(store: Store, run_id: str, record: RunRecord, times: Times, mo
     params = [Param(allowed(key), str(value)[:_LONGEST_PARAM]) for key, value in record.params.items()]
     for some in chunk_list(params, _PARAMS_A_REQUEST):
         store.client.log_batch(run_id, params=some)
-    metrics = [Metric(allowed(name), value, times.ended_ms, 0) for name, value in record.metrics.items()]
+    measured: tuple[str, ...] = ()  # What errors are of: the model, and the name and digest of the recordings
     if model_id is not None and len(record.datasets) == 1:
         ((role, dataset),) = record.datasets.items()
-        metrics = [
-            Metric(each.key, each.value, each.timestamp, each.step, model_id, role, digest_of(dataset))
-            if each.key.startswith(ERROR_PERCENT)
-            else each
-            for each in metrics
-        ]
+        measured = model_id, role, digest_of(dataset)
+    metrics = [
+        Metric(allowed(name), value, times.ended_ms, 0, *(measured if name.startswith(ERROR_PERCENT) else ()))
+        for name, value in record.metrics.items()
+    ]
     for name, values in record.curves.items():
         known_ms = times.steps_ms.get(name, [])[-len(values) :]
         # The first steps of what was resumed were done by a process that was killed.

@@ -51,19 +51,28 @@ def leaderboard(result: TaskResult, titles: ModelTitles) -> PageFigure:
         )
     baseline = result.entry_of(result.baseline)
     if baseline is not None and _drawable(baseline.score.percent.value):
-        figure.band("x", baseline.score.percent.low, baseline.score.percent.high, BLACK, 0.07)
+        _band(figure, "x", baseline.score.percent.low, baseline.score.percent.high, BLACK, 0.07)
         _upright(figure, baseline.score.percent.value, "baseline", BLACK, "dash")
     if (label := label_percent(result)) is not None and _drawable(label):
         _upright(figure, label, "label", BROWN, "dot")
     for row, entry in enumerate(result.entries):
         figure.note(of_size(entry.score.percent.value), xref="paper", x=1.0, xanchor="left", xshift=6, y=row)
         if entry.model == result.baseline:
-            figure.band("y", row - 0.5, row + 0.5, "#EBEEF1")
+            _band(figure, "y", row - 0.5, row + 0.5, "#EBEEF1")
     shown = [entry.score.percent.value for entry in result.entries]
     names = [_cut(titles(entry.model), LONGEST) for entry in result.entries]
     figure.x_axis(title=f"MAE [% of {denominator(result)}]", type="log", **_ticks(shown))
     figure.y_axis(tickvals=list(range(len(names))), ticktext=names, range=[len(names) - 0.5, -0.5], showgrid=False)
     return figure.look(ROW * len(names) + 130, legend_rows=2, margin={"r": 62, "l": 8, "t": 78, "b": 48})
+
+
+def _band(figure: PageFigure, axis: str, low: float, high: float, colour: str, opacity: float = 1.0) -> None:
+    """Shade what lies between two values of an axis, ``x`` or ``y``, below all else."""
+    across = "y" if axis == "x" else "x"
+    ends = {f"{axis}0": low, f"{axis}1": high, f"{axis}ref": axis}
+    ends |= {f"{across}0": 0, f"{across}1": 1, f"{across}ref": f"{across} domain"}
+    fill = {"fillcolor": colour, "opacity": opacity, "line": {"width": 0}, "layer": "below"}
+    figure.layout["shapes"].append({"type": "rect", **ends, **fill})
 
 
 def label_percent(result: TaskResult) -> float | None:
