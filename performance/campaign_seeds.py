@@ -42,7 +42,8 @@ def campaign(seed: int | None, overrides: list[str], folder: Path) -> dict[str, 
         for command in (["params", *seeded], *(["stage", stage] for stage in STAGES)):
             if cylinder_friction(command):
                 raise RuntimeError(f"seed {seed}: {' '.join(command)} failed; it has printed why")
-    return read_json(folder / "reports/metrics.json")
+    metrics: dict[str, dict[str, dict[str, float]]] = read_json(folder / "reports/metrics.json")
+    return metrics
 
 
 def main() -> int:

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import partial
 from operator import itemgetter
 from statistics import fmean
 from typing import Any
@@ -223,6 +224,10 @@ def residual_shape_table(analysis: Analysis) -> Table:
 def residual_memory_table(analysis: Analysis) -> Table:
     """Return the memory of every estimator's residuals, and what they still depend on, over all conditions."""
     found, dependences = analysis.residuals, analysis.dependences
+
+    def dependence(key: str, name: str) -> str:
+        return f"{dependences[name][key]:+.2f}"
+
     return Table.of(
         ranked(analysis.comparison.label),
         {
@@ -231,10 +236,7 @@ def residual_memory_table(analysis: Analysis) -> Table:
             "Ljung–Box, 10 lags": lambda name: f"{found[name].ljung_box:.3g} ({_p_value(found[name].ljung_box_p)})",
             "rows": lambda name: f"{found[name].rows:,}",
             "effective rows": lambda name: f"{found[name].effective_rows:,.0f}",
-            **{
-                f"correlation with {key}": lambda name, key=key: f"{dependences[name][key]:+.2f}"
-                for key in dependences[analysis.main]
-            },
+            **{f"correlation with {key}": partial(dependence, key) for key in dependences[analysis.main]},
         },
     )
 

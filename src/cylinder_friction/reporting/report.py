@@ -184,11 +184,13 @@ def _audit(audit: dict[str, Any] | None) -> tuple[Table, ...]:
     """Return the audit over all conditions and, below it, by condition."""
     if audit is None or "note" in audit:
         return ()
-    groups = {
+    groups: dict[tuple[str, ...], Mapping[str, Any]] = {
         (name, condition, stratum): numbers
         for name, conditions in audit.items()
         for condition, strata in conditions.items()
         for stratum, numbers in strata.items()
     }
-    brief = {(name, stratum): each for (name, at, stratum), each in groups.items() if at == ALL_CONDITIONS}
+    brief: dict[tuple[str, ...], Mapping[str, Any]] = {
+        (name, stratum): each for (name, at, stratum), each in groups.items() if at == ALL_CONDITIONS
+    }
     return tables.audit_table(brief), tables.audit_table(groups)

@@ -173,8 +173,13 @@ def refuse_unknown(key: str, name: str, known: Collection[str]) -> None:
         raise ValueError(f"record.{key}: got {name!r}, but expected one of {sorted(known)}")
 
 
-FrictionConstants = namedtuple("FrictionConstants", [entry.name for entry in fields(FrictionParameters)])
-HydraulicConstants = namedtuple("HydraulicConstants", [entry.name for entry in fields(HydraulicParameters)])
+def _tuple_class(name: str, parameters: type) -> Any:
+    """Return a class of named tuples with the parameters' fields; compiled code takes no dataclass."""
+    return namedtuple(name, [entry.name for entry in fields(parameters)], module=__name__)
+
+
+FrictionConstants = _tuple_class("FrictionConstants", FrictionParameters)
+HydraulicConstants = _tuple_class("HydraulicConstants", HydraulicParameters)
 
 
 def friction_constants(parameters: FrictionParameters) -> Any:
