@@ -72,12 +72,12 @@ class Client:
         Estimates that come meanwhile stay to be fetched.
         """
         for begin in range(0, len(samples), ROWS_A_BLOCK):
-            part = np.ascontiguousarray(samples[begin : begin + ROWS_A_BLOCK], dtype=np.float64)
             time_s = self.start_time_s + self.next_index * self._sample_time_s
             self._wait_for_room()
+            part = np.asarray(samples[begin : begin + ROWS_A_BLOCK], np.float64)
             block = SampleBlock(self._handle, self.next_index, time_s, part)
             self._unacknowledged.append(block)
-            self.next_index += len(part)
+            self.next_index += block.rows
             self._send(block)
 
     def skip(self, rows: int) -> None:
@@ -111,9 +111,7 @@ class Client:
             if self.acknowledged_index > known:
                 known, deadline = self.acknowledged_index, time.monotonic() + timeout_s
             elif time.monotonic() > deadline:
-                rows = sum(
-                    min(len(each.samples), each.index + len(each.samples) - known) for each in self._unacknowledged
-                )
+                rows = sum(min(each.rows, each.index + each.rows - known) for each in self._unacknowledged)
                 raise LiveClientError(
                     f"session {self._session!r}: {rows} samples are not acknowledged, and no acknowledgement came for "
                     f"{timeout_s:g} s; /readyz of the service states whether it can keep what comes"
@@ -178,7 +176,7 @@ class Client:
         self._opens["estimates_from"] = self.estimated_index
         self._connect()
         self._forget_acknowledged()
-        blocks = [SampleBlock(self._handle, b.index, b.time_s, b.samples) for b in self._unacknowledged]
+        blocks = [SampleBlock(self._handle, b.index, b.time_s, b.content, b.columns) for b in self._unacknowledged]
         self._unacknowledged = deque(blocks)
         for block in blocks:
             try:
@@ -227,6 +225,6 @@ class Client:
     def _forget_acknowledged(self) -> None:
         while self._unacknowledged:
             first = self._unacknowledged[0]
-            if first.index + len(first.samples) > self.acknowledged_index:
+            if first.index + first.rows > self.acknowledged_index:
                 return
             self._unacknowledged.popleft()

@@ -58,6 +58,7 @@ def test_a_session_that_the_model_does_not_know_is_named(service: LiveService, s
     loaded = samples + np.array([20e5, 0.0, 0.0])
     for first, second in zip(blocks(known, samples, 0, 1500), blocks(foreign, loaded, 0, 1500), strict=True):
         service.receive([first, second])
+    service.keep()
     assert known.not_known == ""
     assert re.fullmatch(r"\d+ % of the rows (hold a force that|lie outside the range) .*", foreign.not_known)
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cylinder_friction.service.live.session import SamplePiece, SessionOrder
+from cylinder_friction.service.live.frames import SampleBlock
+from cylinder_friction.service.live.session import SessionOrder
 from cylinder_friction.service.live.settings import SessionRules
 
 RULES = SessionRules(hold_s=1.0, hold_rows=100, short_gap_s=0.05)
@@ -19,8 +20,8 @@ def order() -> SessionOrder:
     return SessionOrder(0.01, 1, RULES, 0)
 
 
-def take(session: SessionOrder, begin: int, end: int, now_s: float = 0.0) -> list[SamplePiece]:
-    return session.receive(begin, 0.01 * begin, rows(begin, end), now_s)
+def take(session: SessionOrder, begin: int, end: int, now_s: float = 0.0) -> list[SampleBlock]:
+    return session.receive(SampleBlock(0, begin, 0.01 * begin, rows(begin, end)), now_s)
 
 
 def test_a_short_gap_becomes_no_numbers_once_it_was_waited_for() -> None:

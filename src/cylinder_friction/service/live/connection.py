@@ -193,7 +193,7 @@ class Connection:
         self._receive(samples)
 
     def _receive(self, samples: Sequence[SampleBlock]) -> None:
-        self._pace.count(sum([len(block.samples) for block in samples]), time.monotonic())
+        self._pace.count(sum([block.rows for block in samples]), time.monotonic())
         self._service.receive(samples, self)
 
     def _take_text(self, text: str) -> None:

@@ -14,14 +14,14 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array
 from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, GoldenError, difference_n
 from cylinder_friction.recordings.files import read_json, write_bytes
-from cylinder_friction.service.live.frames import FLAG_BYTES, ROW_BYTES, EstimateBlock
+from cylinder_friction.service.live.frames import FLAG_BYTES, ROW_BYTES, EstimateBlock, SampleBlock
 
 NAME, LIBRARY, DESCRIPTION, CALLED = "friction", "engine.so", "engine.json", "called.txt"
 _OUTPUT = np.dtype({"names": ["newtons", "flags"], "formats": [("<f8", 3), "<u4"], "offsets": [0, 24], "itemsize": 32})
 
 
-Job = tuple[int, Array, bool]
-"""A slot, successive samples of its session, shape ``(rows, inputs)``, and whether its state is reset first."""
+Job = tuple[int, SampleBlock]
+"""A slot, and successive samples of its session."""
 
 
 @cache
@@ -109,18 +109,18 @@ class Engine:
 
     def run(self, jobs: Sequence[Job]) -> list[tuple[bytes, bytes]]:
         """Step through all jobs in order; return newtons and flags of each, as ``EstimateBlock`` holds them."""
-        rows = [len(samples) for _, samples, _ in jobs]
-        slots, resets = [slot for slot, _, _ in jobs], [reset for _, _, reset in jobs]
+        rows = [samples.rows for _, samples in jobs]
+        slots, resets = [slot for slot, _ in jobs], [samples.reset for _, samples in jobs]
         numbers = [array("I", each).tobytes() for each in (slots, resets, rows)]
-        inputs = b"".join([samples.tobytes() for _, samples, _ in jobs])
+        inputs = b"".join([samples.content for _, samples in jobs])
         outputs = np.empty(sum(rows), dtype=_OUTPUT)
         self._batch(self._states_at, len(jobs), *numbers, inputs, outputs.ctypes.data)
         newtons, flags = outputs["newtons"].tobytes(), outputs["flags"].tobytes()
-        results, begin = [], 0
+        results, newtons_at, flags_at = [], 0, 0
         for count in rows:
-            end = begin + count
-            results.append((newtons[ROW_BYTES * begin : ROW_BYTES * end], flags[FLAG_BYTES * begin : FLAG_BYTES * end]))
-            begin = end
+            newtons_end, flags_end = newtons_at + ROW_BYTES * count, flags_at + FLAG_BYTES * count
+            results.append((newtons[newtons_at:newtons_end], flags[flags_at:flags_end]))
+            newtons_at, flags_at = newtons_end, flags_end
         return results
 
 
@@ -169,5 +169,5 @@ def _difference_n(engine: Engine, golden: Path) -> float:
 
 
 def _stepped(engine: Engine, slot: int, samples: Array) -> tuple[Array, NDArray[np.uint32]]:
-    block = EstimateBlock(0, 0, 0.0, *engine.run([(slot, samples, False)])[0])
+    block = EstimateBlock(0, 0, 0.0, *engine.run([(slot, SampleBlock(0, 0, 0.0, samples))])[0])
     return block.newtons, block.flags

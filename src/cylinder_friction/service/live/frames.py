@@ -35,20 +35,40 @@ NEWTONS = 3
 ROW_BYTES, FLAG_BYTES = 8 * NEWTONS, 4
 """Of one estimate's newtons, and of its flags."""
 _NUMBER = np.dtype("<f8")
+_PADDING = b"", bytes(FLAG_BYTES)
 
 
 class FrameError(ValueError):
     """A message that is no sequence of blocks; none of its blocks is used."""
 
 
-@dataclass(slots=True)
 class SampleBlock:
-    """Successive samples of one session."""
+    """Successive samples of one session, as the bytes that frames, the engine and the journal hold.
 
-    handle: int
-    index: int  # Of the first
-    time_s: float  # When the first was sampled, in the sender's clock
-    samples: Array  # Shape ``(rows, columns)``
+    Args:
+        handle: Of the session.
+        index: Of the first sample.
+        time_s: When it was taken, in the sender's clock.
+        samples: Shape ``(rows, columns)``, or the bytes of rows × columns f64.
+        columns: Of bytes.
+        reset: Whether the session begins anew with them; not in the frame.
+    """
+
+    __slots__ = ("columns", "content", "handle", "index", "reset", "rows", "time_s")
+
+    def __init__(
+        self, handle: int, index: int, time_s: float, samples: Array | bytes, columns: int = 0, reset: bool = False
+    ) -> None:
+        self.handle, self.index, self.time_s, self.reset = handle, index, time_s, reset
+        if isinstance(samples, bytes):
+            self.content, self.rows, self.columns = samples, len(samples) // (8 * columns), columns
+        else:
+            self.content, (self.rows, self.columns) = samples.astype(_NUMBER, copy=False).tobytes(), samples.shape
+
+    @property
+    def samples(self) -> Array:
+        """The samples, shape ``(rows, columns)``."""
+        return np.frombuffer(self.content, _NUMBER).reshape(self.rows, self.columns)
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,17 +134,14 @@ class Acknowledgement:
 
 def pack_samples(block: SampleBlock) -> bytes:
     """Return one block of samples as bytes."""
-    rows, columns = block.samples.shape
-    head = HEADER.pack(SAMPLES, columns, rows, block.handle, block.index, block.time_s)
-    return head + block.samples.astype("<f8", copy=False).tobytes()
+    return HEADER.pack(SAMPLES, block.columns, block.rows, block.handle, block.index, block.time_s) + block.content
 
 
 def pack_estimates(block: EstimateBlock) -> bytes:
     """Return one block of estimates as bytes."""
     rows = len(block.flag_bytes) // FLAG_BYTES
     head = HEADER.pack(ESTIMATES, NEWTONS, rows, block.handle, block.index, block.time_s)
-    padding = b"\0\0\0\0" if rows % 2 else b""
-    return b"".join((head, block.newton_bytes, block.flag_bytes, padding))
+    return b"".join((head, block.newton_bytes, block.flag_bytes, _PADDING[rows % 2]))
 
 
 def pack_acknowledgement(block: Acknowledgement) -> bytes:
@@ -150,7 +167,7 @@ def unpack(message: bytes) -> list[SampleBlock | EstimateBlock | Acknowledgement
         if end - at < size:
             raise FrameError(f"byte {at}: {end - at} bytes are left, expected {size} for {rows} rows")
         if samples:
-            blocks.append(SampleBlock(handle, index, time_s, np.ndarray((rows, columns), _NUMBER, message, at)))
+            blocks.append(SampleBlock(handle, index, time_s, message[at : at + size], columns))
         elif kind == ESTIMATES:
             flags_at = at + ROW_BYTES * rows
             newtons, flags = message[at:flags_at], message[flags_at : flags_at + FLAG_BYTES * rows]

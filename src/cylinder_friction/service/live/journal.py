@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.service.live.frames import ROW_BYTES, EstimateBlock
+from cylinder_friction.service.live.frames import ROW_BYTES, EstimateBlock, SampleBlock
 from cylinder_friction.service.live.models import SavedState, Switch
 
 _SAME_TIME = 0.5
@@ -92,22 +92,24 @@ class Unkept:
     shadow_newtons: bytearray = field(default_factory=bytearray)
     shadow_flags: bytearray = field(default_factory=bytearray)
 
-    def goes_on(self, index: int, time_s: float, made_by: tuple[str | None, str | None]) -> bool:
-        """Return whether a block follows the last one, in index and in the sender's time, by the same models."""
-        late_s = time_s - self.time_s - self.rows * self.sample_time_s
-        follows = index == self.index + self.rows and abs(late_s) < _SAME_TIME * self.sample_time_s
-        return follows and made_by == self.made_by
-
-    def add(self, samples: Array, estimates: EstimateBlock | None, shadow: EstimateBlock | None) -> None:
-        """Take a block that follows."""
-        self.rows += len(samples)
-        self.samples += samples.tobytes()
+    def add(self, block: SampleBlock, estimates: EstimateBlock | None, shadow: EstimateBlock | None) -> bool:
+        """Take a block, if it follows the last one in index and in the sender's time, by the same models."""
+        late_s = block.time_s - self.time_s - self.rows * self.sample_time_s
+        if block.index != self.index + self.rows or abs(late_s) >= _SAME_TIME * self.sample_time_s:
+            return False
+        model = None if estimates is None else estimates.model
+        shadow_model = None if shadow is None else shadow.model
+        if self.made_by != (model, shadow_model):
+            return False
+        self.rows += block.rows
+        self.samples += block.content
         if estimates is not None:
             self.newtons += estimates.newton_bytes
             self.flags += estimates.flag_bytes
         if shadow is not None:
             self.shadow_newtons += shadow.newton_bytes
             self.shadow_flags += shadow.flag_bytes
+        return True
 
     def last_samples(self, rows: int) -> Array:
         """Return the newest samples."""

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from cylinder_friction.service.live.engine import Engine
-from cylinder_friction.service.live.session import SamplePiece
+from cylinder_friction.service.live.frames import SampleBlock
 
 LEAD_S = 1.0
 """How far ahead of the samples a change is set, so that it is kept before it comes into effect [s]."""
@@ -47,9 +47,8 @@ class Switch:
     recorded: bool = False
 
 
-PiecePart = tuple[SamplePiece, tuple[Running, ...], bool]
-"""Samples of one session, the models that step them, the one that gives the newtons first, and whether the newtons of
-the second one are recorded."""
+PiecePart = tuple[SampleBlock, Running, Running | None, bool]
+"""Samples of one session, the model that gives the newtons, the second one, and whether that one's are recorded."""
 
 
 class SessionModels:
@@ -96,10 +95,10 @@ class SessionModels:
         """Let a model begin at once beside the present one, and take over when it is warm."""
         self.switch = Switch(model, index, index + warm_rows)
 
-    def parts(self, piece: SamplePiece, engines: Mapping[str, Engine]) -> list[PiecePart]:
+    def parts(self, piece: SampleBlock, engines: Mapping[str, Engine]) -> list[PiecePart]:
         """Return successive samples with the models that step them."""
         if self.switch is None:
-            return [(piece, (self.current,), False)]
+            return [(piece, self.current, None, False)]
         parts = []
         for index in self._due(piece):
             if index > piece.index:
@@ -113,15 +112,15 @@ class SessionModels:
         for running in filter(None, (self.current, self.shadow)):
             running.engine.remove(running.slot)
 
-    def _part(self, piece: SamplePiece) -> PiecePart:
+    def _part(self, piece: SampleBlock) -> PiecePart:
         if self.shadow is None or self.switch is None:
-            return piece, (self.current,), False
-        return piece, (self.current, self.shadow), self.switch.recorded
+            return piece, self.current, None, False
+        return piece, self.current, self.shadow, self.switch.recorded
 
-    def _due(self, piece: SamplePiece) -> list[int]:
+    def _due(self, piece: SampleBlock) -> list[int]:
         """Return the samples of a piece before which something changes."""
         assert self.switch is not None
-        end = piece.index + len(piece.samples)
+        end = piece.index + piece.rows
         begins = [] if self.shadow is not None else [self.switch.begins_at]
         over = [] if self.switch.takes_over_at is None else [self.switch.takes_over_at]
         due = [index for index in begins + over if index < end]
@@ -148,8 +147,8 @@ class SessionModels:
             self.current, self.shadow = self.shadow, self.current
 
 
-def _cut(piece: SamplePiece, index: int, sample_time_s: float) -> tuple[SamplePiece, SamplePiece]:
+def _cut(piece: SampleBlock, index: int, sample_time_s: float) -> tuple[SampleBlock, SampleBlock]:
     """Return what of a piece lies before an index within it, and the rest."""
     rows = index - piece.index
-    rest = SamplePiece(index, piece.time_s + rows * sample_time_s, piece.samples[rows:])
-    return replace(piece, samples=piece.samples[:rows]), rest
+    rest = SampleBlock(0, index, piece.time_s + rows * sample_time_s, piece.samples[rows:])
+    return SampleBlock(0, piece.index, piece.time_s, piece.samples[:rows], reset=piece.reset), rest

@@ -7,6 +7,7 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import PRESSURES
+from cylinder_friction.service.live.frames import SampleBlock
 from cylinder_friction.signals.noise import median_noise
 
 WINDOW_ROWS, ROWS_BETWEEN = 2000, 10_000
@@ -23,13 +24,13 @@ class NoiseWindow:
     _parts: list[Array] = field(default_factory=list)
     _rows: int = 0
 
-    def take(self, samples: Array) -> None:
-        """Take successive samples in, shape ``(rows, inputs)``; those that are no numbers do not count."""
+    def take(self, block: SampleBlock) -> None:
+        """Take successive samples in; those that are no numbers do not count."""
         if self.rows_to_wait > 0:
-            self.rows_to_wait -= len(samples)
+            self.rows_to_wait -= block.rows
             return
-        self._parts.append(samples)
-        self._rows += len(samples)
+        self._parts.append(block.samples)
+        self._rows += block.rows
         if self._rows >= WINDOW_ROWS:
             window, self._parts, self._rows, self.rows_to_wait = np.concatenate(self._parts), [], 0, ROWS_BETWEEN
             pressures = window[:, [name in PRESSURES for name in self.inputs]]

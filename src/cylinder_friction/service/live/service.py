@@ -8,14 +8,16 @@ from dataclasses import dataclass, field, replace
 from typing import Protocol
 from urllib.parse import quote
 
+import numpy as np
+
 from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.flags import Flag, unknown_in_words
 from cylinder_friction.service.live.engine import Engine, Job
-from cylinder_friction.service.live.frames import FLAG_BYTES, LATEST_S, EstimateBlock, SampleBlock
+from cylinder_friction.service.live.frames import LATEST_S, EstimateBlock, SampleBlock
 from cylinder_friction.service.live.journal import Journal, SavedSession, Unkept, made_by
 from cylinder_friction.service.live.models import PiecePart, Running, SavedState, SessionModels
 from cylinder_friction.service.live.noise import ROWS_BETWEEN, NoiseWindow
-from cylinder_friction.service.live.session import Counts, SamplePiece, SessionOrder
+from cylinder_friction.service.live.session import Counts, SessionOrder
 from cylinder_friction.service.live.settings import LiveLimits, SessionRules
 from cylinder_friction.service.live.totals import FlagTotals
 from cylinder_friction.signals.noise import times_as_noisy
@@ -64,7 +66,7 @@ class LiveSession:
     kept_index: int = 0  # All samples before it are kept
     last_seen_s: float = 0.0  # On the monotonic clock
     latest: EstimateBlock | None = None  # Since it was opened
-    flagged: Counter[str] = field(default_factory=Counter)  # Rows since then by flag that speaks of the model, and all
+    flagged: Counter[str] = field(default_factory=Counter)  # Rows kept since then by flag that speaks of the model
     owner: "Owner | None" = None
 
     @property
@@ -77,14 +79,13 @@ class LiveSession:
         """SHA-256 of the model that gives the newtons."""
         return self.models.current.engine.model
 
-    def count_unknown(self, bits: bytes) -> None:
-        """Count a block's rows by the flags of its last one."""
-        last, rows = int.from_bytes(bits[-FLAG_BYTES:], "little"), len(bits) // FLAG_BYTES
-        self.flagged["rows"] += rows
-        if last & Flag.UNMODELLED_FORCE:
-            self.flagged["UNMODELLED_FORCE"] += rows
-        if last & Flag.OUTSIDE:
-            self.flagged["OUTSIDE"] += rows
+    def note_kept(self, next_index: int) -> None:
+        """Note that what was handed over is kept, and count its rows by flags."""
+        flags = np.frombuffer(b"".join([each.flags for each in self.handed_over]), "<u4")
+        self.flagged["rows"] += len(flags)
+        for flag in (Flag.UNMODELLED_FORCE, Flag.OUTSIDE):
+            self.flagged[str(flag.name)] += np.count_nonzero(flags & int(flag))
+        self.kept_index, self.handed_over = next_index, []
 
     @property
     def not_known(self) -> str:
@@ -225,9 +226,9 @@ class LiveService:
         session = self._by_handle.get(block.handle)
         if session is None:
             raise LiveError(f"handle {block.handle}: no open session has it; open the session first")
-        if block.samples.shape[1] != len(self.engine.inputs):
+        if block.columns != len(self.engine.inputs):
             raise LiveError(
-                f"session {session.name!r}: got {block.samples.shape[1]} columns; expected {list(self.engine.inputs)}"
+                f"session {session.name!r}: got {block.columns} columns; expected {list(self.engine.inputs)}"
             )
         if not 0.0 <= block.time_s < LATEST_S:
             raise LiveError(
@@ -247,10 +248,10 @@ class LiveService:
                 if session.owner is not owner:
                     session.refuse_others(owner)
         now_s = self._clock()
-        pieces: list[tuple[LiveSession, SamplePiece]] = []
+        pieces: list[tuple[LiveSession, SampleBlock]] = []
         for session, block in zip(sessions, blocks, strict=True):
             session.last_seen_s = now_s
-            for piece in session.order.receive(block.index, block.time_s, block.samples, now_s):
+            for piece in session.order.receive(block, now_s):
                 pieces.append((session, piece))  # noqa: PERF401 - one piece nearly always
             if session.order.late:
                 self._keep_late(session)
@@ -303,7 +304,7 @@ class LiveService:
         self.keeps_not_because, self._kept_s = "", self._clock()
         known = [(self.sessions[each.name], each) for each in saved if each.name in self.sessions]
         for session, each in known:
-            session.kept_index, session.handed_over = each.next_index, []
+            session.note_kept(each.next_index)
             session.models.switch_kept |= each.switch == session.models.switch
             if session.owner is not None:
                 session.owner.put_acknowledgement(session)
@@ -356,28 +357,29 @@ class LiveService:
         engine.restore(running.slot, saved.state)
         return running
 
-    def _step(self, pieces: Sequence[tuple[LiveSession, SamplePiece]]) -> None:
+    def _step(self, pieces: Sequence[tuple[LiveSession, SampleBlock]]) -> None:
         if not pieces:
             return
         parts: list[tuple[LiveSession, PiecePart]] = []
         jobs: defaultdict[Engine, list[Job]] = defaultdict(list)
-        for session, piece in pieces:
-            for part in session.models.parts(piece, self.engines):
+        for session, whole in pieces:
+            for part in session.models.parts(whole, self.engines):
+                piece, current, beside, _ = part
                 parts.append((session, part))
-                for running in part[1]:
-                    jobs[running.engine].append((running.slot, part[0].samples, part[0].reset))
+                jobs[current.engine].append((current.slot, piece))
+                if beside is not None:
+                    jobs[beside.engine].append((beside.slot, piece))
         results = {engine: iter(engine.run(each)) for engine, each in jobs.items()}
         flags = []
-        for session, (piece, models, recorded) in parts:
-            engine, shadow = models[0].engine, None
+        for session, (piece, current, beside, recorded) in parts:
+            engine, shadow = current.engine, None
             newtons, bits = next(results[engine])
             given = EstimateBlock(session.handle, piece.index, piece.time_s, newtons, bits, engine.model)
-            if len(models) > 1:
-                engine = models[1].engine
+            if beside is not None:
+                engine = beside.engine
                 shadow = EstimateBlock(session.handle, piece.index, piece.time_s, *next(results[engine]), engine.model)
             session.latest = given
-            session.count_unknown(bits)
-            session.noise.take(piece.samples)
+            session.noise.take(piece)
             flags.append(bits)
             self._add(session, piece, given, shadow if recorded else None)
             if session.owner is not None:
@@ -394,18 +396,15 @@ class LiveService:
     def _add(
         self,
         session: LiveSession,
-        piece: SamplePiece,
+        piece: SampleBlock,
         estimates: EstimateBlock | None,
         shadow: EstimateBlock | None = None,
     ) -> None:
-        models = made_by(estimates, shadow)
-        unkept = session.unkept[-1] if session.unkept else None
-        if unkept is None or not unkept.goes_on(piece.index, piece.time_s, models):
-            step_s, inputs = self.engine.sample_time_s, self.engine.inputs
-            unkept = Unkept(session.name, piece.index, piece.time_s, step_s, inputs, models)
-            session.unkept.append(unkept)
-        unkept.add(piece.samples, estimates, shadow)
-        self.unkept_rows += len(piece.samples)
+        if not (session.unkept and session.unkept[-1].add(piece, estimates, shadow)):
+            step_s, inputs, models = self.engine.sample_time_s, self.engine.inputs, made_by(estimates, shadow)
+            session.unkept.append(Unkept(session.name, piece.index, piece.time_s, step_s, inputs, models))
+            session.unkept[-1].add(piece, estimates, shadow)
+        self.unkept_rows += piece.rows
 
     def _refuse_other_samples(self, name: str, inputs: Sequence[str], sample_time_s: float) -> None:
         if not _NAME.fullmatch(name) or len(quote(name, safe="")) > LONGEST_NAME:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.service.live.frames import SampleBlock
 from cylinder_friction.service.live.settings import SessionRules
 
 
@@ -26,16 +27,6 @@ class Counts:
     def from_dict(cls, content: dict[str, int]) -> "Counts":
         """Return what ``vars`` wrote; unknown names are ignored, missing ones are 0."""
         return cls(**{each.name: int(content.get(each.name, 0)) for each in fields(cls)})
-
-
-@dataclass(slots=True)
-class SamplePiece:
-    """Successive samples to be stepped now, shape ``(rows, inputs)``, after a reset if asked."""
-
-    index: int  # Of the first
-    time_s: float  # When it was sampled, in the sender's clock
-    samples: Array
-    reset: bool = False
 
 
 @dataclass
@@ -65,32 +56,30 @@ class SessionOrder:
     def __post_init__(self) -> None:
         self._held: list[_Held] = []  # By index; never overlapping
         self._gaps: list[tuple[int, int]] = []  # Given up, newest last
-        self.late: list[SamplePiece] = []
+        self.late: list[SampleBlock] = []
         """Samples that came after their gap had been given up, until somebody takes them away."""
 
-    def receive(self, index: int, time_s: float, samples: Array, now_s: float) -> list[SamplePiece]:
-        """Take samples in, beginning at ``index``; return what can be stepped, in order."""
-        if index == self.next_index and not self._held and len(samples):  # nearly always
-            rows = len(samples)
-            self.counts.stepped += rows
-            self.next_index = index + rows
-            return [SamplePiece(index, time_s, samples)]
+    def receive(self, block: SampleBlock, now_s: float) -> list[SampleBlock]:
+        """Take samples in; return what can be stepped, in order."""
+        if block.index == self.next_index and not self._held and block.rows:  # nearly always
+            return [self._stepped(block)]
+        index, time_s, samples = block.index, block.time_s, block.samples
         if self.next_index is None:
             self.next_index = index
         begun = max(0, min(len(samples), self.next_index - index))
         if begun:
-            self._sort_old(SamplePiece(index, time_s, samples[:begun]))
+            self._sort_old(SampleBlock(0, index, time_s, samples[:begun]))
             index, time_s, samples = index + begun, time_s + begun * self.sample_time_s, samples[begun:]
         if not len(samples):
             return []
         if index > self.next_index:
-            self._hold(_Held(index, time_s, samples.copy(), now_s))  # a copy lets go of the rest of its message
+            self._hold(_Held(index, time_s, samples, now_s))
             return self.overdue(now_s)
-        return [self._stepped(SamplePiece(index, time_s, samples)), *self._released()]
+        return [self._stepped(SampleBlock(0, index, time_s, samples)), *self._released()]
 
-    def overdue(self, now_s: float) -> list[SamplePiece]:
+    def overdue(self, now_s: float) -> list[SampleBlock]:
         """Return what is to be stepped although samples before it are missing: they were waited for long enough."""
-        pieces: list[SamplePiece] = []
+        pieces: list[SampleBlock] = []
         while self._held and self._must_go_on(now_s):
             pieces += self._over_the_gap()
         return pieces
@@ -104,7 +93,7 @@ class SessionOrder:
         waited_s = now_s - min(each.since_s for each in self._held)
         return waited_s >= self.rules.hold_s or self.held_rows > self.rules.hold_rows
 
-    def _over_the_gap(self) -> Iterator[SamplePiece]:
+    def _over_the_gap(self) -> Iterator[SampleBlock]:
         first, begin = self._held[0], self._next()
         missing = first.index - begin
         self._gaps = [*self._gaps[-63:], (begin, first.index)]
@@ -112,14 +101,14 @@ class SessionOrder:
         if short:
             self.counts.missing += missing
             time_s = first.time_s - missing * self.sample_time_s
-            yield SamplePiece(begin, time_s, np.full((missing, self.columns), np.nan))
+            yield SampleBlock(0, begin, time_s, np.full((missing, self.columns), np.nan))
         else:
             self.counts.skipped += missing
             self.counts.resets += 1
         self.next_index = first.index
         yield from self._released(reset=not short)
 
-    def _released(self, reset: bool = False) -> Iterator[SamplePiece]:
+    def _released(self, reset: bool = False) -> Iterator[SampleBlock]:
         while self._held and self._held[0].index <= self._next():
             first = self._held.pop(0)
             known = min(len(first.samples), self._next() - first.index)  # Stepped since, as part of another block
@@ -127,21 +116,21 @@ class SessionOrder:
             if known < len(first.samples):
                 self.counts.waited += len(first.samples) - known
                 time_s = first.time_s + known * self.sample_time_s
-                yield self._stepped(SamplePiece(first.index + known, time_s, first.samples[known:], reset))
+                yield self._stepped(SampleBlock(0, first.index + known, time_s, first.samples[known:], reset=reset))
                 reset = False
 
     def _next(self) -> int:
         assert self.next_index is not None
         return self.next_index
 
-    def _stepped(self, piece: SamplePiece) -> SamplePiece:
-        self.counts.stepped += len(piece.samples)
-        self.next_index = piece.index + len(piece.samples)
+    def _stepped(self, piece: SampleBlock) -> SampleBlock:
+        self.counts.stepped += piece.rows
+        self.next_index = piece.index + piece.rows
         return piece
 
-    def _sort_old(self, old: SamplePiece) -> None:
+    def _sort_old(self, old: SampleBlock) -> None:
         """Sort samples that lie in a gap, each once, from duplicates."""
-        end, late = old.index + len(old.samples), 0
+        end, late = old.index + old.rows, 0
         gaps: list[tuple[int, int]] = []
         for first, last in self._gaps:
             begin, stop = max(old.index, first), min(end, last)
@@ -151,11 +140,11 @@ class SessionOrder:
             late += stop - begin
             part = slice(begin - old.index, stop - old.index)
             time_s = old.time_s + part.start * self.sample_time_s
-            self.late.append(SamplePiece(begin, time_s, old.samples[part]))
+            self.late.append(SampleBlock(0, begin, time_s, old.samples[part]))
             gaps += [gap for gap in ((first, begin), (stop, last)) if gap[0] < gap[1]]
         self._gaps = gaps
         self.counts.late += late
-        self.counts.duplicate += len(old.samples) - late
+        self.counts.duplicate += old.rows - late
 
     def _hold(self, new: _Held) -> None:
         """Keep what is not held yet of new samples."""
