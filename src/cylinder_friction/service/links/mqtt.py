@@ -25,7 +25,8 @@ from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.service.links.broker import AT_ONCE, Broker, Message
 from cylinder_friction.service.links.link import Link, in_background
 from cylinder_friction.service.live.connection import ClientGoneError, Connection, Peers
-from cylinder_friction.service.live.frames import EstimateBlock, LastRow
+from cylinder_friction.service.live.frames import EstimateBlock
+from cylinder_friction.service.live.journal import LastRow
 from cylinder_friction.service.live.service import LiveService, LiveSession
 from cylinder_friction.service.live.settings import MqttSettings
 
@@ -69,13 +70,14 @@ class MqttLink(Link):
         super().__init__(f"mqtt://{settings.broker.host}:{settings.broker.port}/{settings.prefix}")
         self._settings = settings
         self._clients: dict[str, tuple[MqttTransport, asyncio.Task[None]]] = {}
-        self._latest: dict[str, EstimateBlock] = {}
+        self._changed: set[str] = set()
         self._advised: set[str] = set()  # Topics on which frames came without an open session
         self._since = ""
 
     def note(self, session: LiveSession, block: EstimateBlock) -> None:
-        """Remember the latest estimates of a session."""
-        self._latest[session.name] = block
+        """Remember that a session has new estimates."""
+        del block
+        self._changed.add(session.name)
 
     @asynccontextmanager
     async def running(self, service: LiveService, peers: Peers) -> AsyncIterator[None]:
@@ -174,19 +176,16 @@ class MqttLink(Link):
     async def _results(self) -> None:
         while True:
             await asyncio.sleep(1.0 / self._settings.results_hz)
-            latest, self._latest = self._latest, {}
+            changed, self._changed = self._changed, set()
             if not self._broker.connected:
                 continue
-            for place, (name, block) in enumerate(latest.items()):
+            for place, name in enumerate(changed):
                 if place % AT_ONCE == 0:
                     await asyncio.sleep(0.0)
-                self._broker.publish(
-                    Message(
-                        f"{self._settings.prefix}/results/{name}",
-                        _result(block.last(self._service.engine.sample_time_s)),
-                        retain=True,
-                    )
-                )
+                session = self._service.sessions.get(name)
+                if session is not None and session.latest is not None:
+                    topic = f"{self._settings.prefix}/results/{name}"
+                    self._broker.publish(Message(topic, _result(session.latest), retain=True))
 
 
 def _result(last: LastRow) -> str:

@@ -23,6 +23,7 @@ from cylinder_friction.service.access import ROLES
 from cylinder_friction.service.links.link import Link, in_background
 from cylinder_friction.service.live.connection import Peers
 from cylinder_friction.service.live.frames import EstimateBlock
+from cylinder_friction.service.live.journal import LastRow
 from cylinder_friction.service.live.service import LiveService, LiveSession
 from cylinder_friction.service.live.settings import OpcUaServerSettings, OpcUaValues
 
@@ -147,7 +148,8 @@ class OpcUaServerLink(Link):
         shown = [name for name in flags if self._has_object(name)]
         for begin in range(0, len(shown), AT_ONCE):
             some = [sessions[name] for name in shown[begin:][:AT_ONCE] if name in sessions]
-            values = [_values(each, each.latest, flags[each.name], now_s) for each in some if each.latest is not None]
+            rows = [(each, each.latest) for each in some]
+            values = [_values(each, last, flags[each.name], now_s) for each, last in rows if last is not None]
             yield _line("show", values)
         if closed := [name for name, since_s in self._shown.items() if since_s > now_s and name not in sessions]:
             self._shown |= dict.fromkeys(closed, now_s)
@@ -166,8 +168,7 @@ class OpcUaServerLink(Link):
         return True
 
 
-def _values(session: LiveSession, latest: EstimateBlock, flags: int, now_s: float) -> OpcUaValues:
-    last = latest.last(session.order.sample_time_s)
+def _values(session: LiveSession, last: LastRow, flags: int, now_s: float) -> OpcUaValues:
     age_s = now_s - session.last_seen_s
     return OpcUaValues(session.name, last.index, last.time_s, last.newtons, last.flags, flags | last.flags, age_s)
 

@@ -110,9 +110,9 @@ class SparkplugLink(Link):
             self._born.intersection_update(self._service.sessions)
 
     def _send_device(self, session: LiveSession) -> None:
-        if session.latest is None:
+        name, last = session.name, session.latest
+        if last is None:
             return
-        name, last = session.name, session.latest.last(session.order.sample_time_s)
         time_ms = int(1e3 * last.time_s)
         named = zip(("friction_n", "lower_n", "upper_n"), last.newtons, strict=True)
         metrics = [Metric(each, DOUBLE, value, time_ms) for each, value in named]

@@ -71,16 +71,6 @@ class SampleBlock:
         return np.frombuffer(self.content, _NUMBER).reshape(self.rows, self.columns)
 
 
-@dataclass(frozen=True, slots=True)
-class LastRow:
-    """The newest estimate of a session."""
-
-    index: int
-    time_s: float  # When its sample was taken, in the sender's clock
-    newtons: list[float]  # Friction, lower and upper bound [N]
-    flags: int
-
-
 @dataclass(slots=True)
 class EstimateBlock:
     """Estimates of successive samples by one model, as the bytes that frames and the journal hold."""
@@ -116,12 +106,6 @@ class EstimateBlock:
         return EstimateBlock(
             self.handle, self.index + rows, self.time_s + rows * sample_time_s, newtons, flags, self.model
         )
-
-    def last(self, sample_time_s: float) -> LastRow:
-        """Return the last row."""
-        before = len(self) - 1
-        time_s = self.time_s + before * sample_time_s
-        return LastRow(self.index + before, time_s, self.newtons[-1].tolist(), int(self.flags[-1]))
 
 
 @dataclass(slots=True)

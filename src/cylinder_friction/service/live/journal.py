@@ -2,6 +2,7 @@
 
 import json
 import sqlite3
+import struct
 import threading
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import asdict, dataclass, field
@@ -10,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.service.live.frames import ROW_BYTES, EstimateBlock, SampleBlock
+from cylinder_friction.service.live.frames import FLAG_BYTES, ROW_BYTES, EstimateBlock, SampleBlock
 from cylinder_friction.service.live.models import SavedState, Switch
 
 _SAME_TIME = 0.5
@@ -75,6 +76,16 @@ def made_by(estimates: EstimateBlock | None, shadow: EstimateBlock | None) -> tu
     return None if estimates is None else estimates.model, None if shadow is None else shadow.model
 
 
+@dataclass(frozen=True, slots=True)
+class LastRow:
+    """The newest estimate of a session."""
+
+    index: int
+    time_s: float  # When its sample was taken, in the sender's clock
+    newtons: list[float]  # Friction, lower and upper bound [N]
+    flags: int
+
+
 @dataclass(slots=True)
 class Unkept:
     """A chunk that is not kept yet: as bytes, which grow with every block and are quickly written."""
@@ -86,6 +97,8 @@ class Unkept:
     inputs: tuple[str, ...]
     made_by: tuple[str | None, str | None]  # As a chunk's
     rows: int = 0
+    last_rows: int = 0  # Of the newest block
+    last_time_s: float = 0.0  # When its first sample was taken, in the sender's clock
     samples: bytearray = field(default_factory=bytearray)
     newtons: bytearray = field(default_factory=bytearray)
     flags: bytearray = field(default_factory=bytearray)
@@ -102,6 +115,7 @@ class Unkept:
         if self.made_by != (model, shadow_model):
             return False
         self.rows += block.rows
+        self.last_rows, self.last_time_s = block.rows, block.time_s
         self.samples += block.content
         if estimates is not None:
             self.newtons += estimates.newton_bytes
@@ -110,6 +124,12 @@ class Unkept:
             self.shadow_newtons += shadow.newton_bytes
             self.shadow_flags += shadow.flag_bytes
         return True
+
+    def last(self) -> LastRow:
+        """Return the newest estimate."""
+        newtons, flags = struct.unpack("<3d", self.newtons[-ROW_BYTES:]), self.flags[-FLAG_BYTES:]
+        time_s = self.last_time_s + (self.last_rows - 1) * self.sample_time_s
+        return LastRow(self.index + self.rows - 1, time_s, list(newtons), int.from_bytes(flags, "little"))
 
     def last_samples(self, rows: int) -> Array:
         """Return the newest samples."""

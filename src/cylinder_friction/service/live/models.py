@@ -18,7 +18,7 @@ class SavedState:
     state: bytes
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Running:
     """One model's state for one session."""
 

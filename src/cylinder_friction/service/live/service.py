@@ -14,7 +14,7 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.flags import Flag, unknown_in_words
 from cylinder_friction.service.live.engine import Engine, Job
 from cylinder_friction.service.live.frames import LATEST_S, EstimateBlock, SampleBlock
-from cylinder_friction.service.live.journal import Journal, SavedSession, Unkept, made_by
+from cylinder_friction.service.live.journal import Journal, LastRow, SavedSession, Unkept, made_by
 from cylinder_friction.service.live.models import PiecePart, Running, SavedState, SessionModels
 from cylinder_friction.service.live.noise import ROWS_BETWEEN, NoiseWindow
 from cylinder_friction.service.live.session import Counts, SessionOrder
@@ -52,7 +52,7 @@ class Owner(Protocol):
         """Note that the session has another owner."""
 
 
-@dataclass
+@dataclass(slots=True)
 class LiveSession:
     """One open session."""
 
@@ -65,7 +65,7 @@ class LiveSession:
     handed_over: list[Unkept] = field(default_factory=list)  # To the journal; whether it has them is not known yet
     kept_index: int = 0  # All samples before it are kept
     last_seen_s: float = 0.0  # On the monotonic clock
-    latest: EstimateBlock | None = None  # Since it was opened
+    last_kept: LastRow | None = None  # Since it was opened
     flagged: Counter[str] = field(default_factory=Counter)  # Rows kept since then by flag that speaks of the model
     owner: "Owner | None" = None
 
@@ -79,13 +79,19 @@ class LiveSession:
         """SHA-256 of the model that gives the newtons."""
         return self.models.current.engine.model
 
+    @property
+    def latest(self) -> LastRow | None:
+        """The newest estimate since the session was opened."""
+        chunks = [each for each in (*self.handed_over, *self.unkept) if each.newtons]
+        return chunks[-1].last() if chunks else self.last_kept
+
     def note_kept(self, next_index: int) -> None:
         """Note that what was handed over is kept, and count its rows by flags."""
         flags = np.frombuffer(b"".join([each.flags for each in self.handed_over]), "<u4")
         self.flagged["rows"] += len(flags)
         for flag in (Flag.UNMODELLED_FORCE, Flag.OUTSIDE):
             self.flagged[str(flag.name)] += np.count_nonzero(flags & int(flag))
-        self.kept_index, self.handed_over = next_index, []
+        self.last_kept, self.kept_index, self.handed_over = self.latest, next_index, []
 
     @property
     def not_known(self) -> str:
@@ -378,7 +384,6 @@ class LiveService:
             if beside is not None:
                 engine = beside.engine
                 shadow = EstimateBlock(session.handle, piece.index, piece.time_s, *next(results[engine]), engine.model)
-            session.latest = given
             session.noise.take(piece)
             flags.append(bits)
             self._add(session, piece, given, shadow if recorded else None)

@@ -37,7 +37,7 @@ class _Held:
     since_s: float
 
 
-@dataclass
+@dataclass(slots=True)
 class SessionOrder:
     """Brings the samples of one session into the order of their indices.
 
@@ -52,12 +52,10 @@ class SessionOrder:
     rules: SessionRules = field(default_factory=SessionRules)
     next_index: int | None = None
     counts: Counts = field(default_factory=Counts)
-
-    def __post_init__(self) -> None:
-        self._held: list[_Held] = []  # By index; never overlapping
-        self._gaps: list[tuple[int, int]] = []  # Given up, newest last
-        self.late: list[SampleBlock] = []
-        """Samples that came after their gap had been given up, until somebody takes them away."""
+    late: list[SampleBlock] = field(default_factory=list, init=False)
+    """Samples that came after their gap had been given up, until somebody takes them away."""
+    _held: list[_Held] = field(default_factory=list, init=False)  # By index; never overlapping
+    _gaps: list[tuple[int, int]] = field(default_factory=list, init=False)  # Given up, newest last
 
     def receive(self, block: SampleBlock, now_s: float) -> list[SampleBlock]:
         """Take samples in; return what can be stepped, in order."""

@@ -114,7 +114,7 @@ class Watchers:
         page.blocks, page.has_begun = [], False
 
     def _row(self, session: LiveSession, now_s: float) -> dict[str, Any]:
-        last = None if session.latest is None else session.latest.last(session.order.sample_time_s)
+        last = session.latest
         return {
             "name": session.name,
             "index": session.next_index,
