@@ -90,7 +90,7 @@ class LiveSession:
         flags = np.frombuffer(b"".join([each.flags for each in self.handed_over]), "<u4")
         self.flagged["rows"] += len(flags)
         for flag in (Flag.UNMODELLED_FORCE, Flag.OUTSIDE):
-            self.flagged[str(flag.name)] += np.count_nonzero(flags & int(flag))
+            self.flagged[str(flag.name)] += int(np.count_nonzero(flags & int(flag)))
         self.last_kept, self.kept_index, self.handed_over = self.latest, next_index, []
 
     @property
