@@ -134,9 +134,7 @@ def test_fewer_rigs_are_the_first_of_more_and_the_same_bits(
         np.testing.assert_array_equal(one.recording.samples(), other.recording.samples())
 
 
-@pytest.mark.parametrize(
-    ("seed", "rigs", "words"), [(0, 0, "rigs must be 1 to 1000"), (0, 1001, "got 1001"), (-1, 1, "seed must be")]
-)
-def test_a_twin_out_of_range_is_refused(seed: int, rigs: int, words: str, cylinder: Cylinder) -> None:
-    with pytest.raises(ValueError, match=words):
-        twin_campaign(seed, rigs, 10.0, cylinder)
+@pytest.mark.parametrize("rigs", [0, 1001])
+def test_a_twin_out_of_range_is_refused(rigs: int, cylinder: Cylinder) -> None:
+    with pytest.raises(ValueError, match=f"rigs must be 1 to 1000, but got {rigs}"):
+        twin_campaign(0, rigs, 10.0, cylinder)

@@ -148,8 +148,8 @@ class DisturbanceObserver(Model):
 
     def _observe(self, trace: Traces, noise: ObserverNoise) -> Array:
         measured = (trace.motion, trace.balance_n, trace.pressure_bar)
-        model = (self.law, np.array(astuple(noise)), self._areas, trace.sample_time_s)
-        return np.asarray(observe(*measured, *model, first_covariance(noise, self._areas)))
+        noises, start = np.array(astuple(noise)), first_covariance(noise, self._areas)
+        return np.asarray(observe(*measured, self.law, noises, self._areas, trace.sample_time_s, start))
 
     def estimate(self, recording: Recording) -> Array:
         return self._observe(self._trace(recording), self.noise)

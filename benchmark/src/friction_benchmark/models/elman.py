@@ -74,8 +74,8 @@ class Elman(MotionModel):
 
     def _inputs(self, features: Single) -> Single:
         """Return what the network sees, shape ``(n, k)``."""
-        seen = [self.named(features, *VELOCITIES), self.others(features), self.last_motion(features)]
-        return np.column_stack(seen).astype(np.float32)
+        motion = self.named(features, *VELOCITIES)
+        return np.column_stack((motion, self.others(features), self.last_motion(features))).astype(np.float32)
 
     def _stride(self) -> int:
         return 1 if self.features.has_base else STRIDE
