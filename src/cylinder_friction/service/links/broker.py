@@ -23,8 +23,6 @@ KEEPALIVE_S = 20
 RECEIVE_MAXIMUM = 1000
 """So many messages the broker sends before the first of them is acknowledged."""
 UNSENT_MESSAGES = 100
-AT_ONCE = 20
-"""So many results are published before samples have their turn."""
 _MISC_S = 1.0
 _log = logging.getLogger(__name__)
 

@@ -4,14 +4,17 @@ import asyncio
 import logging
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import AsyncIterator, Coroutine
+from collections.abc import AsyncIterator, Coroutine, Mapping
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from typing import Any, ClassVar
 
 from cylinder_friction.service.live.connection import Peers
 from cylinder_friction.service.live.frames import EstimateBlock
+from cylinder_friction.service.live.journal import LastRow
 from cylinder_friction.service.live.service import LiveService, LiveSession
 
+AT_ONCE = 20
+"""So many sessions are shown before samples have their turn."""
 _log = logging.getLogger(__name__)
 
 
@@ -36,6 +39,29 @@ class Link(ABC):
 
     def note(self, session: LiveSession, block: EstimateBlock) -> None:  # noqa: B027 - a way in needs none
         """Take successive estimates of a session, on the service's event loop; must return at once."""
+
+
+class LatestLink(Link):
+    """Shows the newest estimate of each session that has new ones, some times a second."""
+
+    def __init__(self, address: str) -> None:
+        super().__init__(address)
+        self._changed: set[str] = set()
+
+    def note(self, session: LiveSession, block: EstimateBlock) -> None:
+        """Remember that a session has new estimates."""
+        del block
+        self._changed.add(session.name)
+
+    async def changed(self, sessions: Mapping[str, LiveSession]) -> AsyncIterator[tuple[LiveSession, LastRow]]:
+        """Yield the sessions that have new estimates since the last time; samples have their turn in between."""
+        changed, self._changed = self._changed, set()
+        for place, name in enumerate(changed):
+            if place % AT_ONCE == 0:
+                await asyncio.sleep(0.0)
+            session = sessions.get(name)
+            if session is not None and (last := session.latest) is not None:
+                yield session, last
 
 
 @asynccontextmanager

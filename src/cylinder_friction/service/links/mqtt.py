@@ -22,12 +22,11 @@ from typing import ClassVar
 from paho.mqtt.client import MQTTMessage
 
 from cylinder_friction.realtime.flags import Flag
-from cylinder_friction.service.links.broker import AT_ONCE, Broker, Message
-from cylinder_friction.service.links.link import Link, in_background
+from cylinder_friction.service.links.broker import Broker, Message
+from cylinder_friction.service.links.link import LatestLink, in_background
 from cylinder_friction.service.live.connection import ClientGoneError, Connection, Peers
-from cylinder_friction.service.live.frames import EstimateBlock
 from cylinder_friction.service.live.journal import LastRow
-from cylinder_friction.service.live.service import LiveService, LiveSession
+from cylinder_friction.service.live.service import LiveService
 from cylinder_friction.service.live.settings import MqttSettings
 
 _BEYOND = 4
@@ -61,7 +60,7 @@ class MqttTransport:
         await self._broker.send(f"{self._topic}/out", message)
 
 
-class MqttLink(Link):
+class MqttLink(LatestLink):
     """Each CLIENT of the topics is a connection as any other; it begins with a text that opens a session."""
 
     name: ClassVar[str] = "mqtt"
@@ -70,14 +69,8 @@ class MqttLink(Link):
         super().__init__(f"mqtt://{settings.broker.host}:{settings.broker.port}/{settings.prefix}")
         self._settings = settings
         self._clients: dict[str, tuple[MqttTransport, asyncio.Task[None]]] = {}
-        self._changed: set[str] = set()
         self._advised: set[str] = set()  # Topics on which frames came without an open session
         self._since = ""
-
-    def note(self, session: LiveSession, block: EstimateBlock) -> None:
-        """Remember that a session has new estimates."""
-        del block
-        self._changed.add(session.name)
 
     @asynccontextmanager
     async def running(self, service: LiveService, peers: Peers) -> AsyncIterator[None]:
@@ -176,16 +169,10 @@ class MqttLink(Link):
     async def _results(self) -> None:
         while True:
             await asyncio.sleep(1.0 / self._settings.results_hz)
-            changed, self._changed = self._changed, set()
-            if not self._broker.connected:
-                continue
-            for place, name in enumerate(changed):
-                if place % AT_ONCE == 0:
-                    await asyncio.sleep(0.0)
-                session = self._service.sessions.get(name)
-                if session is not None and session.latest is not None:
-                    topic = f"{self._settings.prefix}/results/{name}"
-                    self._broker.publish(Message(topic, _result(session.latest), retain=True))
+            async for session, last in self.changed(self._service.sessions):
+                if self._broker.connected:
+                    topic = f"{self._settings.prefix}/results/{session.name}"
+                    self._broker.publish(Message(topic, _result(last), retain=True))
 
 
 def _result(last: LastRow) -> str:

@@ -20,15 +20,13 @@ from operator import or_
 from pathlib import Path
 
 from cylinder_friction.service.access import ROLES
-from cylinder_friction.service.links.link import Link, in_background
+from cylinder_friction.service.links.link import AT_ONCE, Link, in_background
 from cylinder_friction.service.live.connection import Peers
 from cylinder_friction.service.live.frames import EstimateBlock
 from cylinder_friction.service.live.journal import LastRow
 from cylinder_friction.service.live.service import LiveService, LiveSession
 from cylinder_friction.service.live.settings import OpcUaServerSettings, OpcUaValues
 
-AT_ONCE = 20
-"""So many sessions are handed over before samples have their turn."""
 KEPT_S = 3600.0
 """So long an object stays after its session was closed."""
 PATIENCE_S = 2.0

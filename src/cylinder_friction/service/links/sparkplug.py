@@ -11,8 +11,8 @@ from typing import ClassVar
 
 from paho.mqtt.client import MQTTMessage
 
-from cylinder_friction.service.links.broker import AT_ONCE, Broker, Message
-from cylinder_friction.service.links.link import Link, in_background
+from cylinder_friction.service.links.broker import Broker, Message
+from cylinder_friction.service.links.link import LatestLink, in_background
 from cylinder_friction.service.links.sparkplug_payload import (
     BOOLEAN,
     DOUBLE,
@@ -26,12 +26,12 @@ from cylinder_friction.service.links.sparkplug_payload import (
     payload_of,
 )
 from cylinder_friction.service.live.connection import Peers
-from cylinder_friction.service.live.frames import EstimateBlock
-from cylinder_friction.service.live.service import LiveService, LiveSession
+from cylinder_friction.service.live.journal import LastRow
+from cylinder_friction.service.live.service import LiveService
 from cylinder_friction.service.live.settings import SparkplugSettings
 
 
-class SparkplugLink(Link):
+class SparkplugLink(LatestLink):
     """Births at every connection and on request, data some times a second, deaths of sessions that are closed."""
 
     name: ClassVar[str] = "sparkplug"
@@ -39,14 +39,8 @@ class SparkplugLink(Link):
     def __init__(self, settings: SparkplugSettings) -> None:
         super().__init__(f"mqtt://{settings.broker.host}:{settings.broker.port}/spBv1.0/{settings.group}")
         self._settings = settings
-        self._changed: set[str] = set()
         self._born: set[str] = set()
         self._sequence, self._connects, self._asked_for_birth = 0, -1, False
-
-    def note(self, session: LiveSession, block: EstimateBlock) -> None:
-        """Remember that a session has new estimates."""
-        del block
-        self._changed.add(session.name)
 
     @asynccontextmanager
     async def running(self, service: LiveService, peers: Peers) -> AsyncIterator[None]:  # noqa: ARG002 - nobody comes in
@@ -90,29 +84,24 @@ class SparkplugLink(Link):
         now_ms = _now_ms()
         self._born, self._sequence, self._asked_for_birth = set(), -1, False
         self._send("NBIRTH", [self._of_connection(now_ms), Metric(REBIRTH, BOOLEAN, False, now_ms)])
-        for session in self._service.sessions.values():
-            self._send_device(session)
+        for name, session in self._service.sessions.items():
+            if (last := session.latest) is not None:
+                self._send_device(name, last)
 
     async def _publish(self) -> None:
         while True:
             await asyncio.sleep(1.0 / self._settings.rate_hz)
-            changed, self._changed = self._changed, set()
             if self._broker.connected:
                 if self._asked_for_birth:  # once however often they asked: a birth is of all sessions
                     self._bear()
                 for name in self._born.difference(self._service.sessions):
                     self._send("DDEATH", [], name)
-                for place, name in enumerate(changed):
-                    if place % AT_ONCE == 0:
-                        await asyncio.sleep(0.0)
-                    if name in self._service.sessions:
-                        self._send_device(self._service.sessions[name])
+            async for session, last in self.changed(self._service.sessions):
+                if self._broker.connected:
+                    self._send_device(session.name, last)
             self._born.intersection_update(self._service.sessions)
 
-    def _send_device(self, session: LiveSession) -> None:
-        name, last = session.name, session.latest
-        if last is None:
-            return
+    def _send_device(self, name: str, last: LastRow) -> None:
         time_ms = int(1e3 * last.time_s)
         named = zip(("friction_n", "lower_n", "upper_n"), last.newtons, strict=True)
         metrics = [Metric(each, DOUBLE, value, time_ms) for each, value in named]
