@@ -70,6 +70,7 @@ def test_a_session_too_noisy_for_the_bounds_is_named(engine: Engine, samples: Ar
     added_pa[500:600] = np.nan  # which does not count
     for first, second in zip(blocks(known, samples, 0, 2200), blocks(noisy, samples + added_pa, 0, 2200), strict=True):
         service.receive([first, second])
+    service.keep()
     assert known.noise.noise_pa == pytest.approx(engine.pressure_noise_pa, rel=0.5)
     assert (known.too_narrow, service.load()["noisy_sessions"]) == ("", 1)
     assert re.fullmatch(r"pressures are (3|4)\.\d times as noisy as .*, and bounds are too narrow", noisy.too_narrow)

@@ -7,7 +7,6 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import PRESSURES
-from cylinder_friction.service.live.frames import SampleBlock
 from cylinder_friction.signals.noise import median_noise
 
 WINDOW_ROWS, ROWS_BETWEEN = 2000, 10_000
@@ -24,14 +23,16 @@ class NoiseWindow:
     _parts: list[Array] = field(default_factory=list)
     _rows: int = 0
 
-    def take(self, block: SampleBlock) -> None:
-        """Take successive samples in; those that are no numbers do not count."""
-        if self.rows_to_wait > 0:
-            self.rows_to_wait -= block.rows
+    def take(self, samples: Array) -> None:
+        """Take successive samples in, shape ``(rows, inputs)``; those that are no numbers do not count."""
+        first = min(self.rows_to_wait, len(samples))
+        self.rows_to_wait -= first
+        if first == len(samples):
             return
-        self._parts.append(block.samples)
-        self._rows += block.rows
+        self._parts.append(samples[first:])
+        self._rows += len(samples) - first
         if self._rows >= WINDOW_ROWS:
-            window, self._parts, self._rows, self.rows_to_wait = np.concatenate(self._parts), [], 0, ROWS_BETWEEN
+            window, self._parts = np.concatenate(self._parts)[:WINDOW_ROWS], []
+            self._rows, self.rows_to_wait = 0, ROWS_BETWEEN
             pressures = window[:, [name in PRESSURES for name in self.inputs]]
             self.noise_pa = median_noise(pressures[np.isfinite(pressures).all(axis=1)].T)

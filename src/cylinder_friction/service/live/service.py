@@ -86,11 +86,14 @@ class LiveSession:
         return chunks[-1].last() if chunks else self.last_kept
 
     def note_kept(self, next_index: int) -> None:
-        """Note that what was handed over is kept, and count its rows by flags."""
+        """Note that what was handed over is kept, count its rows by flags, and measure the noise of its pressures."""
         flags = np.frombuffer(b"".join([each.flags for each in self.handed_over]), "<u4")
         self.flagged["rows"] += len(flags)
         for flag in (Flag.UNMODELLED_FORCE, Flag.OUTSIDE):
             self.flagged[str(flag.name)] += int(np.count_nonzero(flags & int(flag)))
+        for each in self.handed_over:
+            if each.newtons:
+                self.noise.take(each.last_samples(each.rows))
         self.last_kept, self.kept_index, self.handed_over = self.latest, next_index, []
 
     @property
@@ -384,7 +387,6 @@ class LiveService:
             if beside is not None:
                 engine = beside.engine
                 shadow = EstimateBlock(session.handle, piece.index, piece.time_s, *next(results[engine]), engine.model)
-            session.noise.take(piece)
             flags.append(bits)
             self._add(session, piece, given, shadow if recorded else None)
             if session.owner is not None:
