@@ -72,7 +72,7 @@ class Table:
     @classmethod
     def of(cls, items: Iterable[Any], columns: Mapping[str | Cell, Callable[[Any], str | Cell]], **look: Any) -> Table:
         """Return a row per item; each column's head with what the column shows of an item, and further fields."""
-        return cls(list(columns), [[show(item) for show in columns.values()] for item in items], **look)
+        return cls(tuple(columns), [tuple(show(item) for show in columns.values()) for item in items], **look)
 
     @property
     def classes(self) -> str:
