@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -14,7 +16,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.checks.position_against_force import check_position_against_force
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
-from cylinder_friction.recordings.conversion import pieces_of
+from cylinder_friction.recordings.conversion import open_tables, pieces_from
 from cylinder_friction.recordings.reading_logs import Logs
 from logger_files import columns_of
 
@@ -92,7 +94,18 @@ def test_a_sound_position_contradicts_nothing(load: Callable[[Array, Array], Arr
     assert (finding.outcome, finding.text) == ("ok", "position and force do not contradict each other")
 
 
-def test_nothing_is_said_without_a_force_that_fits(rig_tables: dict[str, pd.DataFrame], cylinder: Cylinder) -> None:
+def test_a_load_is_not_guessed_where_the_piston_did_not_clearly_move() -> None:
+    """After the last stroke the other cylinder moves on, and the load with it."""
+    table = strokes(lambda x, _: 4e3 + 0.0 * x)
+    far = np.clip(table["time_s"].to_numpy() - 45.0, 0.0, 5.0)
+    table["other_position_1_m"] = 0.3 + 0.1 * far
+    table["drive_force_n"] += 1e3 * far
+    assert check_position_against_force(columns_of(table), CheckLimits(stroke_m=0.25)).outcome == "ok"
+
+
+def test_nothing_is_said_without_a_force_or_where_position_does_not_explain_it(
+    rig_tables: dict[str, pd.DataFrame], cylinder: Cylinder
+) -> None:
     cannot = "whether position and force contradict each other cannot be decided"
     table = next(iter(rig_tables.values()))
     assert check_position_against_force(columns_of(table), CheckLimits(stroke_m=0.25)).text == cannot
@@ -104,10 +117,33 @@ def test_nothing_is_said_without_a_force_that_fits(rig_tables: dict[str, pd.Data
 
 
 @pytest.mark.extended
-def test_untouched_recordings_of_a_crane_contradict_nothing(crane_logs: Logs) -> None:
-    limits = crane_logs.recipe.limits
+def test_faults_that_no_single_sample_shows_in_recordings_of_a_crane(crane_logs: Logs) -> None:
+    """Of 40, 23 show in the force and 8 in the noise; eleven untouched recordings show none."""
+
+    def names(x: Array | None, path: Path) -> bool:
+        (table,) = open_tables(path, crane_logs.recipe)
+        if x is not None:
+            table = replace(table, channels=table.channels.assign(JibPistonPosition=x))
+        pieces = pieces_from([table], crane_logs.recipe)
+        findings = [
+            finding
+            for piece in pieces
+            for finding in inspect_recording(piece.columns, crane_logs.recipe.limits, piece.sample_time_s)
+        ]
+        named = [each.check for each in findings if each.outcome == "noted"]
+        return "position_against_force" in named or any("position_m" in each for each in pieces[0].repairs)
+
+    found = dict.fromkeys(("still", "loose at rest", "loose in motion", "backwards", "drifts"), 0)
     for name, path in crane_logs.files.items():
-        for piece in pieces_of(path, crane_logs.recipe):
-            findings = inspect_recording(piece.columns, limits, piece.sample_time_s)
-            noted = [each.check for each in findings if each.outcome == "noted"]
-            assert "position_against_force" not in noted, name
+        assert not names(None, path), name
+        if name.startswith("Main"):
+            continue  # the jib stands
+        (table,) = open_tables(path, crane_logs.recipe)
+        x = table.channels["JibPistonPosition"].to_numpy(dtype=np.float64)
+        speed = np.abs(np.gradient(np.convolve(np.nan_to_num(x), np.full(41, 1.0 / 41.0), mode="same")))
+        row = len(x) // 4 + int(np.argmax(speed[len(x) // 4 : 4 * len(x) // 5]))
+        changed = np.append(x[:row], np.full(len(x) - row, x[row])), wobbly(x, len(x) - 800), wobbly(x, row)
+        for kind, each in zip(found, (*changed, pivoted(x, row, -1.0), drifting(x, len(x) - 1000)), strict=True):
+            found[kind] += names(each, path)
+    assert found["still"] == 8
+    assert sum(found.values()) >= 29, found

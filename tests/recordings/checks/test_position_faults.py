@@ -52,7 +52,9 @@ FAULTS: dict[str, tuple[Callable[[Array, int], Array], str]] = {
 
 @pytest.mark.parametrize("rows", [None, 2000])
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_is_named_and_the_rest_used(tmp_path: Path, cylinder: Cylinder, fault: str, rows: int | None) -> None:
+def test_a_fault_is_named_and_the_rest_is_used(
+    tmp_path: Path, cylinder: Cylinder, fault: str, rows: int | None
+) -> None:
     change, words = FAULTS[fault]
     log = made_log(8000)
     at = 4000 + int(np.argmax(np.abs(np.gradient(log["x"].rolling(41, center=True).mean()))[4000:4800]))
@@ -60,6 +62,8 @@ def test_a_fault_is_named_and_the_rest_used(tmp_path: Path, cylinder: Cylinder, 
     changed.to_csv(tmp_path / "log.csv", index=False)
     logs = find_logs(tmp_path / "log.csv", CHANNELS, cylinder)
     first, second = convert_in_parts(logs.files, logs.recipe, tmp_path / "parts", rows)
+    for each in (first, second):
+        assert not isinstance(each, Exception)
     repairs = " | ".join(first.metadata.repairs)  # type: ignore[union-attr]
     assert re.search(words, repairs), repairs
     assert len(first) + len(second) > 7600  # type: ignore[arg-type]
@@ -74,6 +78,7 @@ def test_single_samples_that_are_off_split_nothing(tmp_path: Path, cylinder: Cyl
     log.to_csv(tmp_path / "log.csv", index=False)
     logs = find_logs(tmp_path / "log.csv", CHANNELS, cylinder)
     (whole,) = convert_in_parts(logs.files, logs.recipe, tmp_path / "parts", None)
+    assert not isinstance(whole, Exception)
     assert len(whole) == 8000  # type: ignore[arg-type]
     repairs = " | ".join(whole.metadata.repairs)  # type: ignore[union-attr]
     # The screening has taken the one at the end of a stroke.
@@ -109,6 +114,14 @@ def test_a_sensor_at_the_end_of_its_range_is_not_held_for_lack_of_noise() -> Non
         position_m = np.minimum(np.clip(0.05 * (time_s - 5.0), 0.02, at_end_m + 0.01) + noise_m, at_end_m)
         found = [each.words for each in position_faults(position_m, time_s, 0.25)]
         assert any("without the noise" in words for words in found) == held
+
+
+def test_a_step_in_fast_motion_is_no_single_sample() -> None:
+    time_s = 0.01 * np.arange(2000)
+    x = 0.4 + 0.15 * np.sin(5.0 * time_s) + np.random.default_rng(0).normal(0.0, 1e-5, 2000)
+    (fault,) = position_faults(shifted(x, 950, 0.008), time_s, 0.85)
+    assert 945 <= fault.begin <= 951
+    assert "jumps by +" in fault.words
 
 
 @pytest.mark.extended
