@@ -1,6 +1,6 @@
 """How little data a new cylinder needs: error against minutes of recordings, adapted and from scratch.
 
-    python performance/adaptation.py [--model models/hybrid] [--minutes 1 2 5 ...] [--crane FOLDER] [--without-scratch]
+    python performance/adaptation.py [--model models/hybrid] [--minutes 1 2 ...] [--duty 1 2 3] [--crane FOLDER]
 
 The model is adapted to the servo rig of ``benchmark``, whose package this needs, and with ``--crane`` to the jib of the
 loader crane whose scope exports FOLDER holds. A minute of the servo rig is a session with seals, oil and sensor zeros
@@ -50,6 +50,7 @@ def main() -> None:
     parser.add_argument("--model", type=Path, default=Path("models/hybrid"), help="to adapt")
     parser.add_argument("--minutes", type=int, nargs="*", default=MINUTES, help="of the servo rig")
     parser.add_argument("--seed", type=int, default=0, help="of the servo rig")
+    parser.add_argument("--duty", nargs="*", default=(), help="cycles of the servo rig to learn from, each alone")
     parser.add_argument("--crane", type=Path, help="folder of its exports")
     parser.add_argument("--without-scratch", action="store_true", help="leave out what takes longest")
     arguments = parser.parse_args()
@@ -62,6 +63,10 @@ def main() -> None:
         for minutes in arguments.minutes:
             made = makers(source, cylinder, SAMPLE_COLUMNS, arguments.without_scratch)
             print(row(f"servo rig {minutes}", made, train[:minutes], test, truth_n), flush=True)
+        for duty in arguments.duty:
+            cylinder, train, test, truth_n = servo_rig(minutes, arguments.seed, duty)
+            made = makers(source, cylinder, SAMPLE_COLUMNS, arguments.without_scratch)
+            print(row(f"servo rig {minutes}, duty {duty}", made, train, test, truth_n), flush=True)
     days = crane(arguments.crane) if arguments.crane else {}
     for day, test in days.items():
         others = [each for name, own in days.items() if name != day for each in own]
@@ -118,11 +123,17 @@ def bounds_held(estimator: FrictionEstimator, test: Sequence[Recording], truth_n
     return 100.0 * float(np.concatenate(held).mean())
 
 
-def servo_rig(minutes: int, seed: int) -> tuple[Cylinder, list[Recording], list[Recording], dict[str, Array]]:
-    """Return the servo rig's cylinder, labelled sessions to learn from and to test on, and the true friction [N]."""
+def servo_rig(
+    minutes: int, seed: int, duty: str = ""
+) -> tuple[Cylinder, list[Recording], list[Recording], dict[str, Array]]:
+    """Return the servo rig's cylinder, labelled sessions to learn from and to test on, and the true friction [N].
+
+    Sessions to learn from are of one duty cycle, or of all three by turns; those to test on are of all.
+    """
     servo = importlib.import_module("friction_benchmark.servo_rig.sessions")
     plan = servo.SessionPlan(seed=seed, duration_s=60.0)
-    numbers = [*range(minutes), *range(3 * FIRST_TEST, 3 * FIRST_TEST + TEST_SESSIONS)]
+    learnt = range(int(duty) - 1, 3 * minutes, 3) if duty else range(minutes)
+    numbers = [*learnt, *range(3 * FIRST_TEST, 3 * FIRST_TEST + TEST_SESSIONS)]
     made = [servo.record(plan, str(1 + number % 3), 1 + number // 3) for number in numbers]
     labelled = label([each.recording for each in made], servo.CYLINDER)
     truth_n = {each.recording.name: each.true_friction_n for each in made}
