@@ -63,16 +63,16 @@ def test_the_low_pass_is_tuned_to_beat_no_filter(cylinder: Cylinder, labelled_re
         assert error_n(tuned, labelled_recordings) <= error_n(beside, labelled_recordings)
 
 
-def test_ridge_finds_the_areas_when_the_label_is_linear(
-    cylinder: Cylinder, labelled_recordings: list[Recording]
+@pytest.mark.parametrize("delay", [0, 2])
+def test_ridge_finds_the_areas_when_the_label_is_linear_in_a_sample(
+    cylinder: Cylinder, labelled_recordings: list[Recording], delay: int
 ) -> None:
-    linear = [
-        recording.with_columns(
-            friction_n=recording.samples() @ [cylinder.piston_area_m2, -cylinder.annulus_area_m2, 0.0]
-        )
-        for recording in labelled_recordings
-    ]
-    estimator = RidgeEstimator(lags=1, penalty=1e-6)
+    areas_m2, linear = [cylinder.piston_area_m2, -cylinder.annulus_area_m2, 0.0], []
+    for recording in labelled_recordings:
+        samples = recording.samples()
+        late = samples[np.maximum(np.arange(len(samples)) - delay, 0)]
+        linear.append(recording.with_columns(friction_n=late @ areas_m2))
+    estimator = RidgeEstimator(lags=1 + delay, penalty=1e-6)
     estimator.fit(linear)
     assert error_n(estimator, linear) < 1e-3
 
