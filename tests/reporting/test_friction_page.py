@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 from playwright.sync_api import Page
 
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.friction_page import friction_pane, pane_file, write_friction_page
+from packed_pages import unpacked_pane
 
-pytestmark = pytest.mark.extended
 NAMES = ("press 1 é", "lift#2", "<b>3</b>")
 
 
@@ -33,6 +35,7 @@ def page_file(tmp_path: Path, labelled_recordings: list[Recording]) -> Path:
     return tmp_path / "friction.html"
 
 
+@pytest.mark.extended
 @pytest.mark.parametrize("width", [1400, 400])
 def test_a_recording_is_found_and_drawn(page_file: Path, new_page: Callable[..., Page], width: int) -> None:
     page, errors = new_page(width, 900), list[str]()
@@ -53,3 +56,14 @@ def test_a_recording_is_found_and_drawn(page_file: Path, new_page: Callable[...,
     page.goto(f"{page_file.as_uri()}#pane=%3Cb%3E3%3C/b%3E")
     page.get_by_text('is not there: keep the folder "panes" beside this page').wait_for()
     assert errors == []
+
+
+@pytest.mark.parametrize(("half_n", "lines"), [(20.0, 2), (np.nan, 0)])
+def test_bounds_that_nobody_knows_are_not_in_the_legend(
+    tmp_path: Path, labelled_recordings: list[Recording], half_n: float, lines: int
+) -> None:
+    label = labelled_recordings[0]
+    friction_n, script = label.column("friction_n"), tmp_path / "pane.js"
+    recording = label.with_columns(lower_n=friction_n - half_n, upper_n=friction_n + half_n)
+    script.write_text(friction_pane(recording, None, ""), encoding="utf-8")
+    assert len(re.findall('"name": ?"bounds"', unpacked_pane(script))) == lines

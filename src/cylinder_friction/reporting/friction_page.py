@@ -38,14 +38,13 @@ def friction_pane(recording: Recording, view: FrictionView | None, shown: str) -
     ``label_n`` where friction is an estimator's. Without a view the pane shows friction over time alone. ``shown``
     states which part of a long recording this is.
     """
-    has_label = "label_n" in recording.columns
-    label = [Line("label, off line", _usable(recording, "label_n"), QUIET, 1.0)] if has_label else []
-    friction = [
-        Line("bounds", _usable(recording, "lower_n"), PALE, 1.0),
-        Line("bounds", _usable(recording, "upper_n"), PALE, 1.0, in_legend=False),
-        *label,
-        Line("friction", _usable(recording, "friction_n"), GREEN, 1.5),
-    ]
+    lower_n, friction = _usable(recording, "lower_n"), list[Line]()
+    if np.isfinite(lower_n).any():
+        upper = Line("bounds", _usable(recording, "upper_n"), PALE, 1.0, in_legend=False)
+        friction += [Line("bounds", lower_n, PALE, 1.0), upper]
+    if "label_n" in recording.columns:
+        friction.append(Line("label, off line", _usable(recording, "label_n"), QUIET, 1.0))
+    friction.append(Line("friction", _usable(recording, "friction_n"), GREEN, 1.5))
     velocity = Line("velocity, extending positive", MM_PER_M * recording.column("velocity_m_s"), BLUE)
     panels = [Panel("friction [N]", friction, 1.6), Panel("velocity [mm/s]", [velocity]), *measured_panels(recording)]
     html = page_html(
