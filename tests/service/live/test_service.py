@@ -66,11 +66,13 @@ def test_a_session_that_the_model_does_not_know_is_named(service: LiveService, s
 def test_a_session_too_noisy_for_the_bounds_is_named(engine: Engine, samples: Array, tmp_path: Path) -> None:
     service = service_of(engine, tmp_path)
     known, noisy = opened(service, "known"), opened(service, "noisy")
-    added_pa = np.random.default_rng(0).normal(0.0, 4.0 * engine.pressure_noise_pa, samples.shape) * [1.0, 1.0, 0.0]
+    rows = np.tile(samples, (4, 1))
+    added_pa = np.random.default_rng(0).normal(0.0, 4.0 * engine.pressure_noise_pa, rows.shape) * [1.0, 1.0, 0.0]
     added_pa[500:600] = np.nan  # which does not count
-    for first, second in zip(blocks(known, samples, 0, 2200), blocks(noisy, samples + added_pa, 0, 2200), strict=True):
-        service.receive([first, second])
-    service.keep()
+    both = (blocks(session, each, 0, 14_500, 500) for session, each in ((known, rows), (noisy, rows + added_pa)))
+    for pair in zip(*both, strict=True):
+        service.receive(list(pair))
+        service.keep()
     assert known.noise.noise_pa == pytest.approx(engine.pressure_noise_pa, rel=0.5)
     assert (known.too_narrow, service.load()["noisy_sessions"]) == ("", 1)
     assert re.fullmatch(r"pressures are (3|4)\.\d times as noisy as .*, and bounds are too narrow", noisy.too_narrow)

@@ -9,19 +9,28 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import PRESSURES
 from cylinder_friction.signals.noise import median_noise
 
-WINDOW_ROWS, ROWS_BETWEEN = 2000, 10_000
-"""Rows that noise is measured from, and rows from one such window to the next."""
+WINDOW_ROWS, ROWS_BETWEEN, WINDOWS = 2000, 4000, 3
+"""Rows that noise is measured from, rows from one such window to the next, and how many windows must agree."""
 
 
 @dataclass(slots=True)
 class NoiseWindow:
-    """Measures the noise of a session's pressures, one window of samples after another."""
+    """Measures the noise of a session's pressures, one window of samples after another.
+
+    Pressures that swing in motion look noisier than they are for as long, so that the quietest of the latest windows
+    counts.
+    """
 
     inputs: Sequence[str]
     rows_to_wait: int = 0  # Before the first window; different ones keep many sessions from being measured at once
-    noise_pa: float = 0.0  # In the latest window [Pa]; 0 before, and without pressures
+    latest_pa: list[float] = field(default_factory=list)  # Noise in the latest windows
     _parts: list[Array] = field(default_factory=list)
     _rows: int = 0
+
+    @property
+    def noise_pa(self) -> float:
+        """Noise of the quietest of the latest windows [Pa]; 0 before there are ``WINDOWS``, and without pressures."""
+        return min(self.latest_pa) if len(self.latest_pa) == WINDOWS else 0.0
 
     def take(self, samples: Array) -> None:
         """Take successive samples in, shape ``(rows, inputs)``; those that are no numbers do not count."""
@@ -35,4 +44,5 @@ class NoiseWindow:
             window, self._parts = np.concatenate(self._parts)[:WINDOW_ROWS], []
             self._rows, self.rows_to_wait = 0, ROWS_BETWEEN
             pressures = window[:, [name in PRESSURES for name in self.inputs]]
-            self.noise_pa = median_noise(pressures[np.isfinite(pressures).all(axis=1)].T)
+            noise_pa = median_noise(pressures[np.isfinite(pressures).all(axis=1)].T)
+            self.latest_pa = [*self.latest_pa, noise_pa][-WINDOWS:]
