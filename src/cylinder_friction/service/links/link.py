@@ -14,7 +14,7 @@ from cylinder_friction.service.live.journal import LastRow
 from cylinder_friction.service.live.service import LiveService, LiveSession
 
 AT_ONCE = 20
-"""So many sessions are shown before samples have their turn."""
+"""Number of sessions that are shown before samples have their turn."""
 _log = logging.getLogger(__name__)
 
 

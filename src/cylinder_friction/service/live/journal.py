@@ -110,9 +110,7 @@ class Unkept:
         late_s = block.time_s - self.time_s - self.rows * self.sample_time_s
         if block.index != self.index + self.rows or abs(late_s) >= _SAME_TIME * self.sample_time_s:
             return False
-        model = None if estimates is None else estimates.model
-        shadow_model = None if shadow is None else shadow.model
-        if self.made_by != (model, shadow_model):
+        if made_by(estimates, shadow) != self.made_by:
             return False
         self.rows += block.rows
         self.last_rows, self.last_time_s = block.rows, block.time_s
