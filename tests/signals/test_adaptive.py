@@ -55,7 +55,7 @@ def test_the_deviation_holds_the_error(seed: int) -> None:
 
 def test_a_constant_force_is_averaged_over_the_longest_windows() -> None:
     windows = ADAPTIVE.windows(noisy(np.zeros(4000)), STEP_S)
-    assert np.median(windows.before) == np.median(windows.after) == 40
+    assert np.median(windows.before) == np.median(windows.after) == 41
     assert windows.residual_noise()[2000] == pytest.approx(NOISE_N / 9.0, rel=0.35)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
 
@@ -91,7 +91,10 @@ class RecordingMetadata:
         return cls(**values | {"uncertainty": known, "identified_zero": zeros, "repairs": repairs})
 
     def to_dict(self) -> dict[str, Any]:
-        return asdict(self)
+        within = {name: dict(getattr(self, name)) for name in ("sensors", "depends_on", "zero_offset")}
+        for name in ("uncertainty", "identified_zero"):
+            within[name] = {column: dict(vars(each)) for column, each in getattr(self, name).items()}
+        return vars(self) | within
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)

@@ -95,14 +95,15 @@ class AdaptiveWindow(SignalFilter):
 
     def windows(self, force_n: Array, sample_time_s: float) -> Windows:
         """Return the windows of a force, shape ``(n,)``."""
-        return _windows_once(self, force_n.tobytes(), sample_time_s)
+        return _windows_once(self, np.asarray(force_n, dtype=np.float64).tobytes(), sample_time_s)
 
     def _chosen(self, force_n: Array, sample_time_s: float) -> Windows:
         lengths = np.array(self._lengths(sample_time_s))
         noise_n = noise_deviation(force_n) if self.noise_n is None else self.noise_n
         force_n = np.ascontiguousarray(force_n - force_n[0])
-        before = _one_side(force_n[::-1].copy(), lengths, self.confidence * noise_n)[::-1].copy()
-        return Windows(before, _one_side(force_n, lengths, self.confidence * noise_n), noise_n)
+        before = _one_side(force_n[::-1].copy(), lengths, self.confidence * noise_n)[::-1]
+        row, after = np.arange(len(force_n)), _one_side(force_n, lengths, self.confidence * noise_n)
+        return Windows(row - before, row + 1 + after, before + 1.0, after + 1.0, noise_n)
 
     def _lengths(self, sample_time_s: float) -> list[int]:
         shortest, longest = (max(1, round(each / sample_time_s)) for each in (self.shortest_s, self.longest_s))
@@ -119,50 +120,48 @@ def _windows_once(chosen_by: AdaptiveWindow, force: bytes, sample_time_s: float)
 
 @dataclass(frozen=True)
 class Windows:
-    """How many samples before and after each sample its mean takes in, each of shape ``(n,)``."""
+    """The windows before and after each sample, which is part of both; each of shape ``(n,)``."""
 
-    before: NDArray[np.int64]
-    after: NDArray[np.int64]
+    first: NDArray[np.int64]  # Row where that before it begins
+    end: NDArray[np.int64]  # Row behind that after it
+    # How many samples each holds
+    before: Array
+    after: Array
     noise: float  # Standard deviation of the white noise of the force [N]
 
     def mean(self, values: Array) -> Array:
         """Return the means of values over both windows, shape ``(n,)``; the sample itself counts on both sides."""
         before, after = self.means(values)
-        return before + (after - before) * (self.after + 1) / (self.before + self.after + 2)
+        return before + (after - before) * self.after / (self.before + self.after)
 
     def means(self, values: Array) -> tuple[Array, Array]:
         """Return the means over the windows before and after each sample, which is part of both; each ``(n,)``."""
         sums = np.concatenate([[0.0], np.cumsum(values - values[0])])
-        row = np.arange(len(values))
-        before = (sums[row + 1] - sums[row - self.before]) / (self.before + 1)
-        after = (sums[row + 1 + self.after] - sums[row]) / (self.after + 1)
+        before = (sums[1:] - sums[self.first]) / self.before
+        after = (sums[self.end] - sums[:-1]) / self.after
         return values[0] + before, values[0] + after
 
     def residual_noise(self) -> Array:
         """Return the standard deviation that the noise leaves in the means, shape ``(n,)``."""
         counted = self.before + self.after
-        return self.noise * np.sqrt(counted + 4.0) / (counted + 2.0)
+        return self.noise * np.sqrt(counted + 2.0) / counted
 
 
 def _one_side(values: Array, lengths: NDArray[np.int64], half_width: float) -> NDArray[np.int64]:
     """Return for each sample the longest agreeing window after it, in samples, shape ``(n,)``, integers."""
     rows, widths = len(values), half_width / np.sqrt(lengths + 1.0)
     sums = np.cumsum(np.concatenate([[0.0], values]))
-    chosen = np.zeros(rows, dtype=np.int64)
+    longer = np.zeros(rows, dtype=np.uint8)
     for first in range(0, rows, BLOCK):
         end = min(first + BLOCK, rows)
-        lower, upper, agree = (
-            np.full(end - first, -np.inf),
-            np.full(end - first, np.inf),
-            np.ones(end - first, np.bool_),
-        )
+        lower, upper = np.full(end - first, -np.inf), np.full(end - first, np.inf)
         for length, width in zip(lengths, widths, strict=True):
             count = min(end, rows - length) - first  # of these samples, the ones with enough after them
             if count <= 0:
                 break
-            last = first + count
+            last, lower, upper = first + count, lower[:count], upper[:count]
             mean = (sums[first + length + 1 : last + length + 1] - sums[first:last]) / (length + 1)
-            lower, upper = np.maximum(lower[:count], mean - width), np.minimum(upper[:count], mean + width)
-            agree = agree[:count] & (lower <= upper)
-            chosen[first:last][agree] = length
-    return chosen
+            np.maximum(lower, mean - width, out=lower)
+            np.minimum(upper, mean + width, out=upper)
+            longer[first:last] += lower <= upper  # intervals that once disagree do so from then on
+    return np.append(0, lengths)[longer]

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array, median
 
 BLOCK = 4
 """Samples of a mean: as many as a logger's filter may spread its noise over."""
@@ -51,5 +51,5 @@ def _second_difference_noise(values: Array) -> float:
     differences = np.diff(values, 2) / 6.0**0.5
     if not len(differences):
         return 0.0
-    inner = 3.0 * float(np.median(np.abs(differences))) / MEDIAN_OF_NORMAL
+    inner = 3.0 * median(np.abs(differences)) / MEDIAN_OF_NORMAL
     return float(np.sqrt(np.mean(np.square(differences[np.abs(differences) <= inner])) / VARIANCE_WITHIN_3))

@@ -8,7 +8,8 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.finding import Finding
-from cylinder_friction.recordings.checks.plausibility import check_friction
+from cylinder_friction.recordings.checks.limits import LoadMode
+from cylinder_friction.recordings.checks.plausibility import check_friction, clear_motion
 from logger_files import columns_of
 
 Change = Callable[[pd.DataFrame], pd.DataFrame]
@@ -31,6 +32,11 @@ def scaled(factor: float) -> Change:
 @pytest.fixture(scope="module")
 def areas(cylinder: Cylinder) -> tuple[float, float]:
     return cylinder.piston_area_m2, cylinder.annulus_area_m2
+
+
+def checked(table: pd.DataFrame, areas: tuple[float, float] | None, load: LoadMode = "none") -> list[Finding]:
+    columns = columns_of(table)
+    return check_friction(columns, clear_motion(columns["position_m"], 0.005, STROKE_M), 0.005, areas, load)
 
 
 def outcomes(findings: list[Finding]) -> dict[str, str]:
@@ -63,7 +69,7 @@ def test_the_rigs_recordings(
     load: Any,
 ) -> None:
     for table in rig_tables.values():
-        findings = check_friction(columns_of(change(table)), 0.005, STROKE_M, areas, load)
+        findings = checked(change(table), areas, load)
         assert outcomes(findings) == expected
         assert any(re.search(text, finding.text) for finding in findings)
 
@@ -75,9 +81,9 @@ def test_a_sensors_zero_is_never_taken_for_a_swap(
 ) -> None:
     for table in rig_tables.values():
         wrong = table.assign(**{column: table[column] + offset_pa})
-        assert outcomes(check_friction(columns_of(wrong), 0.005, STROKE_M, areas))["direction"] in ("ok", "noted")
-        assert outcomes(check_friction(columns_of(swapped(wrong)), 0.005, STROKE_M, areas)) == REFUSED
-        assert outcomes(check_friction(columns_of(inverted(wrong)), 0.005, STROKE_M, areas)) == REFUSED
+        assert outcomes(checked(wrong, areas))["direction"] in ("ok", "noted")
+        assert outcomes(checked(swapped(wrong), areas)) == REFUSED
+        assert outcomes(checked(inverted(wrong), areas)) == REFUSED
 
 
 def pushed(friction_n: float = 300.0, load_n: float = 0.0, seconds: float = 20.0) -> pd.DataFrame:
@@ -95,19 +101,17 @@ def pushed(friction_n: float = 300.0, load_n: float = 0.0, seconds: float = 20.0
 
 
 def test_a_drive_force_needs_no_areas() -> None:
-    (finding,) = check_friction(columns_of(pushed()), 0.005, STROKE_M, None)
+    (finding,) = checked(pushed(), None)
     assert (finding.outcome, finding.text) == ("ok", "friction opposes the motion, with 300 N on average")
-    (finding,) = check_friction(columns_of(pushed(-300.0)), 0.005, STROKE_M, None)
+    (finding,) = checked(pushed(-300.0), None)
     assert finding.outcome == "refused"
     assert "change the sign of position_m or of drive_force_n" in finding.text
 
 
 def test_a_measured_load_is_taken_off() -> None:
-    (finding,) = check_friction(columns_of(pushed(load_n=2000.0)), 0.005, STROKE_M, None, "measured")
+    (finding,) = checked(pushed(load_n=2000.0), None, "measured")
     assert finding.text == "friction opposes the motion, with 300 N on average"
-    (finding,) = check_friction(
-        columns_of(pushed(load_n=2000.0).drop(columns="load_force_n")), 0.005, STROKE_M, None, "measured"
-    )
+    (finding,) = checked(pushed(load_n=2000.0).drop(columns="load_force_n"), None, "measured")
     assert finding.outcome == "noted"
     assert finding.text.endswith("load_force_n is not recorded, though the load is to be measured")
 
@@ -128,7 +132,7 @@ ONE_WAY = np.where(SECONDS < 10.0, 0.03 + 0.008 * SECONDS, 0.24 - 0.008 * (SECON
     ],
 )
 def test_what_cannot_be_told_is_noted(table: pd.DataFrame, text: str) -> None:
-    (finding,) = check_friction(columns_of(table), 0.005, STROKE_M, None)
+    (finding,) = checked(table, None)
     assert finding.outcome == "noted"
     assert text in finding.text
 
@@ -137,11 +141,9 @@ def test_what_cannot_be_told_is_noted(table: pd.DataFrame, text: str) -> None:
 def test_load_cell_of_wrong_sign_is_refused(steady_n: float) -> None:
     table = pushed(load_n=2000.0 - steady_n)
     table = table.assign(drive_force_n=table["drive_force_n"] + steady_n, load_force_n=table["load_force_n"] + steady_n)
-    (finding,) = check_friction(columns_of(table), 0.005, STROKE_M, None, "measured")
+    (finding,) = checked(table, None, "measured")
     assert finding.outcome == "ok"
-    (finding,) = check_friction(
-        columns_of(table.assign(load_force_n=-table["load_force_n"])), 0.005, STROKE_M, None, "measured"
-    )
+    (finding,) = checked(table.assign(load_force_n=-table["load_force_n"]), None, "measured")
     assert finding.outcome == "refused"
     assert finding.text.startswith("load_force_n is inverted: as it stands, the force against the motion is")
 
@@ -152,7 +154,7 @@ def test_load_cell_of_wrong_sign_is_refused(steady_n: float) -> None:
 )
 def test_a_load_that_nobody_stated_or_measured_is_noted(load: Any, which: str, advice: str) -> None:
     table = pushed().assign(drive_force_n=lambda table: table["drive_force_n"] + 2000.0)
-    (finding,) = check_friction(columns_of(table), 0.005, STROKE_M, None, load)
+    (finding,) = checked(table, None, load)
     assert finding.outcome == "noted"
     assert f"one of them drives the motion, so there is {which} load of about 2e+03 N" in finding.text
     assert finding.text.endswith(f"{advice}, or zero the sensors")

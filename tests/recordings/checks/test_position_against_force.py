@@ -13,7 +13,9 @@ import pytest
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.limits import CheckLimits
+from cylinder_friction.recordings.checks.plausibility import clear_motion
 from cylinder_friction.recordings.checks.position_against_force import check_position_against_force
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
 from cylinder_friction.recordings.conversion import open_tables, pieces_from
@@ -68,12 +70,21 @@ FAULTS: dict[str, tuple[Callable[[Array], Array], str]] = {
 }
 
 
+NO_AREAS = CheckLimits(stroke_m=0.25)
+
+
+def checked(table: pd.DataFrame, limits: CheckLimits = NO_AREAS) -> Finding:
+    columns = columns_of(table)
+    step_s = float(columns["time_s"][1] - columns["time_s"][0])
+    return check_position_against_force(columns, clear_motion(columns["position_m"], step_s, limits.stroke_m), limits)
+
+
 @pytest.mark.parametrize("fault", FAULTS)
 def test_a_motion_that_the_force_does_not_push_is_named(fault: str) -> None:
     change, words = FAULTS[fault]
     table = strokes()
     table["position_m"] = change(table["position_m"].to_numpy())
-    finding = check_position_against_force(columns_of(table), CheckLimits(stroke_m=0.25))
+    finding = checked(table)
     assert (finding.check, finding.outcome) == ("position_against_force", "noted")
     assert re.search(words, finding.text), finding.text
     assert finding.text.endswith("leave this time out")
@@ -82,7 +93,7 @@ def test_a_motion_that_the_force_does_not_push_is_named(fault: str) -> None:
 def test_a_rest_at_which_no_friction_could_hold_the_piston_is_named() -> None:
     table = strokes(lambda x, _: 20e3 * (x - 0.125))  # 2 kN along the strokes
     table["position_m"] = still(table["position_m"].to_numpy(), 3050)
-    finding = check_position_against_force(columns_of(table), CheckLimits(stroke_m=0.25))
+    finding = checked(table)
     assert re.search(r"rests from 3\d\..* although the force is \d\.?\d* times friction", finding.text), finding.text
 
 
@@ -90,7 +101,7 @@ def test_a_rest_at_which_no_friction_could_hold_the_piston_is_named() -> None:
     "load", [lambda x, _: 0.0 * x, lambda x, _: 4e3 + 20e3 * x, lambda x, other: 4e3 + 20e3 * x - 10e3 * other]
 )
 def test_a_sound_position_contradicts_nothing(load: Callable[[Array, Array], Array]) -> None:
-    finding = check_position_against_force(columns_of(strokes(load)), CheckLimits(stroke_m=0.25))
+    finding = checked(strokes(load))
     assert (finding.outcome, finding.text) == ("ok", "position and force do not contradict each other")
 
 
@@ -100,7 +111,7 @@ def test_a_load_is_not_guessed_where_the_piston_did_not_clearly_move() -> None:
     far = np.clip(table["time_s"].to_numpy() - 45.0, 0.0, 5.0)
     table["other_position_1_m"] = 0.3 + 0.1 * far
     table["drive_force_n"] += 1e3 * far
-    assert check_position_against_force(columns_of(table), CheckLimits(stroke_m=0.25)).outcome == "ok"
+    assert checked(table).outcome == "ok"
 
 
 def test_nothing_is_said_without_a_force_or_where_position_does_not_explain_it(
@@ -108,12 +119,12 @@ def test_nothing_is_said_without_a_force_or_where_position_does_not_explain_it(
 ) -> None:
     cannot = "whether position and force contradict each other cannot be decided"
     table = next(iter(rig_tables.values()))
-    assert check_position_against_force(columns_of(table), CheckLimits(stroke_m=0.25)).text == cannot
+    assert checked(table).text == cannot
     areas = CheckLimits(0.25, cylinder.piston_area_m2, cylinder.annulus_area_m2)
-    assert check_position_against_force(columns_of(table.iloc[:10]), areas).text == cannot
+    assert checked(table.iloc[:10], areas).text == cannot
     unstated_n = 5e3 * np.sin(2.0 * table["time_s"])  # a load that no position decides
     loaded = table.assign(pressure_1_pa=table["pressure_1_pa"] + unstated_n / cylinder.piston_area_m2)
-    assert check_position_against_force(columns_of(loaded), areas).text == cannot
+    assert checked(loaded, areas).text == cannot
 
 
 @pytest.mark.extended

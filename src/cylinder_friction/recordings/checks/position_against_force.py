@@ -12,10 +12,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.arrays import Array, Mask, sliding_extremes, sliding_mean, true_runs
+from cylinder_friction.arrays import Array, Mask, median, quantile, sliding_extremes, sliding_mean, true_runs
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.limits import CheckLimits
-from cylinder_friction.recordings.checks.plausibility import ClearMotion, clear_motion
+from cylinder_friction.recordings.checks.plausibility import ClearMotion, least_squares
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
     LOAD_FORCE,
@@ -45,14 +45,13 @@ _ITERATIONS, _SETTLED, _LEAST_RESIDUAL = 10, 1e-3, 1e-2
 _ROWS = 1024  # Of clear motion, spread evenly, that the fit takes: it has a handful of terms
 
 
-def check_position_against_force(columns: Mapping[str, Array], limits: CheckLimits) -> Finding:
+def check_position_against_force(columns: Mapping[str, Array], motion: ClearMotion, limits: CheckLimits) -> Finding:
     """Return the finding ``position_against_force``, noted with the times if they contradict each other.
 
-    ``columns`` are those of a uniformly sampled recording in SI units, without NaN.
+    ``columns`` are those of a uniformly sampled recording in SI units, without NaN; ``motion`` is its clear motion.
     """
     time_s, position_m = columns[TIME], columns[POSITION]
     force_n = _driving_force(columns, limits)
-    motion = clear_motion(position_m, float(time_s[1] - time_s[0]), limits.stroke_m)
     friction_n, load_n, residual_n, known = 0.0, np.zeros(1), 0.0, np.zeros(1, dtype=np.bool_)
     if force_n is not None and min(np.count_nonzero(motion.direction == each) for each in (-1.0, 1.0)) >= FEWEST_ROWS:
         positions_m = np.column_stack([position_m, *(columns[name] for name in OTHER_POSITIONS if name in columns)])
@@ -96,8 +95,8 @@ def _contradictions(
     window = max(3, round(WINDOW_S / step_s))
     mean_m, (lowest, highest) = sliding_mean(position_m, window), sliding_extremes(pushed, window)
     speed_m_s = np.gradient(mean_m, step_s)
-    noise_m = float(np.median(np.abs(np.diff(position_m, 2)))) / 1.65  # as of white noise
-    top_m_s = float(np.quantile(np.abs(speed_m_s[rows]), 0.95))
+    noise_m = median(np.abs(np.diff(position_m, 2))) / 1.65  # as of white noise
+    top_m_s = quantile(np.abs(speed_m_s[rows]), 0.95)
     slides_m_s = max(SLIDES * top_m_s, DEVIATIONS * noise_m / WINDOW_S)
     found = []
     for way, speeds_m_s, most in (("extends", speed_m_s, highest), ("retracts", -speed_m_s, -lowest)):
@@ -108,7 +107,7 @@ def _contradictions(
                 found.append((begin, end, words))
     least = np.maximum(lowest, -highest)
     for begin, end in _longer(known & (np.abs(speed_m_s) <= slides_m_s) & (least > HOLDS), SURGE_S / step_s):
-        times = np.median(least[begin:end])
+        times = median(least[begin:end])
         words = (
             f"rests {_when(time_s, begin, end)} although the force is {times:.3g} times friction and no end stop near"
         )
@@ -132,13 +131,12 @@ def _fit(drive_n: Array, positions_m: Array, motion: ClearMotion) -> tuple[float
     weights, factors = np.ones(len(rows)), np.zeros(terms.shape[1])
     for _ in range(_ITERATIONS):
         weighted = terms * weights[:, None]
-        # The terms are scaled and few, so that normal equations are exact enough, and many times as fast as an SVD.
-        before, factors = factors, np.linalg.pinv(weighted.T @ terms, hermitian=True) @ (weighted.T @ force_n)
+        before, factors = factors, least_squares(weighted.T @ terms, weighted.T @ force_n)
         if np.abs(factors - before).max() <= _SETTLED * np.abs(factors[0]):
             break
         off_n = np.abs(force_n - terms @ factors)
-        weights = 1.0 / np.maximum(off_n, _LEAST_RESIDUAL * np.median(off_n) + 1e-9)
-    return float(factors[0]), load @ factors[1:], float(np.median(off_n))
+        weights = 1.0 / np.maximum(off_n, _LEAST_RESIDUAL * median(off_n) + 1e-9)
+    return float(factors[0]), load @ factors[1:], median(off_n)
 
 
 def _longer(where: Mask, least: float) -> list[tuple[int, int]]:

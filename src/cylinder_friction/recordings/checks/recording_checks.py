@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array, quantile, true_runs
 from cylinder_friction.recordings.checks.finding import Finding, spoken
 from cylinder_friction.recordings.checks.limits import CheckLimits
-from cylinder_friction.recordings.checks.plausibility import check_friction
+from cylinder_friction.recordings.checks.plausibility import check_friction, clear_motion
 from cylinder_friction.recordings.checks.position_against_force import check_position_against_force
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
@@ -73,11 +73,14 @@ class _Survey:
     """Extremes of a column and the constant stretch over which the piston travels furthest."""
 
     def __init__(self, values: Array, position_m: Array) -> None:
-        starts = np.concatenate([[0], np.flatnonzero(values[1:] != values[:-1]) + 1])
-        travel_m = np.maximum.reduceat(position_m, starts) - np.minimum.reduceat(position_m, starts)
-        stuck = int(np.argmax(travel_m))
-        self.stuck_from, self.stuck_to = (int(row) for row in np.append(starts, len(values))[stuck : stuck + 2])
-        self.stuck_at, self.stuck_travel_m = float(values[self.stuck_from]), float(travel_m[stuck])
+        self.stuck_from, self.stuck_to, self.stuck_travel_m = 0, 1, 0.0
+        runs = true_runs(values[1:] == values[:-1]) + np.array([0, 1])
+        if len(runs):
+            places = runs.ravel()[: -1 if runs[-1, 1] == len(values) else None]
+            travel_m = (np.maximum.reduceat(position_m, places) - np.minimum.reduceat(position_m, places))[::2]
+            stuck = int(np.argmax(travel_m))
+            (self.stuck_from, self.stuck_to), self.stuck_travel_m = runs[stuck].tolist(), float(travel_m[stuck])
+        self.stuck_at = float(values[self.stuck_from])
         self.lowest_row, self.highest_row = int(np.argmin(values)), int(np.argmax(values))
         self.lowest, self.highest = float(values[self.lowest_row]), float(values[self.highest_row])
         self.span = self.highest - self.lowest
@@ -139,8 +142,9 @@ def inspect_recording(table: Columns, limits: CheckLimits, sample_time_s: float)
         valid = valid and finding.outcome != "refused"
         yield finding
     if valid and (DRIVE_FORCE in columns or limits.areas_m2 is not None):
-        yield from check_friction(columns, sample_time_s, limits.stroke_m, limits.areas_m2, limits.load)
-        yield check_position_against_force(columns, limits)
+        motion = clear_motion(columns[POSITION], sample_time_s, limits.stroke_m)
+        yield from check_friction(columns, motion, sample_time_s, limits.areas_m2, limits.load)
+        yield check_position_against_force(columns, motion, limits)
 
 
 def length_finding(rows: int, sample_time_s: float, limits: CheckLimits) -> Finding:
@@ -198,7 +202,7 @@ def _of_position(
 def _position_stuck(position_m: Array, sample_time_s: float, limits: CheckLimits) -> Finding:
     """Refuse a position that stays constant and then continues from elsewhere: the piston moved unseen meanwhile."""
     places = np.arange(0, len(position_m) - 1, max(1, len(position_m) // PLACES))
-    usual_m = float(np.quantile(np.abs(position_m[places + 1] - position_m[places]), 0.99))
+    usual_m = quantile(np.abs(position_m[places + 1] - position_m[places]), 0.99)
     jump_m = max(limits.least_travel * limits.stroke_m, HELD_JUMP * usual_m)
     ends = np.flatnonzero(position_m[1:] != position_m[:-1]) + 1
     lengths = np.diff(ends, prepend=0)

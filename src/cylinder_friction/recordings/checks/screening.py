@@ -12,7 +12,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array, quantile
 from cylinder_friction.recordings.checks.finding import spoken
 from cylinder_friction.recordings.mapping.channel_mapping import SensorLimits
 from cylinder_friction.recordings.recording import RecordingError, Signal, expect
@@ -212,16 +212,18 @@ def _spike_height(values: Array, low: float, high: float, step: float | None, ru
     step_rows = max(1, len(values) // PLACES)
     before, here, after = (values[first : len(values) - 2 + first : step_rows] for first in (0, 1, 2))
     valid = (here >= low) & (here <= high) & np.isfinite(before) & np.isfinite(here) & np.isfinite(after)
-    if valid.sum() < 2 * BESIDE + 1:
-        return math.inf
-    up, down = (here - before)[valid], (here - after)[valid]
+    if not valid.all():
+        if valid.sum() < 2 * BESIDE + 1:
+            return math.inf
+        before, here, after = before[valid], here[valid], after[valid]
+    up, down = here - before, here - after
     sticks_out = np.where(up * down > 0.0, np.minimum(np.abs(up), np.abs(down)), 0.0)
-    lowest, highest = np.quantile(here[valid], (0.01, 0.99))
-    steps = np.abs(up[up != 0.0])
-    finest = step or (float(steps.min()) if len(steps) else 0.0)
+    lowest, highest = quantile(here, 0.01), quantile(here, 0.99)
+    finest = step or float(np.abs(up).min(where=up != 0.0, initial=math.inf))
+    finest = finest if math.isfinite(finest) else 0.0
     tallest = max(
-        rules.spike_noise * float(np.quantile(sticks_out, 0.95)),
-        rules.spike_range * float(highest - lowest),
+        rules.spike_noise * quantile(sticks_out, 0.95),
+        rules.spike_range * (highest - lowest),
         rules.spike_steps * finest,
     )
     return tallest if tallest > 0.0 else math.inf
@@ -234,7 +236,9 @@ def _surely_good(values: Array, low: float, high: float, bottom: float, top: flo
     least, most = float(values.min()), float(values.max())
     if not (least >= low and most <= high and least > bottom and most < top):
         return False
-    jumps = np.flatnonzero(np.abs(np.diff(values)) > 0.7 * height) + 1
+    jumps = np.flatnonzero(np.abs(values[1:] - values[:-1]) > 0.7 * height) + 1
+    if not len(jumps):
+        return True
     suspects = (jumps[:, None] + np.arange(MOST_ODD)).ravel()
     suspects = suspects[(suspects >= BESIDE) & (suspects < len(values) - BESIDE)]
     near = values[suspects[:, None] + np.arange(-BESIDE, BESIDE + 1)]

@@ -23,7 +23,14 @@ from cylinder_friction.recordings.formats.cells import (
 )
 from cylinder_friction.recordings.formats.format import Format
 from cylinder_friction.recordings.formats.header import SCOPE_TIME
-from cylinder_friction.recordings.formats.layout import AUTOMATIC, CsvOptions, Layout, find_layout
+from cylinder_friction.recordings.formats.layout import (
+    AUTOMATIC,
+    LOOKED_AT,
+    CsvOptions,
+    Layout,
+    find_layout,
+    known_layout,
+)
 from cylinder_friction.recordings.formats.logged_table import (
     MOST_INDIVISIBLE,
     PLACES,
@@ -40,7 +47,7 @@ from cylinder_friction.recordings.start import Start, start_in_header
 _FEWEST_LINES = 20
 LARGEST_STEP = 4.0
 """From one row to the next a value changes by no more than so many times its largest change in the rows before."""
-_LARGEST_HEAD = 64 * HEAD_SIZE
+_LARGEST_HEAD, _SHORT_HEAD = 64 * HEAD_SIZE, HEAD_SIZE // 8
 
 
 def read_delimited(
@@ -140,7 +147,7 @@ class _Repaired:
 
 
 def _read(text: Text, options: CsvOptions, wanted: Collection[str] | None) -> list[LoggedTable]:
-    lines, layout = _first_lines(text, options)
+    lines, layout = _known_lines(text, options) or _first_lines(text, options)
     begin = text.start + sum(map(len, lines[: layout.first_row]))
     return _tables(_Rows(text, layout, begin, begin, _start(lines, layout)), wanted)
 
@@ -177,6 +184,14 @@ def _tables(rows: "_Rows", wanted: Collection[str] | None) -> list[LoggedTable]:
     ended = (rows.ended,) if rows.ended else ()
     first = replace(first, unread=unread, notes=(*text.notes, *ended, *first.notes))
     return [replace(each, start=rows.start, utc=utc) for each in (first, *others)]
+
+
+def _known_lines(text: Text, options: CsvOptions) -> tuple[list[bytes], Layout] | None:
+    """Return some first whole lines and their layout if an earlier file had it: most logs are of one logger."""
+    head = text.file.read_at(min(_SHORT_HEAD, text.end - text.start), text.start)
+    lines: list[bytes] = head.splitlines(keepends=True)[:-1]
+    layout = known_layout([line.decode() for line in lines], options)
+    return None if layout is None or len(lines) < layout.first_row + LOOKED_AT else (lines, layout)
 
 
 def _first_lines(text: Text, options: CsvOptions) -> tuple[list[bytes], Layout]:

@@ -42,7 +42,7 @@ AUTOMATIC = CsvOptions()
 
 DELIMITERS = ("\t", ";", ",", "|", "whitespace")
 MOST_COLUMNS = 10_000  # Of a text table
-_LOOKED_AT = 100
+LOOKED_AT = 100
 _LEAST_SCORE = 0.3
 
 
@@ -87,9 +87,9 @@ class _Found:
 
     def fits(self, lines: list[str], options: CsvOptions) -> bool:
         """Return whether a file has the same head, and rows of as many cells with no other decimal sign."""
-        rows, layout = "".join(lines[len(self.head) :][:_LOOKED_AT]), self.layout
+        rows, layout = "".join(lines[len(self.head) :][:LOOKED_AT]), self.layout
         count = rows.count("\n")
-        if options != self.options or lines[: len(self.head)] != self.head or not self.head or count < _LOOKED_AT // 2:
+        if options != self.options or lines[: len(self.head)] != self.head or not self.head or count < LOOKED_AT // 2:
             return False
         signs = {",", "."} - {layout.delimiter, layout.decimal}
         width = len(layout.names) - 1
@@ -106,12 +106,16 @@ _FOUND: deque[_Found] = deque(maxlen=8)
 
 def find_layout(lines: list[str], options: CsvOptions) -> Layout:
     """Return the layout of a table from its first whole lines; refuse lines with no layout, or with two."""
-    for found in _FOUND:
-        if found.fits(lines, options):
-            return found.layout
-    layout = _found_layout(lines, options)
-    _FOUND.appendleft(_Found(options, lines[: layout.first_row], layout))
+    layout = known_layout(lines, options)
+    if layout is None:
+        layout = _found_layout(lines, options)
+        _FOUND.appendleft(_Found(options, lines[: layout.first_row], layout))
     return layout
+
+
+def known_layout(lines: list[str], options: CsvOptions) -> Layout | None:
+    """Return the layout that an earlier file with the same head had; ``LOOKED_AT`` rows are compared with it."""
+    return next((found.layout for found in _FOUND if found.fits(lines, options)), None)
 
 
 def _found_layout(lines: list[str], options: CsvOptions) -> Layout:
@@ -121,7 +125,7 @@ def _found_layout(lines: list[str], options: CsvOptions) -> Layout:
     lines = padded(lines, delimiters)
     decimal = None if options.decimal == "auto" else options.decimal
     # Of delimiters that occur in no line all make the same grid, of one column.
-    looked_at = "\n".join(lines[index] for index in content[-_LOOKED_AT:])
+    looked_at = "\n".join(lines[index] for index in content[-LOOKED_AT:])
     absent = [each for each in delimiters if each != "whitespace" and each not in looked_at]
     tried = [each for each in delimiters if each not in absent[1:]]
     grids = [grid for delimiter in tried if (grid := _grid(lines, content, delimiter, decimal)) is not None]
@@ -134,15 +138,15 @@ def _found_layout(lines: list[str], options: CsvOptions) -> Layout:
     first = _first_row(grid, lines, content, options.header)
     trailing = grid.width > 1 and not any(row[-1] for row in grid.rows if len(row) == grid.width)
     names, units = read_header(lines[:first], grid.delimiter, grid.width, trailing, options.header)
-    settled = decimal or _decimal([split_cells(line, grid.delimiter) for line in lines[first:][:_LOOKED_AT]], grid)
+    settled = decimal or _decimal([split_cells(line, grid.delimiter) for line in lines[first:][:LOOKED_AT]], grid)
     return Layout(grid.delimiter, settled, names, units, first)
 
 
 def _grid(lines: list[str], content: list[int], delimiter: str, decimal: str | None) -> _Grid | None:
     """Split the last lines into cells. Return None if no column holds numbers or dates."""
-    if delimiter == "," and decimal is None and not any('"' in lines[index] for index in content[-_LOOKED_AT:]):
+    if delimiter == "," and decimal is None and not any('"' in lines[index] for index in content[-LOOKED_AT:]):
         decimal = "."
-    rows = [split_cells(lines[index], delimiter) for index in content[-_LOOKED_AT:]]
+    rows = [split_cells(lines[index], delimiter) for index in content[-LOOKED_AT:]]
     if not rows:
         return None
     # The later of two equally common widths: a header is above the rows.
@@ -172,7 +176,7 @@ def _likelihood(grid: _Grid, lines: list[str]) -> tuple[bool, bool, bool, float,
     if grid.width == 1:
         fits = not any(sign in lines[0] for sign in "\t;,|")
     else:
-        cells = [split_cells(line.lstrip("#% "), grid.delimiter) for line in lines[:_LOOKED_AT]]
+        cells = [split_cells(line.lstrip("#% "), grid.delimiter) for line in lines[:LOOKED_AT]]
         names = [row for row in cells if row[-1:] != [""] and not any(is_number(cell, None) for cell in row)]
         trailing = not grid.rows[-1][-1]
         fits = grid.is_row(cells[0]) or any(len(row) in (grid.width, grid.width - trailing) for row in names)

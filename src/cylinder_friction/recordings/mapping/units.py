@@ -70,6 +70,7 @@ _TERM = r"[A-Za-zμ°_]+(?:(?:\*\*|\^)?-?[1-9])?"
 _PARSABLE = re.compile(rf"{_TERM}(?:\s?[*/·.]\s?{_TERM})*")
 
 
+@cache
 def bare(unit: str) -> str:
     """Return a unit's text without brackets, quotes and blanks around it; ``cm²`` is ``cm2``, ``℃`` ``°C``."""
     text = unicodedata.normalize("NFKC", unit).strip().strip("\"'").strip()
@@ -92,6 +93,7 @@ def usual(unit: str, quantity: str) -> str | None:
     return found
 
 
+@cache
 def stated_reference(unit: str) -> Reference | None:
     """Return the reference that a unit of pressure states itself: ``bara``, ``psi(g)``; None if it states none."""
     text, known = bare(unit), _BY_QUANTITY["pressure"]
