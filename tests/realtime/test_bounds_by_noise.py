@@ -64,7 +64,7 @@ def test_bounds_are_those_of_the_sessions_as_noisy_as_a_recording(
     assert model.with_bounds_for([with_noise(recording, NOISE_PA)]).bounds == noisy
     between = with_noise(recording, 0.3 * NOISE_PA)
     assert model.with_bounds_for([between]).bounds == noisy
-    assert model.noise_level([recording]) == model.bounds_by_noise[0]
+    assert model.noise_level(pressure_noise_pa([recording])) == model.bounds_by_noise[0]
 
 
 def test_beyond_the_noisiest_sessions_bounds_grow_with_noise(

@@ -39,22 +39,26 @@ def test_another_cylinder_is_refused(trained: TrainedFor, cylinder: Cylinder) ->
         trained.refuse(replace(cylinder, bore_diameter_m=0.08, rod_diameter_m=0.045))
 
 
+def differences(trained: TrainedFor, recording: Recording) -> tuple[str, str]:
+    return trained.differences([recording], pressure_noise_pa([recording]))
+
+
 def test_another_level_of_friction_and_other_noise_are_named(
     trained: TrainedFor, labelled_recordings: list[Recording]
 ) -> None:
     recording = labelled_recordings[0]
     label_n = recording.column("friction_n")
     like = recording.with_columns(label_n=label_n)
-    assert trained.differences([like]) == ("", "")
-    other, _ = trained.differences([like.with_columns(label_n=label_n / 3.0)])
+    assert differences(trained, like) == ("", "")
+    other, _ = differences(trained, like.with_columns(label_n=label_n / 3.0))
     assert other.startswith("friction is about 0.2")
     noisy = with_noise(like, 1e5)
     times = times_as_noisy(pressure_noise_pa([noisy]), trained.pressure_noise_pa)
     assert times == pytest.approx(1e5 / trained.pressure_noise_pa, rel=0.1)
     words = f"pressures are {times:.1f} times as noisy as those that this model knows, and bounds as much wider"
-    assert trained.differences([noisy]) == ("", words)
+    assert differences(trained, noisy) == ("", words)
     a_little = with_noise(like, 0.8 * trained.pressure_noise_pa)  # 1.3 times as noisy
-    assert trained.differences([a_little]) == ("", "")
+    assert differences(trained, a_little) == ("", "")
 
 
 def test_the_noise_is_that_of_the_recordings_that_bounds_come_from(

@@ -28,6 +28,7 @@ from cylinder_friction.labelling.session import SessionIdentification
 from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan
 from cylinder_friction.labelling.up_and_down import holds_load, up_and_down
 from cylinder_friction.realtime.flags import Flag, unknown_in_words
+from cylinder_friction.realtime.trained_for import pressure_noise_pa
 from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, PRESSURES, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.files import whole_file, write_text
 from cylinder_friction.recordings.long_logs import LongRecording, on_disk
@@ -158,10 +159,11 @@ class RecordingFriction:
         about, given = excerpt[0].metadata, None if estimator is None else estimator.position_load
         known = self.labeller.load if given is None else given.in_words()
         other = noisy = ""
-        level = None if estimator is None else estimator.noise_level(excerpt)
+        noise_pa = 0.0 if estimator is None else pressure_noise_pa(excerpt)
+        level = None if estimator is None else estimator.noise_level(noise_pa)
         if estimator is not None and estimator.trained_for is not None and level is not None:
             trained = replace(estimator.trained_for, pressure_noise_pa=level.noise_pa)
-            other, noisy = trained.differences(excerpt)
+            other, noisy = trained.differences(excerpt, noise_pa)
         return FrictionOfRecording(
             name=about.name,
             source_file=about.source_file,

@@ -59,7 +59,9 @@ class RunningEstimate:
     """The estimator's real-time step, run over the parts of a recording as if they were one."""
 
     def __init__(self, estimator: FrictionEstimator) -> None:
-        self.estimator, self.stream = estimator, estimator.real_time()
+        from cylinder_friction.realtime.stream import CompiledRun  # what only labels need not wait for it
+
+        self.estimator, self.steps = estimator, CompiledRun(estimator.step_model())
         # What was given after the last part's own rows, for an estimate of some samples before
         self.newtons, self.flags = np.empty((0, 3)), np.empty(0, dtype=np.int64)
 
@@ -70,7 +72,7 @@ class RunningEstimate:
         """
         rows, end = own.stop - own.start, min(own.stop + self.estimator.lag_samples, len(labelled))
         samples = labelled.samples(self.estimator.inputs)[own.start + len(self.flags) : end]
-        newtons, flags = self.stream.run(samples)
+        newtons, flags = self.steps.run(samples)
         newtons, flags = np.concatenate([self.newtons, newtons]), np.concatenate([self.flags, flags])
         self.newtons, self.flags = newtons[rows:], flags[rows:]
         known_n = np.where((flags & Flag.NOT_READY == 0)[:, None], newtons, np.nan)

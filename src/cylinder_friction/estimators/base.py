@@ -194,21 +194,22 @@ class FrictionEstimator(ABC):
 
     def with_bounds_for(self, recordings: Sequence[Recording]) -> Self:
         """Return this fitted estimator with the bounds of ``noise_level``, wider for recordings that are noisier."""
-        level = self.noise_level(recordings)
+        noise_pa = pressure_noise_pa(recordings)
+        level = self.noise_level(noise_pa)
         if self.trained_for is None or level is None:
             return self
-        level, other = level.widened(pressure_noise_pa(recordings)), copy.copy(self)
+        level, other = level.widened(noise_pa), copy.copy(self)
         other.bounds, other.trained_for = level.bounds, replace(self.trained_for, pressure_noise_pa=level.noise_pa)
         return other
 
-    def noise_level(self, recordings: Sequence[Recording]) -> NoiseBounds | None:
-        """Return the bounds of the quietest calibration sessions that are as noisy as recordings, else of the noisiest.
+    def noise_level(self, noise_pa: float) -> NoiseBounds | None:
+        """Return the bounds of the quietest calibration sessions that are as noisy, else of the noisiest.
 
-        None if it is not known how noisy any were.
+        None if it is not known how noisy any were; ``noise_pa`` is what ``pressure_noise_pa`` gives.
         """
         if self.trained_for is None or self.bounds is None:
             return None
-        own, noise_pa = NoiseBounds(self.trained_for.pressure_noise_pa, (), self.bounds), pressure_noise_pa(recordings)
+        own = NoiseBounds(self.trained_for.pressure_noise_pa, (), self.bounds)
         return level_for(self.bounds_by_noise if noise_pa > 0.0 else (), noise_pa) or own
 
     def aligned(self, stepped: Array) -> Array:

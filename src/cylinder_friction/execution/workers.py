@@ -21,6 +21,8 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUM
 LOOK_AFTER_S = 30.0
 """While nothing finishes, workers are looked after so often."""
 
+MOST_TOGETHER = 8
+
 Work = Callable[[], Any]
 """Whatever can be pickled and called, such as a ``functools.partial`` of a module's function."""
 
@@ -106,6 +108,10 @@ class ExecutorWorkers(Workers):
         """Return a piece with what its worker needs beside it."""
         return piece
 
+    def together(self, _pieces: int) -> int:
+        """Return how many of so many pieces are handed out as one."""
+        return 1
+
     def look_after(self) -> None:
         """Make sure that there are workers; called now and then while nothing finishes."""
 
@@ -133,24 +139,29 @@ class ExecutorWorkers(Workers):
                 following += 1
 
     def _round(self, waiting: list[tuple[int, Work]]) -> Iterator[tuple[int, Any]]:
-        running: dict[Future[Any], tuple[int, Executor]] = {}
+        running: dict[Future[Any], tuple[list[int], Executor]] = {}
         waiting.reverse()
+        together = self.together(len(waiting))
         while waiting or running:
             # No more at a time than there are processes: if one dies, few are under suspicion.
             while waiting and len(running) < self.at_once:
-                number, piece = waiting.pop()
-                executor = self.executor()
-                running[executor.submit(self.prepared(piece))] = number, executor
+                executor, given = self.executor(), [waiting.pop() for _ in range(min(together, len(waiting)))]
+                work = [self.prepared(piece) for _, piece in given]
+                running[executor.submit(_done, work)] = [number for number, _ in given], executor
             finished, _ = wait(running, timeout=LOOK_AFTER_S, return_when=FIRST_COMPLETED)
             if not finished:
                 self.look_after()
             for future in finished:
-                number, executor = running.pop(future)
+                numbers, executor = running.pop(future)
                 try:
-                    result = future.result()
+                    results = future.result()
                 except self.lost as error:
-                    result = self.died(error, executor)
-                yield number, result
+                    results = [self.died(error, executor)] * len(numbers)
+                yield from zip(numbers, results, strict=True)
+
+
+def _done(pieces: Sequence[Work]) -> list[Any]:
+    return [piece() for piece in pieces]
 
 
 class Processes(ExecutorWorkers):
@@ -184,6 +195,10 @@ class Processes(ExecutorWorkers):
                 wait([self._processes.submit(os.getpid) for _ in range(self.at_once)])
             self._children = [child for child in multiprocessing.active_children() if child not in others]
         return self._processes
+
+    def together(self, pieces: int) -> int:
+        """Small pieces would be done sooner than the next one is there; of few pieces each may be large."""
+        return max(1, min(MOST_TOGETHER, pieces // (MOST_TOGETHER * self.at_once)))
 
     def died(self, _error: Exception, executor: Executor) -> Died:
         if executor is self._processes:  # and not yet replaced: all of its pieces are lost, one after the other

@@ -28,8 +28,7 @@ def up_and_down(
     if not up.any() or not down.any():
         return float("nan"), float("nan")
     edges = np.linspace(float(position_m[usable].min()), float(position_m[usable].max()), POSITION_BINS + 1)
-    numbers = np.clip(np.digitize(position_m, edges) - 1, 0, POSITION_BINS - 1)
-    extending, retracting = (_medians(numbers[rows], friction_n[rows]) for rows in (up, down))
+    extending, retracting = (_medians(position_m[rows], friction_n[rows], edges) for rows in (up, down))
     both = extending.keys() & retracting.keys()
     halves = [(0.5 * (extending[n] + retracting[n]), 0.5 * (extending[n] - retracting[n])) for n in sorted(both)]
     if not halves:
@@ -38,10 +37,11 @@ def up_and_down(
     return float(load_n), float(half_difference_n)
 
 
-def _medians(numbers: NDArray[np.int64], values: Array) -> dict[int, float]:
+def _medians(position_m: Array, values: Array, edges: Array) -> dict[int, float]:
     """Return the median of the values of each bin that holds enough of them, by the bin's number."""
     order = np.argsort(values)
-    values = values[order[np.argsort(numbers[order].astype(np.uint8), kind="stable")]]  # small numbers sort fast
+    numbers = np.clip(np.digitize(position_m[order], edges) - 1, 0, POSITION_BINS - 1).astype(np.uint8)
+    values = values[order[np.argsort(numbers, kind="stable")]]  # small numbers sort fast
     counts = np.bincount(numbers, minlength=POSITION_BINS)
     starts, enough = np.cumsum(counts) - counts, np.flatnonzero(counts >= LEAST_ROWS_A_BIN)
     below, above = (values[starts[enough] + middle[enough]] for middle in ((counts - 1) // 2, counts // 2))

@@ -65,15 +65,13 @@ def _bound(model: Model, state: State, sample: Array) -> Callable[[], Any]:
     return partial(function, *arguments)
 
 
-class _CompiledStep:
-    """The compiled step with its state."""
+class CompiledRun:
+    """The guarded step with its state, over many samples at once; ``RealTimeStream`` takes them one by one."""
 
     def __init__(self, model: StepModel) -> None:
         self.inputs, self._tracker = model.inputs, model.offset
         self._packed = packed_model(model)
         self._state = new_state(self._packed, np.zeros(0) if model.offset is None else model.offset.new_state())
-        self._sample = np.full(len(model.inputs), np.nan)
-        self._step = _bound(self._packed, self._state, self._sample)
 
     def reset(self, offset_n: float = 0.0, uncertainty_n: float | None = None) -> None:
         """Forget everything; the next step is a first step.
@@ -110,6 +108,15 @@ class _CompiledStep:
         flags = np.empty(len(samples), dtype=np.int64)
         steps(self._packed, self._state, samples, newtons, learned, flags)
         return newtons, learned, flags
+
+
+class _CompiledStep(CompiledRun):
+    """The same, ready for one sample after the other."""
+
+    def __init__(self, model: StepModel) -> None:
+        super().__init__(model)
+        self._sample = np.full(len(model.inputs), np.nan)
+        self._step = _bound(self._packed, self._state, self._sample)
 
     def _take(self, sample: tuple[float, ...]) -> tuple[float, float, float, int]:
         _refuse_other_length(sample, self.inputs)

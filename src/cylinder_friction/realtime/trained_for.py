@@ -78,13 +78,14 @@ class TrainedFor:
                 "--other-cylinder (in Python other_cylinder=True) estimates all the same"
             )
 
-    def differences(self, recordings: Sequence[Recording]) -> tuple[str, str]:
+    def differences(self, recordings: Sequence[Recording], noise_pa: float) -> tuple[str, str]:
         """Return why estimates are not to be used as they are, and what else is unlike training; empty where nothing.
 
-        The recordings of a session are labelled, and their ``label_n`` is known beside the estimate.
+        The recordings of a session are labelled, and their ``label_n`` is known beside the estimate; ``noise_pa`` is
+        their ``pressure_noise_pa``.
         """
         level = _mean_level_n(recordings, "label_n")
-        times = times_as_noisy(pressure_noise_pa(recordings), self.pressure_noise_pa)
+        times = times_as_noisy(noise_pa, self.pressure_noise_pa)
         ratio = level / self.friction_n if self.friction_n > 0.0 else 1.0
         other = noisy = ""
         if np.isfinite(ratio) and not 1.0 / OTHER_LEVEL <= ratio <= OTHER_LEVEL:

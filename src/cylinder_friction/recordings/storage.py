@@ -27,20 +27,20 @@ def write_parts(path: Path, parts: Iterable[Recording]) -> Path:
     """Write a recording's parts, at least one, into one file and return its path. Memory holds one part at a time."""
     remaining = map(_arrow_table, parts)
     first = next(remaining)
-    with whole_file(path) as draft, _writer(draft, first) as writer:
+    with whole_file(path) as draft, pa.OSFile(str(draft), "wb") as file, _writer(file, first) as writer:
         for table in itertools.chain([first], remaining):
             writer.write_table(table)
     return path
 
 
-def _writer(path: Path, table: pa.Table) -> pq.ParquetWriter:
+def _writer(file: pa.NativeFile, table: pa.Table) -> pq.ParquetWriter:
     # A converter gives few values: numbered in a dictionary they take the bits that it has. Of other floats the bytes
     # are split by their place, where LZ4 makes of them as little as zstd does otherwise, in a fraction of the time.
     # Nobody searches recordings by value, so that statistics would only cost.
     floats = [field.name for field in table.schema if pa.types.is_floating(field.type)]
     few = [name for name in floats if _holds_few_values(table[name].to_numpy())]
     return pq.ParquetWriter(
-        path,
+        file,
         table.schema,
         compression={name: "none" if name in few else "lz4" for name in table.column_names},
         use_dictionary=few,

@@ -118,7 +118,11 @@ def page_html(template: str, package: str = __package__, **context: Any) -> str:
 def _environment(package: str) -> jinja2.Environment:
     loaders = [jinja2.PackageLoader(package, ""), jinja2.PackageLoader(__package__, "templates/frame")]
     environment = jinja2.Environment(
-        loader=jinja2.ChoiceLoader(loaders), autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True
+        loader=jinja2.ChoiceLoader(loaders),
+        autoescape=True,
+        auto_reload=False,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
     )
     environment.filters |= {"svg": _svg, "data": _data, "breakable": _breakable, "digits": four_digits}
     environment.globals |= {"static": static}

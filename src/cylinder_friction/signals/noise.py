@@ -43,8 +43,9 @@ def times_as_noisy(noise: float, known: float) -> float:
 
 def quantisation_step(values: Array) -> float:
     """Return the smallest step between two different values: the converter's least significant bit, or 0."""
-    steps = np.diff(np.unique(values))
-    return float(steps.min()) if len(steps) else 0.0
+    steps = np.diff(np.sort(values))
+    least = float(steps.min(where=steps > 0.0, initial=np.inf))
+    return least if np.isfinite(least) else 0.0
 
 
 def _second_difference_noise(values: Array) -> float:

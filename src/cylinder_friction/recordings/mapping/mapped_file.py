@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from difflib import get_close_matches
 from typing import Any, NamedTuple
@@ -65,6 +65,8 @@ def numbers(raw: pd.Series[Any], channel: str, column: str, unit: str) -> Array:
     Raises:
         RecordingError: The cells are dates or complex numbers, or one holds text.
     """
+    if raw.dtype == np.float64:
+        return raw.to_numpy()
     kind = raw.dtype.kind
     if kind in "mMc" or isinstance(raw.dtype, pd.DatetimeTZDtype):
         what = "complex numbers" if kind == "c" else "dates or durations"
@@ -122,8 +124,7 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
     """
     there = {str(name) for table in tables for name in (*table.channels.columns, *table.unread)}
     mapping = {
-        column: replace(source, channel=next((name for name in source.names if name in there), source.channel))
-        for column, source in mapping.items()
+        column: source if source.channel in there else _alternative(source, there) for column, source in mapping.items()
     }
     columns = [column for column in mapping if column != "time_s"]
     places = {name: find_channel(tables, mapping[name].channel, mapping[name].table, name) for name in columns}
@@ -147,6 +148,10 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
     _refuse_two_ends(signals, mapping)
     notes += take_delays(signals, mapping)
     return MappedFile(signals, tuple(notes), _start(tables, stamps))
+
+
+def _alternative(source: ChannelMapping, there: Collection[str]) -> ChannelMapping:
+    return replace(source, channel=next((name for name in source.names if name in there), source.channel))
 
 
 def _start(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Array]) -> Start | None:
