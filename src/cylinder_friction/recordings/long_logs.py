@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array, median
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.position_faults import without_position_faults
 from cylinder_friction.recordings.checks.recording_checks import (
@@ -218,8 +218,10 @@ def _undisturbed(time_s: Array, first: int, rows: int, context: int, longest_bri
     """
     steps_s = np.diff(time_s)
     known = steps_s[steps_s > 0.0]
-    usual_s = float(np.median(known)) if len(known) else 0.0
+    usual_s = median(known) if len(known) else 0.0
     bad = np.append(False, ~((steps_s > 0.0) & (steps_s <= (longest_bridge + 1.5) * usual_s)))
+    if not bad.any():
+        return min(first + rows, len(bad) - context - 1)
     medians_s = np.nanmedian(time_s[: len(bad) // UNDISTURBED_ROWS * UNDISTURBED_ROWS].reshape(-1, UNDISTURBED_ROWS), 1)
     restarts = UNDISTURBED_ROWS * (1 + np.flatnonzero(~(np.diff(medians_s) > 0.0)))
     counted, row = np.concatenate([[0], np.cumsum(bad)]), np.arange(len(bad))

@@ -38,16 +38,14 @@ def over_time(time_s: Array, panels: Sequence[Panel], legend_rows: int = 1, poin
     shares = [panel.share for panel in panels]
     figure = PageFigure(shares, 0.14 / len(panels), below=True)
     step_s = float(time_s[-1] - time_s[0]) / max(1, len(time_s) - 1)
-    every = np.stack([line.values for panel in panels for line in panel.lines])
-    drawn, samples = extremes(every, points)
-    kept = iter(drawn)
     for row, panel in enumerate(panels, start=1):
         for line in panel.lines:
+            values, samples = extremes(line.values, points)
             figure.add(
                 row,
                 x0=float(time_s[0]),
                 dx=samples * step_s,
-                y=compact(next(kept)),
+                y=compact(values),
                 mode="lines",
                 name=line.name,
                 legendgroup=line.name,
@@ -67,21 +65,21 @@ def extremes(values: Array, points: int) -> tuple[Array, float]:
     only where a stretch holds nothing else.
 
     Args:
-        values: Of lines, shape ``(lines, n)``; returned as they are where n is no more than ``points``.
-        points: How many of each to return at most, at least 2.
+        values: Shape ``(n,)``; returned as they are where they are no more than ``points``.
+        points: How many to return at most, at least 2.
     """
-    lines, rows = values.shape
-    if rows <= points:
+    if len(values) <= points:
         return values, 1.0
-    stretch = -(-rows // (points // 2))
-    whole = np.full((lines, -(-rows // stretch) * stretch), np.nan)
-    whole[:, :rows] = values
+    stretch = -(-len(values) // (points // 2))
+    whole = np.full(-(-len(values) // stretch) * stretch, np.nan)
+    whole[: len(values)] = values
     table = whole.reshape(-1, stretch)
-    known = np.isfinite(table)
-    least = np.argmin(np.where(known, table, np.inf), axis=1)
-    greatest = np.argmax(np.where(known, table, -np.inf), axis=1)
+    low = high = table
+    if not (known := np.isfinite(table)).all():
+        low, high = np.where(known, table, np.inf), np.where(known, table, -np.inf)
+    least, greatest = np.argmin(low, axis=1), np.argmax(high, axis=1)
     both = np.column_stack([np.minimum(least, greatest), np.maximum(least, greatest)])
-    return np.take_along_axis(table, both, axis=1).reshape(lines, -1), 0.5 * stretch
+    return table[np.arange(len(table))[:, None], both].ravel(), 0.5 * stretch
 
 
 def spread_evenly(rows: NDArray[np.intp], points: int) -> NDArray[np.intp]:
