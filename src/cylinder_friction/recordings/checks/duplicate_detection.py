@@ -141,10 +141,9 @@ def window_hashes(columns: Columns) -> dict[int, Hashes]:
 
 def _noise(values: Array) -> float:
     """Return the standard deviation of a signal's white noise while it changes, from its second differences."""
-    rows = np.arange(1, len(values) - 1, max(1, len(values) // PLACES))
-    if len(rows) == 0:
-        return 0.0
-    bend = np.abs(values[rows + 1] - 2.0 * values[rows] + values[rows - 1])
+    end, step = max(len(values) - 2, 0), max(1, len(values) // PLACES)
+    before, here, after = (values[first : end + first : step] for first in (0, 1, 2))
+    bend = np.abs(after - 2.0 * here + before)
     bend = bend[bend > 0.0]
     return median(bend) / 1.65 if len(bend) else 0.0
 

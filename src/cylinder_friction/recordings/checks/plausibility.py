@@ -128,14 +128,18 @@ def clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> Cl
     stops, and its speed changes within a quarter of a second by less than the top speed.
     """
     half = max(1, round(HALF_WINDOW_S / sample_time_s))
-    rows = np.arange(2 * half, len(position_m) - 2 * half, max(1, len(position_m) // ROWS))
+    first, last, step = 2 * half, len(position_m) - 2 * half, max(1, len(position_m) // ROWS)
+    rows = np.arange(first, last, step)
     if len(rows) == 0:
         return ClearMotion(rows, np.empty(0), 0)
-    here, before, after = position_m[rows], position_m[rows - half], position_m[rows + half]
-    step_s = half * sample_time_s
-    moved = after - before
-    bend = position_m[rows + 2 * half] - 2.0 * here + position_m[rows - 2 * half]
-    jitter = position_m[rows + 1] - 2.0 * here + position_m[rows - 1]
+
+    def later(by: int) -> Array:
+        return position_m[first + by : last + by : step]
+
+    here, step_s = later(0), half * sample_time_s
+    moved = later(half) - later(-half)
+    bend = later(2 * half) - 2.0 * here + later(-2 * half)
+    jitter = later(1) - 2.0 * here + later(-1)
     noise = median(np.abs(jitter)) / 1.65  # median of |second difference| of white noise is 1.65 sigma
     top = quantile(np.abs(moved), 0.95)
     clear = (
