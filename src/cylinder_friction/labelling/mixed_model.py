@@ -1,13 +1,14 @@
 """A linear mixed model of several groups, each with effects of its own and strokes whose rows share an error.
 
 The common coefficients are found by generalised least squares, a group's own effects eliminated, and its variances by
-restricted maximum likelihood (Henderson 1975; Patterson and Thompson 1971).
+restricted maximum likelihood (Henderson 1975; Patterson and Thompson 1971). A search for these evaluates the likelihood
+often: what no variance changes is summed beforehand, over groups and over strokes of equal length, as the number of its
+rows alone weighs a stroke.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -19,81 +20,87 @@ from cylinder_friction.arrays import Array
 
 @dataclass(frozen=True)
 class Evidence:
-    """The products of each group's columns: of design, own effects and response. All else follows from them."""
+    """Sums of products of columns: of own effects, design and response, in this order. All else follows from them."""
 
-    products: Array  # Summed over rows, shape ``(groups, columns, columns)``
-    means: Array  # Of each stroke, shape ``(groups, strokes, columns)``; zeros where a group has fewer
-    counts: Array  # Rows of each stroke, shape ``(groups, strokes)``
-    size: int  # Columns of the design
+    rows: int
+    common: Array  # Of design and response, shape ``(size + 1, size + 1)``
+    own: Array  # Of each group's own effects with all columns, shape ``(groups, effects, columns)``
+    # The same of the sums over each stroke, those of equally many rows added up; flattened, ``(lengths, products)`` and
+    # ``(groups, lengths, products)``, the latter with zeros where a group has strokes of fewer lengths
+    common_strokes: Array
+    own_strokes: Array
+    lengths: Array  # Rows of the strokes in ``common_strokes``, shape ``(lengths,)``
+    own_lengths: Array  # The same of ``own_strokes``, shape ``(groups, lengths)``
+    strokes: Array  # How many strokes have so many rows, shape ``(lengths,)``
 
     @classmethod
-    def of(cls, groups: Sequence[tuple[Array, Array, Array, NDArray[np.int64]]]) -> Self:
-        """Return the evidence of groups of ``n`` rows each.
+    def of(cls, columns: Array, effects: int, rows: NDArray[np.int64], stroke: NDArray[np.int64]) -> Self:
+        """Return the evidence of groups, one after the other.
 
         Args:
-            groups: Columns of the common coefficients, shape ``(n, size)``, those of the group's own effects, shape
-                ``(n, effects)``, what is explained, shape ``(n,)``, and the stroke of each row, counted from 0.
+            columns: Those of a group's own effects, those of the common coefficients, and what is explained, shape
+                ``(rows, columns)``.
+            effects: Number of a group's own effects.
+            rows: Number of rows of each group, shape ``(groups,)``.
+            stroke: The stroke of each row, ascending, none in two groups, shape ``(rows,)``.
         """
-        strokes = max((int(stroke.max()) + 1 for *_, stroke in groups if len(stroke)), default=0)
-        columns = [np.column_stack(group[:3]) for group in groups]
-        products = np.stack([each.T @ each for each in columns])
-        counts, sums = np.zeros((len(groups), strokes)), np.zeros((len(groups), strokes, products.shape[1]))
-        for place, (each, (*_, stroke)) in enumerate(zip(columns, groups, strict=True)):
-            counts[place] = np.bincount(stroke, minlength=strokes)
-            np.add.at(sums[place], stroke, each)
-        return cls(products, sums / np.maximum(counts, 1.0)[:, :, None], counts, groups[0][0].shape[1])
-
-    def some(self, groups: slice) -> Evidence:
-        """Return the evidence of some of the groups."""
-        return Evidence(self.products[groups], self.means[groups], self.counts[groups], self.size)
+        first, ends, size = np.flatnonzero(np.diff(stroke, prepend=-1)), np.cumsum(rows), columns.shape[1] - effects
+        counts, sums = np.diff(first, append=len(stroke)), np.add.reduceat(columns, first)
+        lengths, length, strokes = np.unique(counts, return_inverse=True, return_counts=True)
+        alike = [sums[length == each, effects:] for each in range(len(lengths))]
+        pairs, pair = np.unique(np.searchsorted(ends, first, "right") * (len(stroke) + 1) + counts, return_inverse=True)
+        group, own_length = np.divmod(pairs, len(stroke) + 1)
+        place = np.arange(len(pairs)) - np.searchsorted(group, group)
+        own_lengths = np.zeros((len(rows), place.max(initial=0) + 1))
+        own_lengths[group, place] = own_length
+        own_strokes = np.zeros((*own_lengths.shape, effects, columns.shape[1]))
+        np.add.at(own_strokes, (group[pair], place[pair]), sums[:, :effects, None] * sums[:, None, :])
+        return cls(
+            rows=len(columns),
+            common=columns[:, effects:].T @ columns[:, effects:],
+            own=np.stack([each[:, :effects].T @ each for each in np.split(columns, ends[:-1])]),
+            common_strokes=np.array([each.T @ each for each in alike]).reshape(len(lengths), size**2),
+            own_strokes=own_strokes.reshape(*own_lengths.shape, -1),
+            lengths=lengths.astype(np.float64),
+            own_lengths=own_lengths,
+            strokes=strokes.astype(np.float64),
+        )
 
     def reduced(self, noise: float, stroke: float, deviations: Array) -> Reduced:
         """Return the normal equations of the common coefficients, the groups' own effects eliminated.
 
-        Rows of a stroke are equally correlated, so that their covariance is inverted by their means alone.
+        Rows of a stroke are equally correlated, so that their covariance is inverted by their sums alone.
 
         Args:
             noise: Standard deviation of a row.
             stroke: Standard deviation of what the rows of a stroke share.
             deviations: Prior standard deviations of the groups' own effects, shape ``(groups, effects)``.
         """
-        ratio = self.counts * (stroke / noise) ** 2
-        weighted = self.means * (self.counts * ratio / (1.0 + ratio))[:, :, None]
-        gram = (self.products - weighted.transpose(0, 2, 1) @ self.means) / noise**2
-        design, own = slice(self.size), slice(self.size, self.size + deviations.shape[1])
-        across = gram[:, design, own] * deviations[:, None, :]
-        inner = np.eye(deviations.shape[1]) + gram[:, own, own] * deviations[:, :, None] * deviations[:, None, :]
-        covariance: Array = np.asarray(np.linalg.inv(inner))
-        response = gram[:, own, -1] * deviations
-        through = across @ covariance
-        explained = (covariance @ response[:, :, None])[:, :, 0]
-        rows = 2.0 * self.counts.sum() * math.log(noise)
-        return Reduced(
-            precision=(gram[:, design, design] - through @ across.transpose(0, 2, 1)).sum(axis=0),
-            moment=(gram[:, design, -1] - (through @ response[:, :, None])[:, :, 0]).sum(axis=0),
-            square=float((gram[:, -1, -1] - (response * explained).sum(axis=1)).sum()),
-            log_determinant=float(rows + np.log1p(ratio).sum() + np.linalg.slogdet(inner)[1].sum()),
-            covariance=covariance,
-            across=across,
-            response=response,
-            deviations=deviations,
-        )
+        ratio, effects = (stroke / noise) ** 2, deviations.shape[1]
+        growth, own_weights = 1.0 + ratio * self.lengths, ratio / (1.0 + ratio * self.own_lengths)
+        normal = self.common - ((ratio / growth) @ self.common_strokes).reshape(self.common.shape)
+        own = self.own - (own_weights[:, None, :] @ self.own_strokes).reshape(self.own.shape)
+        own *= (deviations / noise**2)[:, :, None]
+        own[:, :, :effects] *= deviations[:, None, :]
+        log_determinant = 2.0 * self.rows * math.log(noise) + float(self.strokes @ np.log(growth))
+        for place in range(effects):  # Cholesky's decomposition of all groups at a time; without rounding, pivots >= 1
+            pivot = np.maximum(1.0 + own[:, place, place], 1.0)
+            log_determinant += float(np.log(pivot).sum())
+            own[:, place] /= np.sqrt(pivot)[:, None]
+            own[:, place + 1 :] -= own[:, place, place + 1 : effects, None] * own[:, place, None]
+        across = own[:, :, effects:].reshape(-1, len(normal))
+        normal = normal / noise**2 - across.T @ across
+        return Reduced(normal, log_determinant, deviations[:, -1] / np.sqrt(pivot), own[:, -1, effects:])
 
 
 @dataclass(frozen=True)
 class Reduced:
-    """What the groups contribute, summed, and their own effects in units of their prior standard deviations."""
+    """What the groups contribute, summed, and the last of their own effects given the common coefficients."""
 
-    precision: Array
-    moment: Array
-    square: float
+    normal: Array  # Precision of the coefficients, moment in the last row and column, square in the corner
     log_determinant: float
-    covariance: (
-        Array  # Of each group's own effects, given the common coefficients, shape ``(groups, effects, effects)``
-    )
-    across: Array  # Shape ``(groups, size, effects)``
-    response: Array  # Shape ``(groups, effects)``
-    deviations: Array  # Shape ``(groups, effects)``
+    spread: Array  # Standard deviation of the last effect, shape ``(groups,)``
+    last: Array  # What it shares with design and response, in units of ``spread``, shape ``(groups, size + 1)``
 
 
 @dataclass(frozen=True)
@@ -104,19 +111,16 @@ class Posterior:
     precision: Array
     minus_twice_likelihood: float  # Restricted, but for a constant
 
-    def own_effect(self, parts: Reduced, place: int) -> tuple[Array, Array]:
-        """Return posterior means and standard deviations of one of the groups' own effects, in the response's unit."""
-        explained = parts.response - np.einsum("gde,d->ge", parts.across, self.coefficients)
-        row = parts.covariance[:, place]
-        through = np.einsum("gde,ge->dg", parts.across, row)
-        variance = row[:, place] + (through * np.linalg.solve(self.precision, through)).sum(axis=0)
-        unit = parts.deviations[:, place]
-        return unit * (row * explained).sum(axis=1), unit * np.sqrt(variance)
+    def last_effect(self, parts: Reduced) -> tuple[Array, Array]:
+        """Return posterior means and standard deviations of the last of the groups' own effects."""
+        across = parts.last[:, :-1]
+        variance = 1.0 + (across.T * np.linalg.solve(self.precision, across.T)).sum(axis=0)
+        return parts.spread * (parts.last[:, -1] - across @ self.coefficients), parts.spread * np.sqrt(variance)
 
 
 def solved(precision: Array, moment: Array, parts: Reduced) -> Posterior:
     """Return the common coefficients from their prior, ``precision`` times mean, and all groups."""
-    precision, moment = precision + parts.precision, moment + parts.moment
+    precision, moment = precision + parts.normal[:-1, :-1], moment + parts.normal[:-1, -1]
     coefficients: Array = np.asarray(np.linalg.solve(precision, moment))
-    likelihood = parts.log_determinant + parts.square - float(moment @ coefficients)
+    likelihood = parts.log_determinant + float(parts.normal[-1, -1] - moment @ coefficients)
     return Posterior(coefficients, precision, likelihood + float(np.linalg.slogdet(precision)[1]))

@@ -34,7 +34,6 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
@@ -67,8 +66,6 @@ MOST_SEARCHED = 100
 """Standard deviations of what sessions have of their own are sought with at most so many sessions, evenly spread."""
 LEAST_NARROWING = 0.75
 """Strokes that leave a larger share of the stated uncertainty than this have determined nothing."""
-_OFFSET = 0
-"""First of what a session has of its own: offset, asymmetry, scale, and slope where the temperature is unknown."""
 _SURE = np.array([1.0, 1.0, 0.8, 1.0, 1.0])
 """By how much logarithms may be off; the third, of the asymmetry, by little: only a large one is taken for that."""
 _LEAST_ASYMMETRY = 1e-4
@@ -168,10 +165,12 @@ class OffsetModel:
                 f"session {session.session!r}: column {missing[0]!r} is missing; the offset model was fitted to "
                 f"recordings with {', '.join(self.inputs)}; fit it without that column"
             )
-        part = self._evidence([session]).reduced(self.noise_n, self.stroke_n, self._own_deviations([session]))
-        precision = np.array(self.precision)
+        seen, precision, asymmetry_sd = self._seen([session]), np.array(self.precision), self.plan.asymmetry_sd
+        friction = [self.scale] if self._warm_known else [self.scale, self.slope]
+        part = seen.reduced(self.noise_n, self.stroke_n, asymmetry_sd, friction)
         posterior = solved(precision, precision @ np.array(self.coefficients), part)
-        return _session_offsets(posterior, part, [session], self.common_uncertainty_n)[0]
+        found = seen.offsets(posterior, part, asymmetry_sd)
+        return _session_offsets(*found, [session], self.common_uncertainty_n)[0]
 
     def corrected(self, recordings: Sequence[Recording]) -> list[Recording]:
         """Return labelled recordings whose labels are free of their session's offset, as sure as it is known.
@@ -220,44 +219,54 @@ class OffsetModel:
         along = np.clip((2.0 * session.columns["position_m"] - first - last) / max(last - first, 1e-12), -1.0, 1.0)
         return np.hstack([np.ones((len(standard), 1)), standard, legendre.legvander(along, POSITION_ORDER)[:, 1:]])
 
-    def _design(self, session: SlidingBlocks) -> Array:
-        """Return the columns of friction and of its common asymmetry, shape ``(blocks, coefficients)``."""
-        explaining = self._explaining(session)
-        return np.hstack([session.direction[:, None] * explaining, explaining[:, self.even_places]]) * self.level_n
-
     @property
     def _warm_known(self) -> bool:
         return OIL_TEMPERATURE in self.inputs
 
-    def _evidence(self, sessions: Sequence[SlidingBlocks]) -> Evidence:
-        return Evidence.of([self._columns(session) for session in sessions])
-
-    def _columns(self, session: SlidingBlocks) -> tuple[Array, Array, Array, NDArray[np.int64]]:
-        """Return common columns, those of the session's own effects, the label [N] and the stroke of each block."""
-        level_n = self._level_n(session)
+    def _seen(self, sessions: Sequence[SlidingBlocks]) -> _Seen:
+        """Return what the blocks of sessions show of common friction, what each has of its own, and the label [N]."""
+        blocks, counts = SlidingBlocks.together(sessions), np.array([len(session.stroke) for session in sessions])
+        explaining, session = self._explaining(blocks), np.repeat(np.arange(len(counts)), counts)
+        known = np.array(self.coefficients[: explaining.shape[1]] or (1.0,))  # Before the first pass, friction's mean
+        level_n = np.abs(explaining[:, : len(known)] @ known) * self.level_n
         # A level that varies would seem to separate asymmetry from offset, though by no more than friction's model is
         # right; and, with strokes in one direction alone, scale from offset.
-        mean_level_n = np.full_like(level_n, level_n.sum() / max(len(level_n), 1))
-        both = len(np.unique(session.direction)) == 2
-        scaled_n = (level_n if both else mean_level_n) * session.direction
-        own = [np.ones_like(level_n), mean_level_n, scaled_n]
+        mean_level_n = np.bincount(session, level_n, len(counts)) / np.maximum(counts, 1)
+        both = np.abs(np.bincount(session, blocks.direction, len(counts))) < counts
+        scaled_n = np.where(both[session], level_n, mean_level_n[session]) * blocks.direction
+        own = [scaled_n, np.ones_like(level_n)]
         if not self._warm_known:
-            place = self.speed_place
-            speed = (np.abs(session.columns["velocity_m_s"]) - self.means[place]) / self.deviations[place]
-            own.append(scaled_n * speed)
-        return self._design(session), np.column_stack(own), session.label_n, session.stroke
+            own.insert(1, scaled_n * explaining[:, 1 + self.speed_place])
+        design = (self.level_n * blocks.direction)[:, None] * explaining, self.level_n * explaining[:, self.even_places]
+        columns = np.column_stack([*own, *design, blocks.label_n])
+        prior_n = np.array([session.prior_n for session in sessions])
+        return _Seen(Evidence.of(columns, len(own), counts, blocks.stroke), prior_n, mean_level_n)
 
-    def _own_deviations(self, sessions: Sequence[SlidingBlocks]) -> Array:
-        """Return prior standard deviations of what sessions have of their own: offset [N], asymmetry, scale, slope."""
-        known = [self.scale] if self._warm_known else [self.scale, self.slope]
-        return np.array([[each.prior_n, 0.5 * self.plan.asymmetry_sd, *known] for each in sessions])
 
-    def _level_n(self, session: SlidingBlocks) -> Array:
-        """Return the magnitude of friction [N], shape ``(blocks,)``; before it is known, the mean of all sessions."""
-        if not self.coefficients:
-            return np.full(len(session.direction), self.level_n)
-        explaining = self._explaining(session)
-        return np.abs(explaining @ np.array(self.coefficients[: explaining.shape[1]])) * self.level_n
+@dataclass(frozen=True)
+class _Seen:
+    """The evidence of sessions, whose own effects are a scale, a slope if the model has one, and an offset.
+
+    A session's own asymmetry is part of that offset until ``offsets`` leaves it out, as the two do not separate.
+    """
+
+    evidence: Evidence
+    prior_n: Array  # Stated standard uncertainty of each session's zeros
+    level_n: Array  # Mean friction of each session
+
+    def reduced(self, noise_n: float, stroke_n: float, asymmetry_sd: float, friction: Sequence[float]) -> Reduced:
+        """Return what the sessions contribute, given standard deviations; ``friction`` has those of scale and slope."""
+        offset_n = np.hypot(self.prior_n, 0.5 * asymmetry_sd * self.level_n)
+        deviations = np.empty((len(offset_n), 1 + len(friction)))
+        deviations[:, :-1], deviations[:, -1] = friction, offset_n
+        return self.evidence.reduced(noise_n, stroke_n, deviations)
+
+    def offsets(self, posterior: Posterior, parts: Reduced, asymmetry_sd: float) -> tuple[Array, Array]:
+        """Return posterior means and standard deviations of the sessions' offsets [N]."""
+        both_n, uncertainty_n = posterior.last_effect(parts)
+        asymmetry_n = 0.5 * asymmetry_sd * self.level_n
+        share = self.prior_n**2 / np.maximum(self.prior_n**2 + asymmetry_n**2, 1e-300)
+        return share * both_n, np.hypot(share * uncertainty_n, np.sqrt(share) * asymmetry_n)
 
 
 def fit_offset_model(
@@ -311,7 +320,7 @@ def offset_model(
             f"{', '.join(by_session)}; expected strokes faster than "
             f"{1e3 * plan.slowest_m_s:g} mm/s for more than {plan.settling_s:g} s"
         )
-    model = _empty_model(sessions, cylinder, plan, columns)
+    model = _empty_model(SlidingBlocks.together(sessions), cylinder, plan, columns)
     plan = replace(plan, asymmetry=max(plan.asymmetry, _asymmetry_seen(sessions)))
     few = _FEW * plan.asymmetry / max(len(sessions) - 1, 1)
     plan = replace(plan, asymmetry_sd=math.hypot(plan.asymmetry_sd, 2.0 * few))
@@ -319,8 +328,8 @@ def offset_model(
     least = math.log(max(0.5 * plan.asymmetry_sd, _LEAST_ASYMMETRY))
     guess = expected = np.insert(_GUESS[:3] if model._warm_known else _GUESS, 2, least)
     for _ in range(PASSES):
-        model, guess = _fitted(model, plan, sessions, guess, expected)
-    return model
+        model, guess, offsets = _fitted(model, plan, sessions, guess, expected)
+    return _with_sessions(model, sessions, *offsets)
 
 
 def _asymmetry_seen(sessions: Sequence[SlidingBlocks]) -> float:
@@ -373,20 +382,18 @@ def _quantities(session: SlidingBlocks, inputs: Sequence[str], cylinder: Cylinde
     return np.column_stack(quantities)
 
 
-def _empty_model(
-    sessions: Sequence[SlidingBlocks], cylinder: Cylinder, plan: OffsetPlan, columns: Collection[str]
-) -> OffsetModel:
+def _empty_model(blocks: SlidingBlocks, cylinder: Cylinder, plan: OffsetPlan, columns: Collection[str]) -> OffsetModel:
     """Return a model of scales alone."""
-    common = set(columns).intersection(*(session.columns for session in sessions))
+    common = set(columns).intersection(blocks.columns)
     inputs = tuple(sorted(common - ({PRESSURE_1, PRESSURE_2} if not {PRESSURE_1, PRESSURE_2} <= common else set())))
-    quantities = np.concatenate([_quantities(session, inputs, cylinder) for session in sessions])
+    quantities = _quantities(blocks, inputs, cylinder)
     deviations, rounding = quantities.std(axis=0), 1e-9 * np.abs(quantities).max(axis=0)
-    level_n = float(np.mean(np.abs(np.concatenate([session.label_n for session in sessions]))))
+    level_n = float(np.mean(np.abs(blocks.label_n)))
     deviations = np.where(deviations > rounding, deviations, 1.0)
     if LOAD_FORCE in inputs:  # A load that hardly varies explains nothing: were it to, zeros would be taken for it
         place = 3 + 2 * (PRESSURE_1 in inputs)
         deviations[place : place + 2] = np.maximum(deviations[place : place + 2], level_n)
-    position_m = np.concatenate([session.columns["position_m"] for session in sessions])
+    position_m = blocks.columns["position_m"]
     return OffsetModel(
         plan=plan,
         cylinder=cylinder,
@@ -413,80 +420,88 @@ def _floats(values: Array) -> tuple[float, ...]:
 
 def _fitted(
     model: OffsetModel, plan: OffsetPlan, sessions: Sequence[SlidingBlocks], guess: Array, expected: Array
-) -> tuple[OffsetModel, Array]:
-    """Return the model whose levels of friction are those of ``model``, and its logarithmic standard deviations.
+) -> tuple[OffsetModel, Array, tuple[Array, Array]]:
+    """Return the model whose levels of friction are those of ``model``, without sessions, and what was found for it.
 
-    The search for these begins at ``guess``; they are expected near ``expected``.
+    That is its logarithmic standard deviations, which the search begins at ``guess``, expected near ``expected``, and
+    the posterior means and standard deviations of the sessions' offsets.
     """
     from scipy.optimize import minimize  # what only estimates need not wait for it
 
-    evidence = model._evidence(sessions)
-    size = evidence.size
-    even = len(model.even_places)
+    seen, every = model._seen(sessions), -(-len(sessions) // MOST_SEARCHED)
+    searched = seen if every == 1 else model._seen(sessions[::every])
+    size, even = len(seen.evidence.common) - 1, len(model.even_places)
     counts = 1, size - even - 1 - POSITION_ORDER, POSITION_ORDER, even
     deviations = np.repeat([1.0, _QUANTITY, _RIPPLE, max(model.plan.asymmetry, 1e-6)], counts)
-    precision = np.diag(1.0 / deviations**2)
+    precision, nothing = np.diag(1.0 / deviations**2), np.zeros(size)
 
-    def given(logarithms: Array, some: slice) -> tuple[OffsetModel, Posterior, Reduced]:
-        noise, stroke, asymmetry, scale, *slope = np.exp(logarithms).tolist()
-        tried = replace(
-            model,
-            plan=replace(plan, asymmetry_sd=max(plan.asymmetry_sd, 2.0 * asymmetry)),
-            noise_n=noise * model.level_n,
-            stroke_n=stroke * model.level_n,
-            scale=scale,
-            slope=slope[0] if slope else 0.0,
-        )
-        parts = evidence.some(some).reduced(tried.noise_n, tried.stroke_n, tried._own_deviations(sessions[some]))
-        return tried, solved(precision, np.zeros(size), parts), parts
+    def variances(logarithms: Array) -> tuple[float, float, float, list[float]]:
+        noise, stroke, asymmetry, *friction = np.exp(logarithms).tolist()
+        return noise * model.level_n, stroke * model.level_n, max(plan.asymmetry_sd, 2.0 * asymmetry), friction
 
     def objective(logarithms: Array) -> float:
         surprise = np.sum(((logarithms - expected) / _SURE[: len(logarithms)]) ** 2)
-        return given(logarithms, spread)[1].minus_twice_likelihood + float(surprise)
+        parts = searched.reduced(*variances(logarithms))
+        return solved(precision, nothing, parts).minus_twice_likelihood + float(surprise)
 
-    spread = slice(None, None, -(-len(sessions) // MOST_SEARCHED))
     starts = [guess, *(np.concatenate([guess[:2], [math.log(own)], guess[3:]]) for own in _STARTS)]
     options = {"xatol": 0.02, "fatol": 0.02, "maxiter": 500}
     searches = [minimize(objective, start, method="Nelder-Mead", options=options) for start in starts]
     found = min(searches, key=lambda search: float(search.fun)).x
-    model, posterior, parts = given(found, slice(None))
-    # The mean offset looks like an asymmetry, so that no data separate them: it stays 0, as uncertain as the zeros
-    # leave it, unless those may be much larger than an asymmetry.
+    noise_n, stroke_n, asymmetry_sd, friction = variances(found)
+    parts = seen.reduced(noise_n, stroke_n, asymmetry_sd, friction)
+    posterior = solved(precision, nothing, parts)
+    fitted = replace(
+        model,
+        plan=replace(plan, asymmetry_sd=asymmetry_sd),
+        noise_n=noise_n,
+        stroke_n=stroke_n,
+        scale=friction[0],
+        slope=0.0 if model._warm_known else friction[1],
+        coefficients=_floats(posterior.coefficients),
+        precision=tuple(_floats(row) for row in posterior.precision),
+    )
+    return fitted, found, seen.offsets(posterior, parts, asymmetry_sd)
+
+
+def _with_sessions(
+    model: OffsetModel, sessions: Sequence[SlidingBlocks], offsets_n: Array, uncertainties_n: Array
+) -> OffsetModel:
+    """Return the model with the offset of each session it was fitted to.
+
+    The mean offset looks like an asymmetry, so that no data separate them: it stays 0, as uncertain as the zeros leave
+    it, unless those may be much larger than an asymmetry.
+    """
     weights = np.array([1.0 / max(session.prior_n, 1e-9) ** 2 for session in sessions])
     stated_n = 1.0 / math.sqrt(weights.sum())
     common_n = seen_n = 1.0 / math.hypot(1.0 / stated_n, 1.0 / max(model.plan.asymmetry * model.level_n, 1e-9))
-    offsets = _session_offsets(posterior, parts, sessions, seen_n)
     mean_n = 0.0
     if seen_n > LEAST_NARROWING * stated_n:
-        common_n, mean_n = stated_n, float(weights @ [each.offset_n for each in offsets]) / float(weights.sum())
-    coefficients = posterior.coefficients.copy()
-    coefficients[size - even] += mean_n / model.level_n
-    return (
-        replace(
-            model,
-            coefficients=_floats(coefficients),
-            precision=tuple(_floats(row) for row in posterior.precision),
-            common_uncertainty_n=common_n,
-            sessions={
-                each.session: replace(
-                    each,
-                    offset_n=each.offset_n - mean_n,
-                    standard_uncertainty_n=math.hypot(each.relative_uncertainty_n, common_n),
-                    common_uncertainty_n=common_n,
-                )
-                for each in offsets
-            },
-        ),
-        found,
+        common_n, mean_n = stated_n, float(weights @ offsets_n) / float(weights.sum())
+    place = len(model.coefficients) - len(model.even_places)
+    coefficients = np.array(model.coefficients)
+    coefficients[place] += mean_n / model.level_n
+    return replace(
+        model,
+        coefficients=_floats(coefficients),
+        common_uncertainty_n=common_n,
+        sessions={
+            each.session: replace(
+                each,
+                offset_n=each.offset_n - mean_n,
+                standard_uncertainty_n=math.hypot(each.relative_uncertainty_n, common_n),
+                common_uncertainty_n=common_n,
+            )
+            for each in _session_offsets(offsets_n, uncertainties_n, sessions, seen_n)
+        },
     )
 
 
 def _session_offsets(
-    posterior: Posterior, parts: Reduced, sessions: Sequence[SlidingBlocks], common_n: float
+    offsets_n: Array, uncertainties_n: Array, sessions: Sequence[SlidingBlocks], common_n: float
 ) -> list[SessionOffset]:
-    offsets_n, uncertainties_n = (each.tolist() for each in posterior.own_effect(parts, _OFFSET))
     found = []
-    for session, offset_n, uncertainty_n in zip(sessions, offsets_n, uncertainties_n, strict=True):
+    for session, offset_n, uncertainty_n in zip(sessions, offsets_n.tolist(), uncertainties_n.tolist(), strict=True):
         extend, retract = (len(np.unique(session.stroke[session.direction == sign])) for sign in (1.0, -1.0))
         common, prior = min(common_n, uncertainty_n), (session.prior_n, extend, retract, session.sliding_s)
         found.append(SessionOffset(session.session, offset_n, uncertainty_n, common, *prior))

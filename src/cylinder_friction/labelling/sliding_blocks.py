@@ -74,10 +74,15 @@ class SlidingBlocks:
                 f"expected recordings of one session, but got {len(names)} sessions ({', '.join(names) or 'none'}); "
                 "identify each session's offset by itself"
             )
+        return cls.together(parts)
+
+    @classmethod
+    def together(cls, parts: Sequence[Self]) -> Self:
+        """Return the sliding of several recordings or sessions, one after the other, under the name of the first."""
         before = np.cumsum([0, *(1 + int(part.stroke.max(initial=-1)) for part in parts)])
         common = [name for name in parts[0].columns if all(name in part.columns for part in parts)]
         return cls(
-            names[0],
+            parts[0].session,
             max(part.prior_n for part in parts),
             sum(part.sliding_s for part in parts),
             np.concatenate([part.label_n for part in parts]),
