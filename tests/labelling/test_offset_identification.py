@@ -85,6 +85,17 @@ def test_offsets_of_sessions_are_found_together(cylinder: Cylinder, drive: bool)
     assert np.abs(ratio).max() < 3.0
 
 
+def test_friction_without_noise_is_no_worse(cylinder: Cylinder) -> None:
+    """As of a simulation, which friction common to all sessions explains to the last digit."""
+    recordings = {
+        offset: recording.with_columns(friction_n=300.0 * np.sign(recording.column("velocity_m_s")) + float(offset))
+        for offset, recording in campaign(cylinder).items()
+    }
+    error, ratio = errors(fit_offset_model(recordings.values(), cylinder), recordings)
+    assert np.sqrt(np.mean(error**2)) < 1.5
+    assert np.abs(ratio).max() < 3.0
+
+
 def test_a_load_that_makes_friction_uneven_or_is_read_too_large_is_no_offset(cylinder: Cylinder) -> None:
     """Sessions differ by the load that they carry most of the time; a hundredth of it is in the label either way."""
     recordings = {}

@@ -69,6 +69,8 @@ LEAST_NARROWING = 0.75
 _SURE = np.array([1.0, 1.0, 0.8, 1.0, 1.0])
 """By how much logarithms may be off; the third, of the asymmetry, by little: only a large one is taken for that."""
 _LEAST_ASYMMETRY = 1e-4
+_LEAST_NOISE = 1e-4
+"""Over friction's level, for simulated friction without noise: with none, the equations would be singular."""
 _STARTS = (0.003, 0.03, 0.15)
 """Where the search for a session's own asymmetry begins as well: offsets and asymmetry each explain much."""
 _FEW = 0.25
@@ -437,7 +439,8 @@ def _fitted(
 
     def variances(logarithms: Array) -> tuple[float, float, float, list[float]]:
         noise, stroke, asymmetry, *friction = np.exp(logarithms).tolist()
-        return noise * model.level_n, stroke * model.level_n, max(plan.asymmetry_sd, 2.0 * asymmetry), friction
+        noise_n, asymmetry_sd = max(noise, _LEAST_NOISE) * model.level_n, max(plan.asymmetry_sd, 2.0 * asymmetry)
+        return noise_n, stroke * model.level_n, asymmetry_sd, friction
 
     def objective(logarithms: Array) -> float:
         surprise = np.sum(((logarithms - expected) / _SURE[: len(logarithms)]) ** 2)
