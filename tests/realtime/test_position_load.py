@@ -10,7 +10,8 @@ import scipy.interpolate
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cylinder_friction.realtime.position_load import LoadAxis, PositionLoad, load_at, load_unknown
+from cylinder_friction.realtime.load_table import load_at, load_unknown
+from cylinder_friction.realtime.position_load import LoadAxis, PositionLoad
 from cylinder_friction.recordings.columns import OTHER_POSITIONS
 
 LOADS = np.array([-300.0, 500.0, 450.0, 2000.0, 2000.0])

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from cylinder_friction.signals.kalman import KalmanModel, constant_jerk, random_walk
-from cylinder_friction.signals.rts import RtsSmoother, smooth_states
+from cylinder_friction.signals.kalman_passes import smooth_states
+from cylinder_friction.signals.rts import RtsSmoother
 
 STEP_S = 0.005
 

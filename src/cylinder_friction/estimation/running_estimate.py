@@ -12,13 +12,12 @@ import numpy as np
 from cylinder_friction.arrays import Mask
 from cylinder_friction.labelling.load import pooled_load
 from cylinder_friction.labelling.session import SessionIdentification
-from cylinder_friction.realtime.bounds import bounds_count
 from cylinder_friction.realtime.flags import LEAST_ROWS, Flag
-from cylinder_friction.realtime.model import Bounds
 from cylinder_friction.recordings.recording import Recording
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.realtime.model import Bounds
 
 OFTEN_MISSED = 3.0
 """Bounds that miss the label this many times as often as they may are named."""
@@ -43,6 +42,8 @@ def label_missed(parts: Sequence[Recording], bounds: Bounds) -> str:
 
     Rows count as ``bounds_count`` states.
     """
+    from cylinder_friction.realtime.bounds import bounds_count  # what only labels need not wait for it
+
     held: list[Mask] = [np.empty(0, dtype=np.bool_)]
     for part in parts:
         label_n = part.column("label_n")

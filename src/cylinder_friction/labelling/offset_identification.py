@@ -46,13 +46,13 @@ from cylinder_friction.labelling.sliding_blocks import (
     sliding_blocks,
     zero_uncertainty_n,
 )
-from cylinder_friction.realtime.sensor_offset import REFERENCE_C
 from cylinder_friction.recordings.columns import (
     COVERAGE_FACTOR,
     LOAD_FORCE,
     OIL_TEMPERATURE,
     PRESSURE_1,
     PRESSURE_2,
+    REFERENCE_C,
     UNCERTAINTY_COLUMN,
 )
 from cylinder_friction.recordings.recording import IdentifiedZero, Recording, RecordingError

@@ -6,17 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
-import numba
 import numpy as np
 
 from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.recordings.columns import LOAD_FORCE, POSITION
 from cylinder_friction.recordings.recording import Recording
 
-COLUMN, FIRST, PER_METRE, PLACES, NUMBERS = range(5)
-"""In what a step takes, of each axis: the sample's place of its position, the first one [m], places a metre, places."""
-TABLE = 1 + 3 * NUMBERS
-"""In what a step takes: the number of axes, three times ``NUMBERS`` numbers of an axis, then the loads [N]."""
 MOST_AXES = 3
 
 
@@ -74,6 +69,8 @@ class PositionLoad:
 
         Behind the loads stand ones and zeros where a load is unknown or known, if it is unknown anywhere.
         """
+        from cylinder_friction.realtime.load_table import NUMBERS  # what has no such load need not wait for Numba
+
         columns, numbers = self.columns if columns is None else columns, np.zeros(3 * NUMBERS)
         for number, (axis, places) in enumerate(zip(self.axes, self.load_n.shape, strict=True)):
             per_metre = (places - 1) / (axis.last_m - axis.first_m)
@@ -87,8 +84,10 @@ class PositionLoad:
 
         ``positions_m`` has shape ``(n, positions)``, or ``(n,)`` where the load depends on one.
         """
+        from cylinder_friction.realtime.load_table import loads_at
+
         rows = np.ascontiguousarray(np.reshape(positions_m, (len(positions_m), -1)), dtype=np.float64)
-        return np.asarray(_loads_at(self.packed(), rows))
+        return np.asarray(loads_at(self.packed(), rows))
 
     def of(self, recording: Recording) -> Array:
         """Return the load at each row of a recording [N], shape ``(n,)``."""
@@ -96,9 +95,11 @@ class PositionLoad:
 
     def knows(self, recording: Recording) -> Mask:
         """Return at which rows of a recording the load is known, shape ``(n,)``."""
+        from cylinder_friction.realtime.load_table import loads_unknown_at
+
         rows = recording.samples(self.columns)
         inside = [(rows[:, k] >= axis.first_m) & (rows[:, k] <= axis.last_m) for k, axis in enumerate(self.axes)]
-        return np.asarray(np.logical_and.reduce(inside) & ~_unknown_at(self.packed(), rows))
+        return np.asarray(np.logical_and.reduce(inside) & ~loads_unknown_at(self.packed(), rows))
 
     def in_words(self) -> str:
         """Return the load in one sentence, for whoever reads an exported model."""
@@ -135,83 +136,3 @@ class PositionLoad:
 def channel_names(inputs: tuple[str, ...], load: PositionLoad | None) -> tuple[str, ...]:
     """Return what filters take: the inputs, and a load that position decides."""
     return inputs if load is None else (*inputs, LOAD_FORCE)
-
-
-@numba.njit(cache=True)
-def _place(packed: Array, axis: int, sample: Array) -> tuple[int, float]:
-    """Return the place below a position along an axis, and which part of the way to the next it is."""
-    at = 1 + axis * NUMBERS
-    last = packed[at + PLACES] - 1.0
-    place = min(max((sample[int(packed[at + COLUMN])] - packed[at + FIRST]) * packed[at + PER_METRE], 0.0), last)
-    index = min(int(place), int(last) - 1)
-    return index, place - index
-
-
-@numba.njit(cache=True)
-def _between(table: Array, at: int, part: float) -> float:
-    below = table[at]
-    return float(below + part * (table[at + 1] - below))
-
-
-@numba.njit(cache=True)
-def _on_plane(table: Array, at: int, width: int, part: float, further: int, rest: float) -> float:
-    """Return the value between four of a plane, ``part`` of the way from row to row, ``rest`` from column to column."""
-    below = _between(table, at + further, rest)
-    return float(below + part * (_between(table, at + width + further, rest) - below))
-
-
-@numba.njit(cache=True)
-def table_at(packed: Array, sample: Array, start: int) -> float:
-    """Return the value at a sample's positions of the table that begins at ``start`` of ``PositionLoad.packed``."""
-    axes = int(packed[0])
-    index, part = _place(packed, 0, sample)
-    if axes == 1:
-        return _between(packed, start + index, part)
-    second, second_part = _place(packed, 1, sample)
-    width = int(packed[1 + NUMBERS + PLACES])
-    if axes == 2:
-        return _on_plane(packed, start + index * width, width, part, second, second_part)
-    third, third_part = _place(packed, 2, sample)
-    depth = int(packed[1 + 2 * NUMBERS + PLACES])
-    at = start + index * width * depth + second * depth
-    below = _on_plane(packed, at, depth, second_part, third, third_part)
-    above = _on_plane(packed, at + width * depth, depth, second_part, third, third_part)
-    return float(below + part * (above - below))
-
-
-@numba.njit(cache=True)
-def places_of(packed: Array) -> int:
-    """Return how many loads ``PositionLoad.packed`` holds."""
-    count = 1
-    for axis in range(int(packed[0])):
-        count *= int(packed[1 + axis * NUMBERS + PLACES])
-    return count
-
-
-@numba.njit(cache=True)
-def load_at(packed: Array, sample: Array) -> float:
-    """Return the load at a sample's positions [N] of ``PositionLoad.packed``."""
-    return table_at(packed, sample, TABLE)
-
-
-@numba.njit(cache=True)
-def load_unknown(packed: Array, sample: Array) -> bool:
-    """Return whether the load is unknown: more than half of what lies around a sample's positions in the table."""
-    start = TABLE + places_of(packed)
-    return packed.shape[0] > start and table_at(packed, sample, start) > 0.5
-
-
-@numba.njit(cache=True)
-def _loads_at(packed: Array, samples: Array) -> Array:
-    loads_n = np.empty(samples.shape[0])
-    for row in range(samples.shape[0]):
-        loads_n[row] = load_at(packed, samples[row])
-    return loads_n
-
-
-@numba.njit(cache=True)
-def _unknown_at(packed: Array, samples: Array) -> Mask:
-    unknown = np.empty(samples.shape[0], dtype=np.bool_)
-    for row in range(samples.shape[0]):
-        unknown[row] = load_unknown(packed, samples[row])
-    return unknown

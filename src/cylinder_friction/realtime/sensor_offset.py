@@ -23,6 +23,7 @@ import numba
 import numpy as np
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.recordings.columns import REFERENCE_C
 
 OWN = 5  # What a session has of its own: offset [N], asymmetry, scale, slope, and the present stroke's error [N]
 SCALE, SLOPE, STROKE = 2, 3, 4  # Places of the last among them
@@ -39,7 +40,6 @@ MEANS = 10
 COVARIANCE = MEANS + OWN
 GAIN = COVARIANCE + OWN * OWN
 SUMS = GAIN + OWN
-REFERENCE_C = 40.0  # Temperatures count from here [°C]
 QUANTITIES = 14
 """What friction depends on: pressure p, √p, speed, its logarithm l, l², load, |load|, and temperature w, w², w·p, w·√p,
 w·speed, w·l, w·l²."""

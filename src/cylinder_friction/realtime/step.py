@@ -15,6 +15,7 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.bounds import next_regime
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.history import history_step
+from cylinder_friction.realtime.load_table import load_at, load_unknown
 from cylinder_friction.realtime.lstm import Single, head_of, lstm_step
 from cylinder_friction.realtime.packed import (
     CELL,
@@ -38,7 +39,6 @@ from cylinder_friction.realtime.packed import (
     Trees,
     Whole,
 )
-from cylinder_friction.realtime.position_load import load_at, load_unknown
 from cylinder_friction.realtime.sensor_offset import DEVIATION, EXTENDED, OFFSET, RETRACTED, offset_step, supported
 from cylinder_friction.realtime.unmodelled_force import unmodelled_force
 

@@ -8,6 +8,7 @@ PRESSURE_2 = "pressure_2_pa"  # Rod side, gauge [Pa]
 POSITION = "position_m"  # Extension positive [m]
 LOAD_FORCE = "load_force_n"  # Positive when it resists extension [N]
 OIL_TEMPERATURE = "oil_temperature_c"
+REFERENCE_C = 40.0  # Oil temperatures that explain friction count from here [°C]
 OTHER_POSITIONS = ("other_position_1_m", "other_position_2_m")
 """Positions of other cylinders, on which the load may depend as well [m]."""
 DRIVE_FORCE = "drive_force_n"

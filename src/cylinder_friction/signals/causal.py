@@ -8,13 +8,20 @@ import math
 import operator
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
+from functools import cache, lru_cache
+from types import ModuleType
 from typing import Any, Protocol
 
-import numba
 import numpy as np
 
 from cylinder_friction.arrays import Array
+
+
+@cache  # an import statement takes half as long as filtering one sample
+def _loops() -> ModuleType:
+    from cylinder_friction.signals import causal_loops  # what only makes labels need not wait for it
+
+    return causal_loops
 
 
 class CausalBlock(Protocol):
@@ -71,42 +78,7 @@ class FirFilter:
             state.history = np.repeat(inputs[:1], self.length - 1, axis=0)
         padded = np.concatenate([state.history, inputs])
         state.history = padded[len(padded) - (self.length - 1) :].copy()
-        return _fir(self.taps, padded)
-
-
-FEW_ROWS = 16
-"""Fewer than this are filtered row by row: a stream's step has nothing to gain from going tap by tap."""
-
-
-@numba.njit(cache=True)
-def _fir(taps: Array, padded: Array) -> Array:
-    outputs, inputs, length = taps.shape
-    rows = padded.shape[0] - length + 1
-    result = np.zeros((rows, outputs))
-    if rows < FEW_ROWS:
-        for row in range(rows):
-            for output in range(outputs):
-                total = 0.0
-                for source in range(inputs):
-                    for lag in range(length):
-                        tap = taps[output, source, lag]
-                        if tap != 0.0:
-                            total += tap * padded[row + length - 1 - lag, source]
-                result[row, output] = total
-        return result
-    columns, line = np.ascontiguousarray(padded.T), np.empty(rows)
-    for output in range(outputs):
-        line[:] = 0.0
-        # Tap after tap over all rows, which a compiler does several at a time; each row still sums in the same order.
-        for source in range(inputs):
-            for lag in range(length):
-                tap = taps[output, source, lag]
-                if tap != 0.0:
-                    seen = columns[source, length - 1 - lag : length - 1 - lag + rows]
-                    for row in range(rows):
-                        line[row] += tap * seen[row]
-        result[:, output] = line
-    return result
+        return _loops().fir(self.taps, padded)
 
 
 @dataclass
@@ -137,17 +109,7 @@ class ExponentialLowPass:
             return inputs.copy()
         if state.output is None:
             state.output = inputs[0].copy()
-        return _low_pass(self.weight, state.output, inputs)
-
-
-@numba.njit(cache=True)
-def _low_pass(weight: float, last: Array, inputs: Array) -> Array:
-    result = np.empty_like(inputs)
-    for row in range(inputs.shape[0]):
-        for column in range(inputs.shape[1]):
-            last[column] += weight * (inputs[row, column] - last[column])
-            result[row, column] = last[column]
-    return result
+        return _loops().low_pass(self.weight, state.output, inputs)
 
 
 def moving_average_taps(window: int) -> Array:

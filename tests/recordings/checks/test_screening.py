@@ -5,7 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.checks.screening import BESIDE, MOST_ODD, Screen, ScreenRules, screen_signals
+from cylinder_friction.recordings.checks.marks import BESIDE, MOST_ODD
+from cylinder_friction.recordings.checks.screening import Screen, ScreenRules, screen_signals
 from cylinder_friction.recordings.mapping.channel_mapping import SensorLimits
 from cylinder_friction.recordings.recording import RecordingError, Signal
 

@@ -3,7 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cylinder_friction.recordings.timeline.resampling import shape_preserving_cubic, windowed_sinc
+from cylinder_friction.recordings.timeline.resampling import shape_preserving_cubic
+from cylinder_friction.recordings.timeline.windowed_sinc import windowed_sinc
 
 AWAY = 40
 """Samples of the lower rate from an end beyond which its continuation plays no part."""

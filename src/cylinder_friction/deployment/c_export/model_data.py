@@ -20,11 +20,12 @@ from cylinder_friction.realtime import sensor_offset as at
 from cylinder_friction.realtime.flags import invalid_flag
 from cylinder_friction.realtime.guard import UNKNOWN_FORCE_N
 from cylinder_friction.realtime.history import TOLERANCE_M, History
+from cylinder_friction.realtime.load_table import COLUMN, FIRST, NUMBERS, PER_METRE, PLACES, TABLE
 from cylinder_friction.realtime.lstm import LstmWeights
 from cylinder_friction.realtime.model import StepModel
-from cylinder_friction.realtime.position_load import COLUMN, FIRST, NUMBERS, PER_METRE, PLACES, TABLE, PositionLoad
+from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.realtime.unmodelled_force import force_limits
-from cylinder_friction.recordings.columns import POSITION
+from cylinder_friction.recordings.columns import POSITION, REFERENCE_C
 from cylinder_friction.signals.causal import one_sided_savitzky_golay_taps
 from cylinder_friction.signals.causal_velocity import CausalVelocity
 
@@ -339,7 +340,7 @@ def _offset(tracker: at.OffsetTracker, bank: FilterBank, real: Type) -> Data:
         "PRESSURE_OF": weights[at.PRESSURE],
         "LOAD_OF": weights[at.LOAD],
         "TEMPERATURE_OF": weights[at.WARM],
-        "REFERENCE_C": at.REFERENCE_C,
+        "REFERENCE_C": REFERENCE_C,
         "LOWEST": tracker.ranges[0],  # Of mean pressure [Pa], speed [m/s], load [N] and temperature over the reference
         "HIGHEST": tracker.ranges[1],
         "KNOWN": tracker.friction,

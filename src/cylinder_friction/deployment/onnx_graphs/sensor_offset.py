@@ -15,6 +15,7 @@ from cylinder_friction.deployment.onnx_graphs.rows import Rows
 from cylinder_friction.realtime import sensor_offset as at
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.sensor_offset import OWN, OffsetTracker
+from cylinder_friction.recordings.columns import REFERENCE_C
 
 GIVEN = 2  # Numbers that may be given before the first sample: the offset and its standard uncertainty [N]
 VARIANCE = OWN
@@ -66,7 +67,7 @@ def averaged(graph: Graph, model: StepModel, tracker: OffsetTracker, window: str
     taps, settings = block_taps(model, tracker), tracker.settings
     taps = np.pad(taps, ((0, 0), (0, 0), (0, lags - taps.shape[2])))
     middle = (settings.first_position_m + settings.last_position_m) / _span_m(tracker)
-    constants = graph.constant([[-settings.even_constant_n, 0.0, 0.0, 0.0, -at.REFERENCE_C, -middle]])
+    constants = graph.constant([[-settings.even_constant_n, 0.0, 0.0, 0.0, -REFERENCE_C, -middle]])
     newest_first = taps.transpose(2, 1, 0).reshape(-1, len(AVERAGES))
     return graph.add("Gemm", window, graph.constant(newest_first), constants, to=to)
 

@@ -8,16 +8,13 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array, quantile
 from cylinder_friction.recordings.checks.finding import spoken
+from cylinder_friction.recordings.checks.marks import AT_ITS_END, BESIDE, INFINITE, MOST_ODD, OUT_OF_RANGE, QUIET, SPIKE
 from cylinder_friction.recordings.mapping.channel_mapping import SensorLimits
 from cylinder_friction.recordings.recording import RecordingError, Signal, expect
-
-OUT_OF_RANGE, AT_ITS_END, SPIKE, INFINITE = 1, 2, 3, 4  # What a sample is marked as; 0 is valid
 
 KINDS = {
     OUT_OF_RANGE: (
@@ -36,11 +33,6 @@ KINDS = {
 }
 """What is wrong with a sample of each mark, and what to do about it."""
 
-BESIDE = 5
-"""Samples on either side of a sample that it is compared with; a spike is the odd one out among all of them."""
-
-MOST_ODD = 3  # Of those 11 samples, this many may be odd: the longest spike. Four in a row are an event, not a spike
-QUIET = 0.1  # The others lie within this share of a spike's height; after a pressure surge they settle elsewhere
 PLACES = 4096  # samples at most from which a signal's own scale is estimated
 
 
@@ -170,8 +162,10 @@ class Screen:
         within = *self._bounds(column), *_ends(column, self.limits.get(column), self.stroke_m)
         if _surely_good(logged, *within, height):
             return values
+        from cylinder_friction.recordings.checks.marking import mark  # half a second that most files do not need
+
         marks = np.zeros(len(logged), dtype=np.uint8)
-        longest = _mark(logged, *within, height, marks)
+        longest = mark(logged, *within, height, marks)
         if not marks.any():
             return values
         for kind, count in enumerate(np.bincount(marks[begin:end], minlength=len(longest))):
@@ -230,7 +224,7 @@ def _spike_height(values: Array, low: float, high: float, step: float | None, ru
 
 
 def _surely_good(values: Array, low: float, high: float, bottom: float, top: float, height: float) -> bool:
-    """Return whether ``_mark``, whose compiled code takes half a second to load, would mark nothing."""
+    """Return whether ``mark``, whose compiled code takes half a second to load, would mark nothing."""
     if not len(values):
         return True
     least, most = float(values.min()), float(values.max())
@@ -246,71 +240,3 @@ def _surely_good(values: Array, low: float, high: float, bottom: float, top: flo
     distance = np.abs(values[suspects] - middle)
     odd = np.sum(np.abs(near - middle[:, None]) > QUIET * distance[:, None], axis=1)
     return not ((distance > height) & (odd <= MOST_ODD)).any()
-
-
-@numba.njit(cache=True)
-def _mark(
-    values: Array, low: float, high: float, bottom: float, top: float, height: float, marks: NDArray[np.uint8]
-) -> NDArray[np.int64]:
-    """Fill ``marks``; return the longest run of each mark."""
-    longest = np.zeros(5, dtype=np.int64)
-    run_kind, run = 0, 0
-    close = 0  # rows left in which a spike may begin: a jump was seen
-    last, middle, peak = np.nan, np.nan, np.nan
-    for row in range(values.shape[0]):
-        value = values[row]
-        kind = 0
-        if value < low or value > high:
-            kind = INFINITE if np.isinf(value) else OUT_OF_RANGE
-        elif value <= bottom or value >= top:
-            kind = INFINITE if np.isinf(value) else AT_ITS_END
-        else:
-            if abs(value - last) > 0.7 * height:
-                close = MOST_ODD
-            if run_kind == SPIKE and run < MOST_ODD and abs(value - middle) > 0.5 * peak:
-                kind = SPIKE  # the rest of one that was found
-            elif close > 0:
-                close -= 1
-                found = _level_below(values, row, low, high, height)
-                if not np.isnan(found):
-                    kind, middle, peak = SPIKE, found, abs(value - found)
-            last = value
-        if kind == 0:
-            run_kind = 0
-            continue
-        begin = row
-        if kind == SPIKE and run_kind != SPIKE:  # its first samples may have been less clear
-            while row - begin + 1 < MOST_ODD and marks[begin - 1] == 0 and abs(values[begin - 1] - middle) > 0.5 * peak:
-                begin -= 1
-        marks[begin : row + 1] = kind
-        run = run + 1 if kind == run_kind else row + 1 - begin
-        run_kind = kind
-        longest[kind] = max(longest[kind], run)
-    return longest
-
-
-@numba.njit(cache=True)
-def _level_below(values: Array, row: int, low: float, high: float, height: float) -> float:
-    """Return the level that a spike stands on; NaN if the sample is none.
-
-    It is one if it lies far from the median of its neighbours, and they agree among themselves.
-    """
-    if row < BESIDE or row >= values.shape[0] - BESIDE:
-        return np.nan  # at an end, whether it comes back is unknown
-    near = np.empty(2 * BESIDE + 1)
-    count = 0
-    for other in range(row - BESIDE, row + BESIDE + 1):
-        if low <= values[other] <= high and not np.isinf(values[other]):  # NaN fails both
-            near[count] = values[other]
-            count += 1
-    if count < 2 * BESIDE + 1 - MOST_ODD:
-        return np.nan
-    middle = np.median(near[:count])
-    distance = abs(values[row] - middle)
-    if distance <= height:
-        return np.nan
-    odd = 0
-    for index in range(count):
-        if abs(near[index] - middle) > QUIET * distance:
-            odd += 1
-    return middle if odd <= MOST_ODD else np.nan

@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 
 from cylinder_friction.arrays import Array, Mask
@@ -15,6 +14,8 @@ LONGEST_WILD = 5
 
 WINDOWS = (4, 16, 64)  # rows to either side within which swapped rows are looked for
 FEWEST_STAMPS = 10  # a coarse clock is distinguished from chance by at least this many different stamps
+
+LOOKED_AT = 4096  # rows at a time in which a step backwards is looked for
 
 LAG = 32
 """Stamps over which the first estimate of a coarse clock's rate is taken, so that their rounding averages out."""
@@ -82,7 +83,7 @@ class _Sorting:
         self.restarts: list[int] = []
 
     def run(self, most_damaged: float) -> None:
-        position = int(_next_backward(self.time_s, 1))
+        position = _next_backward(self.time_s, 1)
         while position < len(self.time_s):
             before_s, after_s = self.time_s[position - 1], self.time_s[position]
             if self._sort(position) or self._leave_out(position):
@@ -97,7 +98,7 @@ class _Sorting:
                     f"{before_s:.9g} to {after_s:.9g} s), expected at most {int(most_damaged)} such rows, else "
                     "their order is not known; check the time channel in the mapping and the logger's clock"
                 )
-            position = int(_next_backward(self.time_s, position))
+            position = _next_backward(self.time_s, position)
 
     def _segment_start(self) -> int:
         return self.restarts[-1] if self.restarts else 0
@@ -170,12 +171,12 @@ class _Sorting:
         return OrderedStamps(self.time_s[kept], self.rows[kept], segments[kept], tuple(repairs))
 
 
-@numba.njit(cache=True)
 def _next_backward(time_s: Array, start: int) -> int:
     """Return the first position from ``start`` on with an earlier stamp than its predecessor; the length if none."""
-    for position in range(max(start, 1), len(time_s)):
-        if time_s[position] < time_s[position - 1]:
-            return position
+    for first in range(max(start, 1), len(time_s), LOOKED_AT):
+        backward = np.flatnonzero(np.diff(time_s[first - 1 : first + LOOKED_AT]) < 0.0)
+        if len(backward):
+            return first + int(backward[0])
     return len(time_s)
 
 

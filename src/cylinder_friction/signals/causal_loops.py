@@ -1,0 +1,52 @@
+"""The loops over samples of causal filters, in compiled code."""
+
+import numba
+import numpy as np
+
+from cylinder_friction.arrays import Array
+
+FEW_ROWS = 16
+"""Fewer than this are filtered row by row: a stream's step has nothing to gain from going tap by tap."""
+
+
+@numba.njit(cache=True)
+def fir(taps: Array, padded: Array) -> Array:
+    """Return the outputs of an ``FirFilter``, shape ``(n, m)``, of ``length - 1`` earlier inputs and ``n`` more."""
+    outputs, inputs, length = taps.shape
+    rows = padded.shape[0] - length + 1
+    result = np.zeros((rows, outputs))
+    if rows < FEW_ROWS:
+        for row in range(rows):
+            for output in range(outputs):
+                total = 0.0
+                for source in range(inputs):
+                    for lag in range(length):
+                        tap = taps[output, source, lag]
+                        if tap != 0.0:
+                            total += tap * padded[row + length - 1 - lag, source]
+                result[row, output] = total
+        return result
+    columns, line = np.ascontiguousarray(padded.T), np.empty(rows)
+    for output in range(outputs):
+        line[:] = 0.0
+        # Tap after tap over all rows, which a compiler does several at a time; each row still sums in the same order.
+        for source in range(inputs):
+            for lag in range(length):
+                tap = taps[output, source, lag]
+                if tap != 0.0:
+                    seen = columns[source, length - 1 - lag : length - 1 - lag + rows]
+                    for row in range(rows):
+                        line[row] += tap * seen[row]
+        result[:, output] = line
+    return result
+
+
+@numba.njit(cache=True)
+def low_pass(weight: float, last: Array, inputs: Array) -> Array:
+    """Return the outputs of an ``ExponentialLowPass``, of the inputs' shape; ``last`` becomes the last of them."""
+    result = np.empty_like(inputs)
+    for row in range(inputs.shape[0]):
+        for column in range(inputs.shape[1]):
+            last[column] += weight * (inputs[row, column] - last[column])
+            result[row, column] = last[column]
+    return result
