@@ -6,7 +6,6 @@ import importlib
 import os
 import sys
 from collections.abc import Callable, Collection, Sequence
-from importlib.metadata import version
 from pathlib import Path
 
 from cylinder_friction.extras import MissingExtraError, explained
@@ -129,7 +128,7 @@ def parser(loaded: Collection[str] = COMMANDS) -> argparse.ArgumentParser:
         prog="cylinder-friction",
         description="Friction inside a hydraulic cylinder: from sensor logs to a real-time estimator.",
     )
-    result.add_argument("--version", action="version", version=f"cylinder-friction {version('cylinder-friction')}")
+    result.add_argument("--version", action=_Version, nargs=0, help="show program's version number and exit")
     commands = result.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, words in COMMANDS.items():
         command = commands.add_parser(name, help=words, description=f"{words[0].upper()}{words[1:]}.")
@@ -146,6 +145,16 @@ def parser(loaded: Collection[str] = COMMANDS) -> argparse.ArgumentParser:
     else:
         result.add_argument(COMPLETION, choices=SHELLS, help=COMPLETION_HELP)
     return result
+
+
+class _Version(argparse.Action):
+    """Prints the version and ends; it is looked up only then."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        from importlib.metadata import version
+
+        print(f"cylinder-friction {version('cylinder-friction')}")
+        parser.exit()
 
 
 def _add_completion(top: argparse.ArgumentParser) -> None:

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import os
 import shutil
 import uuid
 from collections.abc import Iterator
@@ -12,6 +13,7 @@ from typing import Any
 import yaml
 
 LARGEST_YAML = 1 << 20
+PIECE = 1 << 18  # Bytes that are hashed at a time
 
 
 @contextmanager
@@ -103,12 +105,17 @@ def hash_of(path: Path, ignored: str = "") -> str:
     Raises:
         FileNotFoundError: There is neither a file nor a folder of that name.
     """
+    digest = hashlib.sha256()
     if not path.is_dir():
         with path.open("rb", buffering=0) as file:  # in pieces: a recording need not fit into memory
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    digest = hashlib.sha256()
-    for inner in sorted(inner for inner in path.rglob("*") if inner.is_file()):
-        name = inner.relative_to(path)
-        if "__pycache__" not in name.parts and name.as_posix() != ignored:
-            digest.update(f"{name.as_posix()}\0{hash_of(inner)}\n".encode())
+            while piece := file.read(PIECE):
+                digest.update(piece)
+        return digest.hexdigest()
+    names: list[Path] = []
+    for folder, inner, files in os.walk(path):
+        inner[:] = [each for each in inner if each != "__pycache__"]
+        names += [Path(folder, each).relative_to(path) for each in files]
+    for name in sorted(names):
+        if (path / name).is_file() and name.as_posix() != ignored:
+            digest.update(f"{name.as_posix()}\0{hash_of(path / name)}\n".encode())
     return digest.hexdigest()

@@ -11,8 +11,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from tqdm import tqdm
-
 from cylinder_friction.execution.workers import Died, Workers
 from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection, Hashes, window_hashes
 from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of
@@ -26,6 +24,7 @@ from cylinder_friction.recordings.long_logs import (
 )
 from cylinder_friction.recordings.mapping.calibration import ZeroReading, find_zero, session_zero
 from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
+from cylinder_friction.recordings.progress import shown
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, RecordingPiece
 from cylinder_friction.recordings.storage import write_recording
 
@@ -164,7 +163,7 @@ def worked_on(
         for relative, path in files.items()
     ]
     converted = workers.in_order(pieces)
-    for relative, file in zip(files, tqdm(converted, "ingest", len(files), unit="file", disable=None), strict=True):
+    for relative, file in zip(files, shown(converted, "ingest", len(files), "file"), strict=True):
         if isinstance(file, Died):
             yield Quarantined(relative, file.reason)
             continue
@@ -283,7 +282,7 @@ def session_zeros(
     """
     readings: defaultdict[str, list[ZeroReading]] = defaultdict(list)
     found = (workers or Workers()).in_order([partial(zeros_of, *each, recipe, rows) for each in files.items()])
-    for own in tqdm(found, desc="zeros", total=len(files), unit="file", disable=None):
+    for own in shown(found, "zeros", len(files), "file"):
         for session, reading in () if isinstance(own, Died) else own:
             readings[session].append(reading)
     return {session: session_zero(read) for session, read in readings.items()}

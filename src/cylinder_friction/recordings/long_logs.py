@@ -16,7 +16,6 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from tqdm import tqdm
 
 from cylinder_friction.arrays import Array, median
 from cylinder_friction.recordings.checks.finding import Finding
@@ -34,6 +33,7 @@ from cylinder_friction.recordings.formats.logged_table import MOST_INDIVISIBLE, 
 from cylinder_friction.recordings.mapping.calibration import ZeroReading, apply_zero, find_zero
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_limits
 from cylinder_friction.recordings.mapping.mapped_file import map_signals, take_delays
+from cylinder_friction.recordings.progress import shown
 from cylinder_friction.recordings.recording import (
     Columns,
     Recording,
@@ -92,7 +92,7 @@ def parts_of(table: LongTable, recipe: Recipe, rows: int, name: str) -> Iterator
     mapped = _Mapped(recipe)
     screen = Screen(sensor_limits(recipe.channels), recipe.screen, recipe.limits.stroke_m, _heights(table, recipe))
     rules, step_s, last_s, origin_s = recipe.time, 0.0, math.nan, None
-    chunks = tqdm(table.chunks(), desc=name, total=table.count, unit="part", disable=None, leave=False)
+    chunks = shown(table.chunks(), name, table.count, "part", leave=False)
     for section in _sections(map(mapped.of, chunks), rows, rules.longest_bridge_samples):
         pieces = _aligned(section, screen, replace(recipe, time=rules), origin_s)
         step_s, origin_s = step_s or pieces[0].sample_time_s, pieces[-1].origin_s

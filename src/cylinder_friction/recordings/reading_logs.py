@@ -3,7 +3,7 @@
 import glob
 import os
 import warnings
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,25 +12,17 @@ import yaml
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import LoadMode
-from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, QUANTITIES
+from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.files import read_yaml
-from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
-from cylinder_friction.recordings.formats.reading import open_logged_file
 from cylinder_friction.recordings.ingesting import Quarantined, convert_in_parts, none_usable, other_rates
-from cylinder_friction.recordings.long_logs import ROWS_AT_ONCE
 from cylinder_friction.recordings.mapping.channel_mapping import SensorScale, check_mapping
-from cylinder_friction.recordings.mapping.guessing import GuessedColumn, GuessedMapping, guess_mapping
-from cylinder_friction.recordings.mapping.mapping_text import channel_lines
-from cylinder_friction.recordings.mapping.units import check_unit, electrical, units_agree
 from cylinder_friction.recordings.path_names import ONE_CONDITION, NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
 
 _PACKAGE = Path(__file__).parents[1]
 FULL_SCALE_BAR = 250.0
 """Of a pressure sensor whose range is not stated but whose class is: usual in hydraulics."""
-MOST_LOOKED_INTO = 50
-"""Without a mapping, at most this many logs are searched for other names of the first one's channels."""
 
 
 def read_recordings(
@@ -136,7 +128,11 @@ def find_logs(
     paths = log_paths([files] if isinstance(files, str | Path) else list(files))
     try:
         if channels is None:
-            guess = _guessed(paths, cylinder, units or {}, None if database is None else Path(database))
+            # What has a mapping need not wait for these
+            from cylinder_friction.recordings.mapping.mapping_text import channel_lines
+            from cylinder_friction.recordings.mapping_of_logs import guessed
+
+            guess = guessed(paths, cylinder, units or {}, None if database is None else Path(database))
             settings = {"channels": yaml.safe_load("\n".join(channel_lines(guess))), "database": database}
             logs = _logs(paths, settings, cylinder, names, load, rate_hz)
             return replace(logs, guessed={"from": paths[0].name, "columns": guess.to_dict()})
@@ -246,90 +242,3 @@ def _merge(settings: dict[str, Any], more: Mapping[str, Any]) -> None:
             _merge(settings[key], value)
         else:
             settings[key] = value
-
-
-def _guessed(
-    paths: Sequence[Path], cylinder: Cylinder, units: Mapping[str, str], database: Path | None
-) -> GuessedMapping:
-    """Guess a mapping and warn of every guess. Refuse a column, a sensor's range or a unit that cannot be guessed."""
-    for quantity, unit in units.items():
-        if quantity not in QUANTITIES.values():
-            known = ", ".join(dict.fromkeys(QUANTITIES.values()))
-            raise RecordingError(f"units: got {quantity!r}, expected one of {known}, such as pressure=bar")
-        check_unit(next(column for column in QUANTITIES if QUANTITIES[column] == quantity), unit)
-    path = paths[0]
-    try:
-        guess = guess_mapping(_first_rows(path, database), path, cylinder, units)
-    except RecordingError as error:
-        raise RecordingError(f"{path}: {error}") from error
-    unknown = [name for name, guessed in guess.columns.items() if guessed.channel is None or electrical(guessed.unit)]
-    if unknown:
-        raise RecordingError(
-            f"{path}: no mapping was given, and that of {', '.join(unknown)} cannot be guessed; state channels, "
-            f"starting from\n" + "\n".join(channel_lines(guess))
-        )
-    _refuse_units(path, guess, units)
-    for other in paths[1:MOST_LOOKED_INTO]:
-        guess = _with_alternatives(guess, other, cylinder, units, database)
-    lines = "\n".join(channel_lines(guess))
-    warnings.warn(f"no mapping was given; guessed from {path.name}:\n{lines}", stacklevel=4)
-    return guess
-
-
-def _first_rows(path: Path, database: Path | None, wanted: Collection[str] | None = None) -> Sequence[LoggedTable]:
-    tables = open_logged_file(path, ROWS_AT_ONCE, wanted=wanted, database=database)
-    return [next(tables.chunks())] if isinstance(tables, LongTable) else tables
-
-
-def _with_alternatives(
-    guess: GuessedMapping, path: Path, cylinder: Cylinder, units: Mapping[str, str], database: Path | None
-) -> GuessedMapping:
-    """Return the guess with what another file calls the channels that it lacks, if only one of its own can be meant."""
-    names = {column: {each.channel.name, *each.alternatives} for column, each in guess.columns.items() if each.channel}
-    try:
-        tables = _first_rows(path, database, set[str]().union(*names.values()))
-        there = {str(name) for table in tables for name in (*table.channels, *table.unread)}
-        if all(own & there for own in names.values()):
-            return guess
-        its_own = guess_mapping(_first_rows(path, database), path, cylinder, units).columns
-    except RecordingError:  # is quarantined with its reason later
-        return guess
-    columns = dict(guess.columns)
-    for column, each in columns.items():
-        other = its_own.get(column)
-        if other is None or other.channel is None or other.others or other.unit != each.unit or names[column] & there:
-            continue
-        called = f"{path.name} calls it {other.channel.name}"
-        columns[column] = replace(
-            each, alternatives=(*each.alternatives, other.channel.name), reasons=(*each.reasons, called)
-        )
-    return replace(guess, columns=columns)
-
-
-def _refuse_units(path: Path, guess: GuessedMapping, units: Mapping[str, str]) -> None:
-    """Refuse units that the values leave open, and given units that the file contradicts."""
-    doubtful: dict[str, list[GuessedColumn]] = {}
-    for name, each in guess.columns.items():
-        quantity, channel = QUANTITIES[name], each.channel
-        if channel is not None and channel.unit and not units_agree(channel.unit, units.get(quantity, channel.unit)):
-            raise RecordingError(
-                f"{path}: channel {channel.name!r} states {channel.unit}, but {quantity}={units[quantity]} was given "
-                "as its unit; leave it out, or correct the file"
-            )
-        # Friction does not depend on temperature.
-        if each.fitting is not None and len(each.fitting) != 1 and quantity != "temperature":
-            doubtful.setdefault(quantity, []).append(each)
-    if doubtful:
-        words = "; ".join(f"{quantity} of {_and_their_fit(each)}" for quantity, each in doubtful.items())
-        given = {quantity: (each[0].fitting or [each[0].unit])[0] for quantity, each in doubtful.items()}
-        options = " ".join(f"--unit {quantity}={unit}" for quantity, unit in given.items())
-        raise RecordingError(
-            f"{path}: no mapping was given, and units that the file does not state cannot be guessed: {words}; state "
-            f"them, for example {options} (in Python units={given}), or give a mapping"
-        )
-
-
-def _and_their_fit(columns: Sequence[GuessedColumn]) -> str:
-    named = [f"{each.channel.name!r} ({each.reasons[1].partition(' fit ')[0]})" for each in columns if each.channel]
-    fitting = columns[0].fitting
-    return f"{' and '.join(named)} fits {' or '.join(fitting) if fitting else 'no usual unit'}"

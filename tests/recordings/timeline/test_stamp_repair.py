@@ -6,7 +6,12 @@ import pytest
 from numpy.typing import NDArray
 
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.timeline.stamp_repair import OrderedStamps, order_stamps, resolve_duplicates
+from cylinder_friction.recordings.timeline.stamp_repair import (
+    LOOKED_AT,
+    OrderedStamps,
+    order_stamps,
+    resolve_duplicates,
+)
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
 Stamps = NDArray[np.float64]
@@ -181,3 +186,11 @@ def test_a_gap_of_a_coarse_clock_stays_a_gap() -> None:
 def test_rows_that_were_not_sampled_evenly_are_refused(time_s: np.ndarray, message: str) -> None:
     with pytest.raises(RecordingError, match=message):
         resolved(time_s, NOISE)
+
+
+@pytest.mark.parametrize("row", [LOOKED_AT - 1, LOOKED_AT, LOOKED_AT + 1, 2 * LOOKED_AT + 1, 3 * LOOKED_AT - 100])
+def test_a_restart_is_found_wherever_it_is(row: int) -> None:
+    time_s = 0.005 * np.arange(3 * LOOKED_AT)
+    time_s[row:] -= time_s[row]
+    ordered = order_stamps(time_s, np.zeros(len(time_s), dtype=np.bool_), TimeRules())
+    assert np.flatnonzero(np.diff(ordered.segments)).tolist() == [row - 1]
