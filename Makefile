@@ -24,6 +24,7 @@ $(VENV)/.installed: requirements.lock pyproject.toml | $(VENV)/bin/python
 	@cmp -s requirements.lock $(VENV)/requirements.lock || $(BIN)/python -m pip install --quiet -r requirements.lock
 	@cp requirements.lock $(VENV)/requirements.lock
 	$(BIN)/python -m pip install --quiet --no-deps --editable .
+	$(BIN)/python -m compileall -q src # which pip does for all but an editable package
 	@touch $@
 
 $(BIN)/cylinder-friction:
