@@ -103,7 +103,7 @@ class AdaptiveWindow(SignalFilter):
         force_n = np.ascontiguousarray(force_n - force_n[0])
         before = _one_side(force_n[::-1].copy(), lengths, self.confidence * noise_n)[::-1]
         row, after = np.arange(len(force_n)), _one_side(force_n, lengths, self.confidence * noise_n)
-        counts = ((each + 1).astype(np.float64) for each in (before, after))
+        counts = (before + 1).astype(np.float64), (after + 1).astype(np.float64)
         return Windows(row - before, row + 1 + after, *counts, noise_n)
 
     def _lengths(self, sample_time_s: float) -> list[int]:
