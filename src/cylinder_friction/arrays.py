@@ -11,7 +11,9 @@ Mask = NDArray[np.bool_]
 
 def true_runs(mask: Mask) -> NDArray[np.int64]:
     """Return the first place of each run of true values and the one behind its last, shape ``(runs, 2)``."""
-    return np.flatnonzero(np.diff(mask, prepend=False, append=False)).reshape(-1, 2)
+    inside = np.flatnonzero(mask[1:] != mask[:-1]) + 1
+    ends = [0] if mask[:1].any() else [], [len(mask)] if mask[-1:].any() else []
+    return np.concatenate([ends[0], inside, ends[1]]).astype(np.int64).reshape(-1, 2)
 
 
 def median(values: Array) -> float:

@@ -49,8 +49,9 @@ def quantisation_step(values: Array) -> float:
 
 
 def _second_difference_noise(values: Array) -> float:
-    differences = np.diff(values, 2) / 6.0**0.5
-    if not len(differences):
+    steps = values[1:] - values[:-1]
+    sizes = np.abs(steps[1:] - steps[:-1]) / 6.0**0.5
+    if not len(sizes):
         return 0.0
-    inner = 3.0 * median(np.abs(differences)) / MEDIAN_OF_NORMAL
-    return float(np.sqrt(np.mean(np.square(differences[np.abs(differences) <= inner])) / VARIANCE_WITHIN_3))
+    inner = 3.0 * median(sizes) / MEDIAN_OF_NORMAL
+    return float(np.sqrt(np.mean(np.square(sizes[sizes <= inner])) / VARIANCE_WITHIN_3))

@@ -94,14 +94,15 @@ def check_friction(
         sample_time_s: Its sample time [s].
         areas_m2: A1 and A2 [m²]; without them only a recording with a ``drive_force_n`` can be checked.
     """
-    problem = _undecidable(columns, motion, areas_m2, load)
+    shape = _position_terms(columns[POSITION][motion.rows])
+    problem = _undecidable(columns, motion, shape, areas_m2, load)
     if problem:
         return [Finding("direction", "noted", f"whether friction opposes the motion cannot be decided: {problem}")]
     moving = {name: values[motion.rows] for name, values in columns.items()}
-    position, load_n = moving[POSITION], moving[LOAD_FORCE] if load == "measured" else 0.0
+    load_n = moving[LOAD_FORCE] if load == "measured" else 0.0
     if DRIVE_FORCE in moving:
         drive = moving[DRIVE_FORCE]
-        as_is, turned = _balances(motion, position, [drive - load_n, drive + load_n])
+        as_is, turned = _balances(motion, shape, [drive - load_n, drive + load_n])
         return [
             _inverted_load(as_is, turned, load)
             or _opposing(as_is, load, f"change the sign of position_m or of {DRIVE_FORCE} in the mapping")
@@ -109,7 +110,7 @@ def check_friction(
     assert areas_m2 is not None
     (a1, a2), p1, p2 = areas_m2, moving[PRESSURES[0]], moving[PRESSURES[1]]
     drive, exchanged = p1 * a1 - p2 * a2, p2 * a1 - p1 * a2
-    as_is, swapped, turned = _balances(motion, position, [drive - load_n, exchanged - load_n, drive + load_n])
+    as_is, swapped, turned = _balances(motion, shape, [drive - load_n, exchanged - load_n, drive + load_n])
     direction = _inverted_load(as_is, turned, load) or _direction(as_is, swapped, load)
     if direction.outcome == "refused":
         return [direction]
@@ -153,7 +154,11 @@ def clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> Cl
 
 
 def _undecidable(
-    columns: Mapping[str, Array], motion: ClearMotion, areas_m2: tuple[float, float] | None, load: LoadMode
+    columns: Mapping[str, Array],
+    motion: ClearMotion,
+    shape: Array,
+    areas_m2: tuple[float, float] | None,
+    load: LoadMode,
 ) -> str:
     """Return why the force balance cannot show the direction of friction; empty if it can."""
     if areas_m2 is None and DRIVE_FORCE not in columns:
@@ -163,7 +168,6 @@ def _undecidable(
     fewest = int(min(np.count_nonzero(motion.direction > 0.0), np.count_nonzero(motion.direction < 0.0)))
     if fewest < 20:
         return f"the piston moves clearly in both directions in {fewest} rows only, expected 20 each"
-    shape = _position_terms(columns[POSITION][motion.rows])
     explained = least_squares(shape.T @ shape, shape.T @ motion.direction)
     unexplained = float(np.var(motion.direction - shape @ explained) / np.var(motion.direction))
     return "extension and retraction hardly pass the same positions" if unexplained < LEAST_OVERLAP else ""
@@ -181,12 +185,20 @@ def least_squares(gram: Array, moment: Array) -> Array:
 
 
 def _position_terms(position: Array) -> Array:
-    centred = (position - position.mean()) / max(float(np.std(position)), 1e-12)
-    return np.vander(centred, 4, increasing=True)
+    """Return powers of the positions, standardised, shape ``(n, 4)``."""
+    if not len(position):
+        return np.empty((0, 4))
+    return powers((position - position.mean()) / max(float(np.std(position)), 1e-12))
 
 
-def _balances(motion: ClearMotion, position: Array, forces: list[Array]) -> list[Balance]:
-    terms = np.column_stack([motion.direction, _position_terms(position)])
+def powers(values: Array) -> Array:
+    """Return the powers 0 to 3 of values, shape ``(n, 4)``."""
+    square = values * values
+    return np.column_stack([np.ones(len(values)), values, square, square * values])
+
+
+def _balances(motion: ClearMotion, shape: Array, forces: list[Array]) -> list[Balance]:
+    terms = np.column_stack([motion.direction, shape])
     stacked = np.column_stack(forces)
     factors = least_squares(terms.T @ terms, terms.T @ stacked)
     residuals = np.sqrt(np.mean((stacked - terms @ factors) ** 2, axis=0))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array, Mask, median, quantile, sliding_extremes, sliding_mean, true_runs
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.limits import CheckLimits
-from cylinder_friction.recordings.checks.plausibility import ClearMotion, least_squares
+from cylinder_friction.recordings.checks.plausibility import ClearMotion, least_squares, powers
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
     LOAD_FORCE,
@@ -126,7 +126,7 @@ def _fit(drive_n: Array, positions_m: Array, motion: ClearMotion) -> tuple[float
     varied = np.std(positions_m[rows], axis=0)
     used = np.append(True, varied[1:] > LEAST_VARIATION_M)
     scaled = ((positions_m - positions_m[rows].mean(axis=0)) / np.maximum(varied, 1e-12))[:, used]
-    load = np.column_stack([np.vander(np.clip(scaled[:, 0], -3.0, 3.0), 4), scaled[:, 1:]])
+    load = np.column_stack([powers(np.clip(scaled[:, 0], -3.0, 3.0)), scaled[:, 1:]])
     terms, force_n = np.column_stack([direction, load[rows]]), drive_n[rows]
     weights, factors = np.ones(len(rows)), np.zeros(terms.shape[1])
     for _ in range(_ITERATIONS):
