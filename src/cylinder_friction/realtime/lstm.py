@@ -23,6 +23,8 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
+
 TANH_LIMIT = np.float32(9.0)
 TANH_NUMERATOR = tuple(
     np.float32(c)
@@ -64,6 +66,7 @@ Layers = Sequence[Single]
 
 TINY = np.float32(1e-30)
 ZERO = np.float32(0.0)
+AT_A_TIME = 8  # Sources whose products are added to a sum before it is stored
 
 
 @dataclass(frozen=True)
@@ -173,20 +176,25 @@ def lstm_step(
 
 
 @numba.njit(cache=True)
-def add_product(gates: Single, weights: Single, values: Single, count: int) -> None:
-    """Add ``weights[source] * values[source]`` to the gates, source after source, four at a time for speed."""
-    fours = count - count % 4
-    for source in range(0, fours, 4):
+def add_product(sums: Single | Array, weights: Single | Array, values: Single | Array, count: int) -> None:
+    """Add ``weights[source] * values[source]`` to the sums, source after source, eight at a time for speed."""
+    eights = count - count % AT_A_TIME
+    for source in range(0, eights, AT_A_TIME):
         one, two, three, four = values[source], values[source + 1], values[source + 2], values[source + 3]
-        for gate in range(gates.shape[0]):
-            total = gates[gate] + weights[source, gate] * one
-            total += weights[source + 1, gate] * two
-            total += weights[source + 2, gate] * three
-            gates[gate] = total + weights[source + 3, gate] * four
-    for source in range(fours, count):
+        five, six, seven, eight = values[source + 4], values[source + 5], values[source + 6], values[source + 7]
+        for place in range(sums.shape[0]):
+            total = sums[place] + weights[source, place] * one
+            total += weights[source + 1, place] * two
+            total += weights[source + 2, place] * three
+            total += weights[source + 3, place] * four
+            total += weights[source + 4, place] * five
+            total += weights[source + 5, place] * six
+            total += weights[source + 6, place] * seven
+            sums[place] = total + weights[source + 7, place] * eight
+    for source in range(eights, count):
         value = values[source]
-        for gate in range(gates.shape[0]):
-            gates[gate] += weights[source, gate] * value
+        for place in range(sums.shape[0]):
+            sums[place] += weights[source, place] * value
 
 
 @numba.njit(cache=True, error_model="numpy")  # Python's asks before each division, one number at a time

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.flags import invalid_flag
 from cylinder_friction.realtime.history import new_history
-from cylinder_friction.realtime.lstm import NO_NETWORK, LstmWeights, Single
+from cylinder_friction.realtime.lstm import AT_A_TIME, NO_NETWORK, LstmWeights, Single
 from cylinder_friction.realtime.sensor_offset import NO_TRACKER, OffsetNumbers
 from cylinder_friction.realtime.unmodelled_force import force_limits
 
@@ -19,12 +19,16 @@ if TYPE_CHECKING:
     from cylinder_friction.realtime.model import StepModel
 
 Whole = NDArray[np.int64]
-Int = NDArray[np.int32]
+Places = NDArray[np.uint32]  # Compiled code asks of each signed place whether it counts from the end
 
 # Places in ``State.counters``
 READY, NEWEST, CONSTANT, WARMING, RECOVERING, DIRECTION, REVERSAL_LEFT, UNMODELLED = range(8)
+VECTOR = 4  # Double-precision numbers that a processor adds at once
+LINE = 16  # Single-precision numbers in a line of the processor's memory
+ROWS = 64  # Samples that pass one part of the step before they come to the next
 HIDDEN, CELL = range(2)  # Places in ``State.lstm``
 SETTINGS, MEAN, SCALE = range(3)  # Rows of ``Features.history``
+LEFT, RIGHT, SPLIT = np.arange(1, 4, dtype=np.uint32)  # Places in a node of ``Trees``, behind its feature
 
 
 class Inputs(NamedTuple):
@@ -93,11 +97,11 @@ class Network(NamedTuple):
 class Trees(NamedTuple):
     """A forest; without one there is no root."""
 
-    # Each node's feature, left and right child, and a fourth column that ``splits`` reads, shape ``(n, 4)``; a leaf is
-    # its own child, so that each tree takes the same number of steps
-    nodes: Int
-    splits: Single  # The same memory as float32: column 3 is the threshold, or a leaf's value
-    roots: Int  # Each tree's first node
+    # Each node's feature, places of its left and right child, and a fourth number that ``splits`` reads, shape
+    # ``(4 n,)``; a leaf is its own child, so that each tree takes the same number of steps
+    nodes: Places
+    splits: Single  # The same memory as float32: the threshold, or a leaf's value
+    roots: Places  # Each tree's first node
     depth: int
     seen_from: int  # Where in ``State.seen`` its inputs begin
 
@@ -105,7 +109,9 @@ class Trees(NamedTuple):
 class Model(NamedTuple):
     """Constants of the compiled step."""
 
-    taps: Array  # Shape ``(channels, lags, features + 2)``: the linear features, then the base force, then the velocity
+    # Shape ``(channels, lags, outputs)``: the linear features, then the base force, then the velocity; as many zeros at
+    # the ends of lags and outputs as make full vectors
+    taps: Array
     inputs: Inputs
     guard: PackedGuard
     bounds: PackedBounds
@@ -138,15 +144,16 @@ class State(NamedTuple):
     outputs: Array
     moved: Array
     gates: Single
-    places: Int
-    seen: Single  # Room for hidden state, head and features, in this order
+    places: Places
+    seen: Single  # Room for hidden state, head and features, in this order, of some samples
 
 
 def packed_model(model: StepModel) -> Model:
     """Return a model laid out."""
     banks = [*model.feature_taps, model.base_taps, model.velocity_taps]
-    lags = max(bank.shape[1] for bank in banks)
+    lags = -(-max(bank.shape[1] for bank in banks) // AT_A_TIME) * AT_A_TIME
     taps = np.stack([np.pad(bank, ((0, 0), (0, lags - bank.shape[1]))) for bank in banks], axis=2)
+    taps = np.pad(taps, ((0, 0), (0, 0), (0, -len(banks) % VECTOR)))
     guard, bounds, history = model.guard, model.bounds, model.history
     network: LstmWeights = model.network or NO_NETWORK
     tracker = model.offset or NO_TRACKER
@@ -192,8 +199,8 @@ def packed_model(model: StepModel) -> Model:
             total=model.feature_count,
         ),
         network=Network(
-            input=np.ascontiguousarray(network.input),
-            recurrent=np.ascontiguousarray(network.recurrent),
+            input=_aligned(network.input),
+            recurrent=_aligned(network.recurrent),
             bias=np.ascontiguousarray(network.bias),
             head=np.ascontiguousarray(network.head),
             head_bias=np.float32(network.head_bias),
@@ -225,8 +232,8 @@ def new_state(model: Model, offset: Array) -> State:
         outputs=np.zeros(outputs),
         moved=np.zeros(6),
         gates=np.zeros(4 * nodes, dtype=np.float32),
-        places=np.zeros(len(model.trees.roots), dtype=np.int32),
-        seen=np.zeros(nodes + 1 + model.features.total, dtype=np.float32),
+        places=np.zeros(len(model.trees.roots), dtype=np.uint32),
+        seen=np.zeros((ROWS, nodes + 1 + model.features.total), dtype=np.float32),
     )
 
 
@@ -234,15 +241,25 @@ def _doubles(values: ArrayLike) -> Array:
     return np.ascontiguousarray(values, dtype=np.float64)
 
 
+def _aligned(values: Single) -> Single:
+    """Return a copy that begins where a line of the processor's memory does, so that no vector is spread over two."""
+    room = np.empty(values.size + LINE, dtype=np.float32)
+    start = -(room.ctypes.data // room.itemsize) % LINE
+    aligned = room[start : start + values.size].reshape(values.shape)
+    aligned[...] = values
+    return aligned
+
+
 def _trees(forest: Forest | None, seen_from: int) -> Trees:
     if forest is None:
-        nothing = np.zeros((0, 4), dtype=np.int32)
-        return Trees(nothing, nothing.view(np.float32), np.zeros(0, dtype=np.int32), 0, seen_from)
+        nothing = np.zeros(0, dtype=np.uint32)
+        return Trees(nothing, nothing.view(np.float32), nothing, 0, seen_from)
     leaf = forest.feature < 0
     own = np.arange(len(leaf))
-    nodes = np.zeros((len(leaf), 4), dtype=np.int32)
+    nodes = np.zeros((len(leaf), 4), dtype=np.uint32)
     nodes[:, 0] = np.where(leaf, 0, forest.feature)
-    nodes[:, 1] = np.where(leaf, own, forest.left)
-    nodes[:, 2] = np.where(leaf, own, forest.right)
-    nodes.view(np.float32)[:, 3] = np.where(leaf, forest.value, forest.threshold)
-    return Trees(nodes, nodes.view(np.float32), forest.roots.astype(np.int32), forest.depth, seen_from)
+    nodes[:, LEFT] = 4 * np.where(leaf, own, forest.left)
+    nodes[:, RIGHT] = 4 * np.where(leaf, own, forest.right)
+    nodes.view(np.float32)[:, SPLIT] = np.where(leaf, forest.value, forest.threshold)
+    flat = nodes.ravel()
+    return Trees(flat, flat.view(np.float32), 4 * forest.roots.astype(np.uint32), forest.depth, seen_from)

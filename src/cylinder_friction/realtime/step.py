@@ -9,32 +9,36 @@ from math import isfinite
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.bounds import next_regime
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.history import history_step
 from cylinder_friction.realtime.load_table import load_at, load_unknown
-from cylinder_friction.realtime.lstm import Single, head_of, lstm_step
+from cylinder_friction.realtime.lstm import Single, add_product, head_of, lstm_step
 from cylinder_friction.realtime.packed import (
     CELL,
     CONSTANT,
     DIRECTION,
     HIDDEN,
+    LEFT,
     MEAN,
     NEWEST,
     READY,
     RECOVERING,
     REVERSAL_LEFT,
+    RIGHT,
     SCALE,
     SETTINGS,
+    SPLIT,
     UNMODELLED,
     WARMING,
     Features,
     Inputs,
     Model,
+    Network,
     PackedGuard,
+    Places,
     State,
     Trees,
     Whole,
@@ -52,12 +56,45 @@ _part = numba.njit(cache=True, _nrt=False, inline="always")  # type: ignore[call
 
 
 @_compiled
-def step(model: Model, state: State, sample: Array) -> tuple[float, float, float, int]:
-    """Return friction, bounds [N] and flags at a sample, one number per input; changes ``state``."""
+def steps(
+    model: Model, state: State, samples: Array, newtons: Array, learned: Array, flags: Whole
+) -> tuple[float, float, float, int]:
+    """Take the step on each of ``samples``, shape ``(n, inputs)``; return friction, bounds [N] and flags at the last.
+
+    Fills ``newtons`` with the first three of each, ``(n, 3)``, ``learned`` with the offset and its standard uncertainty
+    after each [N], ``(n, 2)``, and ``flags``; changes ``state``. Some rows at a time pass filters, network and forest
+    one after the other: a processor's nearest memory holds the constants of one of these, not of all.
+    """
+    last = 0.0, 0.0, 0.0, 0
+    room, network = state.seen.shape[0], model.network
+    for first in range(0, samples.shape[0], room):
+        rows = min(room, samples.shape[0] - first)
+        for row in range(rows):
+            flags[first + row] = _uncorrected(model, state, samples[first + row], state.seen[row], newtons[first + row])
+            if state.offset.shape[0] > 0:
+                learned[first + row, 0], learned[first + row, 1] = state.offset[OFFSET], state.offset[DEVIATION]
+        for row in range(rows):
+            if network.bias.shape[0] > 0 and not flags[first + row] & FLAG_NOT_READY:
+                _run_network(network, state, state.seen[row])
+        for row in range(rows):
+            friction = newtons[first + row]
+            if not flags[first + row] & FLAG_NOT_READY:
+                _correct(model, state.places, state.seen[row], friction)
+            last = friction[0], friction[1], friction[2], flags[first + row]
+    return last
+
+
+@_part
+def _uncorrected(model: Model, state: State, sample: Array, seen: Single, newtons: Array) -> int:
+    """Do all but the corrections; return the flags.
+
+    Fills the features of ``seen``, and ``newtons`` with the base force and how far bounds are from it.
+    """
     flags = _check(model.inputs, state, sample)
     bad = flags != 0
     if state.counters[READY] == 0 and bad:
-        return 0.0, 0.0, 0.0, FLAG_NOT_READY | flags
+        newtons[:] = 0.0
+        return FLAG_NOT_READY | flags
     if model.inputs.load.shape[0] > 0:
         state.now[sample.shape[0]] = load_at(model.inputs.load, state.now)
     if state.counters[READY] == 0:
@@ -65,7 +102,8 @@ def step(model: Model, state: State, sample: Array) -> tuple[float, float, float
     _filter(model.taps, state)
     for output in range(model.zeros.shape[0]):
         state.outputs[output] -= state.offset[OFFSET] * model.zeros[output]
-    base_n, velocity_m_s = state.outputs[-2], state.outputs[-1]
+    linear = model.features.limits.shape[0]
+    base_n, velocity_m_s = state.outputs[linear], state.outputs[linear + 1]
     if _outside(model.inputs, state.now):
         flags |= FLAG_OUTSIDE
     if _frozen(model.inputs, model.guard, state, base_n):
@@ -74,7 +112,7 @@ def step(model: Model, state: State, sample: Array) -> tuple[float, float, float
     for channel in range(state.now.shape[0]):
         state.held[channel] = state.now[channel]
     flags |= _trust(model.guard, state.counters, bad)
-    friction_n = _corrected(model, state, base_n + model.target_mean_n)
+    _make_features(model.features, state, seen[model.network.head.shape[0] + 1 :])
     regime = _regime(model, state.counters, velocity_m_s)
     if model.guard.forces.shape[1] > 0 and _unmodelled(model.guard, state, regime):
         flags |= FLAG_UNMODELLED_FORCE
@@ -87,8 +125,9 @@ def step(model: Model, state: State, sample: Array) -> tuple[float, float, float
         if model.bounds.spread_n[regime] > 0.0:
             further = np.sqrt(1.0 + (state.offset[DEVIATION] / model.bounds.spread_n[regime]) ** 2)
         offset_step(model.tracker, state.offset, model.inputs.position, velocity_m_s, state.now, not bad)
-    lower_n = friction_n + further * model.bounds.lower_n[regime]
-    return friction_n, lower_n, friction_n + further * model.bounds.upper_n[regime], flags
+    newtons[0] = base_n + model.target_mean_n
+    newtons[1], newtons[2] = further * model.bounds.lower_n[regime], further * model.bounds.upper_n[regime]
+    return flags
 
 
 @_part
@@ -130,10 +169,7 @@ def _filter(taps: Array, state: State) -> None:
     for channel in range(ring.shape[0]):
         ring[channel, newest] = state.now[channel]
         ring[channel, newest + lags] = state.now[channel]
-        for lag in range(lags):
-            past = ring[channel, newest + lag]
-            for output in range(outputs.shape[0]):
-                outputs[output] += taps[channel, lag, output] * past
+        add_product(outputs, taps[channel], ring[channel, newest:], lags)
 
 
 @_part
@@ -179,26 +215,6 @@ def _trust(guard: PackedGuard, counters: Whole, bad: bool) -> int:
 
 
 @_part
-def _corrected(model: Model, state: State, friction_n: float) -> float:
-    """Return friction with the corrections of network and forest [N]."""
-    network, trees = model.network, model.trees
-    layers, nodes = network.bias.shape[0], network.head.shape[0]
-    hidden, features = state.seen[:nodes], state.seen[nodes + 1 :]
-    _make_features(model.features, state, features)
-    if layers > 0:
-        weights = network.input, network.recurrent, network.bias
-        lstm_step(*weights, model.features.total, features, state.lstm[HIDDEN], state.lstm[CELL], state.gates)
-        for node in range(nodes):
-            hidden[node] = state.lstm[HIDDEN, layers - 1, node]
-        state.seen[nodes] = head_of(hidden, network.head, network.head_bias)
-    if network.head_counts:
-        friction_n += model.target_scale_n * np.float64(state.seen[nodes])
-    if trees.roots.shape[0] > 0:
-        friction_n += model.target_scale_n * _forest(trees, state.places, state.seen[trees.seen_from :])
-    return friction_n
-
-
-@_part
 def _make_features(made: Features, state: State, features: Single) -> None:
     """Fill the features: linear ones, ``y / (|y| + limit)`` if there is a limit, then those of the history."""
     linear = made.limits.shape[0]
@@ -216,7 +232,31 @@ def _make_features(made: Features, state: State, features: Single) -> None:
 
 
 @_part
-def _forest(trees: Trees, places: NDArray[np.int32], seen: Single) -> float:
+def _run_network(network: Network, state: State, seen: Single) -> None:
+    """Put hidden state and head before the features."""
+    layers, nodes = network.bias.shape[0], network.head.shape[0]
+    hidden, features = state.lstm[HIDDEN], seen[nodes + 1 :]
+    weights = network.input, network.recurrent, network.bias
+    lstm_step(*weights, features.shape[0], features, hidden, state.lstm[CELL], state.gates)
+    for node in range(nodes):
+        seen[node] = hidden[layers - 1, node]
+    seen[nodes] = head_of(seen[:nodes], network.head, network.head_bias)
+
+
+@_part
+def _correct(model: Model, places: Places, seen: Single, newtons: Array) -> None:
+    """Add the corrections of network and forest to the base force, and then friction to its bounds."""
+    network, trees = model.network, model.trees
+    if network.head_counts:
+        newtons[0] += model.target_scale_n * np.float64(seen[network.head.shape[0]])
+    if trees.roots.shape[0] > 0:
+        newtons[0] += model.target_scale_n * _forest(trees, places, seen[trees.seen_from :])
+    newtons[1] += newtons[0]
+    newtons[2] += newtons[0]
+
+
+@_part
+def _forest(trees: Trees, places: Places, seen: Single) -> float:
     """Descend all trees together, level by level: the machine waits for many of them at once, not for each."""
     nodes, splits = trees.nodes, trees.splits
     for tree in range(places.shape[0]):
@@ -224,11 +264,11 @@ def _forest(trees: Trees, places: NDArray[np.int32], seen: Single) -> float:
     for _ in range(trees.depth):
         for tree in range(places.shape[0]):
             node = places[tree]
-            left = seen[nodes[node, 0]] <= splits[node, 3]
-            places[tree] = nodes[node, 1] if left else nodes[node, 2]
+            left = seen[nodes[node]] <= splits[node + SPLIT]
+            places[tree] = nodes[node + LEFT] if left else nodes[node + RIGHT]
     total = 0.0
     for tree in range(places.shape[0]):
-        total += np.float64(splits[places[tree], 3])
+        total += np.float64(splits[places[tree] + SPLIT])
     return total
 
 
@@ -247,16 +287,3 @@ def _unmodelled(guard: PackedGuard, state: State, regime: int) -> bool:
     limits = guard.clear_samples, guard.least_pressure_pa
     found, state.counters[UNMODELLED] = unmodelled_force(guard.forces, state.now, *motion, *limits)
     return found
-
-
-@_compiled
-def steps(model: Model, state: State, samples: Array, newtons: Array, learned: Array, flags: Whole) -> None:
-    """Take the step on each of ``samples``, shape ``(n, inputs)``.
-
-    Fills ``newtons``, ``(n, 3)``, the offset and its standard uncertainty after each [N], ``(n, 2)``, and ``flags``.
-    """
-    for row in range(samples.shape[0]):
-        friction_n, lower_n, upper_n, flags[row] = step(model, state, samples[row])
-        newtons[row, 0], newtons[row, 1], newtons[row, 2] = friction_n, lower_n, upper_n
-        if state.offset.shape[0] > 0:
-            learned[row, 0], learned[row, 1] = state.offset[OFFSET], state.offset[DEVIATION]

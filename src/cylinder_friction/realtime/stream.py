@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.flags import Estimate
 from cylinder_friction.realtime.model import StepModel
-from cylinder_friction.realtime.packed import Model, State, new_state, packed_model
+from cylinder_friction.realtime.packed import new_state, packed_model
 from cylinder_friction.realtime.sensor_offset import DEVIATION, OFFSET
-from cylinder_friction.realtime.step import step, steps
+from cylinder_friction.realtime.step import steps
 from cylinder_friction.recordings.recording import refuse_not_finite
 
 NO_OFFSET = "this estimator learns no sensor offset; expected no offset to start from; train it on recordings with one"
@@ -56,13 +56,17 @@ class EstimatorStream:
         return float(self._advance(self._state, row)[0])
 
 
-def _bound(model: Model, state: State, sample: Array) -> Callable[[], Any]:
+def _bound(*arguments: Any) -> Callable[[], Any]:
     """Return the compiled step with its arguments: called without numba's look at the type of each array."""
-    arguments = model, state, sample
-    step(*arguments)  # compiled, or loaded, before time counts; NaN touches no state
-    by_types = getattr(step, "overloads", None)  # None in plain Python
-    function = step if by_types is None else by_types[tuple(map(numba.typeof, arguments))].entry_point
+    steps(*arguments)  # compiled, or loaded, before time counts; NaN touches no state
+    by_types = getattr(steps, "overloads", None)  # None in plain Python
+    function = steps if by_types is None else by_types[tuple(map(numba.typeof, arguments))].entry_point
     return partial(function, *arguments)
+
+
+def _room(rows: int) -> tuple[Array, Array, NDArray[np.int64]]:
+    """Return what the compiled step fills: friction and bounds, what it learned of the offset, and flags."""
+    return np.empty((rows, 3)), np.zeros((rows, 2)), np.empty(rows, dtype=np.int64)
 
 
 class CompiledRun:
@@ -104,10 +108,9 @@ class CompiledRun:
     def run_with_offset(self, samples: Array) -> tuple[Array, Array, NDArray[np.int64]]:
         """Return what ``run`` does, with ``offset`` after each sample, shape ``(n, 2)``, before the flags."""
         samples = np.ascontiguousarray(samples, dtype=np.float64)
-        newtons, learned = np.empty((len(samples), 3)), np.zeros((len(samples), 2))
-        flags = np.empty(len(samples), dtype=np.int64)
-        steps(self._packed, self._state, samples, newtons, learned, flags)
-        return newtons, learned, flags
+        filled = _room(len(samples))
+        steps(self._packed, self._state, samples, *filled)
+        return filled
 
 
 class _CompiledStep(CompiledRun):
@@ -115,8 +118,9 @@ class _CompiledStep(CompiledRun):
 
     def __init__(self, model: StepModel) -> None:
         super().__init__(model)
-        self._sample = np.full(len(model.inputs), np.nan)
-        self._step = _bound(self._packed, self._state, self._sample)
+        row = np.full((1, len(model.inputs)), np.nan)
+        self._sample = row[0]
+        self._step = _bound(self._packed, self._state, row, *_room(1))
 
     def _take(self, sample: tuple[float, ...]) -> tuple[float, float, float, int]:
         _refuse_other_length(sample, self.inputs)
