@@ -6,6 +6,7 @@ import pytest
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.packed import ROWS
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.recording import Recording
 
@@ -25,7 +26,8 @@ def test_after_rubbish_it_comes_back_to_the_undisturbed_estimate(
 
 
 def test_a_run_is_its_steps_wherever_it_is_cut(small_model: StepModel, labelled_recordings: list[Recording]) -> None:
-    samples = labelled_recordings[0].samples()[:400]
+    samples = labelled_recordings[0].samples()[:400].copy()
+    samples[: ROWS + 3, 1] = np.nan
     one = RealTimeStream(small_model)
     stepped = [one.step(*sample) for sample in samples]
     other = RealTimeStream(small_model)

@@ -25,7 +25,7 @@ Places = NDArray[np.uint32]  # Compiled code asks of each signed place whether i
 READY, NEWEST, CONSTANT, WARMING, RECOVERING, DIRECTION, REVERSAL_LEFT, UNMODELLED = range(8)
 VECTOR = 4  # Double-precision numbers that a processor adds at once
 LINE = 16  # Single-precision numbers in a line of the processor's memory
-ROWS = 64  # Samples that pass one part of the step before they come to the next
+ROWS = 16  # Samples that pass one part of the step before they come to the next
 HIDDEN, CELL = range(2)  # Places in ``State.lstm``
 SETTINGS, MEAN, SCALE = range(3)  # Rows of ``Features.history``
 LEFT, RIGHT, SPLIT = np.arange(1, 4, dtype=np.uint32)  # Places in a node of ``Trees``, behind its feature
