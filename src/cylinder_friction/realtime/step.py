@@ -68,19 +68,18 @@ def steps(
     last = 0.0, 0.0, 0.0, 0
     room, network = state.seen.shape[0], model.network
     for first in range(0, samples.shape[0], room):
-        rows = min(room, samples.shape[0] - first)
-        for row in range(rows):
-            flags[first + row] = _uncorrected(model, state, samples[first + row], state.seen[row], newtons[first + row])
+        end = min(first + room, samples.shape[0])
+        for row in range(first, end):
+            flags[row] = _uncorrected(model, state, samples[row], state.seen[row - first], newtons[row])
             if state.offset.shape[0] > 0:
-                learned[first + row, 0], learned[first + row, 1] = state.offset[OFFSET], state.offset[DEVIATION]
-        for row in range(rows):
-            if network.bias.shape[0] > 0 and not flags[first + row] & FLAG_NOT_READY:
-                _run_network(network, state, state.seen[row])
-        for row in range(rows):
-            friction = newtons[first + row]
-            if not flags[first + row] & FLAG_NOT_READY:
-                _correct(model, state.places, state.seen[row], friction)
-            last = friction[0], friction[1], friction[2], flags[first + row]
+                learned[row, 0], learned[row, 1] = state.offset[OFFSET], state.offset[DEVIATION]
+        for row in range(first, end):
+            if network.bias.shape[0] > 0 and not flags[row] & FLAG_NOT_READY:
+                _run_network(network, state, state.seen[row - first])
+        for row in range(first, end):
+            if not flags[row] & FLAG_NOT_READY:
+                _correct(model, state.places, state.seen[row - first], newtons[row])
+            last = newtons[row, 0], newtons[row, 1], newtons[row, 2], flags[row]
     return last
 
 
