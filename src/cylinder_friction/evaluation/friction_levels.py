@@ -83,15 +83,15 @@ def friction_levels(recordings: Iterable[Recording]) -> tuple[FrictionLevel, ...
         pieces = stroke_pieces(direction, time_s, SETTLING_S, max(1, round(PIECE_S / step_s)))
         if not len(pieces.rows):
             continue
-        sign = np.sign(pieces.mean(direction))
+        sign = direction[pieces.rows[pieces.begins]]
         pressure_bar = 1e-5 * pieces.mean(recording.column(PRESSURES[0]) + recording.column(PRESSURES[1]))
         level = PRESSURE_STEP_BAR * np.floor(pressure_bar / PRESSURE_STEP_BAR)
         speed = np.exp2(np.floor(np.log2(1e3 * np.abs(pieces.mean(velocity_m_s)))))
         friction_n, seconds = sign * pieces.mean(recording.column("friction_n")), step_s * pieces.counts
-        for *cell, newtons, own_s in zip(sign, level, speed, friction_n, seconds, strict=True):
-            found = sums.setdefault(tuple(map(float, cell)), [0.0, 0.0])
-            found[0] += float(newtons * own_s)
-            found[1] += float(own_s)
+        for *cell, newtons, own_s in np.column_stack([sign, level, speed, friction_n * seconds, seconds]).tolist():
+            found = sums.setdefault(tuple(cell), [0.0, 0.0])
+            found[0] += newtons
+            found[1] += own_s
     return tuple(
         FrictionLevel(int(cell[0]), cell[1], cell[2], total / seconds, seconds)
         for cell, (total, seconds) in sorted(sums.items())

@@ -110,13 +110,14 @@ def stroke_pieces(direction: Array, progress: Array, settling: float, piece_rows
     ``direction`` is 1, -1, or 0 where nothing counts; rows within ``settling`` of their run's first one by
     ``progress``, time or path, are left out. Both have shape ``(n,)``.
     """
-    run = np.cumsum(np.diff(direction, prepend=direction[:1]) != 0.0)
-    starts = np.flatnonzero(np.diff(run, prepend=-1))
-    rows = np.flatnonzero((direction != 0.0) & (progress - progress[starts][run] >= settling))
-    first_of_run = np.searchsorted(run[rows], run[rows], side="left")
-    piece = (np.arange(len(rows)) - first_of_run) // piece_rows
-    begins = np.flatnonzero((np.diff(run[rows], prepend=-1) != 0) | (np.diff(piece, prepend=-1) != 0))
-    stroke = np.unique(run[rows][begins], return_inverse=True)[1].astype(np.int64)
+    starts = np.flatnonzero(np.concatenate([[len(direction) > 0], direction[1:] != direction[:-1]]))
+    lengths = np.diff(starts, append=len(direction))
+    rows = np.flatnonzero((direction != 0.0) & (progress - np.repeat(progress[starts], lengths) >= settling))
+    firsts = np.unique(np.searchsorted(rows, starts))  # of each run that has rows left, in ``rows``
+    firsts = firsts[firsts < len(rows)]
+    pieces = -(-np.diff(firsts, append=len(rows)) // piece_rows)
+    stroke = np.repeat(np.arange(len(firsts)), pieces)
+    begins = firsts[stroke] + piece_rows * (np.arange(len(stroke)) - (np.cumsum(pieces) - pieces)[stroke])
     return StrokePieces(rows, begins, np.diff(np.append(begins, len(rows))), stroke)
 
 

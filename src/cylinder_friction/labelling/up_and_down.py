@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.arrays import Array
+from cylinder_friction.arrays import Array, median
 
 POSITION_BINS = 30
 LEAST_ROWS_A_BIN = 10
@@ -24,25 +24,26 @@ def up_and_down(
 
     A force that depends on position alone, such as a load's weight, is in the sum and not in the difference.
     """
-    up, down = usable & (velocity_m_s > slowest_m_s), usable & (velocity_m_s < -slowest_m_s)
-    if not up.any() or not down.any():
+    moving = np.flatnonzero(usable & (np.abs(velocity_m_s) > slowest_m_s))
+    down = velocity_m_s[moving] < 0.0
+    if down.all() or not down.any():
         return float("nan"), float("nan")
-    edges = np.linspace(float(position_m[usable].min()), float(position_m[usable].max()), POSITION_BINS + 1)
-    extending, retracting = (_medians(position_m[rows], friction_n[rows], edges) for rows in (up, down))
-    both = extending.keys() & retracting.keys()
-    halves = [(0.5 * (extending[n] + retracting[n]), 0.5 * (extending[n] - retracting[n])) for n in sorted(both)]
-    if not halves:
+    within_m = position_m[usable]
+    edges = np.linspace(float(within_m.min()), float(within_m.max()), POSITION_BINS + 1)
+    bins = np.searchsorted(edges[1:-1], position_m[moving], side="right") + POSITION_BINS * down
+    medians_n, counts = _medians(friction_n[moving], bins.astype(np.uint8), 2 * POSITION_BINS)
+    both = (counts.reshape(2, -1) >= LEAST_ROWS_A_BIN).all(axis=0)
+    if not both.any():
         return float("nan"), float("nan")
-    load_n, half_difference_n = np.median(np.array(halves), axis=0)
-    return float(load_n), float(half_difference_n)
+    extending_n, retracting_n = medians_n.reshape(2, -1)[:, both]
+    return median(0.5 * (extending_n + retracting_n)), median(0.5 * (extending_n - retracting_n))
 
 
-def _medians(position_m: Array, values: Array, edges: Array) -> dict[int, float]:
-    """Return the median of the values of each bin that holds enough of them, by the bin's number."""
-    order = np.argsort(values)
-    numbers = np.clip(np.digitize(position_m[order], edges) - 1, 0, POSITION_BINS - 1).astype(np.uint8)
-    values = values[order[np.argsort(numbers, kind="stable")]]  # small numbers sort fast
-    counts = np.bincount(numbers, minlength=POSITION_BINS)
-    starts, enough = np.cumsum(counts) - counts, np.flatnonzero(counts >= LEAST_ROWS_A_BIN)
-    below, above = (values[starts[enough] + middle[enough]] for middle in ((counts - 1) // 2, counts // 2))
-    return dict(zip(enough.tolist(), (0.5 * (below + above)).tolist(), strict=True))
+def _medians(values: Array, bins: NDArray[np.uint8], count: int) -> tuple[Array, NDArray[np.int64]]:
+    """Return the median of the values of each bin, NaN for an empty one, and how many it holds, each ``(count,)``."""
+    counts = np.bincount(bins, minlength=count)
+    table = np.full((count, int(counts.max())), np.nan)  # a row a bin; NaN is sorted to its end
+    table[np.arange(table.shape[1]) < counts[:, None]] = values[np.argsort(bins, kind="stable")]  # fast: small numbers
+    table.sort(axis=1)
+    below, above = (table[np.arange(count), middle] for middle in ((counts - 1) // 2, counts // 2))
+    return 0.5 * (below + above), counts

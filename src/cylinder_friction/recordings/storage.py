@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.files import whole_file
-from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
+from cylinder_friction.recordings.recording import Columns, Recording, RecordingError, RecordingMetadata
 
 _METADATA_KEY = b"cylinder_friction"
 DRAWN_ROWS = 2048
@@ -83,14 +83,24 @@ def read_metadata(path: Path) -> RecordingMetadata:
 
 def read_recording(path: Path) -> Recording:
     """Read one file that ``write_recording`` or ``write_scratch`` wrote; its values are read-only."""
+    found = _read(path)
+    return Recording(_metadata(path, found.schema), _columns(found))
+
+
+def read_columns(path: Path) -> Columns:
+    """Read what ``read_recording`` does, without the metadata."""
+    return _columns(_read(path))
+
+
+def _read(path: Path) -> pa.Table:
     if path.suffix == SCRATCH:
-        with pa.OSFile(str(path)) as source:
-            found = pa.ipc.open_file(source).read_all()
-    else:
-        with pq.ParquetFile(path) as file:
-            found = file.read()
-    columns = {name: found[name].to_numpy() for name in found.column_names}
-    return Recording(_metadata(path, found.schema), columns)
+        return pa.ipc.open_file(path.read_bytes()).read_all()
+    with pq.ParquetFile(path) as file:
+        return file.read()
+
+
+def _columns(table: pa.Table) -> Columns:
+    return {name: values.to_numpy() for name, values in zip(table.column_names, table.columns, strict=True)}
 
 
 def _metadata(path: Path, schema: pa.Schema) -> RecordingMetadata:
