@@ -139,7 +139,12 @@ def _of(panel: int) -> str:
 
 
 def _packed(values: Any) -> Any:
-    """Return an array as its bytes; they are nothing but single precision, which is finer than a pixel."""
+    """Return an array as the bytes of single precision, which is finer than a pixel.
+
+    First stands the first byte of each number, then the second, and so on: so they deflate to less in less time, and
+    ``page.js`` puts them back.
+    """
     if not isinstance(values, np.ndarray) or values.ndim != 1:
         return values.item() if isinstance(values, np.generic) else values.tolist()
-    return {"dtype": "f4", "bdata": base64.b64encode(values.astype("<f4").tobytes()).decode()}
+    planes = values.astype("<f4").view(np.uint8).reshape(-1, 4).T
+    return {"planes": base64.b64encode(planes.tobytes()).decode()}

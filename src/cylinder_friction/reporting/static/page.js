@@ -18,10 +18,19 @@ function stack(layout) {
   return 0.8 * count;
 }
 
+// Numbers come in base64 as bytes: first the first one of each single-precision number, then the second, and so on.
+function numbers(planes) {
+  const bytes = atob(planes), count = bytes.length / 4, whole = new Uint8Array(bytes.length);
+  for (let at = 0; at < bytes.length; at += 1) whole[4 * (at % count) + Math.floor(at / count)] = bytes.charCodeAt(at);
+  return new Float32Array(whole.buffer);
+}
+
 function draw(place) {
   const source = place.querySelector('script');
   if (!source) return;
-  const figure = JSON.parse(source.textContent), narrow = place.clientWidth < NARROW;
+  const figure = JSON.parse(
+    source.textContent, (_, value) => value && value.planes !== undefined ? numbers(value.planes) : value);
+  const narrow = place.clientWidth < NARROW;
   source.remove();
   if (narrow) {
     figure.layout.font.size = 11;
