@@ -41,14 +41,16 @@ def whole_file(path: Path) -> Iterator[Path]:
 
     Whoever writes has a draft of its own: on a cluster the same work may be done twice.
     """
-    path.parent.mkdir(parents=True, exist_ok=True)
+    if not path.parent.is_dir():
+        path.parent.mkdir(parents=True, exist_ok=True)
     draft = path.with_name(f".{uuid.uuid4().hex}.draft{path.suffix}")
     try:
         yield draft
         draft.replace(path)
-    finally:
+    except BaseException:
         with suppress(OSError):  # of a read-only file system, which would hide why nothing could be written
             draft.unlink(missing_ok=True)
+        raise
 
 
 def write_text(path: Path, text: str) -> None:

@@ -43,7 +43,7 @@ from cylinder_friction.recordings.recording import (
     Signal,
 )
 from cylinder_friction.recordings.start import Start
-from cylinder_friction.recordings.storage import read_columns, read_recording, write_recording, write_scratch
+from cylinder_friction.recordings.storage import read_recording, write_recording, write_scratch
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import stamps_to_datetimes, stamps_to_seconds
 
@@ -301,7 +301,7 @@ class LongRecording:
             path.unlink()
 
     def _read(self, path: Path) -> Recording:
-        recording = Recording(self.metadata, read_columns(path), self.noise)
+        recording = read_recording(path, self.metadata, self.noise)
         zeroed = {name: recording.column(name) - zero for name, zero in self.zeros.items()}
         return recording.with_columns(**zeroed) if zeroed else recording
 

@@ -2,7 +2,7 @@
 
 import itertools
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.files import whole_file
-from cylinder_friction.recordings.recording import Columns, Recording, RecordingError, RecordingMetadata
+from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 
 _METADATA_KEY = b"cylinder_friction"
 DRAWN_ROWS = 2048
@@ -81,26 +81,20 @@ def read_metadata(path: Path) -> RecordingMetadata:
     return _metadata(path, pq.read_schema(path))
 
 
-def read_recording(path: Path) -> Recording:
-    """Read one file that ``write_recording`` or ``write_scratch`` wrote; its values are read-only."""
-    found = _read(path)
-    return Recording(_metadata(path, found.schema), _columns(found))
+def read_recording(
+    path: Path, metadata: RecordingMetadata | None = None, noise: Mapping[str, float] | None = None
+) -> Recording:
+    """Read one file that ``write_recording`` or ``write_scratch`` wrote, its metadata unless they are given.
 
-
-def read_columns(path: Path) -> Columns:
-    """Read what ``read_recording`` does, without the metadata."""
-    return _columns(_read(path))
-
-
-def _read(path: Path) -> pa.Table:
+    Values are read-only; ``noise`` is that of a ``Recording``.
+    """
     if path.suffix == SCRATCH:
-        return pa.ipc.open_file(path.read_bytes()).read_all()
-    with pq.ParquetFile(path) as file:
-        return file.read()
-
-
-def _columns(table: pa.Table) -> Columns:
-    return {name: values.to_numpy() for name, values in zip(table.column_names, table.columns, strict=True)}
+        found = pa.ipc.open_file(path.read_bytes()).read_all()
+    else:
+        with pq.ParquetFile(path) as file:
+            found = file.read()
+    columns = {name: values.to_numpy() for name, values in zip(found.column_names, found.columns, strict=True)}
+    return Recording(metadata or _metadata(path, found.schema), columns, noise)
 
 
 def _metadata(path: Path, schema: pa.Schema) -> RecordingMetadata:

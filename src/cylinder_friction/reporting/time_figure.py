@@ -71,14 +71,12 @@ def extremes(values: Array, points: int) -> tuple[Array, float]:
     if len(values) <= points:
         return values, 1.0
     stretch = -(-len(values) // (points // 2))
-    whole = np.full(-(-len(values) // stretch) * stretch, np.nan)
-    whole[: len(values)] = values
-    table = whole.reshape(-1, stretch)
+    table = np.append(values, np.full(-len(values) % stretch, np.nan)).reshape(-1, stretch)
     low = high = table
     if not (known := np.isfinite(table)).all():
         low, high = np.where(known, table, np.inf), np.where(known, table, -np.inf)
     least, greatest = np.argmin(low, axis=1), np.argmax(high, axis=1)
-    both = np.column_stack([np.minimum(least, greatest), np.maximum(least, greatest)])
+    both = np.stack([np.minimum(least, greatest), np.maximum(least, greatest)], axis=1)
     return table[np.arange(len(table))[:, None], both].ravel(), 0.5 * stretch
 
 
