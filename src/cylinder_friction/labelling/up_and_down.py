@@ -40,10 +40,9 @@ def up_and_down(
 
 
 def _medians(values: Array, bins: NDArray[np.uint8], count: int) -> tuple[Array, NDArray[np.int64]]:
-    """Return the median of the values of each bin, NaN for an empty one, and how many it holds, each ``(count,)``."""
-    counts = np.bincount(bins, minlength=count)
-    table = np.full((count, int(counts.max())), np.nan)  # a row a bin; NaN is sorted to its end
-    table[np.arange(table.shape[1]) < counts[:, None]] = values[np.argsort(bins, kind="stable")]  # fast: small numbers
-    table.sort(axis=1)
-    below, above = (table[np.arange(count), middle] for middle in ((counts - 1) // 2, counts // 2))
+    """Return the median of the values of each bin, anything for an empty one, and how many it holds: ``(count,)``."""
+    counts, order = np.bincount(bins, minlength=count), np.argsort(values)
+    ordered = values[order[np.argsort(bins[order], kind="stable")]]  # small numbers sort fast
+    starts = np.minimum(np.cumsum(counts) - counts, len(values) - 1)
+    below, above = (ordered[starts + middle] for middle in (np.maximum(counts - 1, 0) // 2, counts // 2))
     return 0.5 * (below + above), counts
