@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from cylinder_friction.recordings.formats.cells import (
     MISSING,
     holds_decimal_commas,
+    is_number,
     plain_values,
     split_cells,
     states_zone,
@@ -233,24 +234,29 @@ class _Rows:
                 return self._parsed(loaded, ","), ","
         return table, layout.decimal or "."
 
-    def _parsed(self, loaded: list[int], decimal: str) -> Any:
+    def _parsed(self, loaded: list[int], decimal: str, *, quick: bool = True) -> Any:
         width = len(self.layout.names)
+        fractions = self._fractions(loaded, decimal) if quick else {}
         blanks = self.layout.delimiter == "whitespace"
         try:
             table = pa_csv.read_csv(
                 self._stream(),
                 read_options=pa_csv.ReadOptions(use_threads=False, column_names=[str(index) for index in range(width)]),
                 parse_options=pa_csv.ParseOptions(
-                    delimiter="\t" if blanks else self.layout.delimiter, ignore_empty_lines=width > 1
+                    delimiter="\t" if blanks else self.layout.delimiter, ignore_empty_lines=width > 1,
+                    quote_char='"' if self.text.quoted else False,
                 ),
                 convert_options=pa_csv.ConvertOptions(
                     decimal_point=decimal,
                     null_values=MISSING,
                     strings_can_be_null=True,
+                    column_types=fractions,
                     include_columns=[str(index) for index in loaded],
                 ),
             )
         except pa.ArrowInvalid as error:
+            if fractions:
+                return self._parsed(loaded, decimal, quick=False)
             if self.layout.names[0] == SCOPE_TIME and not self.ended and (ended := self._ended_early()):
                 self.ended = ended
                 return self._parsed(loaded, decimal)
@@ -259,6 +265,13 @@ class _Rows:
         if any(pa.types.is_binary(column.type) for column in table.columns):
             raise UnicodeDecodeError("utf-8", b"", 0, 1, "a character further down is not UTF-8")
         return table
+
+    def _fractions(self, loaded: list[int], decimal: str) -> dict[str, Any]:
+        """Return the type of columns whose first number has decimals: Arrow need not try every other type first."""
+        head: bytes = self.text.file.read_at(min(_SHORT_HEAD, self.text.end - self.begin), self.begin)
+        cells = split_cells(re.split(rb"[\r\n]", head, maxsplit=1)[0].decode(errors="replace"), self.layout.delimiter)
+        cells = cells if len(cells) == len(self.layout.names) else [""] * len(self.layout.names)
+        return {str(index): pa.float64() for index in loaded if decimal in cells[index] and is_number(cells[index], decimal)}
 
     def _stream(self) -> Any:
         length = self.text.end - self.begin

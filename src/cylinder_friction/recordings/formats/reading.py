@@ -5,12 +5,12 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from cylinder_friction.recordings.formats.format import guarded
+from cylinder_friction.recordings.formats.format import Format, guarded
 from cylinder_friction.recordings.formats.isolated import READER
 from cylinder_friction.recordings.formats.layout import AUTOMATIC, CsvOptions
 from cylinder_friction.recordings.formats.logged_table import PLACES, ROWS_A_PLACE, LoggedTable, LongTable
 from cylinder_friction.recordings.formats.registry import format_of
-from cylinder_friction.recordings.formats.source import open_source
+from cylinder_friction.recordings.formats.source import FileSource, open_source
 from cylinder_friction.recordings.recording import RecordingError
 
 MOST_WHOLE = 2 * 10**9
@@ -37,7 +37,17 @@ def read_logged_file(
         RecordingError: The file cannot be opened or read, is damaged, or holds no channels with rows.
         ValueError: The format is not known.
     """
-    found = format_of(path, file_format)
+    return _read_whole(path, format_of(path, file_format), None, csv, wanted, database)
+
+
+def _read_whole(
+    path: Path,
+    found: Format,
+    source: FileSource | None,
+    csv: CsvOptions,
+    wanted: Collection[str] | None,
+    database: Path | None,
+) -> list[LoggedTable]:
     found.refuse_missing_library()
     if database is not None and not (found.databases and database.is_file()):
         raise RecordingError(
@@ -47,7 +57,7 @@ def read_logged_file(
     if found.crashes:
         tables = READER.read(path, found, wanted, database)
     else:
-        source = open_source(path)
+        source = source or open_source(path)
         with guarded(found.what):
             tables = found.read(source, wanted, csv) if found.options else found.read(source, wanted)
     if not any(len(table.channels) or table.unread for table in tables):
@@ -71,7 +81,7 @@ def open_logged_file(
     """
     if rows is None:
         return read_logged_file(path, file_format, csv, wanted, database=database)
-    found, size = format_of(path, file_format), path.stat().st_size
+    found, size, source = format_of(path, file_format), path.stat().st_size, None
     if found.read_long is None and size > MOST_WHOLE:
         raise RecordingError(
             f"has {size / 1e9:.2g} GB, and {found.name} files are read whole, up to {MOST_WHOLE / 1e9:.2g} GB; export "
@@ -83,7 +93,7 @@ def open_logged_file(
         if table is not None:
             guard = partial(_guarded, what=found.what)
             return replace(table, chunks=partial(guard, table.chunks), spread=partial(guard, table.spread))
-    tables = read_logged_file(path, file_format, csv, wanted, database=database)
+    tables = _read_whole(path, found, source, csv, wanted, database)
     return _sliced(tables[0], rows) if len(tables) == 1 and len(tables[0].channels) > rows else tables
 
 

@@ -4,7 +4,8 @@ import codecs
 import io
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import Any
 
@@ -14,6 +15,9 @@ from cylinder_friction.recordings.formats.source import MOST_IN_MEMORY, FileSour
 from cylinder_friction.recordings.recording import RecordingError
 
 BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+
+READ_AT_ONCE = 1 << 22
+"""A file up to this size is held in memory while it is read [bytes]."""
 
 _TAIL = 1 << 16
 _AROUND_EOF = b' \t\n\r\f\v;,|"'
@@ -37,6 +41,7 @@ class Text:
     start: int  # Where the text begins, behind a byte order mark [bytes]
     end: int  # Where its last whole line ends, less the line end [bytes]
     notes: tuple[str, ...]  # What was left out to get there
+    quoted: bool = True  # Whether it may hold quotation marks
 
 
 def open_text(source: FileSource, encoding: str) -> Text:
@@ -55,9 +60,11 @@ def open_text(source: FileSource, encoding: str) -> Text:
     if codecs.lookup(encoding).name not in ("utf-8", "utf-8-sig", "ascii"):
         large = source.size > MOST_IN_MEMORY
         return _ended(_rewritten(source, encoding) if large else pa.BufferReader(converted(source, encoding)), 0)
-    in_memory = isinstance(source.origin, bytes)
-    file = pa.BufferReader(source.origin) if in_memory else pa.OSFile(str(source.origin))
-    return _ended(file, len(codecs.BOM_UTF8) if mark == codecs.BOM_UTF8 else 0)
+    start = len(codecs.BOM_UTF8) if mark == codecs.BOM_UTF8 else 0
+    if isinstance(source.origin, Path) and source.size > READ_AT_ONCE:
+        return _ended(pa.OSFile(str(source.origin)), start)
+    content = source.all_bytes()
+    return replace(_ended(pa.BufferReader(content), start), quoted=b'"' in content)
 
 
 def convert_text(source: FileSource) -> Text:

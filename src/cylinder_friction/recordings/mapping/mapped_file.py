@@ -43,7 +43,7 @@ def find_channel(tables: Sequence[LoggedTable], name: str, table: str, column: s
             f"table {table!r} (for {column!r}) is missing; got tables {_listed([entry.name for entry in tables])}; "
             f"correct the file or ingest.channels.{column}.table"
         )
-    counts = {index: int((tables[index].channels.columns == name).sum()) for index in searched}
+    counts = {index: list(tables[index].channels.columns).count(name) for index in searched}
     holding = [index for index, count in counts.items() if count]
     there = [str(other) for index in searched for other in (*tables[index].channels.columns, *tables[index].unread)]
     if len(holding) > 1:
@@ -192,7 +192,7 @@ def _clock(tables: Sequence[LoggedTable], place: int, column: str, mapping: Mapp
     if not source.time and time.rate_hz is not None:
         return _Clock(place, "")
     name = source.time or time.channel
-    own = int((tables[place].channels.columns == name).sum())
+    own = list(tables[place].channels.columns).count(name)
     if own > 1:
         raise RecordingError(
             f"time channel {name!r} (for {column!r}) occurs {own} times in its table; rename one in the file"
@@ -247,9 +247,9 @@ def _refuse_two_ends(signals: Mapping[str, Signal], mapping: Mapping[str, Channe
     """
     ends: dict[int, dict[str, int]] = {}
     for column, signal in signals.items():
-        valid = np.flatnonzero(np.isfinite(signal.values))
-        if len(valid) >= FEWEST_ROWS:
-            ends.setdefault(id(signal.time_s), {})[column] = int(valid[-1]) + 1
+        valid = np.isfinite(signal.values)
+        if np.count_nonzero(valid) >= FEWEST_ROWS:
+            ends.setdefault(id(signal.time_s), {})[column] = len(valid) - int(valid[::-1].argmax())
     for of_columns in ends.values():
         longest, last = max(of_columns.items(), key=lambda item: item[1])
         for column, end in of_columns.items():

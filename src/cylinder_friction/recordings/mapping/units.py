@@ -103,6 +103,7 @@ def stated_reference(unit: str) -> Reference | None:
     return "absolute" if match["absolute"] else "gauge"
 
 
+@cache
 def names_a_unit(text: str) -> bool:
     """Return whether text in a header is meant as a unit: a lone capital mostly names a port, ``rod`` a side."""
     text = bare(text)
@@ -188,6 +189,7 @@ def _checked_conversion(unit: str, column: str) -> tuple[float, float]:
     return conversion
 
 
+@cache
 def units_agree(stated: str, configured: str) -> bool:
     """Return whether what a file states of its channel agrees with the configuration: the same unit.
 
