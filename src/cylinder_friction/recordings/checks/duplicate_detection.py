@@ -153,8 +153,10 @@ def _kept(one: Array, other: Array, position: Array, step: float, least: float, 
 
     A window's hash is a polynomial in the words of its rows, made from those of shorter windows: of 2, 4, 8, 24 rows.
     """
-    first, second = (np.floor(values * (1.0 / step) + OFFSET).astype(np.int64) for values in (one, other))
-    hashes = _mixed(first.astype(np.uint64) * np.uint64(0xD6E8FEB86659FD93) + second.astype(np.uint64))
+    first, second = (
+        np.floor(values * (1.0 / step) + OFFSET).astype(np.int64).view(np.uint64) for values in (one, other)
+    )
+    hashes = _mixed(first * np.uint64(0xD6E8FEB86659FD93) + second)
     length = 1
     for times in (2, 2, 2, 3):
         factor, rows = np.uint64(pow(0x9E3779B97F4A7C15, length, 1 << 64)), max(len(hashes) - (times - 1) * length, 0)
@@ -163,10 +165,10 @@ def _kept(one: Array, other: Array, position: Array, step: float, least: float, 
             joined = joined * factor + hashes[start : start + rows]
         hashes, length = joined, times * length
     hashes = _mixed(hashes[1:] + np.uint64(salt * 0xA0761D6478BD642F % (1 << 64)))
-    changes = np.cumsum((np.diff(first) != 0).astype(np.int64) + (np.diff(second) != 0))
-    alive = changes[WINDOW - 1 :] - np.append(0, changes)[: len(hashes)] >= LEAST_CHANGES
-    moving = np.abs(position[WINDOW:] - position[1 : 1 + len(hashes)]) >= least
-    return hashes[alive & moving & (hashes & np.uint64(KEPT - 1) == 0)]
+    at = np.flatnonzero(hashes & np.uint64(KEPT - 1) == 0)
+    at = at[np.abs(position[at + WINDOW] - position[at + 1]) >= least]
+    changed = [(each[1:] != each[:-1])[at[:, None] + np.arange(WINDOW)] for each in (first, second)]
+    return hashes[at[np.count_nonzero(np.concatenate(changed, axis=1), axis=1) >= LEAST_CHANGES]]
 
 
 def _mixed(word: Hashes) -> Hashes:

@@ -80,10 +80,10 @@ def position_faults(position_m: Array, time_s: Array, stroke_m: float) -> list[P
         position_m, time_s: As logged, shape ``(n,)``.
         stroke_m: Of the cylinder [m].
     """
-    rows = np.flatnonzero(np.isfinite(position_m) & np.isfinite(time_s))
-    if len(rows) < 4 * FEWEST_HELD:
+    known = np.isfinite(position_m) & np.isfinite(time_s)
+    x_m, at_s = (position_m, time_s) if known.all() else (position_m[known], time_s[known])
+    if len(x_m) < 4 * FEWEST_HELD:
         return []
-    x_m, at_s = position_m[rows], time_s[rows]
     steps_s = np.diff(at_s)
     step_s = median(steps_s)
     if step_s <= 0.0:  # a clock too coarse for velocities from one sample to the next
@@ -99,6 +99,7 @@ def position_faults(position_m: Array, time_s: Array, stroke_m: float) -> list[P
     faults = [_single(x_m, *each, most_m) or _fault(x_m, at_s, *each, line, stroke_m) for each in ends]
     still = _still(x_m, at_s, max(2, round(STILL_S / step_s)), stroke_m)
     faults += [each for each in still if not any(one.begin < each.end and each.begin < one.end for one in faults)]
+    rows = np.flatnonzero(known)
     faults.sort(key=lambda each: each.begin)
     return [replace(each, begin=int(rows[each.begin]), end=int(rows[each.end - 1]) + 1) for each in faults]
 
@@ -152,7 +153,7 @@ def _still(x_m: Array, at_s: Array, rows: int, stroke_m: float) -> list[Position
     """
     steps_m = np.diff(x_m)
     stretches_m = steps_m[: len(steps_m) // rows * rows].reshape(-1, rows)
-    up, down = ((way * stretches_m > 0.0).mean(axis=1) for way in (1.0, -1.0))
+    up, down = (stretches_m > 0.0).mean(axis=1), (stretches_m < 0.0).mean(axis=1)
     alive = (np.minimum(up, down) >= UP_AND_DOWN) & (up + down >= CHANGES)
     if np.count_nonzero(alive) * STILL_S < ALIVE_S:
         return []

@@ -154,16 +154,16 @@ class Screen:
     def _screened(self, column: str, values: Array, own: slice, before: int) -> Array:
         """Replace a column's bad samples by NaN; skip samples that are missing already, as in a slow channel."""
         missing = np.isnan(values)
-        rows = np.flatnonzero(~missing) if missing.any() else np.arange(len(values))
-        logged = values if len(rows) == len(values) else values[rows]
+        logged = values[~missing] if missing.any() else values
         height = self.heights[column] if column in self.heights else self.height(column, logged)
-        begin, end = np.searchsorted(rows, own.indices(len(values))[:2])
-        self._rows[column] = self._rows.get(column, 0) + int(end - begin)
+        self._rows[column] = self._rows.get(column, 0) + int(np.count_nonzero(~missing[own]))
         within = *self._bounds(column), *_ends(column, self.limits.get(column), self.stroke_m)
         if _surely_good(logged, *within, height):
             return values
         from cylinder_friction.recordings.checks.marking import mark  # half a second that most files do not need
 
+        rows = np.flatnonzero(~missing)
+        begin, end = np.searchsorted(rows, own.indices(len(values))[:2])
         marks = np.zeros(len(logged), dtype=np.uint8)
         longest = mark(logged, *within, height, marks)
         if not marks.any():
@@ -205,15 +205,16 @@ def _spike_height(values: Array, low: float, high: float, step: float | None, ru
         return math.inf
     step_rows = max(1, len(values) // PLACES)
     before, here, after = (values[first : len(values) - 2 + first : step_rows] for first in (0, 1, 2))
-    valid = (here >= low) & (here <= high) & np.isfinite(before) & np.isfinite(here) & np.isfinite(after)
-    if not valid.all():
+    least, most = float(values.min()), float(values.max())
+    if not (least >= low and most <= high and math.isfinite(most - least)):
+        valid = (here >= low) & (here <= high) & np.isfinite(before) & np.isfinite(here) & np.isfinite(after)
         if valid.sum() < 2 * BESIDE + 1:
             return math.inf
         before, here, after = before[valid], here[valid], after[valid]
     up, down = here - before, here - after
     sticks_out = np.where(up * down > 0.0, np.minimum(np.abs(up), np.abs(down)), 0.0)
     lowest, highest = quantile(here, 0.01), quantile(here, 0.99)
-    finest = step or float(np.abs(up).min(where=up != 0.0, initial=math.inf))
+    finest = step or float(np.abs(up[up != 0.0]).min(initial=math.inf))
     finest = finest if math.isfinite(finest) else 0.0
     tallest = max(
         rules.spike_noise * quantile(sticks_out, 0.95),

@@ -243,7 +243,8 @@ class _Rows:
                 self._stream(),
                 read_options=pa_csv.ReadOptions(use_threads=False, column_names=[str(index) for index in range(width)]),
                 parse_options=pa_csv.ParseOptions(
-                    delimiter="\t" if blanks else self.layout.delimiter, ignore_empty_lines=width > 1,
+                    delimiter="\t" if blanks else self.layout.delimiter,
+                    ignore_empty_lines=width > 1,
                     quote_char='"' if self.text.quoted else False,
                 ),
                 convert_options=pa_csv.ConvertOptions(
@@ -271,7 +272,9 @@ class _Rows:
         head: bytes = self.text.file.read_at(min(_SHORT_HEAD, self.text.end - self.begin), self.begin)
         cells = split_cells(re.split(rb"[\r\n]", head, maxsplit=1)[0].decode(errors="replace"), self.layout.delimiter)
         cells = cells if len(cells) == len(self.layout.names) else [""] * len(self.layout.names)
-        return {str(index): pa.float64() for index in loaded if decimal in cells[index] and is_number(cells[index], decimal)}
+        return {
+            str(index): pa.float64() for index in loaded if decimal in cells[index] and is_number(cells[index], decimal)
+        }
 
     def _stream(self) -> Any:
         length = self.text.end - self.begin

@@ -162,6 +162,6 @@ def follows_even_clock(time_s: Array, index: Indices, step_s: float, tolerance_s
     # Comparisons are written so that NaN, too, is refused.
     if not (np.abs(slope_s - step_s) <= RATE_DRIFT * step_s + 2.0 * tolerance_s / samples).all():
         return False
-    first, slope_s = np.repeat(start, end - start), np.repeat(slope_s, end - start)
-    off_s = np.abs(time_s[1:] - time_s[first] - (index[1:] - index[first]) * slope_s)
+    first_s, first, slope_s = (np.repeat(each, end - start) for each in (time_s[start], index[start], slope_s))
+    off_s = np.abs(time_s[1:] - first_s - (index[1:] - first) * slope_s)
     return bool(((off_s <= tolerance_s) & (time_s[1:] > time_s[:-1])).all())
