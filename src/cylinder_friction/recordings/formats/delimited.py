@@ -270,10 +270,10 @@ class _Rows:
     def _fractions(self, loaded: list[int], decimal: str) -> dict[str, Any]:
         """Return the type of columns whose first number has decimals: Arrow need not try every other type first."""
         head: bytes = self.text.file.read_at(min(_SHORT_HEAD, self.text.end - self.begin), self.begin)
-        cells = split_cells(re.split(rb"[\r\n]", head, maxsplit=1)[0].decode(errors="replace"), self.layout.delimiter)
-        cells = cells if len(cells) == len(self.layout.names) else [""] * len(self.layout.names)
+        cells = split_cells(head.partition(b"\n")[0].decode(errors="replace"), self.layout.delimiter)
+        known = {index for index, cell in enumerate(cells) if decimal in cell and is_number(cell, decimal)}
         return {
-            str(index): pa.float64() for index in loaded if decimal in cells[index] and is_number(cells[index], decimal)
+            str(index): pa.float64() for index in known.intersection(loaded) if len(cells) == len(self.layout.names)
         }
 
     def _stream(self) -> Any:

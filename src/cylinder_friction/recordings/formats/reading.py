@@ -10,7 +10,7 @@ from cylinder_friction.recordings.formats.isolated import READER
 from cylinder_friction.recordings.formats.layout import AUTOMATIC, CsvOptions
 from cylinder_friction.recordings.formats.logged_table import PLACES, ROWS_A_PLACE, LoggedTable, LongTable
 from cylinder_friction.recordings.formats.registry import format_of
-from cylinder_friction.recordings.formats.source import FileSource, open_source
+from cylinder_friction.recordings.formats.source import open_source, read_head
 from cylinder_friction.recordings.recording import RecordingError
 
 MOST_WHOLE = 2 * 10**9
@@ -37,13 +37,14 @@ def read_logged_file(
         RecordingError: The file cannot be opened or read, is damaged, or holds no channels with rows.
         ValueError: The format is not known.
     """
-    return _read_whole(path, format_of(path, file_format), None, csv, wanted, database)
+    head = read_head(path)
+    return _read_whole(path, format_of(path, file_format, head), head, csv, wanted, database)
 
 
 def _read_whole(
     path: Path,
     found: Format,
-    source: FileSource | None,
+    head: bytes,
     csv: CsvOptions,
     wanted: Collection[str] | None,
     database: Path | None,
@@ -57,7 +58,7 @@ def _read_whole(
     if found.crashes:
         tables = READER.read(path, found, wanted, database)
     else:
-        source = source or open_source(path)
+        source = open_source(path, head)
         with guarded(found.what):
             tables = found.read(source, wanted, csv) if found.options else found.read(source, wanted)
     if not any(len(table.channels) or table.unread for table in tables):
@@ -81,19 +82,20 @@ def open_logged_file(
     """
     if rows is None:
         return read_logged_file(path, file_format, csv, wanted, database=database)
-    found, size, source = format_of(path, file_format), path.stat().st_size, None
+    head, size = read_head(path), path.stat().st_size
+    found = format_of(path, file_format, head)
     if found.read_long is None and size > MOST_WHOLE:
         raise RecordingError(
             f"has {size / 1e9:.2g} GB, and {found.name} files are read whole, up to {MOST_WHOLE / 1e9:.2g} GB; export "
             "it as Parquet or CSV, which are read in parts, or split it"
         )
-    if found.read_long is not None and (source := open_source(path)).size > rows:  # no row is shorter than a byte
+    if found.read_long is not None and (source := open_source(path, head)).size > rows:  # no row is shorter than a byte
         with guarded(found.what):
             table = found.read_long(source, wanted, rows, *((csv,) if found.options else ()))
         if table is not None:
             guard = partial(_guarded, what=found.what)
             return replace(table, chunks=partial(guard, table.chunks), spread=partial(guard, table.spread))
-    tables = _read_whole(path, found, source, csv, wanted, database)
+    tables = _read_whole(path, found, head, csv, wanted, database)
     return _sliced(tables[0], rows) if len(tables) == 1 and len(tables[0].channels) > rows else tables
 
 

@@ -55,8 +55,8 @@ _OWN_FILES = {
 """Endings of what measurement programs write for themselves, and what they export that is read here."""
 
 
-def format_of(path: Path, setting: str = "auto") -> Format:
-    """Return the format of a file, by its first bytes (unpacked) and what the configuration calls it.
+def format_of(path: Path, setting: str = "auto", head: bytes = b"") -> Format:
+    """Return the format of a file, by its first bytes (its ``head``) and what the configuration calls it.
 
     Raises:
         RecordingError: The file cannot be opened, or is of none of these formats.
@@ -64,7 +64,7 @@ def format_of(path: Path, setting: str = "auto") -> Format:
     """
     if setting not in ("auto", *SETTINGS):
         raise ValueError(f"format {setting!r} is not known; expected auto or one of {', '.join(SETTINGS)}")
-    head = read_head(path)
+    head = head or read_head(path)
     possible = [each for each in FORMATS.values() if setting in ("auto", each.configured)]
     found = [each for each in possible if head.startswith(each.starts)] or [
         each for each in possible if each.fits and each.fits(head)

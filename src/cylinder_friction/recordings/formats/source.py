@@ -41,10 +41,6 @@ class FileSource:
 
 def read_head(path: Path) -> bytes:
     """Return the first ``HEAD_SIZE`` bytes, unpacked; refuse what cannot be opened, is empty, or a damaged gzip."""
-    return _unpacked(_raw_head(path))
-
-
-def _raw_head(path: Path) -> bytes:
     if path.exists() and not path.is_file():
         raise RecordingError("is no regular file; copy what comes from it into one")
     try:
@@ -54,10 +50,6 @@ def _raw_head(path: Path) -> bytes:
         raise RecordingError(f"cannot be opened: {error.strerror or error}") from None
     if not head:
         raise RecordingError("the file is empty: 0 bytes; expected a log")
-    return head
-
-
-def _unpacked(head: bytes) -> bytes:
     if not head.startswith(GZIP):
         return head
     unpacked = zlib.decompressobj(16 + zlib.MAX_WBITS)
@@ -70,12 +62,16 @@ def _unpacked(head: bytes) -> bytes:
     return head
 
 
-def open_source(path: Path) -> FileSource:
-    """Return the file's source; a gzipped file is unpacked, a large one on disk; refused as by ``read_head``."""
-    raw = _raw_head(path)
-    head = _unpacked(raw)
+def open_source(path: Path, head: bytes = b"") -> FileSource:
+    """Return the file's source; a gzipped file is unpacked, a large one on disk; refused as by ``read_head``.
+
+    What that returns need not be read again if it is given as ``head``.
+    """
+    head = head or read_head(path)
     try:
-        if not raw.startswith(GZIP):
+        with path.open("rb") as file:
+            zipped = file.read(2) == GZIP
+        if not zipped:
             return FileSource(path, head, path.stat().st_size)
         with gzip.open(path) as file:
             content = file.read(MOST_IN_MEMORY)
