@@ -167,8 +167,9 @@ def _kept(one: Array, other: Array, position: Array, step: float, least: float, 
     hashes = _mixed(hashes[1:] + np.uint64(salt * 0xA0761D6478BD642F % (1 << 64)))
     at = np.flatnonzero(hashes & np.uint64(KEPT - 1) == 0)
     at = at[np.abs(position[at + WINDOW] - position[at + 1]) >= least]
-    changed = [(each[1:] != each[:-1])[at[:, None] + np.arange(WINDOW)] for each in (first, second)]
-    return hashes[at[np.count_nonzero(np.concatenate(changed, axis=1), axis=1) >= LEAST_CHANGES]]
+    rows = at[:, None] + np.arange(WINDOW)
+    changes = sum(np.count_nonzero((each[1:] != each[:-1])[rows], axis=1) for each in (first, second))
+    return hashes[at[changes >= LEAST_CHANGES]]
 
 
 def _mixed(word: Hashes) -> Hashes:
