@@ -212,10 +212,9 @@ def _spike_height(values: Array, low: float, high: float, step: float | None, ru
             return math.inf
         before, here, after = before[valid], here[valid], after[valid]
     up, down = here - before, here - after
-    size = np.abs(up)
-    sticks_out = np.where(up * down > 0.0, np.minimum(size, np.abs(down)), 0.0)
+    sticks_out = np.maximum(np.maximum(np.minimum(up, down), -np.maximum(up, down)), 0.0)
     lowest, highest = quantile(here, 0.01), quantile(here, 0.99)
-    finest = step or float(np.where(size > 0.0, size, math.inf).min())
+    finest = step or float(np.where(up != 0.0, np.abs(up), math.inf).min())
     finest = finest if math.isfinite(finest) else 0.0
     tallest = max(
         rules.spike_noise * quantile(sticks_out, 0.95),
