@@ -153,9 +153,7 @@ def _kept(one: Array, other: Array, position: Array, step: float, least: float, 
 
     A window's hash is a polynomial in the words of its rows, made from those of shorter windows: of 2, 4, 8, 24 rows.
     """
-    first, second = (
-        np.floor(values * (1.0 / step) + OFFSET).astype(np.int64).view(np.uint64) for values in (one, other)
-    )
+    first, second = (np.floor(each * (1.0 / step) + OFFSET).astype(np.int64).view(np.uint64) for each in (one, other))
     hashes = _mixed(first * np.uint64(0xD6E8FEB86659FD93) + second)
     length = 1
     for times in (2, 2, 2, 3):
@@ -167,9 +165,9 @@ def _kept(one: Array, other: Array, position: Array, step: float, least: float, 
     hashes = _mixed(hashes[1:] + np.uint64(salt * 0xA0761D6478BD642F % (1 << 64)))
     at = np.flatnonzero(hashes & np.uint64(KEPT - 1) == 0)
     at = at[np.abs(position[at + WINDOW] - position[at + 1]) >= least]
-    rows = at[:, None] + np.arange(WINDOW)
-    changes = sum(np.count_nonzero((each[1:] != each[:-1])[rows], axis=1) for each in (first, second))
-    return hashes[at[changes >= LEAST_CHANGES]]
+    steps = at[:, None] + np.arange(WINDOW)
+    changed = np.concatenate([(each[1:] != each[:-1])[steps] for each in (first, second)], axis=1)
+    return hashes[at[np.count_nonzero(changed, axis=1) >= LEAST_CHANGES]]
 
 
 def _mixed(word: Hashes) -> Hashes:

@@ -99,8 +99,8 @@ def position_faults(position_m: Array, time_s: Array, stroke_m: float) -> list[P
     faults = [_single(x_m, *each, most_m) or _fault(x_m, at_s, *each, line, stroke_m) for each in ends]
     still = _still(x_m, at_s, max(2, round(STILL_S / step_s)), stroke_m)
     faults += [each for each in still if not any(one.begin < each.end and each.begin < one.end for one in faults)]
-    rows = np.flatnonzero(known)
     faults.sort(key=lambda each: each.begin)
+    rows = np.flatnonzero(known)
     return [replace(each, begin=int(rows[each.begin]), end=int(rows[each.end - 1]) + 1) for each in faults]
 
 

@@ -236,16 +236,14 @@ class _Rows:
 
     def _parsed(self, loaded: list[int], decimal: str, *, quick: bool = True) -> Any:
         width = len(self.layout.names)
-        fractions = self._fractions(loaded, decimal) if quick else {}
-        blanks = self.layout.delimiter == "whitespace"
+        fractions = self._fractions(decimal) if quick else {}
+        delimiter = "\t" if self.layout.delimiter == "whitespace" else self.layout.delimiter
         try:
             table = pa_csv.read_csv(
                 self._stream(),
                 read_options=pa_csv.ReadOptions(use_threads=False, column_names=[str(index) for index in range(width)]),
                 parse_options=pa_csv.ParseOptions(
-                    delimiter="\t" if blanks else self.layout.delimiter,
-                    ignore_empty_lines=width > 1,
-                    quote_char='"' if self.text.quoted else False,
+                    delimiter=delimiter, ignore_empty_lines=width > 1, quote_char=self.text.quote
                 ),
                 convert_options=pa_csv.ConvertOptions(
                     decimal_point=decimal,
@@ -267,14 +265,11 @@ class _Rows:
             raise UnicodeDecodeError("utf-8", b"", 0, 1, "a character further down is not UTF-8")
         return table
 
-    def _fractions(self, loaded: list[int], decimal: str) -> dict[str, Any]:
+    def _fractions(self, decimal: str) -> dict[str, Any]:
         """Return the type of columns whose first number has decimals: Arrow need not try every other type first."""
         head: bytes = self.text.file.read_at(min(_SHORT_HEAD, self.text.end - self.begin), self.begin)
         cells = split_cells(head.partition(b"\n")[0].decode(errors="replace"), self.layout.delimiter)
-        known = {index for index, cell in enumerate(cells) if decimal in cell and is_number(cell, decimal)}
-        return {
-            str(index): pa.float64() for index in known.intersection(loaded) if len(cells) == len(self.layout.names)
-        }
+        return {str(at): pa.float64() for at, cell in enumerate(cells) if decimal in cell and is_number(cell, decimal)}
 
     def _stream(self) -> Any:
         length = self.text.end - self.begin

@@ -7,7 +7,6 @@ import codecs
 from collections import Counter, deque
 from dataclasses import dataclass
 from functools import cache
-from itertools import repeat
 
 from cylinder_friction.recordings.formats.cells import has_thousands, is_missing, is_number, is_value, split_cells
 from cylinder_friction.recordings.formats.header import read_header
@@ -97,7 +96,7 @@ class _Found:
         return (
             layout.delimiter != "whitespace"
             and not any(sign in rows for sign in (*signs, '"'))
-            and set(map(str.count, rows.splitlines(), repeat(layout.delimiter))) == {width}
+            and all(line.count(layout.delimiter) == width for line in rows.splitlines())
         )
 
 

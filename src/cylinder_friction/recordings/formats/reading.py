@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-from cylinder_friction.recordings.formats.format import Format, guarded
+from cylinder_friction.recordings.formats.format import guarded
 from cylinder_friction.recordings.formats.isolated import READER
 from cylinder_friction.recordings.formats.layout import AUTOMATIC, CsvOptions
 from cylinder_friction.recordings.formats.logged_table import PLACES, ROWS_A_PLACE, LoggedTable, LongTable
@@ -24,6 +24,7 @@ def read_logged_file(
     wanted: Collection[str] | None = None,
     *,
     database: Path | None = None,
+    head: bytes = b"",
 ) -> list[LoggedTable]:
     """Return what a logger's file holds, one table for channels that share their rows.
 
@@ -32,23 +33,14 @@ def read_logged_file(
         csv: How text is to be read; by default everything is found out.
         wanted: Names of the channels to load; the others are only named, as ``unread``. None loads all.
         database: Of a bus (DBC), with which the frames in a measurement file are decoded.
+        head: What ``read_head`` returned, where the file was looked at before.
 
     Raises:
         RecordingError: The file cannot be opened or read, is damaged, or holds no channels with rows.
         ValueError: The format is not known.
     """
-    head = read_head(path)
-    return _read_whole(path, format_of(path, file_format, head), head, csv, wanted, database)
-
-
-def _read_whole(
-    path: Path,
-    found: Format,
-    head: bytes,
-    csv: CsvOptions,
-    wanted: Collection[str] | None,
-    database: Path | None,
-) -> list[LoggedTable]:
+    head = head or read_head(path)
+    found = format_of(path, file_format, head)
     found.refuse_missing_library()
     if database is not None and not (found.databases and database.is_file()):
         raise RecordingError(
@@ -95,7 +87,7 @@ def open_logged_file(
         if table is not None:
             guard = partial(_guarded, what=found.what)
             return replace(table, chunks=partial(guard, table.chunks), spread=partial(guard, table.spread))
-    tables = _read_whole(path, found, head, csv, wanted, database)
+    tables = read_logged_file(path, found.configured, csv, wanted, database=database, head=head)
     return _sliced(tables[0], rows) if len(tables) == 1 and len(tables[0].channels) > rows else tables
 
 

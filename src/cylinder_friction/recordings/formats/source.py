@@ -63,10 +63,7 @@ def read_head(path: Path) -> bytes:
 
 
 def open_source(path: Path, head: bytes = b"") -> FileSource:
-    """Return the file's source; a gzipped file is unpacked, a large one on disk; refused as by ``read_head``.
-
-    What that returns need not be read again if it is given as ``head``.
-    """
+    """Return a file of this ``head``; a gzipped file is unpacked, a large one on disk; refused as by ``read_head``."""
     head = head or read_head(path)
     try:
         with path.open("rb") as file:

@@ -5,7 +5,6 @@ import io
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import Any
 
@@ -16,10 +15,9 @@ from cylinder_friction.recordings.recording import RecordingError
 
 BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 
-READ_AT_ONCE = 1 << 22
-"""A file up to this size is held in memory while it is read [bytes]."""
-
 _TAIL = 1 << 16
+_BLOCK = 1 << 12
+_READ_AT_ONCE = 1 << 22  # A file up to this size is held in memory [bytes]
 _AROUND_EOF = b' \t\n\r\f\v;,|"'
 _EOF = re.compile(rb"(?<=[\r\n])[\s;,|\"]*EOF(?:[\s;,|\"]|EOF)*\Z")
 
@@ -41,7 +39,7 @@ class Text:
     start: int  # Where the text begins, behind a byte order mark [bytes]
     end: int  # Where its last whole line ends, less the line end [bytes]
     notes: tuple[str, ...]  # What was left out to get there
-    quoted: bool = True  # Whether it may hold quotation marks
+    quote: str | bool = '"'  # What stands around cells; False where nothing does
 
 
 def open_text(source: FileSource, encoding: str) -> Text:
@@ -61,10 +59,10 @@ def open_text(source: FileSource, encoding: str) -> Text:
         large = source.size > MOST_IN_MEMORY
         return _ended(_rewritten(source, encoding) if large else pa.BufferReader(converted(source, encoding)), 0)
     start = len(codecs.BOM_UTF8) if mark == codecs.BOM_UTF8 else 0
-    if isinstance(source.origin, Path) and source.size > READ_AT_ONCE:
+    if not isinstance(source.origin, bytes) and source.size > _READ_AT_ONCE:
         return _ended(pa.OSFile(str(source.origin)), start)
     content = source.all_bytes()
-    return replace(_ended(pa.BufferReader(content), start), quoted=b'"' in content)
+    return replace(_ended(pa.BufferReader(content), start), quote='"' if b'"' in content else False)
 
 
 def convert_text(source: FileSource) -> Text:
@@ -157,7 +155,7 @@ def _last_byte_but(file: Any, start: int, end: int, stripped: bytes) -> int:
 def _from_end(file: Any, start: int, end: int, find: Callable[[bytes], int]) -> int:
     """Return the last place that ``find`` gives, which returns 0 for none; ``start`` if there is none."""
     while end > start:
-        length = min(_TAIL, end - start)
+        length = min(_BLOCK, end - start)
         if place := find(file.read_at(length, end - length)):
             return int(end - length + place)
         end -= length
