@@ -122,12 +122,19 @@ def test_missing_values_are_nan(read) -> None:  # type: ignore[no-untyped-def]
     ("rows", "values"),
     [
         ("0;1.5\n1;broken\n3;-2e1\n", [1.5, "broken", -20.0]),
+        ("0;1.5\n" + "1;2\n" * 60 + '2;"3"\n3;broken\n4;2026\n', [1.5, *[2.0] * 60, 3.0, "broken", 2026.0]),
         ("0;1,5\n1;1.234,5\n2;3.845\n3;2,5\n", [1.5, "1.234,5", "3.845", 2.5]),  # a point beside decimal commas
         ("0;overload\n1;overload\n" + "2;1.5\n" * 18, ["overload", "overload", *[1.5] * 18]),
     ],
 )
 def test_text_stays_text_and_its_neighbours_numbers(read, rows: str, values: list[object]) -> None:  # type: ignore[no-untyped-def]
     assert read(f"t;p\n{rows}").channels["p"].tolist() == values
+
+
+@pytest.mark.parametrize(("rows", "kinds"), [("0;1.5\n1;2\n", "if"), ("0.5;9007199254740993\n1;2\n", "fi")])
+def test_whole_numbers_beside_decimals_stay_whole(read, rows: str, kinds: str) -> None:  # type: ignore[no-untyped-def]
+    channels = read(f"t;p\n{rows * 40}").channels
+    assert [channels[name].dtype.kind for name in "tp"] == list(kinds)
 
 
 def test_a_decimal_comma_that_shows_late_is_found(read) -> None:  # type: ignore[no-untyped-def]

@@ -80,10 +80,10 @@ def position_faults(position_m: Array, time_s: Array, stroke_m: float) -> list[P
         position_m, time_s: As logged, shape ``(n,)``.
         stroke_m: Of the cylinder [m].
     """
-    known = np.isfinite(position_m) & np.isfinite(time_s)
-    x_m, at_s = (position_m, time_s) if known.all() else (position_m[known], time_s[known])
-    if len(x_m) < 4 * FEWEST_HELD:
+    rows = np.flatnonzero(np.isfinite(position_m) & np.isfinite(time_s))
+    if len(rows) < 4 * FEWEST_HELD:
         return []
+    x_m, at_s = (position_m, time_s) if len(rows) == len(time_s) else (position_m[rows], time_s[rows])
     steps_s = np.diff(at_s)
     step_s = median(steps_s)
     if step_s <= 0.0:  # a clock too coarse for velocities from one sample to the next
@@ -100,7 +100,6 @@ def position_faults(position_m: Array, time_s: Array, stroke_m: float) -> list[P
     still = _still(x_m, at_s, max(2, round(STILL_S / step_s)), stroke_m)
     faults += [each for each in still if not any(one.begin < each.end and each.begin < one.end for one in faults)]
     faults.sort(key=lambda each: each.begin)
-    rows = np.flatnonzero(known)
     return [replace(each, begin=int(rows[each.begin]), end=int(rows[each.end - 1]) + 1) for each in faults]
 
 

@@ -236,7 +236,6 @@ class _Rows:
 
     def _parsed(self, loaded: list[int], decimal: str, *, quick: bool = True) -> Any:
         width = len(self.layout.names)
-        fractions = self._fractions(decimal) if quick else {}
         delimiter = "\t" if self.layout.delimiter == "whitespace" else self.layout.delimiter
         try:
             table = pa_csv.read_csv(
@@ -249,12 +248,12 @@ class _Rows:
                     decimal_point=decimal,
                     null_values=MISSING,
                     strings_can_be_null=True,
-                    column_types=fractions,
+                    column_types=self._fractions(decimal) if quick else None,
                     include_columns=[str(index) for index in loaded],
                 ),
             )
         except pa.ArrowInvalid as error:
-            if fractions:
+            if quick:
                 return self._parsed(loaded, decimal, quick=False)
             if self.layout.names[0] == SCOPE_TIME and not self.ended and (ended := self._ended_early()):
                 self.ended = ended

@@ -39,7 +39,6 @@ def read_logged_file(
         RecordingError: The file cannot be opened or read, is damaged, or holds no channels with rows.
         ValueError: The format is not known.
     """
-    head = head or read_head(path)
     found = format_of(path, file_format, head)
     found.refuse_missing_library()
     if database is not None and not (found.databases and database.is_file()):

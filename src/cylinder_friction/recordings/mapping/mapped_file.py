@@ -327,7 +327,7 @@ def _check_stated_unit(table: LoggedTable, column: str, source: ChannelMapping) 
             f"but it is read as {'absolute' if source.absolute else 'gauge'} pressure; "
             f"correct ingest.channels.{column}.reference"
         )
-    known = units.names_a_unit(stated) or units.quantity_of(stated) is not None
+    known = units.quantity_of(stated) is not None or units.names_a_unit(stated)
     if known or len(stated) < 2 or units.bare(stated) == units.bare(source.unit):
         return []
     return [f"channel {source.channel!r}: the file's unit {stated!r} is not known; read in {source.unit} as configured"]

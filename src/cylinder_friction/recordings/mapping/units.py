@@ -103,7 +103,6 @@ def stated_reference(unit: str) -> Reference | None:
     return "absolute" if match["absolute"] else "gauge"
 
 
-@cache
 def names_a_unit(text: str) -> bool:
     """Return whether text in a header is meant as a unit: a lone capital mostly names a port, ``rod`` a side."""
     text = bare(text)
