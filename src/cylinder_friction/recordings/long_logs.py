@@ -47,7 +47,7 @@ from cylinder_friction.recordings.storage import read_recording, write_recording
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import stamps_to_datetimes, stamps_to_seconds
 
-ROWS_AT_ONCE = 1 << 19
+ROWS_AT_ONCE = 1 << 18
 """A longer log is processed in parts of about so many rows."""
 EXCERPT_ROWS = 1 << 20
 """What holds for a whole recording is found from at most so many of its rows, in parts spread evenly over it."""
