@@ -12,7 +12,9 @@ import pytest
 from playwright.sync_api import Page
 
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.reporting.friction_page import friction_pane, pane_file, write_friction_page
+from cylinder_friction.reporting.friction_page import POINTS, friction_pane, pane_file, write_friction_page
+from cylinder_friction.reporting.page_figure import compact
+from cylinder_friction.reporting.time_figure import extremes
 from packed_pages import unpacked_pane
 
 NAMES = ("press 1 é", "lift#2", "<b>3</b>")
@@ -37,7 +39,9 @@ def page_file(tmp_path: Path, labelled_recordings: list[Recording]) -> Path:
 
 @pytest.mark.extended
 @pytest.mark.parametrize("width", [1400, 400])
-def test_a_recording_is_found_and_drawn(page_file: Path, new_page: Callable[..., Page], width: int) -> None:
+def test_a_recording_is_found_and_drawn(
+    page_file: Path, labelled_recordings: list[Recording], new_page: Callable[..., Page], width: int
+) -> None:
     page, errors = new_page(width, 900), list[str]()
     page.on("pageerror", lambda error: errors.append(str(error)))
     page.goto(page_file.as_uri())
@@ -50,6 +54,9 @@ def test_a_recording_is_found_and_drawn(page_file: Path, new_page: Callable[...,
     page.locator("#recordings tbody a:visible").click()
     page.locator("#pane .plot .main-svg").first.wait_for()
     assert page.locator("#pane").get_by_text("pane of lift#2").is_visible()
+    shown = "document.querySelector('#pane .plot').data.find(line => line.name.startsWith('velocity')).y"
+    expected, _ = extremes(1e3 * labelled_recordings[0].column("velocity_m_s"), POINTS)
+    assert page.evaluate(f"Array.from({shown})") == compact(expected).astype(np.float32).tolist()
     assert page.evaluate("document.documentElement.scrollWidth") == width
     page.goto(f"{page_file.as_uri()}#pane=press%201%20%C3%A9")
     page.locator("#pane .plot .main-svg").first.wait_for()

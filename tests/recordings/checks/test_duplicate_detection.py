@@ -76,3 +76,12 @@ def test_a_drive_force_is_known_again() -> None:
 def test_what_says_nothing_matches_nothing(table: pd.DataFrame) -> None:
     seen = DuplicateDetection()
     assert [seen.add(name, window_hashes(table)) for name in "ab"] == [None, None]
+
+
+def test_each_of_many_recordings_is_known_again_also_of_an_earlier_run() -> None:
+    hashed = {str(seed): window_hashes(made(seed, rows=2000)) for seed in range(30)}
+    one, other = DuplicateDetection(), DuplicateDetection()
+    assert [one.add(name, own) for name, own in hashed.items()] == [None] * len(hashed)
+    other.remember((name, name, name, own) for name, own in hashed.items())
+    for name, own in hashed.items():
+        assert [each.add("again", own) for each in (one, other)] == [(name, 1.0)] * 2

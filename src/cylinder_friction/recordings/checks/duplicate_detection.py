@@ -9,7 +9,7 @@ Schleimer, Wilkerson and Aiken 2003, SIGMOD, and its simpler forerunner, hashes 
 """
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -31,6 +31,9 @@ FINEST = {"pressure": 512.0, "force": 0.125}
 """Rounding is never finer than this, in the column's unit: 0.001 bar is what exports keep [Pa, N]."""
 
 PLACES = 4096  # samples at most from which the noise is estimated
+
+LARGER = 4
+"""Each block of known hashes is more than so many times as large as the next."""
 
 OFFSET = 0.3819
 """Moves the borders of rounding away from zero and from round numbers, where sensors rest, in roundings."""
@@ -56,7 +59,8 @@ class DuplicateDetection:
         self.hashes: dict[str, Mapping[int, Hashes]] = {}  # Of each recording's windows
         self._names: list[str] = []
         self._counts: list[dict[int, int]] = []
-        self._hashes, self._owners = np.empty(0, dtype=np.uint64), np.empty(0, dtype=np.int32)
+        # Hashes, sorted, and the number of each one's recording
+        self._blocks: list[tuple[Hashes, NDArray[np.int64]]] = []
 
     def add(self, name: str, hashed: dict[int, Hashes]) -> Match | None:
         """Return the earlier recording that this one repeats. If none, remember it as ``name`` and return None.
@@ -66,26 +70,15 @@ class DuplicateDetection:
         """
         match = self._best_match(hashed)
         if match is None:
-            hashes = np.sort(np.concatenate(list(hashed.values())))
-            places = np.searchsorted(self._hashes, hashes)
-            self._hashes = np.insert(self._hashes, places, hashes)
-            self._owners = np.insert(self._owners, places, len(self._names))
-            self._names.append(name)
-            self._counts.append({exponent: len(hashes) for exponent, hashes in hashed.items()})
+            self._keep([(name, hashed)])
         return match
 
     def remember(self, recordings: Iterable[tuple[str, str, str, Mapping[int, Hashes]]]) -> None:
         """Remember recordings that were compared with each other before: name, file, SHA-256 of it, and hashes."""
-        known, owners = [self._hashes], [self._owners]
+        recordings = list(recordings)
         for name, file, digest, hashed in recordings:
             self.files[name], self.digests[digest], self.hashes[name] = file, file, hashed
-            known += hashed.values()
-            owners.append(np.full(sum(map(len, hashed.values())), len(self._names), dtype=np.int32))
-            self._names.append(name)
-            self._counts.append({exponent: len(hashes) for exponent, hashes in hashed.items()})
-        hashes = np.concatenate(known)
-        order = np.argsort(hashes, kind="stable")
-        self._hashes, self._owners = hashes[order], np.concatenate(owners)[order]
+        self._keep([(name, hashed) for name, _, _, hashed in recordings])
 
     def refuse(self, name: str, file: str, hashed: dict[int, Hashes]) -> None:
         """Remember a recording and its file; raise ``RecordingError`` if its name or its measurement is known."""
@@ -100,6 +93,22 @@ class DuplicateDetection:
             )
         self.files[name], self.hashes[name] = file, hashed
 
+    def _keep(self, recordings: Sequence[tuple[str, Mapping[int, Hashes]]]) -> None:
+        """Add a block; smaller ones are joined to it, so that there are few and each hash is moved seldom."""
+        known, owners = [np.empty(0, dtype=np.uint64)], [np.empty(0, dtype=np.int64)]
+        for name, hashed in recordings:
+            known += hashed.values()
+            owners.append(np.full(sum(map(len, hashed.values())), len(self._names)))
+            self._names.append(name)
+            self._counts.append({exponent: len(hashes) for exponent, hashes in hashed.items()})
+        while self._blocks and len(self._blocks[-1][0]) < LARGER * sum(map(len, known)):
+            more, theirs = self._blocks.pop()
+            known.append(more)
+            owners.append(theirs)
+        hashes = np.concatenate(known)
+        order = np.argsort(hashes, kind="stable")
+        self._blocks.append((hashes[order], np.concatenate(owners)[order]))
+
     def _best_match(self, hashed: dict[int, Hashes]) -> Match | None:
         best: Match | None = None
         for exponent, hashes in hashed.items():
@@ -113,9 +122,11 @@ class DuplicateDetection:
 
     def _in_common(self, hashes: Hashes) -> NDArray[np.int64]:
         """Return how many of these hashes each earlier recording has."""
-        begin, end = (np.searchsorted(self._hashes, hashes, side=side) for side in ("left", "right"))
-        owners = [self._owners[a:b] for a, b in zip(begin, end, strict=True) if b > a]
-        return np.bincount(np.concatenate([*owners, self._owners[:0]]), minlength=len(self._names))
+        found = [np.empty(0, dtype=np.int64)]
+        for known, owners in self._blocks:
+            begin, end = (np.searchsorted(known, hashes, side=side) for side in ("left", "right"))
+            found += [owners[begin[place] : end[place]] for place in np.flatnonzero(end > begin)]
+        return np.bincount(np.concatenate(found), minlength=len(self._names))
 
 
 def window_hashes(columns: Columns) -> dict[int, Hashes]:
