@@ -5,6 +5,7 @@ from __future__ import annotations
 import multiprocessing
 import os
 import time
+from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 
 import pytest
@@ -32,6 +33,16 @@ def test_a_process_that_dies_costs_none_of_the_pieces_that_were_handed_out_with_
     with Processes(2) as workers:
         assert workers.together(len(pieces)) > 1
         assert list(workers.in_order(pieces)) == [*range(9), Died(), *range(10, 40)]
+
+
+def test_a_process_that_dies_between_two_batches_costs_nothing() -> None:
+    pieces = [partial(slow_if_first, n) for n in range(4)]
+    with Processes(2) as workers:
+        assert list(workers.in_order(pieces)) == [*range(4)]
+        dies = workers.executor().submit(die, 0)
+        with pytest.raises(BrokenProcessPool):
+            dies.result()
+        assert list(workers.in_order(pieces)) == [*range(4)]
 
 
 def test_an_interrupt_ends_what_is_running() -> None:

@@ -208,3 +208,8 @@ def test_a_plan_of_somebody_else_removes_nothing(tmp_path: Path) -> None:
         write(out, "b")
     assert victim.read_text() == "mine"
     assert "a" in names(out)
+
+
+def test_what_a_killed_worker_was_writing_is_no_result(tmp_path: Path) -> None:
+    write(tmp_path / "out", "a", ".0f.draft.parquet", "parts/.1e.draft.js")
+    assert names(tmp_path / "out") == ["a", MARKER]

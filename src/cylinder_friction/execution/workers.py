@@ -21,7 +21,7 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUM
 LOOK_AFTER_S = 30.0
 """While nothing finishes, workers are looked after so often."""
 
-MOST_TOGETHER = 8
+MOST_TOGETHER, MOST_STARTS = 8, 3
 
 Work = Callable[[], Any]
 """Whatever can be pickled and called, such as a ``functools.partial`` of a module's function."""
@@ -145,9 +145,9 @@ class ExecutorWorkers(Workers):
         while waiting or running:
             # No more at a time than there are processes: if one dies, few are under suspicion.
             while waiting and len(running) < self.at_once:
-                executor, given = self.executor(), [waiting.pop() for _ in range(min(together, len(waiting)))]
-                work = [self.prepared(piece) for _, piece in given]
-                running[executor.submit(_done, work)] = [number for number, _ in given], executor
+                given = [waiting.pop() for _ in range(min(together, len(waiting)))]
+                future, executor = self._handed_out([piece for _, piece in given])
+                running[future] = [number for number, _ in given], executor
             finished, _ = wait(running, timeout=LOOK_AFTER_S, return_when=FIRST_COMPLETED)
             if not finished:
                 self.look_after()
@@ -158,6 +158,15 @@ class ExecutorWorkers(Workers):
                 except self.lost as error:
                     results = [self.died(error, executor)] * len(numbers)
                 yield from zip(numbers, results, strict=True)
+
+    def _handed_out(self, pieces: Sequence[Work]) -> tuple[Future[Any], Executor]:
+        for _ in range(MOST_STARTS):
+            executor = self.executor()
+            try:
+                return executor.submit(_done, [self.prepared(piece) for piece in pieces]), executor
+            except self.lost as error:  # a worker that died while nothing was asked of it
+                self.died(error, executor)
+        raise WorkersError(f"workers died {MOST_STARTS} times before they had begun; the machine may be out of memory")
 
 
 def _done(pieces: Sequence[Work]) -> list[Any]:

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from cylinder_friction.recordings.files import read_json, write_json
+from cylinder_friction.recordings.files import DRAFTS, read_json, write_json
 from cylinder_friction.recordings.locks import locked
 
 WHOLE, PLAN = "whole", ".plan.json"
@@ -86,6 +86,8 @@ class ResultFolder:
 
     def _settle(self, draft: Path) -> None:
         """Write into a draft what becomes of every file, old and new."""
+        for unfinished in draft.rglob(DRAFTS):  # of a worker that was killed while it wrote
+            unfinished.unlink()
         new = sorted(path.relative_to(draft).as_posix() for path in draft.rglob("*") if path.is_file())
         content, old = read_json(draft / self.marker), self._listed_before()
         kept = set(content.pop("kept", ())) & set(old)
