@@ -21,7 +21,7 @@ from cylinder_friction.service.live.events import Events
 from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveService
 from cylinder_friction.service.live.settings import LiveLimits
-from live_process import Mosquitto, serving
+from live_process import PATIENT, Mosquitto, serving
 
 
 @pytest.fixture(scope="session")
@@ -63,7 +63,7 @@ def flags(step_outputs: tuple[Array, Array]) -> Array:
 
 @pytest.fixture
 def service(engine: Engine, tmp_path: Path) -> LiveService:
-    return LiveService(engine, Journal(tmp_path / "journal.db"))
+    return LiveService(engine, Journal(tmp_path / "journal.db"), limits=PATIENT)
 
 
 @pytest.fixture(scope="session")
@@ -84,7 +84,7 @@ def served(engine: Engine, tmp_path: Path) -> Iterator[Callable[..., str]]:
     """Start a service in a thread; return its address as ``HOST:PORT``."""
     with ExitStack() as running:
 
-        def start(access: LiveAccess | None = None, limits: LiveLimits | None = None, log: Path | None = None) -> str:
+        def start(access: LiveAccess | None = None, limits: LiveLimits = PATIENT, log: Path | None = None) -> str:
             journal = running.enter_context(closing(Journal(tmp_path / "served.db")))
             service = LiveService(engine, journal, limits=limits)
             app = create_app(service, tmp_path / "history", access=access, events=Events(log))

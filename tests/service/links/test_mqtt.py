@@ -21,8 +21,8 @@ from cylinder_friction.service.client import Client
 from cylinder_friction.service.links.mqtt import MqttLink
 from cylinder_friction.service.live.frames import EstimateBlock, SampleBlock, pack_samples, unpack
 from cylinder_friction.service.live.service import LiveService
-from cylinder_friction.service.live.settings import BrokerSettings, LiveLimits, MqttSettings
-from live_process import Mosquitto, Relay, by_hand, needs_broker, served
+from cylinder_friction.service.live.settings import BrokerSettings, MqttSettings
+from live_process import PATIENT, Mosquitto, Relay, by_hand, needs_broker, served
 
 OPEN = {"session": "press", "inputs": ["pressure_1_pa", "pressure_2_pa", "position_m"], "sample_time_s": 0.005}
 
@@ -122,7 +122,7 @@ def test_a_kill_loses_nothing(newtons: Array, samples: Array, model: Path, tmp_p
 def test_no_message_ends_the_link(
     service: LiveService, newtons: Array, samples: Array, tmp_path: Path, broker: Mosquitto
 ) -> None:
-    service.limits = LiveLimits(message_bytes=10_000, sessions=2)
+    service.limits = replace(PATIENT, message_bytes=10_000, sessions=2)
     link = link_to(broker, prefix="plant")
 
     def use() -> None:
@@ -158,7 +158,7 @@ def test_a_client_that_is_too_fast_opens_anew(
     service: LiveService, samples: Array, tmp_path: Path, broker: Mosquitto
 ) -> None:
     """While the service takes no more, messages wait up to their limit; the one beyond ends the client's turn."""
-    service.limits = LiveLimits(unkept_rows=100)
+    service.limits = replace(PATIENT, unkept_rows=100)
     link = link_to(broker, waiting_messages=5)
 
     def use() -> tuple[list[str], int]:

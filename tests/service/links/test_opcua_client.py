@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -155,7 +156,7 @@ def test_a_session_that_was_closed_while_it_rested_goes_on(service: LiveService,
             await write_array(server, 0, samples[:20])
             await until(lambda: len(rows) == 20)
             service.keep()
-            service.limits = type(service.limits)(idle_s=1e-9)
+            service.limits = replace(service.limits, idle_s=1e-9)
             assert service.close_idle() == ["by array"]
             await write_array(server, 20, samples[20:40])
             await until(lambda: len(rows) == 40)

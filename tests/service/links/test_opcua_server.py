@@ -5,6 +5,7 @@ import os
 import signal
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager, suppress
+from dataclasses import replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -123,7 +124,7 @@ def test_a_client_reads_newtons_and_quality(service: LiveService, newtons: Array
             service.receive([SampleBlock(session.handle, 600, BEGAN_S + 3.0, broken[600:])])
             bad = await values_at(client, "press 7", 600)
             service.keep()
-            service.limits = type(service.limits)(idle_s=1e-9)
+            service.limits = replace(service.limits, idle_s=1e-9)
             assert service.close_idle() == ["press 7"]
             async with asyncio.timeout(PATIENCE_S):
                 status = ua.StatusCodes.BadNoCommunication
@@ -280,7 +281,7 @@ def test_sessions_go_and_come_back(service: LiveService, samples: Array, monkeyp
     async def look() -> None:
         async with shown(service) as client:
             folder = await client.nodes.objects.get_child("2:CylinderFriction")
-            service.limits = type(service.limits)(idle_s=1e-9)
+            service.limits = replace(service.limits, idle_s=1e-9)
             for begin in (0, 3):
                 session = opened(service, "press")
                 service.receive([SampleBlock(session.handle, begin, BEGAN_S, samples[begin : begin + 3])])

@@ -2,6 +2,7 @@
 
 import queue
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,8 +20,8 @@ from cylinder_friction.service.links.sparkplug_payload import REBIRTH, Sparkplug
 from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveService
-from cylinder_friction.service.live.settings import BrokerSettings, LiveLimits, SparkplugSettings
-from live_process import Mosquitto, by_hand, needs_broker, served
+from cylinder_friction.service.live.settings import BrokerSettings, SparkplugSettings
+from live_process import PATIENT, Mosquitto, by_hand, needs_broker, served
 
 KINDS = {"u32": 13, "u64": 4, "f64": 1, "bool": 8, "text": 9, "metric": 11}
 METRIC = [
@@ -57,7 +58,7 @@ def rebirth(value: bool = True, name: str = REBIRTH) -> bytes:
 def test_births_data_and_deaths(
     service: LiveService, newtons: Array, flags: Array, samples: Array, tmp_path: Path, broker: Mosquitto
 ) -> None:
-    service.limits = LiveLimits(idle_s=2.0)
+    service.limits = replace(PATIENT, idle_s=2.0)
     link = SparkplugLink(SparkplugSettings(BrokerSettings(port=broker.port), "plant", "live", rate_hz=20.0))
     port = free_port()
     seen: list[tuple[str, Any]] = []

@@ -95,7 +95,7 @@ def test_an_end_keeps_all_that_came_and_waits_for_no_client_that_reads_nothing(
     url = f"ws://127.0.0.1:{port}/stream"
     with (
         hang_ups(signal.SIG_DFL),  # where the tests run under nohup the service would ignore them
-        running(model, tmp_path, port) as process,
+        running(model, tmp_path, port, {"limits": {"loop_lag_s": 60.0}}) as process,
         stalled_client(url, samples),
         Client(url, "press", 0.005) as client,
     ):
@@ -140,7 +140,7 @@ def test_a_folder_is_that_of_one_service(model: Path, tmp_path: Path, port: int)
 def test_by_hand_wrongly_and_from_elsewhere(samples: Array, model: Path, tmp_path: Path, port: int) -> None:
     """JSON gives newtons by hand; what is no message, no session's or another page's is named, and nothing ends."""
     url = f"ws://127.0.0.1:{port}/stream"
-    with running(model, tmp_path, port):
+    with running(model, tmp_path, port, {"limits": {"loop_lag_s": 60.0}}):  # opened by hand, once, on a busy machine too
         with connect(url) as hand:
             hand.send(json.dumps({"open": OPEN}))
             handle = json.loads(hand.recv())["opened"]["handle"]
