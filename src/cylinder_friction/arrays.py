@@ -11,9 +11,8 @@ Mask = NDArray[np.bool_]
 
 def true_runs(mask: Mask) -> NDArray[np.int64]:
     """Return the first place of each run of true values and the one behind its last, shape ``(runs, 2)``."""
-    inside = np.flatnonzero(mask[1:] != mask[:-1]) + 1
-    ends = [0] if mask[:1].any() else [], [len(mask)] if mask[-1:].any() else []
-    return np.concatenate([ends[0], inside, ends[1]]).astype(np.int64).reshape(-1, 2)
+    padded = np.concatenate([[False], mask, [False]])
+    return np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2)
 
 
 def median(values: Array) -> float:

@@ -31,7 +31,7 @@ def test_a_process_that_dies_costs_its_own_piece() -> None:
 def test_a_process_that_dies_costs_none_of_the_pieces_that_were_handed_out_with_its_own() -> None:
     pieces = [partial(die if n == 9 else slow_if_first, n) for n in range(40)]
     with Processes(2) as workers:
-        assert workers.together(len(pieces)) > 1
+        assert workers.batch_size(len(pieces)) > 1
         assert list(workers.in_order(pieces)) == [*range(9), Died(), *range(10, 40)]
 
 

@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 VARIABLE = "CYLINDER_FRICTION_WORKERS"
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 LOOK_AFTER_S = 30.0
-"""While nothing finishes, workers are looked after so often."""
+"""How often workers are looked after while nothing finishes."""
 
-MOST_TOGETHER, MOST_STARTS = 8, 3
+LARGEST_BATCH, MOST_STARTS = 8, 3
 
 Work = Callable[[], Any]
 """Whatever can be pickled and called, such as a ``functools.partial`` of a module's function."""
@@ -86,8 +86,8 @@ class ExecutorWorkers(Workers):
     """Work given to a ``concurrent.futures.Executor``.
 
     Attributes:
-        at_once: So many pieces are handed out at a time.
-        least: Of fewer pieces each is done here, for workers take longer to begin.
+        at_once: Number of batches of pieces that run side by side.
+        least: Fewer pieces than this are done in this process, for workers take longer to begin.
         lost: Raised for a piece whose worker died.
     """
 
@@ -108,8 +108,8 @@ class ExecutorWorkers(Workers):
         """Return a piece with what its worker needs beside it."""
         return piece
 
-    def together(self, _pieces: int) -> int:
-        """Return how many of so many pieces are handed out as one."""
+    def batch_size(self, _pieces: int) -> int:
+        """Return how many pieces a worker is given at a time, where there are ``_pieces`` in all."""
         return 1
 
     def look_after(self) -> None:
@@ -141,11 +141,11 @@ class ExecutorWorkers(Workers):
     def _round(self, waiting: list[tuple[int, Work]]) -> Iterator[tuple[int, Any]]:
         running: dict[Future[Any], tuple[list[int], Executor]] = {}
         waiting.reverse()
-        together = self.together(len(waiting))
+        size = self.batch_size(len(waiting))
         while waiting or running:
             # No more at a time than there are processes: if one dies, few are under suspicion.
             while waiting and len(running) < self.at_once:
-                given = [waiting.pop() for _ in range(min(together, len(waiting)))]
+                given = [waiting.pop() for _ in range(min(size, len(waiting)))]
                 future, executor = self._handed_out([piece for _, piece in given])
                 running[future] = [number for number, _ in given], executor
             finished, _ = wait(running, timeout=LOOK_AFTER_S, return_when=FIRST_COMPLETED)
@@ -205,9 +205,9 @@ class Processes(ExecutorWorkers):
             self._children = [child for child in multiprocessing.active_children() if child not in others]
         return self._processes
 
-    def together(self, pieces: int) -> int:
-        """Small pieces would be done sooner than the next one is there; of few pieces each may be large."""
-        return max(1, min(MOST_TOGETHER, pieces // (MOST_TOGETHER * self.at_once)))
+    def batch_size(self, pieces: int) -> int:
+        """Return more than 1 only for many pieces: they are small, and a worker would wait for each next one."""
+        return max(1, min(LARGEST_BATCH, pieces // (LARGEST_BATCH * self.at_once)))
 
     def died(self, _error: Exception, executor: Executor) -> Died:
         if executor is self._processes:  # and not yet replaced: all of its pieces are lost, one after the other

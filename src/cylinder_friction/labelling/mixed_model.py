@@ -31,7 +31,7 @@ class Evidence:
     own_strokes: Array
     lengths: Array  # Rows of the strokes in ``common_strokes``, shape ``(lengths,)``
     own_lengths: Array  # The same of ``own_strokes``, shape ``(groups, lengths)``
-    strokes: Array  # How many strokes have so many rows, shape ``(lengths,)``
+    stroke_counts: Array  # Number of strokes of each of ``lengths``, shape ``(lengths,)``
 
     @classmethod
     def of(cls, columns: Array, effects: int, rows: NDArray[np.int64], stroke: NDArray[np.int64]) -> Self:
@@ -46,7 +46,7 @@ class Evidence:
         """
         first, ends, size = np.flatnonzero(np.diff(stroke, prepend=-1)), np.cumsum(rows), columns.shape[1] - effects
         counts, sums = np.diff(first, append=len(stroke)), np.add.reduceat(columns, first)
-        lengths, length, strokes = np.unique(counts, return_inverse=True, return_counts=True)
+        lengths, length, stroke_counts = np.unique(counts, return_inverse=True, return_counts=True)
         alike = [sums[length == each, effects:] for each in range(len(lengths))]
         pairs, pair = np.unique(np.searchsorted(ends, first, "right") * (len(stroke) + 1) + counts, return_inverse=True)
         group, own_length = np.divmod(pairs, len(stroke) + 1)
@@ -63,7 +63,7 @@ class Evidence:
             own_strokes=own_strokes.reshape(*own_lengths.shape, -1),
             lengths=lengths.astype(np.float64),
             own_lengths=own_lengths,
-            strokes=strokes.astype(np.float64),
+            stroke_counts=stroke_counts.astype(np.float64),
         )
 
     def reduced(self, noise: float, stroke: float, deviations: Array) -> Reduced:
@@ -82,7 +82,7 @@ class Evidence:
         own = self.own - (own_weights[:, None, :] @ self.own_strokes).reshape(self.own.shape)
         own *= (deviations / noise**2)[:, :, None]
         own[:, :, :effects] *= deviations[:, None, :]
-        log_determinant = 2.0 * self.rows * math.log(noise) + float(self.strokes @ np.log(growth))
+        log_determinant = 2.0 * self.rows * math.log(noise) + float(self.stroke_counts @ np.log(growth))
         for place in range(effects):  # Cholesky's decomposition of all groups at a time; without rounding, pivots >= 1
             pivot = np.maximum(1.0 + own[:, place, place], 1.0)
             log_determinant += float(np.log(pivot).sum())

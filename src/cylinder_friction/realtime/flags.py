@@ -98,18 +98,19 @@ def invalid_flag(column: str) -> Flag:
     return known.get(column, Flag.INVALID_OTHER)
 
 
+UNKNOWN = {
+    Flag.NOT_READY: "of the rows have no estimate: no sample with a valid reading of every input came before them",
+    Flag.UNMODELLED_FORCE: "of the rows hold a force that this model does not know",
+    Flag.OUTSIDE: "of the rows lie outside the range of its training",
+}
+"""What each flag says of rows whose estimates are not to be used as they are."""
+
+
 def unknown_in_words(rows: int, by_flag: Mapping[str, int]) -> str:
     """Return why estimates are not to be used as they are, from how many rows have each flag; empty where they are."""
     if rows < LEAST_ROWS:
         return ""
-    for flag, words in (
-        (
-            Flag.NOT_READY,
-            "of the rows have no estimate: no sample with a valid reading of every input came before them",
-        ),
-        (Flag.UNMODELLED_FORCE, "of the rows hold a force that this model does not know"),
-        (Flag.OUTSIDE, "of the rows lie outside the range of its training"),
-    ):
+    for flag, words in UNKNOWN.items():
         share = by_flag.get(str(flag.name), 0) / rows
         if share > MOST_UNKNOWN:
             return f"{100.0 * share:.0f} % {words}"

@@ -54,13 +54,15 @@ def expected(newtons: Array, flags: Array) -> Array:
 
 
 def test_a_session_that_the_model_does_not_know_is_named(service: LiveService, samples: Array) -> None:
-    known, foreign = opened(service, "known"), opened(service, "foreign")
-    loaded = samples + np.array([20e5, 0.0, 0.0])
-    for first, second in zip(blocks(known, samples, 0, 1500), blocks(foreign, loaded, 0, 1500), strict=True):
-        service.receive([first, second])
+    known, foreign, silent = opened(service, "known"), opened(service, "foreign"), opened(service, "silent")
+    loaded, unread = samples + np.array([20e5, 0.0, 0.0]), samples * np.array([1.0, 1.0, np.nan])
+    pairs = ((known, samples), (foreign, loaded), (silent, unread))
+    for each in zip(*(blocks(session, rows, 0, 1500) for session, rows in pairs), strict=True):
+        service.receive(list(each))
     service.keep()
     assert known.not_known == ""
     assert re.fullmatch(r"\d+ % of the rows (hold a force that|lie outside the range) .*", foreign.not_known)
+    assert silent.not_known.startswith("100 % of the rows have no estimate: no sample with a valid reading of every")
 
 
 def test_a_session_too_noisy_for_the_bounds_is_named(engine: Engine, samples: Array, tmp_path: Path) -> None:

@@ -5,8 +5,6 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
-from tqdm import tqdm
-
 from cylinder_friction.evaluation.inspection.subject import Inspected, worst
 from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection, window_hashes
 from cylinder_friction.recordings.checks.finding import Finding
@@ -15,6 +13,7 @@ from cylinder_friction.recordings.conversion import Recipe, metadata_of, pieces_
 from cylinder_friction.recordings.ingesting import session_zeros
 from cylinder_friction.recordings.mapping.calibration import NOT_CORRECTED, ZeroReading
 from cylinder_friction.recordings.path_names import PathNames, name_of
+from cylinder_friction.recordings.progress import shown
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, RecordingPiece
 
 
@@ -26,7 +25,7 @@ def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspect
     """
     zeros = {} if recipe.zero.method == "none" else session_zeros(files, recipe)
     duplicates = DuplicateDetection()
-    for name, path in tqdm(files.items(), desc="inspect", unit="file", disable=None):
+    for name, path in shown(files.items(), "inspect", len(files), "file"):
         for piece, subject in _inspect_file(name, path, recipe, zeros):
             recording = subject.recording
             if piece is None or recording is None or subject.outcome == "refused":

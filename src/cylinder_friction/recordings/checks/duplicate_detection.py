@@ -32,8 +32,8 @@ FINEST = {"pressure": 512.0, "force": 0.125}
 
 PLACES = 4096  # samples at most from which the noise is estimated
 
-LARGER = 4
-"""Each block of known hashes is more than so many times as large as the next."""
+BLOCK_RATIO = 4
+"""Each block of known hashes has more than 4 times as many as the next one."""
 
 OFFSET = 0.3819
 """Moves the borders of rounding away from zero and from round numbers, where sensors rest, in roundings."""
@@ -101,7 +101,7 @@ class DuplicateDetection:
             owners.append(np.full(sum(map(len, hashed.values())), len(self._names)))
             self._names.append(name)
             self._counts.append({exponent: len(hashes) for exponent, hashes in hashed.items()})
-        while self._blocks and len(self._blocks[-1][0]) < LARGER * sum(map(len, known)):
+        while self._blocks and len(self._blocks[-1][0]) < BLOCK_RATIO * sum(map(len, known)):
             more, theirs = self._blocks.pop()
             known.append(more)
             owners.append(theirs)

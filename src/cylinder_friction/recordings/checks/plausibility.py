@@ -168,12 +168,12 @@ def _undecidable(
     fewest = int(min(np.count_nonzero(motion.direction > 0.0), np.count_nonzero(motion.direction < 0.0)))
     if fewest < 20:
         return f"the piston moves clearly in both directions in {fewest} rows only, expected 20 each"
-    explained = least_squares(shape.T @ shape, shape.T @ motion.direction)
+    explained = solve_normal_equations(shape.T @ shape, shape.T @ motion.direction)
     unexplained = float(np.var(motion.direction - shape @ explained) / np.var(motion.direction))
     return "extension and retraction hardly pass the same positions" if unexplained < LEAST_OVERLAP else ""
 
 
-def least_squares(gram: Array, moment: Array) -> Array:
+def solve_normal_equations(gram: Array, moment: Array) -> Array:
     """Return the solution of normal equations, with nothing of what rows do not show.
 
     Where terms are scaled and few these are exact enough, and many times as fast as an SVD.
@@ -200,7 +200,7 @@ def powers(values: Array) -> Array:
 def _balances(motion: ClearMotion, shape: Array, forces: list[Array]) -> list[Balance]:
     terms = np.column_stack([motion.direction, shape])
     stacked = np.column_stack(forces)
-    factors = least_squares(terms.T @ terms, terms.T @ stacked)
+    factors = solve_normal_equations(terms.T @ terms, terms.T @ stacked)
     residuals = np.sqrt(np.mean((stacked - terms @ factors) ** 2, axis=0))
     out = motion.direction > 0.0
     return [

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array, Mask, median, quantile, sliding_extremes, sliding_mean, true_runs
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.limits import CheckLimits
-from cylinder_friction.recordings.checks.plausibility import ClearMotion, least_squares, powers
+from cylinder_friction.recordings.checks.plausibility import ClearMotion, powers, solve_normal_equations
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
     LOAD_FORCE,
@@ -131,7 +131,7 @@ def _fit(drive_n: Array, positions_m: Array, motion: ClearMotion) -> tuple[float
     weights, factors = np.ones(len(rows)), np.zeros(terms.shape[1])
     for _ in range(_ITERATIONS):
         weighted = terms * weights[:, None]
-        before, factors = factors, least_squares(weighted.T @ terms, weighted.T @ force_n)
+        before, factors = factors, solve_normal_equations(weighted.T @ terms, weighted.T @ force_n)
         if np.abs(factors - before).max() <= _SETTLED * np.abs(factors[0]):
             break
         off_n = np.abs(force_n - terms @ factors)

@@ -11,7 +11,7 @@ from urllib.parse import quote
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.realtime.flags import Flag, unknown_in_words
+from cylinder_friction.realtime.flags import UNKNOWN, unknown_in_words
 from cylinder_friction.service.live.engine import Engine, Job
 from cylinder_friction.service.live.frames import LATEST_S, EstimateBlock, SampleBlock
 from cylinder_friction.service.live.journal import Journal, LastRow, SavedSession, Unkept, made_by
@@ -66,7 +66,7 @@ class LiveSession:
     kept_index: int = 0  # All samples before it are kept
     last_seen_s: float = 0.0  # On the monotonic clock
     last_kept: LastRow | None = None  # Since it was opened
-    flagged: Counter[str] = field(default_factory=Counter)  # Rows kept since then by flag that speaks of the model
+    flagged: Counter[str] = field(default_factory=Counter)  # Rows kept since then with each flag of ``UNKNOWN``
     owner: "Owner | None" = None
 
     @property
@@ -89,7 +89,7 @@ class LiveSession:
         """Note that what was handed over is kept, count its rows by flags, and measure the noise of its pressures."""
         flags = np.frombuffer(b"".join([each.flags for each in self.handed_over]), "<u4")
         self.flagged["rows"] += len(flags)
-        for flag in (Flag.UNMODELLED_FORCE, Flag.OUTSIDE):
+        for flag in UNKNOWN:
             self.flagged[str(flag.name)] += int(np.count_nonzero(flags & int(flag)))
         for each in self.handed_over:
             if each.newtons:
