@@ -103,7 +103,7 @@ UNKNOWN = {
     Flag.UNMODELLED_FORCE: "of the rows hold a force that this model does not know",
     Flag.OUTSIDE: "of the rows lie outside the range of its training",
 }
-"""What each flag says of rows whose estimates are not to be used as they are."""
+"""What each flag states of rows whose estimates are not to be used as they are."""
 
 
 def unknown_in_words(rows: int, by_flag: Mapping[str, int]) -> str:
