@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -28,8 +29,9 @@ class KalmanModel:
     measurement_noise: float  # Variance of the measurement
     first_covariance: Array  # Of the state at the first row, before its measurement, shape ``(k, k)``
 
+    @cached_property
     def gains(self) -> Gains:
-        """Return the gains, which do not depend on what is measured (Rauch, Tung and Striebel 1965).
+        """The gains, which do not depend on what is measured (Rauch, Tung and Striebel 1965).
 
         Raises:
             ValueError: The gains do not settle: no noise moves the state.
@@ -52,7 +54,7 @@ class KalmanModel:
 
     def memory_rows(self) -> int:
         """Return after how many rows the slowest part of a disturbance has faded to a thousandth of what it was."""
-        gain = self.gains().filter[-1]
+        gain = self.gains.filter[-1]
         corrected = self.transition - np.outer(gain, self.transition[0])
         slowest = float(np.abs(np.linalg.eigvals(corrected)).max())
         return max(1, math.ceil(math.log(1e-3) / math.log(slowest))) if slowest > 0.0 else 1

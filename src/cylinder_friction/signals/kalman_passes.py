@@ -24,7 +24,7 @@ class SteadyKalman:
     """
 
     def __init__(self, pressure: KalmanModel, position: KalmanModel) -> None:
-        pressure_gain, position_gain = (model.gains().filter[-1:] for model in (pressure, position))
+        pressure_gain, position_gain = (model.gains.filter[-1:] for model in (pressure, position))
         self._signals = (
             (pressure.transition, pressure_gain, slice(0, 1)),
             (pressure.transition, pressure_gain, slice(1, 2)),
@@ -49,7 +49,7 @@ class SteadyKalman:
 
 def smooth_states(model: KalmanModel, measured: Array) -> Array:
     """Return the smoothed states, shape ``(n, k)``, from measurements of the first state, shape ``(n,)``."""
-    gains = model.gains()
+    gains = model.gains
     # Relative to the first value numbers stay small; the first state of the model then has zero mean.
     first, state = measured[0], np.zeros(len(model.transition))
     forward = _filter(model.transition, gains.filter, state, np.ascontiguousarray(measured - first))

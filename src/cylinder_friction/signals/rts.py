@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 from cylinder_friction.arrays import Array
@@ -12,6 +13,12 @@ from cylinder_friction.signals.smooth_signals import SignalFilter, Support
 
 if TYPE_CHECKING:
     from cylinder_friction.signals.kalman_passes import SteadyKalman
+
+
+@lru_cache(maxsize=8)
+def _models(pressure_time_s: float, motion_time_s: float, sample_time_s: float) -> tuple[KalmanModel, KalmanModel]:
+    walk = random_walk(sample_time_s / pressure_time_s, 1.0)
+    return walk, constant_jerk(motion_time_s**-3, 1.0, sample_time_s)
 
 
 @dataclass(frozen=True)
@@ -28,8 +35,7 @@ class RtsSmoother(SignalFilter):
 
     def models(self, sample_time_s: float) -> tuple[KalmanModel, KalmanModel]:
         """Return the models of a pressure and of the position, in units of their sensors' noise."""
-        walk = random_walk(sample_time_s / self.pressure_time_s, 1.0)
-        return walk, constant_jerk(self.motion_time_s**-3, 1.0, sample_time_s)
+        return _models(self.pressure_time_s, self.motion_time_s, sample_time_s)
 
     def causal(self) -> KalmanFilter:
         """Return the Kalman filter of the same models: this smoother without its look-ahead."""

@@ -21,6 +21,8 @@ from cylinder_friction.tracking.store import Store
 
 STAGE_TAG = "stage"
 """Tag of a top-level run and of a stage's: which stage it is, or ``pipeline``."""
+CANDIDATE_KEY = "candidate_key"
+"""Tag of a version, of its logged model and of the run of ``register`` by which a candidate is recognised."""
 EXECUTION = "pipeline"
 _KEYS = "stage_keys"
 _RAN = "stages_run"

@@ -19,9 +19,6 @@ Errors = dict[str, _Error]
 """Error by condition [percent of mean |friction|], against the candidate's ``reference``; null in a file if it is no
 number."""
 
-CANDIDATE_KEY = "candidate_key"
-"""Tag of a version, of its logged model and of the run of ``register`` by which a candidate is recognised."""
-
 
 @dataclass(frozen=True)
 class Candidate:

@@ -17,7 +17,8 @@ from mlflow.models import Model
 
 from cylinder_friction.evaluation.reported import error_metrics
 from cylinder_friction.recordings.files import hash_of, json_hash
-from cylinder_friction.tracking.gate import CANDIDATE_KEY, Decision, decide
+from cylinder_friction.tracking.executions import CANDIDATE_KEY
+from cylinder_friction.tracking.gate import Decision, decide
 from cylinder_friction.tracking.model_folder import (
     ESTIMATOR_ARTIFACT,
     LINEAGE_ARTIFACT,

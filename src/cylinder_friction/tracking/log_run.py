@@ -22,6 +22,7 @@ from cylinder_friction.evaluation.reported import ERROR_PERCENT
 from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.run_record import STAGES, RunRecord, Times
 from cylinder_friction.tracking.executions import (
+    CANDIDATE_KEY,
     STAGE_TAG,
     allowed,
     dataset_input,
@@ -29,7 +30,6 @@ from cylinder_friction.tracking.executions import (
     execution_of,
     stage_ended,
 )
-from cylinder_friction.tracking.gate import CANDIDATE_KEY
 from cylinder_friction.tracking.measurement import times_of, with_times
 from cylinder_friction.tracking.repository import Commit, TrackingError, commit_of
 from cylinder_friction.tracking.store import Store, open_store

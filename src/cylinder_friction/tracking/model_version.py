@@ -18,8 +18,8 @@ from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS, MLFLOW_PARENT_RUN_ID
 
 from cylinder_friction.recordings.files import hash_of, json_hash
 from cylinder_friction.run_record import STAGES, RunRecord, records_in
-from cylinder_friction.tracking.executions import allowed, digest_of
-from cylinder_friction.tracking.gate import CANDIDATE_KEY, Candidate
+from cylinder_friction.tracking.executions import CANDIDATE_KEY, allowed, digest_of
+from cylinder_friction.tracking.gate import Candidate
 from cylinder_friction.tracking.log_run import log_in
 from cylinder_friction.tracking.measurement import SYSTEM_PREFIX
 from cylinder_friction.tracking.model_folder import save_model_folder

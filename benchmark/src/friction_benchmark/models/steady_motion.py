@@ -38,7 +38,7 @@ def causal_motion(position_m: Array, sample_time_s: float) -> Array:
     averaged position has recently pushed against the backlash.
     """
     step = sample_time_s
-    gains = constant_jerk(JERK_M_S3, POSITION_NOISE_M, step).gains().filter[-1]
+    gains = constant_jerk(JERK_M_S3, POSITION_NOISE_M, step).gains.filter[-1]
     position, velocity, acceleration = float(position_m[0]), 0.0, 0.0
     states = []
     for measured in position_m.tolist():
