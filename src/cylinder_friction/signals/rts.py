@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from cylinder_friction.signals.kalman_passes import SteadyKalman
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=8)  # a model keeps its gains, which take longer than smoothing a recording
 def _models(pressure_time_s: float, motion_time_s: float, sample_time_s: float) -> tuple[KalmanModel, KalmanModel]:
     walk = random_walk(sample_time_s / pressure_time_s, 1.0)
     return walk, constant_jerk(motion_time_s**-3, 1.0, sample_time_s)

@@ -9,6 +9,7 @@ import time
 import urllib.request
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
+from dataclasses import asdict
 from hashlib import sha256
 from pathlib import Path
 
@@ -30,13 +31,11 @@ from cylinder_friction.service.live.app import HISTORY_FOLDER
 from cylinder_friction.service.live.frames import SampleBlock, pack_samples
 from cylinder_friction.service.live.history import move_into_history
 from cylinder_friction.service.live.journal import Journal
-from live_process import stalled_client
+from live_process import PATIENT, stalled_client
 
 KILLED_AFTER_S = {1: 0.0, 2: 0.9, 3: 1.4}
 """After which turns the service is killed, and how long after: before samples are kept, while they are, later."""
 OPEN = {"session": "by hand", "inputs": ["pressure_1_pa", "pressure_2_pa", "position_m"], "sample_time_s": 0.005}
-OPENED_AT_ONCE = {"limits": {"loop_lag_s": 60.0}}
-"""Settings of a service that refuses no new session because the machine is busy."""
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +96,7 @@ def test_an_end_keeps_all_that_came_and_waits_for_no_client_that_reads_nothing(
     url = f"ws://127.0.0.1:{port}/stream"
     with (
         hang_ups(signal.SIG_DFL),  # where the tests run under nohup the service would ignore them
-        running(model, tmp_path, port, OPENED_AT_ONCE) as process,
+        running(model, tmp_path, port, {"limits": asdict(PATIENT)}) as process,
         stalled_client(url, samples),
         Client(url, "press", 0.005) as client,
     ):
@@ -142,7 +141,7 @@ def test_a_folder_is_that_of_one_service(model: Path, tmp_path: Path, port: int)
 def test_by_hand_wrongly_and_from_elsewhere(samples: Array, model: Path, tmp_path: Path, port: int) -> None:
     """JSON gives newtons by hand; what is no message, no session's or another page's is named, and nothing ends."""
     url = f"ws://127.0.0.1:{port}/stream"
-    with running(model, tmp_path, port, OPENED_AT_ONCE):
+    with running(model, tmp_path, port, {"limits": asdict(PATIENT)}):
         with connect(url) as hand:
             hand.send(json.dumps({"open": OPEN}))
             handle = json.loads(hand.recv())["opened"]["handle"]

@@ -33,7 +33,7 @@ FINEST = {"pressure": 512.0, "force": 0.125}
 PLACES = 4096  # samples at most from which the noise is estimated
 
 BLOCK_RATIO = 4
-"""Each block of known hashes has more than 4 times as many as the next one."""
+"""Each block of known hashes is larger than the next one by more than this factor."""
 
 OFFSET = 0.3819
 """Moves the borders of rounding away from zero and from round numbers, where sensors rest, in roundings."""
