@@ -4,7 +4,6 @@ It lies beside the estimator. A model that misses it does not start.
 """
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,6 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
-from cylinder_friction.recordings.files import read_json
 
 GOLDEN_FILE = "golden.json"
 ROWS, PERIOD_ROWS = 800, 400
@@ -34,13 +32,12 @@ def recorded(model: StepModel) -> dict[str, Any]:
     return {"samples": samples.tolist(), "newtons": newtons.tolist(), "flags": flags.tolist()}
 
 
-def check_golden(run: Callable[[Array], tuple[Array, NDArray[np.integer[Any]]]], path: Path) -> float:
-    """Run a runtime on the golden trajectory in a file; return how far it is from the recorded newtons at most [N].
+def difference_n(run: Callable[[Array], tuple[Array, NDArray[np.integer[Any]]]], golden: dict[str, Any]) -> float:
+    """Run a runtime on a golden trajectory; return how far it is from the recorded newtons at most [N].
 
     Raises:
         GoldenError: It is farther than ``TOLERANCE_N``, or flags differ.
     """
-    golden = read_json(path)
     newtons, flags = run(np.array(golden["samples"], dtype=np.float64))
     found_n = float(np.abs(newtons[:, :3] - np.array(golden["newtons"])).max())
     changed = int((flags != np.array(golden["flags"])).sum())

@@ -126,7 +126,8 @@ def score_columns(served: ServedModel, columns: Mapping[str, Column]) -> dict[st
     for rows in recordings:
         _refuse_several(served, columns, samples, rows)
     numbers, flags = np.empty((len(samples), len(served.outputs))), np.empty(len(samples), dtype=np.int64)
-    inside, in_range = ((samples >= served.lower) & (samples <= served.upper)).all(axis=1), np.empty(len(samples), bool)
+    inside = np.all((samples >= served.lower) & (samples <= served.upper), axis=1)
+    in_range = np.empty(len(samples), dtype=np.bool_)
     for rows in recordings:
         numbers[rows], flags[rows] = served.run(samples[rows])
         in_range[rows] = _all_within(inside[rows], served.memory)

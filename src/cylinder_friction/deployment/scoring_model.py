@@ -4,6 +4,7 @@ It imports nothing of the package until it has found the code that the model bri
 """
 
 import hashlib
+import json
 import os
 import shutil
 import sys
@@ -35,13 +36,13 @@ class FrictionScoringModel(PythonModel):
         """
         estimator = Path(context.artifacts["estimator"])
         import_brought_code(estimator.parents[1] / "code")
-        from cylinder_friction.deployment.golden_trajectory import check_golden
+        from cylinder_friction.deployment.golden_trajectory import difference_n
         from cylinder_friction.deployment.scoring import ScoringError, ServedModel, score_frame
         from cylinder_friction.estimators.loading import load_estimator
 
         self._refused, self._score_frame = ScoringError, score_frame
         self._served = ServedModel(load_estimator(estimator).step_model())
-        check_golden(self._served.run, Path(context.artifacts["golden"]))
+        difference_n(self._served.run, json.loads(Path(context.artifacts["golden"]).read_text("utf-8")))
 
     def predict(self, context: Any, model_input: pd.DataFrame, params: Any = None) -> pd.DataFrame:  # noqa: ARG002
         """Return what ``score_columns`` does, one row for each row given; rows that cannot be scored give 400."""
