@@ -18,7 +18,7 @@ from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
 from cylinder_friction.recordings.formats.reading import open_logged_file
 from cylinder_friction.recordings.mapping.calibration import ZeroReading, ZeroRules, apply_zero, find_zero
-from cylinder_friction.recordings.mapping.channel_facts import words_of
+from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, sensor_limits, wanted_channels
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.path_names import NameRules, PathNames
@@ -61,6 +61,7 @@ class Recipe:
             column: entry if isinstance(entry, ChannelMapping) else ChannelMapping.from_dict(entry)
             for column, entry in settings["channels"].items()
         }
+        channels = {column: each.for_stroke(column, cylinder.stroke_m) for column, each in channels.items()}
         areas_m2 = (cylinder.piston_area_m2, cylinder.annulus_area_m2)
         return cls(
             names=names,

@@ -5,6 +5,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from cylinder_friction.recordings.formats.clocks import oldest_first, with_dates
 from cylinder_friction.recordings.formats.format import guarded
 from cylinder_friction.recordings.formats.isolated import READER
 from cylinder_friction.recordings.formats.layout import AUTOMATIC, CsvOptions
@@ -54,7 +55,7 @@ def read_logged_file(
             tables = found.read(source, wanted, csv) if found.options else found.read(source, wanted)
     if not any(len(table.channels) or table.unread for table in tables):
         raise RecordingError("holds no channel with a row; expected a table of numbers")
-    return tables
+    return [oldest_first(with_dates(table)) for table in tables]
 
 
 def open_logged_file(
@@ -109,4 +110,4 @@ def _guarded(tables: Callable[[], Iterator[LoggedTable]], what: str) -> Iterator
             table = next(read, None)
         if table is None:
             return
-        yield table
+        yield with_dates(table)
