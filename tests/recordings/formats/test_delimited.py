@@ -224,6 +224,32 @@ def test_numbers_come_back_to_the_last_bit(tmp_path_factory, rows, delimiter: st
     np.testing.assert_array_equal(table.channels.to_numpy(dtype=np.float64), rows)
 
 
+def test_names_above_units_of_which_some_are_none(read) -> None:  # type: ignore[no-untyped-def]
+    """As Graphtec writes them; two channels share a unit, and the line of units repeats no name."""
+    rows = "".join(f"{row},2026/03/14 08:15:00,{5 * row},+  7.205,+8.9,+74.9,L\n" for row in range(1, 30))
+    above = "Vendor,GRAPHTEC\nSampling interval,5ms\nStart time,2026/3/14,08:15:00\nData\n"
+    names = "Number,Date&Time,ms,CH1,CH2,CH3,Alarm1\nNO.,Time,ms,bar,bar,mm,A1\n"
+    for header in ("auto", "names_units"):
+        table = read(above + names + rows, header=header)
+        assert {name: table.units[name] for name in ("CH1", "CH2", "CH3")} == {"CH1": "bar", "CH2": "bar", "CH3": "mm"}
+        assert table.channels["CH1"].tolist() == [7.205] * 29
+
+
+def test_names_and_units_of_repeated_time_columns(tmp_path: Path) -> None:
+    """As DAQExpress writes them, names in quotes."""
+    above = "Timestamp,2026-03-14 08:15:00,Timestamp,2026-03-14 08:15:00\nInterval,0.005,Interval,0.005\n"
+    names = 'Channel name,"Piston pressure",Channel name,"Position"\nUnit,"bar",Unit,"mm"\n'
+    (tmp_path / "log.csv").write_text(
+        above + names + "".join(f"{0.005 * row:.3f},7.2,{0.005 * row:.3f},75.0\n" for row in range(40))
+    )
+    one, other = read_logged_file(tmp_path / "log.csv")
+    assert (list(one.channels), list(other.channels)) == (
+        ["Channel name", "Piston pressure"],
+        ["Channel name", "Position"],
+    )
+    assert one.units == {"Piston pressure": "bar", "Position": "mm"}
+
+
 @pytest.mark.parametrize(
     "pattern", ["dd.mm.yyyy hh:mm:ss", "dd.mm.yyyy hh:mm:ss,000", "TT.MM.JJJJ hh:mm:ss", "HH:mm:ss"]
 )

@@ -16,6 +16,7 @@ from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.mapping.guessing import guess_mapping
 from cylinder_friction.recordings.mapping.mapping_text import mapping_yaml
 from cylinder_friction.recordings.path_names import NameRules
+from cylinder_friction.recordings.recording import RecordingError
 
 PATH = Path("logs/noload_day1.csv")
 ROWS = 400
@@ -143,6 +144,16 @@ def test_time_is_asked_for_rather_than_taken_from_what_rises(clocks: dict[str, A
 def test_a_clock_is_told_from_a_count(clocks: dict[str, Any], channel: str, unit: str) -> None:
     found = channels_of(text_of(clocks | MEASURED))["time_s"]
     assert (found["channel"], found["unit"]) == (channel, unit)
+
+
+def test_one_row_per_value_is_named_with_its_pivot() -> None:
+    tags = np.array(["pA", "pB", "Weg"] * 100, dtype=object)
+    table = pd.DataFrame({"Tag": tags, "Zeit": np.repeat(TIME[:100], 3), "Wert": np.tile([7.0, 9.0, 75.0], 100)})
+    words = (
+        r"one row per value: 'Tag' names 'pA', 'pB', 'Weg' in turn, and 'Wert' holds .*pivot\(index='Zeit', columns='Ta"
+    )
+    with pytest.raises(RecordingError, match=words):
+        guess_mapping([LoggedTable(table)], PATH)
 
 
 def test_what_only_rises_is_no_time() -> None:

@@ -108,7 +108,7 @@ def _tokens(name: str) -> list[str]:
 def _without_unit(name: str) -> tuple[str, str]:
     """Return a name without a unit at its end, and that unit, if it fits what stands before it."""
     match = _ENDING.match(name)
-    if match is None:
+    if match is None or match["unit"] == "pA":  # the pressure at port A
         return name, ""
     unit, named = match["unit"], _quantity(_tokens(match["name"]))
     measures = quantity_of(unit)

@@ -1,5 +1,6 @@
 """A first mapping of a file that nobody has described yet: guesses from names, units and values, with their reasons."""
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -32,6 +33,7 @@ from cylinder_friction.recordings.mapping.units import (
     stated_rate,
     to_column_unit,
 )
+from cylinder_friction.recordings.recording import RecordingError
 
 Ranked = Sequence[tuple[ChannelFacts, float]]
 
@@ -75,6 +77,10 @@ EVEN_SHARE = 0.01
 """The median step of an even clock differs from the mean step by no more than this share."""
 
 AREA_RATIOS = (0.5, 0.7, 0.9)  # A2 over A1, which is not known yet: the sign must be the same for all of them
+
+MOST_TAGS, LEAST_RECURRENCE = 1000, 10
+"""Names of channels in a column: at most so many, each so many times."""
+_VALUES = re.compile(r"val|wert|messwert|reading|data", re.IGNORECASE)
 
 STROKE_SHARE = 0.02
 """Steps over which direction is taken are this share of the travel, so that noise does not count as motion."""
@@ -157,6 +163,8 @@ def guess_mapping(
     wanted = [TIME, *driven_by, POSITION, *(column for column in (LOAD_FORCE, OIL_TEMPERATURE) if column in chosen)]
     chosen = {column: channel for column, channel in chosen.items() if column in wanted}
     why = "" if rate_hz else _time_unknown(ranked[TIME], facts)
+    if POSITION not in chosen:
+        _refuse_row_per_tag(tables, [time for time, _ in ranked[TIME]])
     stamps = {} if rate_hz or why else _stamps(ranked[TIME], chosen, facts)
     time = next((stamps[column] for column in (*SAMPLE_COLUMNS, DRIVE_FORCE, *stamps) if column in stamps), None)
     if time is not None:
@@ -257,6 +265,28 @@ def _time_unknown(ranked: Ranked, facts: Sequence[ChannelFacts]) -> str:
         f"{count.name!r} steps by exactly 1, so that it may count rows, and not time; {rate}; if it is a clock, give "
         "its name a unit"
     )
+
+
+def _refuse_row_per_tag(tables: Sequence[LoggedTable], clocks: Sequence[ChannelFacts]) -> None:
+    """Refuse a table with one row per value: a column of names that recur, and a column of values."""
+    for table in tables:
+        for place, tags in enumerate(map(str, table.channels.columns)):
+            cells = table.channels.iloc[:, place]
+            names = list(dict.fromkeys(filter(_is_text, cells))) if cells.dtype.kind == "O" else []
+            values = [str(name) for name in table.channels if _VALUES.search(str(name)) and str(name) != tags]
+            if not 2 <= len(names) <= MOST_TAGS or len(cells) < LEAST_RECURRENCE * len(names) or not values:
+                continue
+            finest = max((clock.name for clock in clocks), key=lambda name: table.channels[name].nunique(), default="")
+            pivot = f"pivot(index={finest!r}, columns={tags!r}, values={values[0]!r})"
+            raise RecordingError(
+                f"holds one row per value: {tags!r} names {', '.join(map(repr, names[:4]))} in turn, and {values[0]!r} "
+                f"holds their values; expected one column per channel; pivot it, in Python pandas.read_csv(...).{pivot}"
+                ".to_csv('log.csv'), or let the logger write a column per channel"
+            )
+
+
+def _is_text(cell: Any) -> bool:
+    return isinstance(cell, str)
 
 
 def _of_one_cylinder(ranked: dict[str, Ranked]) -> dict[str, ChannelFacts]:
