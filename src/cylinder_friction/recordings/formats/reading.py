@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cylinder_friction.recordings.formats.clocks import oldest_first, with_dates
 from cylinder_friction.recordings.formats.format import guarded
-from cylinder_friction.recordings.formats.isolated import READER
+from cylinder_friction.recordings.formats.isolated import read_isolated
 from cylinder_friction.recordings.formats.layout import AUTOMATIC, CsvOptions
 from cylinder_friction.recordings.formats.logged_table import PLACES, ROWS_A_PLACE, LoggedTable, LongTable
 from cylinder_friction.recordings.formats.registry import format_of
@@ -48,7 +48,7 @@ def read_logged_file(
             + ("no such file" if found.databases else f"is for an MDF file of bus frames, not for {found.what}")
         )
     if found.crashes:
-        tables = READER.read(path, found, wanted, database)
+        tables = read_isolated(path, found, wanted, database)
     else:
         source = open_source(path, head)
         with guarded(found.what):
