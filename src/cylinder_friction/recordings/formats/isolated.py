@@ -15,6 +15,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import suppress
 from multiprocessing.process import BaseProcess
 from pathlib import Path
+from typing import Any
 
 from cylinder_friction.recordings.formats.format import Format, guarded
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
@@ -43,8 +44,8 @@ class _Reader:
     def running(self) -> ProcessPoolExecutor:
         if self.pool is None or self.owner != os.getpid() or self.process is None or not self.process.is_alive():
             main = sys.modules["__main__"].__dict__
-            hidden = {name: main[name] for name in ("__file__", "__spec__") if name in main}
-            main |= {"__file__": None, "__spec__": None}
+            hidden: dict[str, Any] = {name: main.pop(name) for name in ("__file__", "__spec__") if name in main}
+            main["__spec__"] = None
             try:  # a script without a guard would run again in the process
                 self.pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _begin)
                 pid = self.pool.submit(os.getpid).result()
