@@ -85,8 +85,8 @@ def _restarts(time_s: Array, rows: Indices) -> Indices:
         if not runs_on:
             raise RecordingError(
                 f"time_s goes back in row {rows[at] + 1}, from {time_s[at - 1]:.9g} to {time_s[at]:.9g} s, and does "
-                "not run on from there: rows are swapped, or stamps are damaged; expected increasing time, or a clock that "
-                "starts anew; correct or cut these rows, and check the time channel in the mapping"
+                "not run on from there: rows are swapped, or stamps are damaged; expected increasing time, or a clock "
+                "that starts anew; correct or cut these rows, and check the time channel in the mapping"
             )
     return restarts
 
