@@ -158,5 +158,4 @@ print(
 )
 
 # %%
-# :doc:`../c` has a complete program for the controller's side, and ``cylinder-
-# friction latency`` measures the step on your machine.
+# :doc:`../c` has a complete program for the controller's side.

@@ -41,7 +41,6 @@ RUN_ELSEWHERE = {
     "make live": "test_the_servers_answer",
     "dvc repro": "tests/pipeline/test_kill.py",
     "make benchmark": "benchmark/tests/test_pipeline.py",
-    "cylinder-friction latency": "tests/commands/test_latency.py",
     'make seeds ARGS="1 2 3"': "tests/pipeline/test_smoke_pipeline.py",
     "dvc exp run -S experiment=smoke -S register.tolerance_percent=0.2": "test_an_experiment_composes",
 }
