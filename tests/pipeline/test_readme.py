@@ -26,7 +26,6 @@ RUN_IN_A_FINISHED_PIPELINE = {
     'make params ARGS="experiment=own"': "",
     "cylinder-friction export c models/hybrid --output press": "press/friction.h",
     "cylinder-friction export fmu models/hybrid --output press.fmu": "press.fmu",
-    "cylinder-friction export onnx models/hybrid --output onnx/hybrid": "step.onnx",
     "dvc metrics diff": "",
     "dvc plots show": "index.html",
     "cylinder-friction track": "0 runs logged",

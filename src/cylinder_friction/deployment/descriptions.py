@@ -1,4 +1,4 @@
-"""Meaning of inputs and flags of an exported estimator: one list for C, FMU and ONNX."""
+"""Meaning of inputs and flags of an exported estimator: one list for C and FMU."""
 
 import math
 import re
