@@ -46,7 +46,8 @@ def _c(options: argparse.Namespace) -> None:
         estimator, report = distil_from_folder(estimator, options.distil, options.data)
         print(report.text())
     written = export_c(estimator, options.output, options.name, options.precision, options.part)
-    _print_sizes(written.header, written.source)
+    for path in (written.header, written.source):
+        print(f"{path}: {path.stat().st_size / 1e3:.0f} kB")
     print(f"state    {written.state_bytes} bytes per instance\nstep     {written.operations} operations")
     print(f"model    {written.model}")
 
@@ -57,8 +58,3 @@ def _fmu(options: argparse.Namespace) -> None:
 
     written = export_fmu(load_estimator(options.model), options.output, options.fmi)
     print(f"{written.path}: {written.note}\nmodel    {written.name} {written.token}")
-
-
-def _print_sizes(*paths: Path) -> None:
-    for path in paths:
-        print(f"{path}: {path.stat().st_size / 1e3:.0f} kB")
