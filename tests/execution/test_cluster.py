@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import shutil
 import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+from distributed import Client
 
 import loopback_cluster as loopback
 from cylinder_friction.execution import cluster as cluster_module
@@ -71,6 +74,26 @@ def test_a_killed_worker_costs_nothing(on_cluster: Any, tmp_path: Path) -> None:
     with workers_from_environment() as workers:
         assert list(workers.in_order(pieces)) == [2 * n for n in range(20)]
     assert (tmp_path / "killed").exists()
+
+
+def test_a_result_whose_worker_dies_as_it_arrives_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    arrived, gather = threading.Event(), Client._gather_remote
+
+    async def slowly(*given: Any) -> Any:
+        found = await gather(*given)
+        arrived.set()
+        while {each.status for each in given[0].futures.values()} != {"lost"}:
+            await asyncio.sleep(0.01)
+        return found
+
+    monkeypatch.setattr(Client, "_gather_remote", slowly)
+    with loopback.loopback_cluster(tmp_path, 1, MODULES) as cluster:
+        monkeypatch.setenv(VARIABLE, cluster.address)
+        killer = threading.Thread(target=lambda: (arrived.wait(30.0), cluster.kill_worker()))
+        killer.start()
+        with workers_from_environment() as workers:
+            assert list(workers.in_order([partial(twice, 21)])) == [42]
+        killer.join()
 
 
 def test_a_piece_that_kills_every_worker_is_reported_by_name_and_the_others_are_done(on_cluster: Any) -> None:

@@ -20,6 +20,7 @@ from cylinder_friction.import_graph import PACKAGES, SOURCE
 
 with explained():
     from distributed import Client, KilledWorker, Security, Worker
+    from distributed.scheduler import NoWorkerError
     from threadpoolctl import threadpool_info
 
 LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "numba", "torch", "scikit-learn", "onnx", "optuna")
@@ -58,18 +59,34 @@ class Cluster(ExecutorWorkers):
         except BaseException:
             self._client.close()
             raise
-        self._executor = self._client.get_executor(pure=False)
         return self
 
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
         self._client.close()  # what waits is dropped, and what runs does no harm
 
     def submit(self, piece: Work) -> Future[Any]:
-        return self._executor.submit(in_folder, Path.cwd(), piece)
+        """Hand out a piece, as ``Client.get_executor()`` does.
+
+        Dask's executor looks at a piece's state after its result has come. If the worker dies in between, it takes the
+        result for an exception, and fails to unpack it.
+        """
+        finished: Future[Any] = Future()
+        given = self._client.submit(in_folder, Path.cwd(), piece, pure=False)
+        assert self._client.loop is not None
+        self._client.loop.add_callback(self._hand_over, given, finished)
+        return finished
+
+    async def _hand_over(self, given: Any, finished: Future[Any]) -> None:
+        try:
+            finished.set_result(await self._client.gather(given, asynchronous=True))
+        except Exception as error:
+            finished.set_exception(error)
 
     def died(self, error: Exception) -> Died | None:
         if isinstance(error, CancelledError):
             raise WorkersError(f"the scheduler at {self.address} is gone; start it, then repeat the command") from None
+        if isinstance(error, NoWorkerError):
+            raise WorkersError(f"the scheduler at {self.address} gave up waiting for workers: {error}") from None
         if not isinstance(error, KilledWorker):
             return None
         last = error.last_worker
