@@ -1,4 +1,4 @@
-"""Rows that no working sensor logs, sent to a logged model: by MLflow's own server code, and to ours.
+"""Rows that no working sensor logs, sent to a logged model by MLflow's own server code.
 
 What is scored and flagged is the table in docs/serving.md.
 """
@@ -6,7 +6,7 @@ What is scored and flagged is the table in docs/serving.md.
 import io
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -22,10 +22,7 @@ from mlflow.pyfunc.scoring_server import invocations
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.service.scoring.model_source import ServedModel, write_current
-from cylinder_friction.service.scoring.settings import ServeSettings
 from cylinder_friction.tracking.model_folder import save_model_folder
-from malformed_requests import serving
 
 JSON, CSV, PARQUET = "application/json", "text/csv", "application/vnd.apache.parquet"
 PAGE = Path(__file__).parents[2] / "docs/serving.md"
@@ -206,14 +203,6 @@ def model(folder: Path) -> PyFuncModel:
 
 
 @pytest.fixture(scope="module")
-def layer(folder: Path) -> Iterator[Any]:
-    """The same model behind ``cylinder-friction serve``."""
-    write_current(folder.parent / "current.json", ServedModel(folder, "friction-estimator", "1"))
-    with serving(ServeSettings(), folder.parent / "current.json") as server:
-        yield server
-
-
-@pytest.fixture(scope="module")
 def rows(labelled_recordings: list[Recording]) -> pd.DataFrame:
     return pd.DataFrame(labelled_recordings[0].samples(), columns=list(SAMPLE_COLUMNS))
 
@@ -231,7 +220,7 @@ def test_every_line_of_the_table_is_tried() -> None:
     assert list(FLAGS) == list(FLAGGED)
 
 
-def test_what_is_scored_has_the_flags_of_the_table(model: PyFuncModel, layer: Any, rows: pd.DataFrame) -> None:
+def test_what_is_scored_has_the_flags_of_the_table(model: PyFuncModel, rows: pd.DataFrame) -> None:
     for sent, requests in FLAGGED.items():
         words = re.findall(r"`([^`]+)`", FLAGS[sent])
         for request in requests:
@@ -239,7 +228,6 @@ def test_what_is_scored_has_the_flags_of_the_table(model: PyFuncModel, layer: An
             status, response = served(model, body, content_type)
             assert status == 200, (sent, response[:500])
             assert_flagged(sent, response, words)
-            assert_flagged(sent, layer.ask(encoded(body), content_type).body, words)
 
 
 def test_what_cannot_be_meant_is_refused_by_name(model: PyFuncModel, rows: pd.DataFrame) -> None:
@@ -249,22 +237,6 @@ def test_what_cannot_be_meant_is_refused_by_name(model: PyFuncModel, rows: pd.Da
         assert message in json.loads(response)["message"], sent
     status, response = served(model, "rows", "text/plain")
     assert (status, "only supports the following content types" in response) == (415, True)
-
-
-def test_our_own_server_refuses_the_same(layer: Any, rows: pd.DataFrame) -> None:
-    """Its messages are partly others, as it decodes by itself; so are its figures of 4xx."""
-    for sent, (_, request) in REFUSED.items():
-        body, content_type = request(rows)
-        reply = layer.ask(encoded(body), content_type)
-        if sent == "recordings as the index of a Parquet file":  # an index is a column there
-            assert reply.json() == layer.ask(split(halves(rows))[0].encode()).json()
-        else:
-            assert reply.status in (400, 422), (sent, reply.body[:500])
-    assert layer.ask(b"rows", "text/plain").status == 415
-
-
-def encoded(body: str | bytes) -> bytes:
-    return body.encode() if isinstance(body, str) else body
 
 
 def assert_flagged(sent: str, response: str | bytes, words: list[str]) -> None:
