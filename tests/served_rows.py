@@ -2,15 +2,9 @@
 
 import pandas as pd
 
-from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
-from cylinder_friction.deployment.scoring import ServedGraph, score_columns
-from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.deployment.scoring import ServedModel, score_columns
 
 
-def served(model: StepModel) -> ServedGraph:
-    return ServedGraph(sequence_graph(model).SerializeToString())
-
-
-def score(graph: ServedGraph, rows: pd.DataFrame) -> pd.DataFrame:
+def score(served: ServedModel, rows: pd.DataFrame) -> pd.DataFrame:
     columns = {str(name): values.to_numpy() for name, values in rows.items()}
-    return pd.DataFrame(score_columns(graph, columns), rows.index)
+    return pd.DataFrame(score_columns(served, columns), rows.index)

@@ -10,7 +10,7 @@ import pytest
 from contracts.runtimes import Runtime, all_runtimes, run
 from contracts.tolerances import TOLERANCES_N
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.deployment.scoring import ScoringError
+from cylinder_friction.deployment.scoring import ScoringError, ServedModel
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.realtime.flags import Flag
@@ -20,7 +20,7 @@ from cylinder_friction.recordings.columns import LOAD_FORCE, OTHER_POSITIONS, PR
 from cylinder_friction.recordings.recording import Recording, SensorUncertainty
 from cylinder_friction.testing.golden import Trajectory, trace
 from learned_offset import SPREAD_N, made_tracker
-from served_rows import score, served
+from served_rows import score
 
 PLACES = np.linspace(0.02, 0.23, 40)
 LOAD = PositionLoad(0.02, 0.23, 800.0 * np.sin(30.0 * PLACES), np.full(40, 5.0))
@@ -87,17 +87,17 @@ def test_it_takes_the_load_off_and_learns_the_sensors_offset(runtime: Runtime, c
 def test_the_served_model_takes_the_load_off_too(case: Case) -> None:
     samples = case.expected.samples[:2500]
     rows = pd.DataFrame(samples, columns=list(case.model.inputs))
-    graph = served(case.model)
-    scored = score(graph, rows)
+    served = ServedModel(case.model)
+    scored = score(served, rows)
     np.testing.assert_array_equal(scored["flags"], case.expected.flags[:2500])
     newtons = scored[["friction_n", "lower_n", "upper_n"]]
-    np.testing.assert_allclose(newtons, case.expected.newtons[:2500], rtol=0.0, atol=TOLERANCES_N["onnx_sequence"])
+    np.testing.assert_array_equal(newtons, case.expected.newtons[:2500])
     if LOAD_FORCE in case.model.inputs:
         with pytest.raises(ScoringError, match="column 'load_force_n' is missing"):
-            score(graph, rows.drop(columns=LOAD_FORCE))
+            score(served, rows.drop(columns=LOAD_FORCE))
     else:
         with pytest.raises(ScoringError, match=r"this model knows: a load of .* which position decides"):
-            score(graph, rows.assign(load_force_n=100.0))
+            score(served, rows.assign(load_force_n=100.0))
 
 
 def test_python_learns_it(case: Case) -> None:

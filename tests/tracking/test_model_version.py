@@ -23,7 +23,7 @@ def test_the_logged_model_carries_all_it_needs_and_no_pickle(pipeline: Path) -> 
     assert {path.name for path in files} >= {
         "scoring.py",
         "scoring_model.py",
-        "sequence.onnx",
+        "golden.json",
         "network.onnx",
         "forest.onnx",
         "lineage.json",

@@ -1,24 +1,17 @@
 """The golden trajectory of a served model: samples, and what the estimator made of them when it was registered.
 
-It lies beside the graph, which must meet it wherever it is served.
+It lies beside the estimator. A model that misses it does not start.
 """
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from numpy.typing import NDArray
-
-    from cylinder_friction.arrays import Array
-
-    # numba and what it compiles take 200 MB, and a server needs neither
-    from cylinder_friction.deployment.scoring import ServedGraph
-    from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.arrays import Array
+from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.stream import RealTimeStream
 
 GOLDEN_FILE = "golden.json"
 ROWS, PERIOD_ROWS = 800, 400
@@ -30,18 +23,17 @@ class GoldenError(ValueError):
     """A runtime does not give what was recorded with its model."""
 
 
-def recorded(graph: ServedGraph, model: StepModel) -> dict[str, Any]:
-    """Return samples that sweep the training range, and the outputs of the compiled step: not those of the graph."""
-    from cylinder_friction.realtime.stream import RealTimeStream
-
-    phases = 2.0 * np.pi * np.arange(ROWS)[:, None] / PERIOD_ROWS + np.arange(len(graph.inputs))
-    samples = 0.5 * (graph.lower + graph.upper) + 0.3 * (graph.upper - graph.lower) * np.sin(phases)
+def recorded(model: StepModel) -> dict[str, Any]:
+    """Return samples that sweep the training range, and the outputs of the compiled step for them."""
+    lower, upper = np.array(model.guard.trained_lower), np.array(model.guard.trained_upper)
+    phases = 2.0 * np.pi * np.arange(ROWS)[:, None] / PERIOD_ROWS + np.arange(len(model.inputs))
+    samples = 0.5 * (lower + upper) + 0.3 * (upper - lower) * np.sin(phases)
     newtons, flags = RealTimeStream(model).run(samples)
     return {"samples": samples.tolist(), "newtons": newtons.tolist(), "flags": flags.tolist()}
 
 
 def difference_n(run: Callable[[Array], tuple[Array, NDArray[np.integer[Any]]]], golden: dict[str, Any]) -> float:
-    """Return how far what ``run`` makes of the samples is from the golden trajectory at most [N].
+    """Run a runtime on a golden trajectory; return how far it is from the recorded newtons at most [N].
 
     Raises:
         GoldenError: It is farther than ``TOLERANCE_N``, or flags differ.

@@ -1,29 +1,28 @@
-"""The served model's core: columns of raw samples in, columns of estimates out, and clear refusals.
-
-This file needs NumPy and ONNX Runtime, and nothing of this project: it goes into the logged model beside the graph.
-"""
+"""The served model's core: columns of raw samples in, columns of estimates out, and clear refusals."""
 
 import difflib
 import itertools
-import json
-import os
+import threading
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
-os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # read when it is imported
-import onnxruntime
+from cylinder_friction.realtime.flags import Flag
+from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.stream import CompiledRun
+from cylinder_friction.recordings.columns import LOAD_FORCE, POSITION
 
 NEWTONS = ("friction_n", "lower_n", "upper_n")
 OFFSET = ("offset_n", "offset_uncertainty_n")
 RECORDING_COLUMN = "recording"
 TIME_COLUMN = "time_s"
-LOAD_COLUMN = "load_force_n"
-POSITION_COLUMN = "position_m"
+MAX_ROWS = 200_000
+"""Most rows of one request. A limit on bytes is a proxy's."""
 SHOWN = 80
+"""Characters of a value in a message."""
 MEMORY_S = 1.0
 """How long a sample outside the training range makes those after it doubtful: filters and network remember it."""
 
@@ -42,59 +41,68 @@ class ScoringError(ValueError):
     """Rows that cannot be scored; the message states which, what was found and expected, and what to do."""
 
 
-class ServedGraph:
-    """A sequence graph, which estimates whole recordings from a fresh state, and what its metadata state.
+class ServedModel:
+    """An estimator's guarded step, run over whole recordings, each from a fresh state.
+
+    Requests of several threads may share one: each recording runs alone.
 
     Attributes:
+        model: The estimator's step.
         inputs: Columns of a sample, in order.
         outputs: Names of the numbers it gives for each row: newtons, then what it learns of the sensors' offset.
-        sample_time_s: Between two rows [s].
         memory: Rows for which a sample outside the training range counts.
         lower, upper: Training range of each input, widened by 5 %.
-        flags: Names of the flags by their bits.
-        position_load: The load that position decides, in words; empty where the model knows none.
-        trained_for: Which cylinder it was trained for, in words; empty where that is not stated.
-        bounds: What the bounds hold, in words.
     """
 
-    def __init__(self, graph: Path | bytes) -> None:
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = 1
-        options.enable_cpu_mem_arena = False  # it would keep what the longest recording has ever taken
-        source = graph if isinstance(graph, bytes) else str(graph)
-        self._session = onnxruntime.InferenceSession(source, options, providers=["CPUExecutionProvider"])
-        stated = self._session.get_modelmeta().custom_metadata_map
-        ranges = json.loads(stated["training_range_with_margin"])
-        self.inputs = tuple(ranges)
-        self.lower, self.upper = np.array(list(ranges.values()), dtype=np.float64).T
-        self.sample_time_s = float(stated["sample_time_s"])
-        self.memory = max(1, round(MEMORY_S / self.sample_time_s))
-        self.flags = {int(bit): str(name) for bit, name in json.loads(stated["flags"]).items()}
-        self.position_load, self.bounds = stated.get("position_load", ""), stated.get("bounds_hold", "not stated")
-        self.trained_for = stated.get("trained_for", "")
-        names = {port.name for port in self._session.get_outputs()}
-        self.outputs = (*NEWTONS, *(name for name in OFFSET if name in names))
-        self._given = {"offset": np.zeros((1, 2))} if len(self.outputs) > len(NEWTONS) else {}
+    def __init__(self, model: StepModel) -> None:
+        self.model, self.inputs = model, model.inputs
+        self.outputs = NEWTONS if model.offset is None else (*NEWTONS, *OFFSET)
+        self.memory = max(1, round(MEMORY_S / model.sample_time_s))
+        self.lower, self.upper = np.array(model.guard.trained_lower), np.array(model.guard.trained_upper)
+        self._step, self._one_at_a_time = CompiledRun(model), threading.Lock()
 
-    def run(self, samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int32]]:
+    def run(self, samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Return ``outputs`` of each row, shape ``(n, outputs)``, and flags, ``(n,)``; samples have ``(n, inputs)``."""
-        try:
-            *numbers, flags = self._session.run([*self.outputs, "flags"], {"samples": samples, **self._given})
-        except Exception as error:  # ONNX Runtime has no class for it
-            raise MemoryError(f"{len(samples)} rows") if "alloc" in str(error) else error from None
-        return np.stack(numbers, axis=1), np.asarray(flags)
-
-    def names_of(self, flags: int) -> str:
-        """Return the names of the flags that are set, with spaces between them."""
-        return " ".join(name for bit, name in self.flags.items() if bit & flags)
+        with self._one_at_a_time:
+            self._step.reset()
+            newtons, offset, flags = self._step.run_with_offset(samples)
+        return np.concatenate([newtons, offset], axis=1)[:, : len(self.outputs)], flags
 
 
-def score_columns(graph: ServedGraph, columns: Mapping[str, Column]) -> dict[str, NDArray[Any]]:
+def score_frame(served: ServedModel, rows: Any) -> pd.DataFrame:
+    """Score a table as MLflow passes it on: a data frame whose index only counts its rows.
+
+    Raises:
+        ScoringError: See ``score_columns``; or the rows have no named columns, a column twice, or an index that means
+            something.
+    """
+    scored = score_columns(served, _columns(rows))
+    texts = pd.Series(scored["flag_names"], rows.index, dtype=object)  # not copied into Arrow's text, and back
+    return pd.DataFrame({**scored, "flag_names": texts}, rows.index, copy=False)
+
+
+def _columns(rows: Any) -> dict[str, Column]:
+    if not isinstance(rows, pd.DataFrame):
+        raise ScoringError("got no rows with named columns; expected a list of values for each column")
+    if not rows.columns.is_unique:
+        twice = sorted({str(name) for name in rows.columns[rows.columns.duplicated()]})
+        raise ScoringError(f"columns {twice} are there more than once; expected each once")
+    index = rows.index
+    if not (index.step == 1 if isinstance(index, pd.RangeIndex) else list(index) == list(range(len(index)))):
+        raise ScoringError(
+            f"the index, {index.name or 'without a name'}, begins with {index[:2].tolist()!r:.80}; expected row "
+            "numbers from 0 without gaps: a CSV has more values than its header, recordings were put together, or "
+            "rows were left out; send what it holds as a column, or leave it out where rows are whole recordings"
+        )
+    return {str(name): values.to_numpy() for name, values in rows.items()}
+
+
+def score_columns(served: ServedModel, columns: Mapping[str, Column]) -> dict[str, NDArray[Any]]:
     """Return what every other runtime gives at each row, and two columns more, in the rows' order.
 
     Args:
-        graph: Of a fitted estimator.
-        columns: Raw samples at the model's sample time, ``graph.inputs``, each of shape ``(n,)``. With ``recording``,
+        served: The model in service.
+        columns: Raw samples at the model's sample time, ``served.inputs``, each of shape ``(n,)``. With ``recording``,
             names, each name is a sequence of its own, whose rows follow each other; without it all rows are one. With
             ``time_s`` [s], the rows' times, they are checked; nothing else uses them. No other column is taken.
 
@@ -112,41 +120,42 @@ def score_columns(graph: ServedGraph, columns: Mapping[str, Column]) -> dict[str
             or infinite; a recording has no name, or comes back after another; rows that are one recording are
             evidently several, by their times or their positions; or a load is given that the model does not take.
     """
-    _refuse_unknown(graph, columns)
-    samples = _checked_samples(columns, graph.inputs)
+    _refuse_unknown(served, columns)
+    samples = _checked_samples(columns, served.inputs)
     recordings = _recordings(columns, len(samples))
     for rows in recordings:
-        _refuse_several(graph, columns, samples, rows)
-    numbers, flags = np.empty((len(samples), len(graph.outputs))), np.empty(len(samples), dtype=np.int64)
-    inside, in_range = ((samples >= graph.lower) & (samples <= graph.upper)).all(axis=1), np.empty(len(samples), bool)
+        _refuse_several(served, columns, samples, rows)
+    numbers, flags = np.empty((len(samples), len(served.outputs))), np.empty(len(samples), dtype=np.int64)
+    inside = np.all((samples >= served.lower) & (samples <= served.upper), axis=1)
+    in_range = np.empty(len(samples), dtype=np.bool_)
     for rows in recordings:
-        numbers[rows], flags[rows] = graph.run(samples[rows])
-        in_range[rows] = _all_within(inside[rows], graph.memory)
+        numbers[rows], flags[rows] = served.run(samples[rows])
+        in_range[rows] = _all_within(inside[rows], served.memory)
     different, which = np.unique(flags, return_inverse=True)
-    names = np.array([graph.names_of(value) for value in different.tolist()], dtype=object)
-    newtons = dict(zip(graph.outputs[:3], numbers.T, strict=False))
-    learned = dict(zip(graph.outputs[3:], numbers.T[3:], strict=True))
+    names = np.array([" ".join(Flag.names(value)) for value in different.tolist()], dtype=object)
+    newtons = dict(zip(served.outputs[:3], numbers.T, strict=False))
+    learned = dict(zip(served.outputs[3:], numbers.T[3:], strict=True))
     return {**newtons, "flags": flags, "flag_names": names[which], "in_training_range": in_range, **learned}
 
 
-def _refuse_unknown(graph: ServedGraph, columns: Mapping[str, Column]) -> None:
+def _refuse_unknown(served: ServedModel, columns: Mapping[str, Column]) -> None:
     """Refuse columns that change nothing: each may be one that was meant to."""
-    if LOAD_COLUMN in columns and LOAD_COLUMN not in graph.inputs:
-        load = graph.position_load
-        why = f"knows: {load}" if load else "was trained without one and would take it for friction"
+    if LOAD_FORCE in columns and LOAD_FORCE not in served.inputs:
+        load = served.model.position_load
+        why = f"knows: {load.in_words()}" if load else "was trained without one and would take it for friction"
         left_out = "that is the load on the rod" if load else "nothing is on the rod"
         raise ScoringError(
-            f"column {LOAD_COLUMN!r} is given, but this model {why}; expected {list(graph.inputs)}; serve a model that "
+            f"column {LOAD_FORCE!r} is given, but this model {why}; expected {list(served.inputs)}; serve a model that "
             f"has the load among its inputs, or leave the column out if {left_out}"
         )
-    known = [*graph.inputs, RECORDING_COLUMN, TIME_COLUMN]
-    if missing := [name for name in graph.inputs if name not in columns]:
-        raise ScoringError(f"column {missing[0]!r} is missing; got {_names(columns)}, expected {list(graph.inputs)}")
+    known = [*served.inputs, RECORDING_COLUMN, TIME_COLUMN]
+    if missing := [name for name in served.inputs if name not in columns]:
+        raise ScoringError(f"column {missing[0]!r} is missing; got {_names(columns)}, expected {list(served.inputs)}")
     if unknown := [name for name in columns if name not in known]:
         close = difflib.get_close_matches(unknown[0][:100], known, 1)
         raise ScoringError(
             f"column {shown(unknown[0])} is not known{f' (is it {close[0]!r}?)' if close else ''}; got "
-            f"{_names(columns)}, expected {list(graph.inputs)} and perhaps {known[-2:]}; rename it or leave it out"
+            f"{_names(columns)}, expected {list(served.inputs)} and perhaps {known[-2:]}; rename it or leave it out"
         )
 
 
@@ -158,6 +167,8 @@ def _checked_samples(columns: Mapping[str, Column], inputs: tuple[str, ...]) -> 
     samples = np.stack([_numbers(name, columns[name]) for name in inputs], axis=1)
     if len(samples) == 0:
         raise ScoringError("got no row; expected at least one sample")
+    if len(samples) > MAX_ROWS:
+        raise ScoringError(f"got {len(samples)} rows; expected at most {MAX_ROWS}; send the recordings one by one")
     bad = ~np.isfinite(samples)
     if bad.any():
         row, at = (int(index) for index in np.argwhere(bad)[0])
@@ -214,13 +225,13 @@ def _recordings(columns: Mapping[str, Column], count: int) -> list[slice]:
 
 
 def _refuse_several(
-    graph: ServedGraph, columns: Mapping[str, Column], samples: NDArray[np.float64], rows: slice
+    served: ServedModel, columns: Mapping[str, Column], samples: NDArray[np.float64], rows: slice
 ) -> None:
     """Refuse rows that are taken for one recording and evidently are several, or have another sample time."""
     advice = f"name each recording in {RECORDING_COLUMN!r}, or send it by itself"
     if TIME_COLUMN in columns:
         steps_s = np.diff(_numbers(TIME_COLUMN, columns[TIME_COLUMN])[rows])
-        expected_s = graph.sample_time_s
+        expected_s = served.model.sample_time_s
         wrong = ~(np.abs(steps_s - expected_s) <= TIME_JITTER * expected_s)
         if wrong.any():
             at = int(wrong.argmax())
@@ -233,13 +244,13 @@ def _refuse_several(
                 f"{TIME_COLUMN} goes on by {mean_s + expected_s:g} s on average, expected {expected_s:g} s from row to "
                 "row; resample the recording"
             )
-    if POSITION_COLUMN in graph.inputs:
-        place = graph.inputs.index(POSITION_COLUMN)
-        row = _jump(samples[rows, place], float(graph.lower[place]), float(graph.upper[place]))
+    if POSITION in served.inputs:
+        place = served.inputs.index(POSITION)
+        row = _jump(samples[rows, place], float(served.lower[place]), float(served.upper[place]))
         if row is not None:
             before, after = samples[rows.start + row - 1 : rows.start + row + 1, place]
             raise ScoringError(
-                f"{POSITION_COLUMN} jumps from {before:g} to {after:g} at row {rows.start + row}, which no piston "
+                f"{POSITION} jumps from {before:g} to {after:g} at row {rows.start + row}, which no piston "
                 f"does: another recording begins there; {advice}"
             )
 

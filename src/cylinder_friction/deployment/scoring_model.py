@@ -1,64 +1,122 @@
-"""The served model as MLflow runs it: rows of a data frame in and out; ``scoring.py`` beside it does the rest.
+"""The served model as MLflow runs it. MLflow copies this file into the logged model and executes it there.
 
-Both files go into the logged model with the estimator's graph, and run with MLflow, NumPy, pandas and ONNX Runtime
-alone: nothing else of this project is needed where it is served. Nothing is pickled.
+It imports nothing of the package until it has found the code that the model brings along. Nothing is pickled.
 """
 
+import hashlib
+import json
+import os
+import shutil
+import sys
+import tempfile
+import warnings
+from contextlib import suppress
+from importlib.machinery import PathFinder
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import mlflow
-import numpy as np
 import pandas as pd
 from mlflow.exceptions import MlflowException
 from mlflow.protos.databricks_pb2 import INVALID_PARAMETER_VALUE
 from mlflow.pyfunc.model import PythonModel
 
+PACKAGE = "cylinder_friction"
+
 
 class FrictionScoringModel(PythonModel):
-    """Friction from rows of raw samples; see ``score_columns``."""
+    """Friction from rows of raw samples; see ``cylinder_friction.deployment.scoring.score_columns``."""
 
     def load_context(self, context: Any) -> None:
-        """Run the model's own ``scoring`` code, whatever else is installed, and open its ``graph``."""
-        source = Path(context.artifacts["scoring"])
-        self._scoring: Any = ModuleType("friction_scoring")
-        # its source itself: bytecode beside it may be of something else
-        exec(compile(source.read_bytes(), str(source), "exec"), vars(self._scoring))  # noqa: S102
-        self._graph = self._scoring.ServedGraph(Path(context.artifacts["graph"]))
+        """Load the estimator with the code that it was registered with, and run its golden trajectory.
+
+        Raises:
+            MlflowException: Other code of the package is imported already.
+            GoldenError: The step does not give what was recorded at registration.
+        """
+        estimator = Path(context.artifacts["estimator"])
+        import_brought_code(estimator.parents[1] / "code")
+        from cylinder_friction.deployment.golden_trajectory import difference_n
+        from cylinder_friction.deployment.scoring import ScoringError, ServedModel, score_frame
+        from cylinder_friction.estimators.loading import load_estimator
+
+        self._refused, self._score_frame = ScoringError, score_frame
+        self._served = ServedModel(load_estimator(estimator).step_model())
+        difference_n(self._served.run, json.loads(Path(context.artifacts["golden"]).read_text("utf-8")))
 
     def predict(self, context: Any, model_input: pd.DataFrame, params: Any = None) -> pd.DataFrame:  # noqa: ARG002
-        """Return what ``score_columns`` does, one row for each row given; rows that cannot be scored give 400.
-
-        ``model_input`` is a data frame, or a dictionary of columns, as MLflow's server makes it of ``inputs`` and
-        ``instances``.
-        """
+        """Return what ``score_columns`` does, one row for each row given; rows that cannot be scored give 400."""
         try:
-            scored = self._scoring.score_columns(self._graph, self._columns(model_input))
-            index = getattr(model_input, "index", pd.RangeIndex(len(scored["flags"])))
-            texts = pd.Series(scored["flag_names"], index, dtype=object)  # not copied into Arrow's text, and back
-            return pd.DataFrame({**scored, "flag_names": texts}, index, copy=False)
-        except self._scoring.ScoringError as error:
+            return self._score_frame(self._served, model_input)
+        except self._refused as error:
             raise MlflowException(str(error), error_code=INVALID_PARAMETER_VALUE) from error
 
-    def _columns(self, rows: Any) -> dict[str, Any]:
-        """Return the columns of rows whose index, if they have one, only counts them."""
-        refused = self._scoring.ScoringError
-        if isinstance(rows, dict) and all(np.ndim(values) == 1 for values in rows.values()):
-            return rows
-        if not isinstance(rows, pd.DataFrame):
-            raise refused("got no rows with named columns; expected a list of values for each column")
-        if not rows.columns.is_unique:
-            twice = sorted({str(name) for name in rows.columns[rows.columns.duplicated()]})
-            raise refused(f"columns {twice} are there more than once; expected each once")
-        index = rows.index
-        if not (index.step == 1 if isinstance(index, pd.RangeIndex) else list(index) == list(range(len(index)))):
-            raise refused(
-                f"the index, {index.name or 'without a name'}, begins with {index[:2].tolist()!r:.80}; expected row "
-                "numbers from 0 without gaps: a CSV has more values than its header, recordings were put together, or "
-                "rows were left out; send what it holds as a column, or leave it out where rows are whole recordings"
+
+def import_brought_code(code: Path) -> None:
+    """Make ``import cylinder_friction`` give the code in ``code``, a folder that MLflow put on the path.
+
+    An installed package with the same files is used as it is. Otherwise the code is copied into the user's cache, into
+    a folder that its hash names: Numba compiles it there once, whatever place the model is loaded from, and the model's
+    own folder stays as it was registered.
+
+    Raises:
+        MlflowException: The package is imported already, with other code: Python would go on running that.
+    """
+    names = sorted(path.relative_to(code).as_posix() for path in (code / PACKAGE).rglob("*.py"))
+    wanted = _code_hash(code, names)
+    sys.path[:] = [each for each in sys.path if each != str(code)]
+    if PACKAGE in sys.modules:
+        there = Path(sys.modules[PACKAGE].__path__[0]).parent
+        if (found := _code_hash(there, names)) != wanted:
+            raise MlflowException(
+                f"this model brings {PACKAGE} with code {wanted[:12]} along, but {there} with code {found[:12]} is "
+                "imported already, and Python goes on running that; load the model in a process that has not imported "
+                f"{PACKAGE}, or serve it with `mlflow models serve`",
+                error_code=INVALID_PARAMETER_VALUE,
             )
-        return {str(name): values.to_numpy() for name, values in rows.items()}
+        return
+    spec = PathFinder.find_spec(PACKAGE)
+    installed = spec.submodule_search_locations if spec is not None else None
+    if not installed or _code_hash(Path(next(iter(installed))).parent, names) != wanted:
+        sys.path.insert(0, str(_cached(code, names, wanted)))
+
+
+def _code_hash(folder: Path, names: list[str]) -> str:
+    """Hash these files of a folder; one that is missing counts as empty."""
+    digest = hashlib.sha256()
+    for name in names:
+        path = folder / name
+        digest.update(f"{name}\0".encode() + hashlib.sha256(path.read_bytes() if path.is_file() else b"").digest())
+    return digest.hexdigest()
+
+
+def _cached(code: Path, names: list[str], wanted: str) -> Path:
+    """Copy the code into the user's cache, unless it lies there already; return the folder that holds it."""
+    try:
+        home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+        place = home / "cylinder-friction" / wanted[:32]
+        if _code_hash(place, names) == wanted:
+            return place
+        place.parent.mkdir(parents=True, exist_ok=True)
+        draft = Path(tempfile.mkdtemp(dir=place.parent))
+    except (OSError, RuntimeError) as error:  # an account without a home
+        place, draft = Path(tempfile.mkdtemp(prefix="cylinder-friction-")) / wanted[:32], None
+        warnings.warn(
+            f"the user's cache cannot be written ({error}), so that this model is compiled at every start, which takes "
+            "seconds; set XDG_CACHE_HOME to a folder that only you can write",
+            stacklevel=2,
+        )
+    target = place if draft is None else draft
+    for name in names:
+        (target / name).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(code / name, target / name)
+    if draft is not None:
+        if place.exists():  # damaged
+            shutil.rmtree(place)
+        with suppress(OSError):  # another process has just put the same there
+            draft.rename(place)
+        shutil.rmtree(draft, ignore_errors=True)
+    return place
 
 
 mlflow.models.set_model(FrictionScoringModel())

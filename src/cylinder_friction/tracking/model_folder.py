@@ -2,6 +2,7 @@
 
 import json
 import re
+import shutil
 import warnings
 from importlib import import_module, metadata
 from pathlib import Path
@@ -15,27 +16,31 @@ from mlflow.models import Model, ModelSignature
 from mlflow.types import ColSpec, DataType, Schema
 
 from cylinder_friction.deployment.descriptions import described_inputs
-from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, difference_n, recorded
-from cylinder_friction.deployment.onnx_graphs.export import SEQUENCE_FILE
-from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
-from cylinder_friction.deployment.scoring import ServedGraph
+from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, recorded
+from cylinder_friction.deployment.scoring import RECORDING_COLUMN, TIME_COLUMN
 from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.import_graph import SOURCE, imported_modules, used_files
 from cylinder_friction.realtime.model import StepModel
-from cylinder_friction.recordings.files import write_bytes, write_json
+from cylinder_friction.recordings.columns import LOAD_FORCE
+from cylinder_friction.recordings.files import write_json
 from cylinder_friction.tracking.repository import LineageError, TrackingError
 from cylinder_friction.tracking.store import Store, open_store
 
-MODEL_CODE = Path(__file__).parents[1] / "deployment/scoring_model.py"
-SCORING_CODE = Path(__file__).parents[1] / "deployment/scoring.py"
+PACKAGE = SOURCE / "cylinder_friction"
+MODEL_CODE = PACKAGE / "deployment/scoring_model.py"
+SERVED_MODULES = (
+    "cylinder_friction.deployment.golden_trajectory",
+    "cylinder_friction.deployment.scoring",
+    "cylinder_friction.estimators.loading",
+)
+"""What the served model's code imports; the model brings these modules along, and whatever they import."""
+# The names that the served model's code asks for
 ESTIMATOR_ARTIFACT = "estimator"
 GOLDEN_ARTIFACT = "golden"
 LINEAGE_ARTIFACT = "lineage"
-# The names that the served model's code asks for
-GRAPH_ARTIFACT = "graph"
-SCORING_ARTIFACT = "scoring"
 LINEAGE_FILE = "lineage.json"
-REQUIREMENTS = ("mlflow", "numpy", "onnxruntime", "pandas")
-"""All that the served model needs; the estimator's own files are beside its graph for this project's commands."""
+REQUIREMENTS = ("mlflow", "numba", "numpy", "onnx", "pandas", "pyarrow", "pyyaml", "scipy", "tqdm")
+"""What loading the served model and estimating with it imports; neither torch nor scikit-learn."""
 
 _URI = re.compile(r"models:/(?P<name>[^/@]+)(@(?P<alias>[^/@]+)|/(?P<version>\d+))$")
 
@@ -50,17 +55,41 @@ OUTPUTS = Schema(
 )
 
 
-def inputs_of(model: StepModel) -> dict[str, str]:
-    """Return the columns that the served model takes and what they mean, for the metadata of the logged model.
+def input_schema(model: StepModel) -> Schema:
+    """List the columns that the served model takes. MLflow refuses a table without the required ones.
 
-    Its signature has outputs alone: MLflow would leave out columns that a signature does not name, and make numbers of
-    booleans and text, before the model could refuse them.
+    The load is optional in every model: MLflow drops columns that a signature does not name, and a model that knows no
+    load must see one to refuse it.
     """
+    optional = [ColSpec(DataType.string, RECORDING_COLUMN, required=False)]
+    optional += [ColSpec(DataType.double, name, required=False) for name in (TIME_COLUMN, LOAD_FORCE)]
+    required = [ColSpec(DataType.double, name) for name in model.inputs]
+    return Schema([*required, *(each for each in optional if each.name not in model.inputs)])
+
+
+def described(model: StepModel) -> dict[str, Any]:
+    """Return the metadata of the logged model: what it takes, how often, and what its bounds hold."""
     optional = {
-        "recording": "optional: the name of each row's recording, whose rows follow each other",
-        "time_s": "optional: each row's time, to be checked [s]",
+        RECORDING_COLUMN: "optional: the name of each row's recording, whose rows follow each other",
+        TIME_COLUMN: "optional: each row's time, to be checked [s]",
     }
-    return {each.column: each.meaning for each in described_inputs(model.inputs)} | optional
+    return {
+        "inputs": {each.column: each.meaning for each in described_inputs(model.inputs)} | optional,
+        "sample_time_s": float(model.sample_time_s),
+        "bounds": model.bounds.in_words(),
+        **({} if model.trained_for is None else {"trained_for": model.trained_for.in_words()}),
+    }
+
+
+def copy_package(folder: Path) -> Path:
+    """Copy the modules of the package that inference needs into a folder; return the package's folder there."""
+    used = {*used_files(*SERVED_MODULES, *imported_modules(PACKAGE.name))}
+    packages = {parent / "__init__.py" for path in used for parent in path.parents if parent.is_relative_to(PACKAGE)}
+    for path in used | packages:
+        target = folder / path.relative_to(SOURCE)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(path, target)
+    return folder / PACKAGE.name
 
 
 def save_model_folder(
@@ -71,29 +100,24 @@ def save_model_folder(
     The files of ``estimator``, a folder, go in as they are, ``lineage`` as ``lineage.json``; ``mlflow_model`` carries
     the ids that MLflow gave the model.
     """
-    lineage_path = path.with_name(LINEAGE_FILE)
+    lineage_path, golden = path.with_name(LINEAGE_FILE), path.with_name(GOLDEN_FILE)
     lineage_path.write_text(json.dumps(lineage, indent=2, sort_keys=True) + "\n", encoding="utf-8")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # MLflow's pyfunc warns of its own type hints when imported
         pyfunc = import_module("mlflow.pyfunc")
-    graph, golden = path.with_name(SEQUENCE_FILE), path.with_name(GOLDEN_FILE)
     model = load_estimator(estimator).step_model()
-    write_bytes(graph, sequence_graph(model).SerializeToString(deterministic=True))
-    served = ServedGraph(graph)
-    write_json(golden, trajectory := recorded(served, model))
-    difference_n(served.run, trajectory)
+    write_json(golden, recorded(model))
     pyfunc.save_model(
         path=str(path),
         python_model=str(MODEL_CODE),
+        code_paths=[str(copy_package(path.with_name("code")))],
         artifacts={
-            GRAPH_ARTIFACT: str(graph),
-            SCORING_ARTIFACT: str(SCORING_CODE),
-            GOLDEN_ARTIFACT: str(golden),
             ESTIMATOR_ARTIFACT: str(estimator),
+            GOLDEN_ARTIFACT: str(golden),
             LINEAGE_ARTIFACT: str(lineage_path),
         },
-        signature=ModelSignature(outputs=OUTPUTS),
-        metadata={"inputs": inputs_of(model)},
+        signature=ModelSignature(input_schema(model), OUTPUTS),
+        metadata=described(model),
         input_example=example,
         pip_requirements=[f"{name}=={metadata.version(name)}" for name in REQUIREMENTS],
         mlflow_model=mlflow_model,
