@@ -8,7 +8,6 @@ from contextlib import contextmanager
 BROUGHT_BY = {
     "torch": ("train", "pipeline"),
     "sklearn": ("train", "pipeline"),
-    "onnxruntime": ("serve", "pipeline"),
     "mlflow": ("serve", "pipeline"),
     "starlette": ("live",),
     "uvicorn": ("live",),

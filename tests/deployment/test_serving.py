@@ -35,7 +35,7 @@ CHAMPION = "models:/friction-estimator@champion"
 CURL = "| tail -c 300\n"
 NEWTONS = ("friction_n", "lower_n", "upper_n")
 PATIENCE_S = 300.0
-TOLERANCE_N = 1e-3
+TOLERANCE_N = 1e-9
 
 
 @dataclass
