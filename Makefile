@@ -5,7 +5,6 @@ BIN := $(abspath $(VENV))/bin
 export PATH := $(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 ARGS ?=
-NOT_SERVED_THERE := --follow-imports silent --exclude 'service/(processes|scoring/worker)'
 
 .DEFAULT_GOAL := help
 .PHONY: help install install-dev reproduce benchmark test-benchmark test test-all lint format params ui serve track performance readme seeds release lock docs live
@@ -62,17 +61,15 @@ test: install-dev ## run the tests that a change must pass: about seven minutes 
 test-all: test ## run those and then the extended ones: kills, hangs, clusters, OPC UA, browsers, further pipelines
 	pytest -n 2 -m extended
 
-lint: install-dev ## check style, types, imports and the words
+lint: install-dev ## check style, types and imports
 	ruff format --check src tests performance docs tools examples
 	ruff check src tests performance docs tools examples
 	mypy
-	mypy --platform win32 --cache-dir .mypy_cache/win32 $(NOT_SERVED_THERE) src
+	mypy --platform win32 --cache-dir .mypy_cache/win32 src
 	mypy --platform darwin --cache-dir .mypy_cache/darwin src
 	lint-imports
 	python tools/import_cycles.py
 	python tools/architecture.py
-	python tools/words.py
-	python tools/class_names.py
 	python tools/mutants.py --look
 
 format: install-dev ## rewrite style
