@@ -53,6 +53,10 @@ class Workers:
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
         pass
 
+    def stay_here(self, _pieces: int) -> bool:
+        """Return whether this many pieces run in this process, so that they may return what is large."""
+        return True
+
     def do_all(self, pieces: Sequence[Work]) -> Iterator[tuple[int, Any]]:
         """Yield the number of each piece and what it returned, or ``Died``, as they finish.
 
@@ -112,6 +116,9 @@ class ExecutorWorkers(Workers):
         """Return how many pieces a worker is given at a time, where there are ``_pieces`` in all."""
         return 1
 
+    def stay_here(self, pieces: int) -> bool:
+        return pieces < self.least
+
     def look_after(self) -> None:
         """Make sure that there are workers; called now and then while nothing finishes."""
 
@@ -127,7 +134,7 @@ class ExecutorWorkers(Workers):
 
     def in_order(self, pieces: Iterable[Work]) -> Iterator[Any]:
         pieces = list(pieces)
-        if len(pieces) < self.least:
+        if self.stay_here(len(pieces)):
             yield from super().in_order(pieces)
             return
         finished: dict[int, Any] = {}
