@@ -8,8 +8,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES
@@ -130,14 +128,13 @@ def find_logs(
     paths = log_paths([files] if isinstance(files, str | Path) else list(files))
     try:
         if channels is None:
-            # What has a mapping need not wait for these
-            from cylinder_friction.recordings.mapping.mapping_text import channel_lines
-            from cylinder_friction.recordings.mapping_of_logs import guessed
+            from cylinder_friction.recordings.mapping_of_logs import guessed  # what has a mapping need not wait for it
 
-            guess = guessed(paths, cylinder, units or {}, None if database is None else Path(database))
-            settings = {"channels": yaml.safe_load("\n".join(channel_lines(guess))), "database": database}
+            guess, tables = guessed(paths, cylinder, units or {}, None if database is None else Path(database))
+            settings = {"channels": {name: guess.mapped(name) for name in guess.columns}, "database": database}
             logs = _logs(paths, settings, cylinder, names, load, rate_hz)
-            return replace(logs, guessed={"from": paths[0].name, "columns": guess.to_dict()})
+            read = {name: tables for name, path in logs.files.items() if path == paths[0]}
+            return replace(logs, guessed={"from": paths[0].name, "columns": guess.to_dict()}, tables=read)
         if units:
             raise RecordingError(
                 f"units: got {dict(units)} beside a mapping; state them in the mapping, or leave it out"
