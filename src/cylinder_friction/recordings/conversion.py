@@ -81,7 +81,7 @@ class Recipe:
 
 
 def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> LongTable | list[LoggedTable]:
-    """Return the tables of a file with the mapped channels. A table of more ``rows`` is to be read in parts of so many.
+    """Open a file's tables with the mapped channels. A table of more ``rows`` is to be read in parts of so many.
 
     If a stated rate takes the place of time, what is called time is read too, for it must not contradict that rate.
     """
@@ -96,7 +96,7 @@ def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> LongTabl
 
 
 def pieces_of(path: Path, recipe: Recipe, *, screened: bool = True) -> list[RecordingPiece]:
-    """Return the unbroken stretches of a file in SI units, each at one constant rate, with all that was repaired.
+    """Read the unbroken stretches of a file in SI units, each at one constant rate, with all that was repaired.
 
     If not ``screened``, bad samples stay where they are, to be looked at, and only repairs of time are stated.
     """
@@ -105,10 +105,20 @@ def pieces_of(path: Path, recipe: Recipe, *, screened: bool = True) -> list[Reco
     return pieces_from(tables, recipe, screened=screened)
 
 
-def pieces_from(tables: Sequence[LoggedTable], recipe: Recipe, *, screened: bool = True) -> list[RecordingPiece]:
-    """Return what ``pieces_of`` does, from tables that are read already."""
+def pieces_from(
+    tables: Sequence[LoggedTable], recipe: Recipe, *, screened: bool = True, rows_before: int = 0
+) -> list[RecordingPiece]:
+    """Map, screen and align tables that are read already; see ``pieces_of``.
+
+    ``rows_before`` counts the rows of the file above the tables, if they are a part of it. A clock that is a stated
+    rate runs on from there.
+    """
     mapped = map_signals(tables, recipe.channels)
     signals, notes = mapped.signals, tuple[str, ...]()
+    rate_hz = recipe.channels[TIME].rate_hz
+    if rows_before and rate_hz is not None:
+        later = {id(each.time_s): each.time_s + rows_before / rate_hz for each in signals.values()}
+        signals = {name: replace(each, time_s=later[id(each.time_s)]) for name, each in signals.items()}
     if screened:
         limits = sensor_limits(recipe.channels)
         signals, bad = screen_signals(signals, limits, recipe.screen, recipe.limits.stroke_m)
@@ -119,10 +129,9 @@ def pieces_from(tables: Sequence[LoggedTable], recipe: Recipe, *, screened: bool
 
 
 def metadata_of(
-    piece: RecordingPiece, names: PathNames, number: int, pieces: int, source_file: str, digest: str, recipe: Recipe
+    piece: RecordingPiece, names: PathNames, suffix: str, source_file: str, digest: str, recipe: Recipe
 ) -> RecordingMetadata:
-    """Return the metadata of one piece. If a file was split, the names of its pieces are numbered from 1."""
-    suffix = f"_part{number}" if pieces > 1 else ""
+    """Return the metadata of one piece. ``suffix`` is what its name has beyond that of its file, such as ``_part2``."""
     stated = piece.start if piece.start is None or piece.segment == 0 or piece.start.dated_rows else None
     start = recipe.start.of(stated, source_file)
     sensors = {column: each.sensor.identity for column, each in recipe.channels.items() if each.sensor is not None}
@@ -141,6 +150,11 @@ def metadata_of(
         sensors={column: known for column, known in sensors.items() if known},
         repairs=piece.repairs,
     )
+
+
+def part_suffix(number: int, parts: int, width: int = 1) -> str:
+    """Return how the name of one of several parts of a file ends; empty if there is only one."""
+    return f"_part{number:0{width}d}" if parts > 1 else ""
 
 
 def zeroed(

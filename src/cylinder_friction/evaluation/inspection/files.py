@@ -9,7 +9,7 @@ from cylinder_friction.evaluation.inspection.subject import Inspected, worst
 from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection, window_hashes
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
-from cylinder_friction.recordings.conversion import Recipe, metadata_of, pieces_of, zeroed
+from cylinder_friction.recordings.conversion import Recipe, metadata_of, part_suffix, pieces_of, zeroed
 from cylinder_friction.recordings.ingesting import session_zeros
 from cylinder_friction.recordings.mapping.calibration import NOT_CORRECTED, ZeroReading
 from cylinder_friction.recordings.path_names import PathNames, name_of
@@ -59,7 +59,7 @@ def _inspect_file(
         if not pieces:
             yield None, Inspected(name, findings)
     for number, piece in enumerate(pieces, start=1):
-        metadata = metadata_of(piece, names, number, len(pieces), name, "", recipe)
+        metadata = metadata_of(piece, names, part_suffix(number, len(pieces)), name, "", recipe)
         found, recording = _checked(piece, metadata, recipe, zeros.get(names.session))
         yield piece, Inspected(name, [*findings, *found], recording, number if len(pieces) > 1 else 0)
 

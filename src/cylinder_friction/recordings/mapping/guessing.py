@@ -25,6 +25,7 @@ from cylinder_friction.recordings.columns import (
 from cylinder_friction.recordings.epochs import epoch_of
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts, facts_of
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.mapping.units import (
     column_scale,
     electrical,
@@ -119,6 +120,24 @@ class GuessedMapping:
     unused: tuple[ChannelFacts, ...]  # Channels that no column took
     ambiguous: frozenset[str] = frozenset()  # Names of channels that occur in several tables
     stamps: dict[str, ChannelFacts] = field(default_factory=dict)  # Time channel of each column that has one
+
+    def mapped(self, column: str) -> ChannelMapping:
+        """Return the mapping of a column for which a channel was found, or of time whose rate was given."""
+        guessed = self.columns[column]
+        if guessed.rate_hz is not None:
+            return ChannelMapping(rate_hz=guessed.rate_hz)
+        assert guessed.channel is not None
+        table, time = self.place_of(column)
+        return ChannelMapping(
+            guessed.channel.name, guessed.unit, guessed.sign, table, time, alternatives=guessed.alternatives
+        )
+
+    def place_of(self, column: str) -> tuple[str, str]:
+        """Return which table and which time channel a mapping must name for a column; empty if it need not."""
+        channel, stamp, main = self.columns[column].channel, self.stamps.get(column), self.columns[TIME].channel
+        several = channel is not None and column != TIME and channel.name in self.ambiguous
+        own = stamp is not None and main is not None and stamp.name != main.name
+        return channel.table_name if channel and several else "", stamp.name if stamp and own else ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the guess of every column with its reasons, and what to check, as JSON-compatible values."""

@@ -84,11 +84,8 @@ def _column_lines(column: GuessedColumn, guess: GuessedMapping) -> list[str]:
     entry = {"channel": quoted(column.channel.name), "unit": _unit(column.unit)}
     if column.alternatives:
         entry["alternatives"] = f"[{', '.join(map(quoted, column.alternatives))}]"
-    stamp, main = guess.stamps.get(column.column), guess.columns["time_s"].channel
-    if column.column != "time_s" and column.channel.name in guess.ambiguous:
-        entry["table"] = quoted(column.channel.table_name)
-    if stamp is not None and main is not None and stamp.name != main.name:
-        entry["time"] = quoted(stamp.name)
+    places = zip(("table", "time"), guess.place_of(column.column), strict=True)
+    entry |= {key: quoted(place) for key, place in places if place}
     if column.sign != 1:
         entry["sign"] = str(column.sign)
     if not column.known:
