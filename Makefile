@@ -5,7 +5,6 @@ BIN := $(abspath $(VENV))/bin
 export PATH := $(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 ARGS ?=
-NOT_SERVED_THERE := --follow-imports silent --exclude 'service/(processes|scoring/worker)'
 
 .DEFAULT_GOAL := help
 .PHONY: help install install-dev reproduce benchmark test-benchmark test test-all lint format params ui serve track performance readme seeds release lock docs live
@@ -66,7 +65,7 @@ lint: install-dev ## check style, types and imports
 	ruff format --check src tests performance docs tools examples
 	ruff check src tests performance docs tools examples
 	mypy
-	mypy --platform win32 --cache-dir .mypy_cache/win32 $(NOT_SERVED_THERE) src
+	mypy --platform win32 --cache-dir .mypy_cache/win32 src
 	mypy --platform darwin --cache-dir .mypy_cache/darwin src
 	lint-imports
 	python tools/import_cycles.py

@@ -1,1 +1,1 @@
-"""Everything asked over a network: HTTP scoring, live sessions, links, access, metrics."""
+"""Everything asked over a network: live sessions, links, access, metrics."""
