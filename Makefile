@@ -61,7 +61,7 @@ test: install-dev ## run the tests that a change must pass: about seven minutes 
 test-all: test ## run those and then the extended ones: kills, hangs, clusters, OPC UA, browsers, further pipelines
 	pytest -n 2 -m extended
 
-lint: install-dev ## check style, types, imports and the words
+lint: install-dev ## check style, types and imports
 	ruff format --check src tests performance docs tools examples
 	ruff check src tests performance docs tools examples
 	mypy
@@ -70,8 +70,6 @@ lint: install-dev ## check style, types, imports and the words
 	lint-imports
 	python tools/import_cycles.py
 	python tools/architecture.py
-	python tools/words.py
-	python tools/class_names.py
 	python tools/mutants.py --look
 
 format: install-dev ## rewrite style

@@ -97,7 +97,7 @@ def servers(estimator: Path, commit: str, example: bytes, scratch: Path) -> Iter
     sources = {commit: scratch / "source", NOW: ROOT}
     sources[commit].mkdir()
     unpack = ["bash", "-o", "pipefail", "-c", 'git archive "$0" src | tar -x -C "$1"', commit, str(sources[commit])]
-    subprocess.run(unpack, cwd=ROOT, check=True)  # noqa: S607
+    subprocess.run(unpack, cwd=ROOT, check=True)
     with ExitStack() as stack:
         found = []
         for number, (name, source) in enumerate(sources.items()):

@@ -25,9 +25,7 @@ from cylinder_friction.commands.cli import main
 NEED_EXTRAS = (
     "commands.live",
     "commands.switch",
-    "deployment.latency",
-    "deployment.onnx_graphs.stream",
-    "deployment.scoring",
+    "deployment.scoring_model",
     "estimators.training",
     "execution.cluster",
     "reporting.search_figures",
@@ -64,7 +62,7 @@ def test_the_core_goes_from_a_log_to_friction_and_to_c(tmp_path: Path, small_hyb
         ["init", "project"],
         ["ingest", "init", f"project/{LOG}"],
         ["export", "c", "hybrid", "--output", "c"],
-        ["export", "onnx", "hybrid", "--output", "onnx"],
+        ["export", "fmu", "hybrid", "--output", "press.fmu"],
     ]
     inside = [
         ["check"],

@@ -39,9 +39,6 @@ from pathlib import Path
 from cylinder_friction.recordings.locks import locked
 with locked(Path("some/lock")):
     print("locked", calls)
-from cylinder_friction.deployment.latency.machine import one_core, preemptions, scheduling
-with one_core() as core:
-    print(core, preemptions(), scheduling())
 
 import psutil
 from cylinder_friction.deployment.child_server import _end
@@ -60,4 +57,4 @@ print(server.poll() is not None, psutil.wait_procs([grandchild], 10)[1])
 def test_every_module_imports_the_store_waits_for_its_lock_and_a_server_ends_with_its_children(tmp_path: Path) -> None:
     done = subprocess.run([sys.executable, "-c", FAKED + WORK], cwd=tmp_path, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert done.stdout == "locked [(1, 1), (1, 1)]\nNone 0 unknown\nTrue []\n"
+    assert done.stdout == "locked [(1, 1), (1, 1)]\nTrue []\n"

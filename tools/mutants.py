@@ -217,10 +217,10 @@ MUTANTS = (
         ("contracts/test_runtimes.py",),
     ),
     Mutant(
-        "ONNX steps skip a beat of their clock",
-        "deployment/onnx_graphs/step.py",
-        'graph.add("Add", "clock_before", graph.constant([[1.0]]), to="clock")',
-        'graph.add("Add", "clock_before", graph.constant([[2.0]]), to="clock")',
+        "reversals last a sample longer in C",
+        "deployment/c_export/friction.c",
+        "state->reversal_left = REVERSAL_SAMPLES;",
+        "state->reversal_left = REVERSAL_SAMPLES + 1u;",
         ("contracts/test_runtimes.py",),
     ),
     Mutant(
