@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING
 from cylinder_friction.commands._model import model_folder
 from cylinder_friction.params.live import LIVE_FILE, LiveParams, load_live_params
 from cylinder_friction.recordings.locks import locked
-from cylinder_friction.service.links.line_protocol import LineProtocolLink
 from cylinder_friction.service.links.link import Link
 from cylinder_friction.service.live.app import ENGINES_FOLDER, HISTORY_FOLDER, create_app
 from cylinder_friction.service.live.engine import checked_engine
@@ -138,12 +137,6 @@ def links_of(params: LiveParams) -> list[Link]:
         from cylinder_friction.service.links.mqtt import MqttLink
 
         links.append(MqttLink(params.mqtt))
-    if params.sparkplug is not None:
-        from cylinder_friction.service.links.sparkplug import SparkplugLink
-
-        links.append(SparkplugLink(params.sparkplug))
-    if params.line_protocol is not None:
-        links.append(LineProtocolLink(params.line_protocol))
     return links
 
 

@@ -11,13 +11,11 @@ from cylinder_friction.params.section import Section, checked
 from cylinder_friction.recordings.files import read_yaml
 from cylinder_friction.service.access import LiveAccess
 from cylinder_friction.service.live.settings import (
-    LineProtocolSettings,
     LiveLimits,
     MqttSettings,
     OpcUaClientSettings,
     OpcUaServerSettings,
     SessionRules,
-    SparkplugSettings,
 )
 
 LIVE_FILE = Path("conf/live/default.yaml")
@@ -37,8 +35,6 @@ class LiveParams(Section):
         rules: What becomes of samples that come early, late or not.
         limits: What the service takes.
         mqtt: Frames and JSON by an MQTT 5 broker; None: off.
-        sparkplug: Births and data of Sparkplug B; None: off.
-        line_protocol: Estimates for a time-series database; None: off.
         opcua_server: Results by OPC UA; None: off.
         opcua_client: Samples by OPC UA; None: off.
     """
@@ -53,8 +49,6 @@ class LiveParams(Section):
     rules: SessionRules = SessionRules()
     limits: LiveLimits = LiveLimits()
     mqtt: MqttSettings | None = None
-    sparkplug: SparkplugSettings | None = None
-    line_protocol: LineProtocolSettings | None = None
     opcua_server: OpcUaServerSettings | None = None
     opcua_client: OpcUaClientSettings | None = None
 

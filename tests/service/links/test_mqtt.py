@@ -209,6 +209,7 @@ def test_results_are_retained_json(
     link = link_to(broker, results_hz=10.0)
     result = served([link], service, tmp_path, use)
     assert result["index"] == 299
+    assert result["time_s"] == pytest.approx(time.time(), abs=60.0)
     assert [result[name] for name in ("friction_n", "lower_n", "upper_n")] == newtons[299].tolist()
     with by_hand(broker, "cylinder-friction/state") as (_, got):
         assert json.loads(got.get(timeout=60.0)[1])["online"] is False

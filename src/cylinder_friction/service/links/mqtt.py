@@ -178,4 +178,4 @@ class MqttLink(LatestLink):
 def _result(last: LastRow) -> str:
     friction_n, lower_n, upper_n = last.newtons
     named = {"friction_n": friction_n, "lower_n": lower_n, "upper_n": upper_n}
-    return json.dumps({"index": last.index, **named, "flags": Flag.names(last.flags)})
+    return json.dumps({"index": last.index, "time_s": last.time_s, **named, "flags": Flag.names(last.flags)})

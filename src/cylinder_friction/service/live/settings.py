@@ -1,7 +1,6 @@
 """What a live service is given: how long a session waits, what is taken, and by which links."""
 
 import re
-from collections.abc import Callable
 from dataclasses import field
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -19,17 +18,13 @@ _Count = Annotated[int, Field(gt=0)]
 _Port = Annotated[int, Field(ge=1, le=65535)]
 
 
-def _part_of_topic(levels: int) -> Callable[[str], str]:
-    def checked(topic: str) -> str:
-        if not re.fullmatch(r"[^+#/\0]+(/[^+#/\0]+)*", topic) or topic.count("/") >= levels:
-            raise ValueError(f"expected up to {levels} levels of a topic, without + and #")
-        return topic
-
-    return checked
+def _checked_topic(topic: str) -> str:
+    if not re.fullmatch(r"[^+#/\0]+(/[^+#/\0]+){0,19}", topic):
+        raise ValueError("expected up to 20 levels of a topic, without + and #")
+    return topic
 
 
-_Topic = Annotated[str, AfterValidator(_part_of_topic(20))]
-_Level = Annotated[str, AfterValidator(_part_of_topic(1))]
+_Topic = Annotated[str, AfterValidator(_checked_topic)]
 
 
 def token_of(path: str | None) -> str | None:
@@ -136,53 +131,6 @@ class MqttSettings:
     results_hz: _Positive = 2.0
     waiting_messages: _Count = 500
     session_s: _Count = 60
-
-
-@dataclass(frozen=True, config=_CONFIG)
-class SparkplugSettings:
-    """Births and data of Sparkplug B, ``spBv1.0/GROUP/.../NODE/SESSION``.
-
-    Attributes:
-        broker: Where messages go through.
-        group: Group of edge nodes.
-        node: This service among them.
-        rate_hz: How often the latest newtons of a session are published.
-    """
-
-    broker: BrokerSettings = BrokerSettings()
-    group: _Level = "cylinder-friction"
-    node: _Level = "live"
-    rate_hz: _Positive = 1.0
-
-
-@dataclass(frozen=True, config=_CONFIG)
-class LineProtocolSettings:
-    """Estimates for a time-series database; either ``url`` or ``folder``.
-
-    Attributes:
-        url: Where lines are posted, as ``http://127.0.0.1:8086/write?db=friction``.
-        folder: Where a file per UTC day is written.
-        token_file: File of the token that ``url`` wants, a line.
-        measurement: Name of the lines.
-        rows_hz: Rows per second of a session, by sample index; 0: all.
-        flush_s: Time between two sends [s].
-        batch_rows: Rows of one post; a block more at most.
-        queue_rows: Most rows that wait; beyond it the oldest are dropped.
-    """
-
-    url: Annotated[str, Field(pattern="^https?://")] | None = None
-    folder: str | None = None
-    token_file: str | None = None
-    measurement: str = "friction"
-    rows_hz: Annotated[float, Field(ge=0.0)] = 10.0
-    flush_s: _Positive = 1.0
-    batch_rows: _Count = 5000
-    queue_rows: _Count = 200_000
-
-    def __post_init__(self) -> None:
-        """Refuse both or neither place; raises ``ValueError``."""
-        if (self.url is None) == (self.folder is None):
-            raise ValueError(f"got url {self.url!r}, folder {self.folder!r}; expected one of them")
 
 
 @dataclass(frozen=True, config=_CONFIG)
