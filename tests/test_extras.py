@@ -24,7 +24,6 @@ from cylinder_friction.commands.cli import main
 """
 NEED_EXTRAS = (
     "commands.live",
-    "commands.switch",
     "deployment.latency",
     "deployment.onnx_graphs.stream",
     "deployment.scoring",

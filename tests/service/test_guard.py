@@ -17,7 +17,6 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.commands.cli import main
 from cylinder_friction.service import guard
 from cylinder_friction.service.access import AccessError, LiveAccess
 from cylinder_friction.service.client import Client, LiveClientError
@@ -29,7 +28,7 @@ Served = Callable[..., str]
 
 OPEN = {"session": "press", "inputs": ["pressure_1_pa", "pressure_2_pa", "position_m"], "sample_time_s": 0.005}
 ROUTES = {"read": "/watch", "write": "/stream"}
-UNKNOWN = ({}, {"Authorization": "Bearer a guess"}, {"Authorization": "Basic the admin token"})
+UNKNOWN = ({}, {"Authorization": "Bearer a guess"}, {"Authorization": "Basic the write token"})
 
 
 @pytest.fixture
@@ -74,7 +73,7 @@ def test_a_role_may_do_what_it_is_for_and_no_more(address: str) -> None:
         headers = bearer(f"the {has} token")
         for needs, path in ROUTES.items():
             if guard.ROLES.index(has) < guard.ROLES.index(needs):
-                expected = "the role of this token is read; expected write or admin", 4403
+                expected = "the role of this token is read; expected write", 4403
                 assert refused(address, path, headers) == expected
                 continue
             with connect(f"ws://{address}{path}", additional_headers=headers) as socket:
@@ -104,7 +103,7 @@ def test_a_browser_offers_its_token_as_a_subprotocol(address: str, token: str | 
 
 
 def test_other_names_and_origins_are_refused_also_with_a_token(address: str) -> None:
-    known = bearer("the admin token")
+    known = bearer("the write token")
     status, body, _ = got(address, "/metrics", known | {"Host": "rebound.example"})
     assert status == 403
     assert "host 'rebound.example': not a name of this service" in body
@@ -125,23 +124,12 @@ def test_a_client_brings_its_token_over_tls_and_gives_up_at_once_where_it_may_no
         client.send(samples[:50])
         np.testing.assert_array_equal(client.estimates()[1], newtons[:50])
     for token, ca, words in (
-        ("the read token", trusted, "expected write or admin"),
+        ("the read token", trusted, "expected write"),
         ("", trusted, "expected a known token"),
         ("the write token", None, "certificate is not trusted"),
     ):
         with pytest.raises(LiveClientError, match=words):
             Client(url, "press", 0.005, token=token, ca=ca)
-
-
-def test_a_switch_needs_the_role_admin(address: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    (tmp_path / "mine").write_text("the write token", encoding="ascii")
-    command = ["switch", "--end", "--url", f"http://{address}"]
-    for more, words in (
-        (["--token", str(tmp_path / "mine")], "the role of this token is write; expected admin; --token names its"),
-        ([], "expected a known token as Authorization: Bearer TOKEN; --token names its file"),
-    ):
-        assert main([*command, *more]) == 1
-        assert words in capsys.readouterr().err
 
 
 def closed(socket: ClientConnection) -> tuple[int | None, str | None]:
@@ -153,28 +141,35 @@ def closed(socket: ClientConnection) -> tuple[int | None, str | None]:
 
 
 def test_what_a_token_let_in_ends_with_it(served: Served, tokens: Path, samples: Array, tmp_path: Path) -> None:
+    _, write = tokens.read_text(encoding="ascii").splitlines()
+    stays_in = f"{sha256(b'a token that stays').hexdigest()} write"
+    tokens.write_text(f"{tokens.read_text(encoding='ascii')}\n{stays_in}", encoding="ascii")
     address = served(LiveAccess(tokens=tokens), log=tmp_path / "log")
-    _, write, admin = tokens.read_text(encoding="ascii").splitlines()
     with ExitStack() as stack:
         page, writer, left, stays = (
-            stack.enter_context(connect(f"ws://{address}{path}", additional_headers=bearer(f"the {role} token")))
-            for path, role in (("/watch", "read"), ("/stream", "write"), ("/watch", "write"), ("/stream", "admin"))
+            stack.enter_context(connect(f"ws://{address}{path}", additional_headers=bearer(token)))
+            for path, token in (
+                ("/watch", "the read token"),
+                ("/stream", "the write token"),
+                ("/watch", "the write token"),
+                ("/stream", "a token that stays"),
+            )
         )
         tokens.write_text("nothing that holds tokens", encoding="ascii")  # refused as a whole: all stay
         stays.send(json.dumps({"open": OPEN}))
         assert "opened" in stays.recv(timeout=60.0)
         time.sleep(1.5)
-        tokens.write_text(f"{write.replace(' write', ' read')}\n{admin}", encoding="ascii")
+        tokens.write_text(f"{write.replace(' write', ' read')}\n{stays_in}", encoding="ascii")
         assert closed(page) == (4401, "this token was taken out of the service's file")
-        assert closed(writer) == (4403, "the role of this token is read; expected write or admin")
+        assert closed(writer) == (4403, "the role of this token is read; expected write")
         stays.send(json.dumps({"samples": {"session": "press", "index": 0, "rows": samples[:2].tolist()}}))
         assert "friction_n" in stays.recv(timeout=60.0)
         for _ in range(20):  # more than waited to be read
             left.recv(timeout=60.0)
-        assert 'refused_total{kind="revoked"} 2.0' in got(address, "/metrics", bearer("the admin token"))[1]
+        assert 'refused_total{kind="revoked"} 2.0' in got(address, "/metrics", bearer("a token that stays"))[1]
     events = [json.loads(line) for line in (tmp_path / "log").read_text(encoding="utf-8").splitlines()]
     why = [each["why"] for each in events if each["event"] == "connection closed" and each["client"]]
-    lower = "the role of this token is read; expected write or admin"
+    lower = "the role of this token is read; expected write"
     assert sorted(why) == [lower, "this token was taken out of the service's file"]
 
 
@@ -184,11 +179,11 @@ def test_a_client_that_is_to_leave_and_reads_nothing_is_left(served: Served, tok
         gone = select.poll()
         gone.register(stalled, 0)  # reset, although nothing was read
         assert gone.poll(0.0) == []
-        tokens.write_text(f"{sha256(b'another').hexdigest()} admin", encoding="ascii")
+        tokens.write_text(f"{sha256(b'another').hexdigest()} write", encoding="ascii")
         assert gone.poll(60_000) != []
 
 
 def test_tokens_without_a_role_are_refused(service: LiveService, tokens: Path, tmp_path: Path) -> None:
     tokens.write_text(f"{sha256(b'abc').hexdigest()}  -\n", encoding="ascii")
-    with pytest.raises(AccessError, match=r"tokens:1: got '-' behind the hash, expected a role: read, write, admin"):
+    with pytest.raises(AccessError, match=r"tokens:1: got '-' behind the hash, expected a role: read, write"):
         create_app(service, tmp_path, access=LiveAccess(tokens=tokens))

@@ -30,7 +30,6 @@ COMMANDS = {
     "ui": "open the MLflow UI on the runs",
     "serve": "serve the champion and print a curl to try",
     "live": "estimate friction of many cylinders in real time, with a page; try it with --replay LOGS",
-    "switch": "change the model of a running live service, run another beside it, or go back",
     "golden": "train, record or check the trajectories that every real-time runtime must meet",
     "export": "export a trained estimator to C, ONNX or an FMU",
     "latency": "measure one step in every runtime on this machine",
@@ -39,7 +38,6 @@ COMPLETION, SHELLS = "--print-completion", ("bash", "zsh", "tcsh")
 COMPLETION_HELP = "print the completion script of a shell"
 EXTRAS = {
     "live": "live",
-    "switch": "live",
     "serve": "serve",
     "ui": "serve",
     **dict.fromkeys(("stage", "params", "track", "lineage", "rollback"), "pipeline"),

@@ -21,8 +21,7 @@ from cylinder_friction.params.live import LIVE_FILE, LiveParams, load_live_param
 from cylinder_friction.recordings.locks import locked
 from cylinder_friction.service.links.link import Link
 from cylinder_friction.service.live.app import ENGINES_FOLDER, HISTORY_FOLDER, create_app
-from cylinder_friction.service.live.engine import checked_engine
-from cylinder_friction.service.live.engine_building import engine_of, other_engines
+from cylinder_friction.service.live.engine_building import engine_of
 from cylinder_friction.service.live.events import Events
 from cylinder_friction.service.live.journal import Journal
 from cylinder_friction.service.live.service import LiveError, LiveService
@@ -72,21 +71,14 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _run(options: argparse.Namespace, params: LiveParams) -> None:
-    engines = params.folder / ENGINES_FOLDER
-    engine = checked_engine(engine_folder(params.model, engines))
+    engine = _engine(params.model, params.folder / ENGINES_FOLDER)
     recordings = _replayed(options, engine) if options.replay else {}
-    service = LiveService(
-        engine,
-        Journal(params.folder / JOURNAL_FILE),
-        rules=params.rules,
-        limits=params.limits,
-        others=other_engines(engines, engine),
-    )
+    service = LiveService(engine, Journal(params.folder / JOURNAL_FILE), rules=params.rules, limits=params.limits)
     _serve(service, params, options.speed, recordings)
 
 
-def engine_folder(model: str | None, engines: Path) -> Path:
-    """Return the folder of a model's engine, made where it is not there; None: of the champion."""
+def _engine(model: str | None, engines: Path) -> Engine:
+    """Open a model's engine, which is compiled if it is not there yet; None: the champion's."""
     if model is None:
         from cylinder_friction.params.checking import load_params
 

@@ -8,8 +8,8 @@ from hashlib import sha256
 from ipaddress import ip_address
 from pathlib import Path
 
-ROLES = ("read", "write", "admin")
-"""Each may do what those before it may: see page, results and metrics; open sessions and send; command."""
+ROLES = ("read", "write")
+"""``read`` may see page, results and metrics; ``write`` may also open sessions and send."""
 LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 """Names under which a browser on this machine reaches a service."""
 _OF_NOTHING = sha256(b"").hexdigest()

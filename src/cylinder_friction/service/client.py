@@ -39,6 +39,9 @@ class Client:
         ca: PEM file of the authority that signed the service's certificate, or of the certificate; None: the machine's.
         start_time_s: When the sample of index 0 was taken [s, Unix]; None: now, less what was sent before.
 
+    Attributes:
+        begins_anew: Why the session did not go on where it was when this client opened it; empty if it did.
+
     Raises:
         LiveClientError: The service refuses the session, or is not there within half a minute.
     """
@@ -143,7 +146,7 @@ class Client:
                 if away_s > PATIENCE_S:
                     raise LiveClientError(f"{self._url}: not reached in {PATIENCE_S:g} s ({error})") from error
                 time.sleep(min(max(SOONEST_S, 0.1 * away_s), LATEST_S))
-        self._handle = opened["handle"]
+        self._handle, self.begins_anew = opened["handle"], str(opened.get("begins_anew", ""))
         self.acknowledged_index = max(self.acknowledged_index, opened["kept_index"])
         return int(opened["next_index"])
 

@@ -3,6 +3,7 @@
 import asyncio
 import json
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -158,6 +159,22 @@ def test_what_waits_is_bounded(service: LiveService, samples: Array, monkeypatch
     assert 20_000 < waiting <= 20_000 + one_message + 1000
     assert left > 0
     assert sum(len(each) for each in wire.got if isinstance(each, bytes)) == count * one_message
+
+
+def test_a_client_learns_why_its_session_begins_anew(service: LiveService, samples: Array, tmp_path: Path) -> None:
+    frame = pack_samples(SampleBlock(1, 0, 0.0, samples[:10]))
+    asyncio.run(Connection(Wire(opening(), frame), service, Peers()).run())
+    service.keep()
+    saved = service.journal.session("press")
+    assert saved is not None
+    service.journal.keep([replace(saved, model="f" * 64)], [])
+    after, path = LiveService(service.engine, service.journal), tmp_path / "log"
+    wire = Wire(opening())
+    asyncio.run(Connection(wire, after, Peers(Events(path))).run())
+    words = f"the session was kept by model ffffffffffff, and the service runs {service.engine.model[:12]}"
+    opened = json.loads(wire.got[0])["opened"]
+    assert (opened["next_index"], opened["begins_anew"]) == (10, words)
+    assert json.loads(path.read_text("utf-8"))["begins_anew"] == words
 
 
 def test_what_happens_is_written_down(service: LiveService, samples: Array, tmp_path: Path) -> None:

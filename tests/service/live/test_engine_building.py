@@ -13,8 +13,8 @@ from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, GoldenEr
 from cylinder_friction.estimators import loading
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.recordings.files import write_json
-from cylinder_friction.service.live.engine import LIBRARY, Engine, checked_engine
-from cylinder_friction.service.live.engine_building import built_engine, engine_of, other_engines
+from cylinder_friction.service.live.engine import LIBRARY, Engine
+from cylinder_friction.service.live.engine_building import built_engine, engine_of
 
 
 def test_an_engine_is_compiled_once(small_hybrid: HybridEstimator, tmp_path: Path) -> None:
@@ -36,13 +36,13 @@ def test_no_compiler_no_engine(small_hybrid: HybridEstimator, tmp_path: Path, mo
 def test_a_start_compiles_once(small_hybrid: HybridEstimator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     model, engines = tmp_path / "model", tmp_path / "engines"
     small_hybrid.save(model)
-    folder = engine_of(model, engines)
-    assert Engine(folder).called == ""
+    first = engine_of(model, engines)
+    assert first.called == ""
     monkeypatch.setenv("PATH", str(tmp_path / "nothing"))
     monkeypatch.setattr(loading, "load_estimator", None)
     for called in ("the first press", "the second press"):
-        assert engine_of(model, engines, called) == folder
-        assert Engine(folder).called == called
+        again = engine_of(model, engines, called)
+        assert (again.model, again.called) == (first.model, called)
     (model / "note.txt").write_text("changed", encoding="utf-8")
     with pytest.raises(TypeError):
         engine_of(model, engines)
@@ -63,16 +63,13 @@ def registered(model: Path, tmp_path: Path) -> Path:
 
 def test_the_trajectory_of_the_model_must_be_met(registered: Path, golden: dict[str, Any], tmp_path: Path) -> None:
     path, engines = registered.with_name(GOLDEN_FILE), tmp_path / "engines"
-    folder = engine_of(registered, engines)
-    assert checked_engine(folder).golden_difference_n is None
+    assert engine_of(registered, engines).golden_difference_n is None
     write_json(path, golden)
-    assert engine_of(registered, engines) == folder
-    assert checked_engine(folder).golden_difference_n == 0.0
+    assert engine_of(registered, engines).golden_difference_n == 0.0
     golden["newtons"][200][0] += 1.0
     write_json(path, golden)
     with pytest.raises(GoldenError, match=r"model [0-9a-f]{12}: on its golden trajectory it is 1 N from what was rec"):
         engine_of(registered, engines)
-    assert checked_engine(folder).golden_difference_n == 0.0  # that of the model in service stays
 
 
 def test_a_registered_model_without_its_trajectory_is_refused(registered: Path, tmp_path: Path) -> None:
@@ -94,15 +91,3 @@ def test_what_is_no_trajectory_of_the_model_is_refused(
     write_json(registered.with_name(GOLDEN_FILE), golden | changed)
     with pytest.raises(GoldenError, match=words):
         engine_of(registered, tmp_path / "engines")
-
-
-def test_a_former_model_that_is_not_what_it_was_is_left_out(
-    registered: Path, golden: dict[str, Any], tmp_path: Path, engine: Engine, caplog: pytest.LogCaptureFixture
-) -> None:
-    write_json(registered.with_name(GOLDEN_FILE), golden)
-    folder = engine_of(registered, tmp_path / "engines")
-    golden["flags"][7] ^= 1
-    write_json(folder / GOLDEN_FILE, golden)
-    assert other_engines(tmp_path / "engines", engine) == []
-    assert "1 flags differ" in caplog.text
-    assert "sessions that ran it begin anew" in caplog.text

@@ -6,10 +6,13 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+import pyarrow.parquet as pq
 import pytest
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.service.live.engine import Engine
+from cylinder_friction.service.live.engine_building import built_engine
 from cylinder_friction.service.live.frames import EstimateBlock, SampleBlock
 from cylinder_friction.service.live.history import join_past_days, move_into_history
 from cylinder_friction.service.live.journal import Journal
@@ -108,6 +111,30 @@ def test_it_goes_on_after_a_kill(engine: Engine, expected: Array, samples: Array
     np.testing.assert_array_equal(table[list(engine.inputs)], samples[:600])
     np.testing.assert_array_equal(table[["friction_n", "lower_n", "upper_n", "flags"]], expected[:600])
     assert move_into_history(after.journal, tmp_path / "history") == []
+
+
+def test_a_restart_with_another_model_lets_sessions_begin_anew_and_states_so(
+    engine: Engine, other_estimator: HybridEstimator, newtons: Array, samples: Array, tmp_path: Path
+) -> None:
+    kept = Kept()
+    before = service_of(engine, tmp_path, kept)
+    before.receive(blocks(opened(before, "press"), samples, 0, 300))
+    before.keep()
+    before.journal.close()
+    other = Engine(built_engine(other_estimator, tmp_path / "engines"))
+    after = service_of(other, tmp_path, kept)
+    session = opened(after, "press")
+    words = f"the session was kept by model {engine.model[:12]}, and the service runs {other.model[:12]}"
+    assert session.begins_anew == words
+    assert (session.next_index, session.order.counts.resets) == (300, 1)
+    after.receive(blocks(session, samples, 300, 600))
+    after.keep()
+    assert session.begins_anew == ""
+    np.testing.assert_array_equal(kept.array("press")[:300, :3], newtons[:300])
+    np.testing.assert_array_equal(kept.array("press")[300:, :3], other_estimator.real_time().run(samples[300:600])[0])
+    files = move_into_history(after.journal, tmp_path / "history")
+    models = {pq.read_schema(path).metadata[b"model"].decode(): len(pd.read_parquet(path)) for path in files}
+    assert models == {engine.model: 300, other.model: 300}
 
 
 def test_what_is_not_written_in_time_stays_in_the_journal(service: LiveService, samples: Array, tmp_path: Path) -> None:

@@ -18,7 +18,6 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from cylinder_friction.service.access import LiveAccess
 from cylinder_friction.service.guard import AccessControl, client_of
 from cylinder_friction.service.links.link import Link, in_background
-from cylinder_friction.service.live.changing import Changing, giving_newtons
 from cylinder_friction.service.live.connection import ClientGoneError, Connection, Peers
 from cylinder_friction.service.live.events import Events
 from cylinder_friction.service.live.history import move_into_history
@@ -55,7 +54,6 @@ def create_app(
     """
     events, history = events or Events(), folder / HISTORY_FOLDER
     peers, watchers = Peers(events), Watchers(service, history, stribeck)
-    changing = Changing(service, folder / ENGINES_FOLDER, peers)
     guard = AccessControl(access or LiveAccess(), host, peers.refused, events)
     service.takers += [link.note for link in links if type(link).note is not Link.note]
 
@@ -81,8 +79,9 @@ def create_app(
             "ended_jobs": service.ended_jobs,
             "tokens": "" if guard.tokens is None else guard.tokens.problem,
             "not_in_history": service.not_in_history,
-            "model_of_new_sessions": service.engine.model,
-            "gives_newtons": giving_newtons(service),
+            "model": service.engine.model,
+            "called": service.engine.called,
+            "golden_difference_n": service.engine.golden_difference_n,
             "loop_lag_s": service.loop_lag_s,
             **service.load(),
         }
@@ -119,8 +118,6 @@ def create_app(
             Route("/livez", lambda _: PlainTextResponse("alive\n")),
             Route("/readyz", readyz),
             Route("/metrics", guard.http("read", metrics)),
-            Route("/models", guard.http("read", changing.status)),
-            Route("/models", guard.http("admin", changing.command), methods=["POST"]),
             WebSocketRoute("/stream", stream),
             WebSocketRoute("/watch", watch),
             Mount("/static", StaticFiles(directory=STATIC)),

@@ -205,7 +205,8 @@ class Connection:
         if what.opens:
             session = self._service.open(what.session, what.inputs, what.sample_time_s)
             event = "session resumed" if session.next_index else "session opened"
-            self._peers.events.note(event, session=session.name, index=session.next_index, client=self.client)
+            why = {"begins_anew": session.begins_anew} if session.begins_anew else {}
+            self._peers.events.note(event, session=session.name, index=session.next_index, client=self.client, **why)
             self._peers.take_over(session, self)
             self._put_text(opened_text(session))
             if what.estimates_from is not None and what.estimates_from < session.next_index:

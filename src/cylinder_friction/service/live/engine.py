@@ -4,7 +4,7 @@ import ctypes
 import platform
 from array import array
 from collections.abc import Sequence
-from functools import cache
+from functools import cache, partial
 from hashlib import sha256
 from pathlib import Path
 
@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, GoldenError, difference_n
-from cylinder_friction.recordings.files import read_json, write_bytes
+from cylinder_friction.deployment.golden_trajectory import GoldenError, difference_n
+from cylinder_friction.recordings.files import read_json
 from cylinder_friction.service.live.frames import FLAG_BYTES, ROW_BYTES, EstimateBlock, SampleBlock
 
-NAME, LIBRARY, DESCRIPTION, CALLED = "friction", "engine.so", "engine.json", "called.txt"
+NAME, LIBRARY, DESCRIPTION = "friction", "engine.so", "engine.json"
 _OUTPUT = np.dtype({"names": ["newtons", "flags"], "formats": [("<f8", 3), "<u4"], "offsets": [0, 24], "itemsize": 32})
 
 
@@ -33,32 +33,26 @@ def processor() -> str:
     return sha256(f"{platform.machine()} {able[0]}".encode()).hexdigest()
 
 
-def called_in(folder: Path) -> str:
-    """Return what the model of an engine's folder was last brought in as; empty where nobody stated it."""
-    path = folder / CALLED
-    return path.read_text(encoding="utf-8") if path.is_file() else ""
-
-
 class Engine:
     """States of many sessions of one model, stepped by its own C.
 
     Args:
         folder: What ``built_engine`` returned.
+        called: The model's folder or registered version, for people; empty if nobody stated it.
 
     Attributes:
         model: SHA-256 of every number that a step uses.
-        called: The folder or registered version that it was last brought in as; empty where nobody stated it.
         inputs: Columns of a sample.
         bounds: What the bounds hold, in words.
         pressure_noise_pa: Noise of the pressures up to which they do [Pa]; 0: not stated.
         sample_time_s: The one time between two samples [s].
-        golden_difference_n: How far it was from its golden trajectory, as ``checked_engine`` found [N]; None: has none.
+        golden_difference_n: Largest deviation from its golden trajectory, once ``check`` has run it [N].
 
     Raises:
         OSError: The folder holds no engine that this machine can load.
     """
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, called: str = "") -> None:
         described = read_json(folder / DESCRIPTION)
         if described["processor"] != processor():
             raise OSError(f"{folder}: compiled for another processor; start the service here with that model")
@@ -75,7 +69,7 @@ class Engine:
         self.bounds = str(described.get("bounds", "not stated"))
         self.pressure_noise_pa = float(described.get("pressure_noise_pa", 0.0))
         self.golden_difference_n: float | None = None
-        self.called = called_in(folder)
+        self.called = called
 
     def add(self) -> int:
         """Return the slot of a fresh session."""
@@ -123,51 +117,25 @@ class Engine:
             newtons_at, flags_at = newtons_end, flags_end
         return results
 
+    def check(self, golden: Path) -> None:
+        """Run the model's golden trajectory; raises ``GoldenError`` if the engine is too far from it."""
+        slot = self.add()
+        try:
+            trajectory = read_json(golden)
+            columns = np.shape(trajectory["samples"])[1:]
+            if columns != (len(self.inputs),):
+                raise GoldenError(f"its golden trajectory has columns {columns}; expected {list(self.inputs)}")
+            self.golden_difference_n = difference_n(partial(self._stepped, slot), trajectory)
+        except (ValueError, KeyError, TypeError) as error:
+            found = (
+                str(error) if isinstance(error, GoldenError) else f"its golden trajectory cannot be read ({error!r})"
+            )
+            raise GoldenError(
+                f"model {self.model[:12]}: {found} ({golden}); it gives no newtons: register it again, or name another"
+            ) from error
+        finally:
+            self.remove(slot)
 
-def take_golden(folder: Path, estimator: Path, called: str = "") -> None:
-    """Copy the golden trajectory beside a saved estimator, where a registered model has it, into its engine's folder.
-
-    Raises:
-        GoldenError: The engine does not meet it, or a registered model has none; one that is there already stays.
-    """
-    golden, own = estimator.resolve().with_name(GOLDEN_FILE), folder / GOLDEN_FILE
-    if called.startswith("models:/") and not golden.is_file():
-        raise GoldenError(f"{called}: its golden trajectory, {GOLDEN_FILE}, is not there; register the model again")
-    if golden.is_file() and not (own.is_file() and own.read_bytes() == golden.read_bytes()):
-        _difference_n(Engine(folder), golden)
-        write_bytes(own, golden.read_bytes())
-
-
-def checked_engine(folder: Path) -> Engine:
-    """Return the engine in a folder, which meets the golden trajectory there, if there is one.
-
-    Raises:
-        OSError: The folder holds no engine that this machine can load.
-        GoldenError: The engine is too far from the trajectory.
-    """
-    engine, golden = Engine(folder), folder / GOLDEN_FILE
-    if golden.is_file():
-        engine.golden_difference_n = _difference_n(engine, golden)
-    return engine
-
-
-def _difference_n(engine: Engine, golden: Path) -> float:
-    slot = engine.add()
-    try:
-        trajectory = read_json(golden)
-        columns = np.shape(trajectory["samples"])[1:]
-        if columns != (len(engine.inputs),):
-            raise GoldenError(f"its golden trajectory has columns {columns}; expected {list(engine.inputs)}")
-        return difference_n(lambda samples: _stepped(engine, slot, samples), trajectory)
-    except (ValueError, KeyError, TypeError) as error:
-        found = str(error) if isinstance(error, GoldenError) else f"its golden trajectory cannot be read ({error!r})"
-        raise GoldenError(
-            f"model {engine.model[:12]}: {found} ({golden}); it gives no newtons: register it again, or name another"
-        ) from error
-    finally:
-        engine.remove(slot)
-
-
-def _stepped(engine: Engine, slot: int, samples: Array) -> tuple[Array, NDArray[np.uint32]]:
-    block = EstimateBlock(0, 0, 0.0, *engine.run([(slot, SampleBlock(0, 0, 0.0, samples))])[0])
-    return block.newtons, block.flags
+    def _stepped(self, slot: int, samples: Array) -> tuple[Array, NDArray[np.uint32]]:
+        block = EstimateBlock(0, 0, 0.0, *self.run([(slot, SampleBlock(0, 0, 0.0, samples))])[0])
+        return block.newtons, block.flags

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 import tempfile
 from contextlib import suppress
 from hashlib import sha256
@@ -10,25 +9,14 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cylinder_friction.deployment.golden_trajectory import GoldenError
+from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, GoldenError
 from cylinder_friction.recordings.files import write_json, write_text
-from cylinder_friction.service.live.engine import (
-    CALLED,
-    DESCRIPTION,
-    LIBRARY,
-    NAME,
-    Engine,
-    called_in,
-    checked_engine,
-    processor,
-    take_golden,
-)
+from cylinder_friction.service.live.engine import DESCRIPTION, LIBRARY, NAME, Engine, processor
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
 
 _BY_ESTIMATOR = "by_estimator"
-_log = logging.getLogger(__name__)
 _PACKAGE = Path(__file__).parents[2]
 
 _BATCH = """\
@@ -96,16 +84,25 @@ def built_engine(estimator: FrictionEstimator, engines: Path) -> Path:
     return folder
 
 
-def engine_of(estimator: Path, engines: Path, called: str = "") -> Path:
-    """Return the folder of a saved estimator's engine.
+def engine_of(estimator: Path, engines: Path, called: str = "") -> Engine:
+    """Open a saved estimator's engine, checked against the golden trajectory that lies beside a registered model.
 
-    Where the same files had theirs built by the same program, neither are they read nor is a compiler looked for: that
-    is most of what a start takes. The golden trajectory of a registered model is copied into the engine's folder, and
-    what the model is called lies there too.
+    A start with the same files and the same program finds the compiled engine and neither loads the estimator nor needs
+    a compiler.
+
+    Args:
+        estimator: Folder of the saved estimator.
+        engines: Holds one folder a model, compiler and processor.
+        called: The model's folder or registered version, for people.
 
     Raises:
-        GoldenError: The engine does not meet it, or a registered model has none.
+        GoldenError: The engine does not meet the trajectory, or a registered model has none.
+        ValueError: The estimator has no real-time step.
+        NoCompilerError: There is no C compiler, or it refused the source.
     """
+    golden = estimator.resolve().with_name(GOLDEN_FILE)
+    if called.startswith("models:/") and not golden.is_file():
+        raise GoldenError(f"{called}: its golden trajectory, {GOLDEN_FILE}, is not there; register the model again")
     known = engines / _BY_ESTIMATOR / _key(estimator)
     folder = engines / (known.read_text(encoding="ascii") if known.is_file() else "unknown")
     if not (folder / DESCRIPTION).is_file():
@@ -113,10 +110,10 @@ def engine_of(estimator: Path, engines: Path, called: str = "") -> Path:
 
         folder = built_engine(load_estimator(estimator), engines)
         write_text(known, folder.name)
-    take_golden(folder, estimator, called)
-    if called and called_in(folder) != called:
-        write_text(folder / CALLED, called)
-    return folder
+    engine = Engine(folder, called)
+    if golden.is_file():
+        engine.check(golden)
+    return engine
 
 
 def _key(estimator: Path) -> str:
@@ -126,20 +123,3 @@ def _key(estimator: Path) -> str:
     for path in sorted(path for path in estimator.rglob("*") if path.is_file()):
         hashed.update(f"{path.relative_to(estimator)} {path.stat().st_size} ".encode() + path.read_bytes())
     return hashed.hexdigest()
-
-
-def other_engines(engines: Path, engine: Engine) -> list[Engine]:
-    """Return the engines of other models that take the same samples: those that sessions may have run before."""
-    found = []
-    for folder in sorted(engines.iterdir()):
-        try:
-            other = checked_engine(folder)
-        except GoldenError as error:
-            _log.error("%s; sessions that ran it begin anew", error)
-        except (OSError, ValueError, KeyError):  # of another processor, or not whole
-            continue
-        else:
-            takes = other.inputs, other.sample_time_s
-            if other.model != engine.model and takes == (engine.inputs, engine.sample_time_s):
-                found.append(other)
-    return found

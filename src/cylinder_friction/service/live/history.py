@@ -40,9 +40,8 @@ def move_into_history(journal: Journal, folder: Path, within_s: float = math.inf
     not dropped yet is written again as the same file.
 
     Columns: ``index``, ``time_s`` (the sender's clock, Unix), the model's inputs, ``friction_n``, ``lower_n``,
-    ``upper_n``, ``flags``; where a second model was recorded, the same four with ``shadow_`` before them. Their models'
-    SHA-256 are in the file's metadata. Samples that came too late to be stepped lie, without estimates, in a folder
-    ``late`` beside the session's days.
+    ``upper_n``, ``flags``. The model's SHA-256 is in the file's metadata. Samples that came too late to be stepped lie,
+    without estimates, in a folder ``late`` beside the session's days.
     """
     last, deadline_s = journal.last_chunk(), time.monotonic() + within_s
     waiting, paths = journal.with_chunks(last), list[Path]()
@@ -120,7 +119,7 @@ def write_whole(table: pa.Table, path: Path) -> None:
 
 
 def table_of(chunks: Sequence[Chunk]) -> pa.Table:
-    """Return chunks of one session, made by the same models, as one table."""
+    """Return chunks of one session, made by one model, as one table."""
     import pyarrow as pa
 
     within = [np.arange(len(chunk.samples)) for chunk in chunks]
@@ -131,11 +130,9 @@ def table_of(chunks: Sequence[Chunk]) -> pa.Table:
     }
     samples = np.concatenate([each.samples for each in chunks])
     columns |= {name: samples[:, place] for place, name in enumerate(chunks[0].inputs)}
-    columns |= _estimates("", [each.estimates for each in chunks])
-    columns |= _estimates("shadow_", [each.shadow for each in chunks])
-    made_by = dict(zip(("model", "shadow_model"), chunks[0].made_by, strict=True))
+    columns |= _estimates([each.estimates for each in chunks])
     table = pa.table({name: _column(values) for name, values in columns.items()})
-    return table.replace_schema_metadata({key: model for key, model in made_by.items() if model})
+    return table.replace_schema_metadata({"model": chunks[0].model} if chunks[0].model else {})
 
 
 def _column(values: np.ndarray) -> pa.Array:
@@ -147,16 +144,16 @@ def _column(values: np.ndarray) -> pa.Array:
 
 
 def _alike(one: Chunk, other: Chunk) -> bool:
-    return (one.made_by, one.inputs) == (other.made_by, other.inputs)
+    return (one.model, one.inputs) == (other.model, other.inputs)
 
 
-def _estimates(prefix: str, parts: Iterable[EstimateBlock | None]) -> dict[str, np.ndarray]:
+def _estimates(parts: Iterable[EstimateBlock | None]) -> dict[str, np.ndarray]:
     given = [part for part in parts if part is not None]
     if not given:
         return {}
     newtons = np.concatenate([each.newtons for each in given])
-    columns = {prefix + name: newtons[:, place] for place, name in enumerate(_NEWTONS)}
-    return columns | {prefix + "flags": np.concatenate([each.flags for each in given])}
+    columns = {name: newtons[:, place] for place, name in enumerate(_NEWTONS)}
+    return columns | {"flags": np.concatenate([each.flags for each in given])}
 
 
 def join_past_days(folder: Path) -> list[Path]:

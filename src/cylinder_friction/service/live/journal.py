@@ -5,14 +5,13 @@ import sqlite3
 import struct
 import threading
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.service.live.frames import FLAG_BYTES, ROW_BYTES, EstimateBlock, SampleBlock
-from cylinder_friction.service.live.models import SavedState, Switch
 
 _SAME_TIME = 0.5
 """Share of the sample time by which the sender's clock may jitter between chunks that are kept as one."""
@@ -20,20 +19,20 @@ _FORGOTTEN_AT_ONCE = 1000
 _PAGE_BYTES = 32768
 """A second of a session lies in one page then; spread over four of SQLite's 4096 bytes, it cost twice the time."""
 _LOG_PAGES = 256
-_VERSION = 2
+_VERSION = 3
 _TABLES = f"""
-CREATE TABLE IF NOT EXISTS session (name TEXT PRIMARY KEY, content TEXT NOT NULL, state BLOB NOT NULL, shadow BLOB)
+CREATE TABLE IF NOT EXISTS session (name TEXT PRIMARY KEY, content TEXT NOT NULL, state BLOB NOT NULL)
     WITHOUT ROWID;
 CREATE TABLE IF NOT EXISTS chunk (
     id INTEGER PRIMARY KEY, name TEXT NOT NULL, first_index INTEGER NOT NULL, rows INTEGER NOT NULL,
-    content TEXT NOT NULL, samples BLOB NOT NULL, estimates BLOB NOT NULL, shadow BLOB
+    content TEXT NOT NULL, samples BLOB NOT NULL, estimates BLOB NOT NULL
 );
 CREATE INDEX IF NOT EXISTS chunk_of_session ON chunk (name, id);
 PRAGMA user_version = {_VERSION};
 """
 
 
-_ChunkRow = tuple[str, int, int, str, bytes, bytes, bytes | None]
+_ChunkRow = tuple[str, int, int, str, bytes, bytes]
 
 
 class JournalError(ValueError):
@@ -47,9 +46,8 @@ class SavedSession:
     name: str
     next_index: int  # All samples before it are kept
     counts: dict[str, int]
-    current: SavedState
-    shadow: SavedState | None = None
-    switch: Switch | None = None
+    model: str  # SHA-256 of the model
+    state: bytes  # The model's whole state for this session
 
 
 @dataclass(slots=True)
@@ -63,17 +61,11 @@ class Chunk:
     inputs: tuple[str, ...]
     samples: Array  # Shape ``(rows, inputs)``
     estimates: EstimateBlock | None  # None: they came after their gap had been given up, and were not stepped
-    shadow: EstimateBlock | None = None  # Of a second model, where they are recorded
 
     @property
-    def made_by(self) -> tuple[str | None, str | None]:
-        """Model and second model."""
-        return made_by(self.estimates, self.shadow)
-
-
-def made_by(estimates: EstimateBlock | None, shadow: EstimateBlock | None) -> tuple[str | None, str | None]:
-    """Return the model and the second model of estimates; None: there are none of it."""
-    return None if estimates is None else estimates.model, None if shadow is None else shadow.model
+    def model(self) -> str | None:
+        """The model that made the estimates; None: there are none."""
+        return None if self.estimates is None else self.estimates.model
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,22 +87,20 @@ class Unkept:
     time_s: float
     sample_time_s: float
     inputs: tuple[str, ...]
-    made_by: tuple[str | None, str | None]  # As a chunk's
+    model: str | None  # As a chunk's
     rows: int = 0
     last_rows: int = 0  # Of the newest block
     last_time_s: float = 0.0  # When its first sample was taken, in the sender's clock
     samples: bytearray = field(default_factory=bytearray)
     newtons: bytearray = field(default_factory=bytearray)
     flags: bytearray = field(default_factory=bytearray)
-    shadow_newtons: bytearray = field(default_factory=bytearray)
-    shadow_flags: bytearray = field(default_factory=bytearray)
 
-    def add(self, block: SampleBlock, estimates: EstimateBlock | None, shadow: EstimateBlock | None) -> bool:
-        """Take a block, if it follows the last one in index and in the sender's time, by the same models."""
+    def add(self, block: SampleBlock, estimates: EstimateBlock | None) -> bool:
+        """Take a block, if it follows the last one in index and in the sender's time; return whether it did."""
         late_s = block.time_s - self.time_s - self.rows * self.sample_time_s
         if block.index != self.index + self.rows or abs(late_s) >= _SAME_TIME * self.sample_time_s:
             return False
-        if made_by(estimates, shadow) != self.made_by:
+        if (estimates is None) != (self.model is None):
             return False
         self.rows += block.rows
         self.last_rows, self.last_time_s = block.rows, block.time_s
@@ -118,9 +108,6 @@ class Unkept:
         if estimates is not None:
             self.newtons += estimates.newton_bytes
             self.flags += estimates.flag_bytes
-        if shadow is not None:
-            self.shadow_newtons += shadow.newton_bytes
-            self.shadow_flags += shadow.flag_bytes
         return True
 
     def last(self) -> LastRow:
@@ -136,14 +123,10 @@ class Unkept:
 
     def row(self) -> _ChunkRow:
         """Return what the journal keeps of it."""
-        model, shadow_model = self.made_by
-        content = {
-            "time_s": self.time_s, "sample_time_s": self.sample_time_s, "inputs": self.inputs, "model": model,
-            "shadow": shadow_model,
-        }  # fmt: skip
-        shadow = None if shadow_model is None else bytes(self.shadow_newtons + self.shadow_flags)
+        about = ("time_s", "sample_time_s", "inputs", "model")
+        content = {name: getattr(self, name) for name in about}
         samples, estimates = bytes(self.samples), bytes(self.newtons + self.flags)
-        return self.name, self.index, self.rows, json.dumps(content), samples, estimates, shadow
+        return self.name, self.index, self.rows, json.dumps(content), samples, estimates
 
     def chunk(self) -> Chunk:
         """Return it as it will be read once it is kept."""
@@ -151,15 +134,13 @@ class Unkept:
 
 
 def _chunk_of(row: _ChunkRow) -> Chunk:
-    name, index, rows, content, samples, estimates, shadow = row
+    name, index, rows, content, samples, kept = row
     of = json.loads(content)
-    place = index, of["time_s"]
-    return Chunk(
-        name, *place, of["sample_time_s"], tuple(of["inputs"]),
-        np.frombuffer(samples, "<f8").reshape(rows, -1),
-        None if of["model"] is None else _from_bytes(*place, of["model"], estimates, rows),
-        None if shadow is None else _from_bytes(*place, of["shadow"], shadow, rows),
-    )  # fmt: skip
+    flags_at, estimates = ROW_BYTES * rows, None
+    if of["model"] is not None:
+        estimates = EstimateBlock(0, index, of["time_s"], kept[:flags_at], kept[flags_at:], of["model"])
+    rows_of_samples = np.frombuffer(samples, "<f8").reshape(rows, -1)
+    return Chunk(name, index, of["time_s"], of["sample_time_s"], tuple(of["inputs"]), rows_of_samples, estimates)
 
 
 class Journal:
@@ -200,14 +181,10 @@ class Journal:
 
     def session(self, name: str) -> SavedSession | None:
         """Return a session as it was last kept, or None."""
-        row = self._reading.execute("SELECT content, state, shadow FROM session WHERE name = ?", (name,)).fetchone()
+        row = self._reading.execute("SELECT content, state FROM session WHERE name = ?", (name,)).fetchone()
         if row is None:
             return None
-        content, state, shadow = json.loads(row[0]), row[1], row[2]
-        switch = content["switch"] and Switch(**content["switch"])
-        beside = None if shadow is None else SavedState(content["shadow"], shadow)
-        current = SavedState(content["model"], state)
-        return SavedSession(name, content["next_index"], content["counts"], current, beside, switch)
+        return SavedSession(name, **json.loads(row[0]), state=row[1])
 
     def keep(self, sessions: Sequence[SavedSession], chunks: Sequence[Unkept]) -> None:
         """Keep states and the estimates that led to them, all or nothing.
@@ -222,11 +199,11 @@ class Journal:
             self._writing.execute("BEGIN IMMEDIATE")
             with self._writing:  # commits, or rolls back
                 self._writing.executemany(
-                    "INSERT OR REPLACE INTO session VALUES (?, ?, ?, ?)", map(_session_row, sessions)
+                    "INSERT OR REPLACE INTO session VALUES (?, ?, ?)", map(_session_row, sessions)
                 )
                 self._writing.executemany(
-                    "INSERT INTO chunk (name, first_index, rows, content, samples, estimates, shadow) "
-                    "VALUES (?, ?, ?, ?, ?, ?, ?)",
+                    "INSERT INTO chunk (name, first_index, rows, content, samples, estimates) "
+                    "VALUES (?, ?, ?, ?, ?, ?)",
                     (each.row() for each in chunks),
                 )
 
@@ -237,7 +214,7 @@ class Journal:
     def chunks(self, name: str, up_to: int, from_index: int = 0) -> Iterator[Chunk]:
         """Yield a session's chunks, oldest first, up to a number, from the one that holds or follows an index."""
         rows = self._reading.execute(
-            "SELECT first_index, rows, content, samples, estimates, shadow FROM chunk "
+            "SELECT first_index, rows, content, samples, estimates FROM chunk "
             "WHERE name = ? AND id <= ? AND first_index + rows > ? ORDER BY id",
             (name, up_to, from_index),
         )
@@ -264,17 +241,6 @@ class Journal:
         return [name for (name,) in rows]
 
 
-def _from_bytes(index: int, time_s: float, model: str, content: bytes, rows: int) -> EstimateBlock:
-    return EstimateBlock(0, index, time_s, content[: ROW_BYTES * rows], content[ROW_BYTES * rows :], model)
-
-
-def _session_row(session: SavedSession) -> tuple[str, str, bytes, bytes | None]:
-    content = {
-        "next_index": session.next_index,
-        "counts": session.counts,
-        "model": session.current.model,
-        "shadow": session.shadow and session.shadow.model,
-        "switch": session.switch and asdict(session.switch),
-    }
-    shadow = None if session.shadow is None else session.shadow.state
-    return session.name, json.dumps(content), session.current.state, shadow
+def _session_row(session: SavedSession) -> tuple[str, str, bytes]:
+    content = {"next_index": session.next_index, "counts": session.counts, "model": session.model}
+    return session.name, json.dumps(content), session.state

@@ -1,8 +1,9 @@
-"""Sessions, their models and the journal put together; knows no network."""
+"""Sessions, their model and the journal put together; knows no network."""
 
+import logging
 import re
 import time
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Protocol
@@ -12,10 +13,9 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.flags import UNKNOWN, unknown_in_words
-from cylinder_friction.service.live.engine import Engine, Job
+from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.frames import LATEST_S, EstimateBlock, SampleBlock
-from cylinder_friction.service.live.journal import Journal, LastRow, SavedSession, Unkept, made_by
-from cylinder_friction.service.live.models import PiecePart, Running, SavedState, SessionModels
+from cylinder_friction.service.live.journal import Journal, LastRow, SavedSession, Unkept
 from cylinder_friction.service.live.noise import ROWS_BETWEEN, NoiseWindow
 from cylinder_friction.service.live.session import Counts, SessionOrder
 from cylinder_friction.service.live.settings import LiveLimits, SessionRules
@@ -27,6 +27,7 @@ LONGEST_NAME = 200
 """Bytes of a session's name as the name of a folder, in which letters of other scripts take up to twelve."""
 CLOCK_TOLERANCE = 2e-3
 """How much the stated sample time may differ from the model's; beyond it the model would be wrong."""
+_log = logging.getLogger(__name__)
 
 
 class LiveError(ValueError):
@@ -58,7 +59,8 @@ class LiveSession:
 
     name: str
     handle: int
-    models: SessionModels
+    engine: Engine
+    slot: int  # Of its state in the engine
     order: SessionOrder
     noise: NoiseWindow
     unkept: list[Unkept] = field(default_factory=list)  # In the order in which they came
@@ -68,6 +70,7 @@ class LiveSession:
     last_kept: LastRow | None = None  # Since it was opened
     flagged: Counter[str] = field(default_factory=Counter)  # Rows kept since then with each flag of ``UNKNOWN``
     owner: "Owner | None" = None
+    begins_anew: str = ""  # Why it does not go on where it was kept, until new estimates are kept; empty if it does
 
     @property
     def next_index(self) -> int:
@@ -77,7 +80,7 @@ class LiveSession:
     @property
     def model(self) -> str:
         """SHA-256 of the model that gives the newtons."""
-        return self.models.current.engine.model
+        return self.engine.model
 
     @property
     def latest(self) -> LastRow | None:
@@ -94,7 +97,7 @@ class LiveSession:
         for each in self.handed_over:
             if each.newtons:
                 self.noise.take(each.last_samples(each.rows))
-        self.last_kept, self.kept_index, self.handed_over = self.latest, next_index, []
+        self.last_kept, self.kept_index, self.handed_over, self.begins_anew = self.latest, next_index, [], ""
 
     @property
     def not_known(self) -> str:
@@ -104,7 +107,7 @@ class LiveSession:
     @property
     def too_narrow(self) -> str:
         """Why the bounds hold less than they state; empty if nothing shows that they do."""
-        times = times_as_noisy(self.noise.noise_pa, self.models.current.engine.pressure_noise_pa)
+        times = times_as_noisy(self.noise.noise_pa, self.engine.pressure_noise_pa)
         words = f"pressures are {times:.1f} times as noisy as those that this model knows, and bounds are too narrow"
         return words if times > 1.0 else ""
 
@@ -115,10 +118,8 @@ class LiveSession:
 
     def saved(self) -> SavedSession:
         """Return all that a restart needs."""
-        models = self.models
-        shadow = None if models.shadow is None else models.shadow.saved()
         counts = dict(vars(self.order.counts))
-        return SavedSession(self.name, self.next_index, counts, models.current.saved(), shadow, models.switch)
+        return SavedSession(self.name, self.next_index, counts, self.model, self.engine.saved(self.slot))
 
 
 Taker = Callable[[LiveSession, EstimateBlock], None]
@@ -128,10 +129,9 @@ class LiveService:
     """Friction of many cylinders: samples go in by session and index, estimates come out in order.
 
     Args:
-        engine: Of the model that new sessions run, and that those of another model change to.
+        engine: Of the model that all sessions run. A session that was kept by another model begins anew.
         journal: Where states and estimates are kept.
         takers: Called with a session and the estimates of successive samples, once its owner has them.
-        others: Engines of other models: sessions that have run one of them go on with it until the change.
     """
 
     def __init__(
@@ -142,12 +142,10 @@ class LiveService:
         limits: LiveLimits | None = None,
         takers: Iterable[Taker] = (),
         clock: Callable[[], float] = time.monotonic,
-        others: Iterable[Engine] = (),
     ) -> None:
         self.engine, self.journal, self.flags = engine, journal, FlagTotals()
         self.takers = list(takers)
         self.rules, self.limits, self._clock = rules or SessionRules(), limits or LiveLimits(), clock
-        self.engines = {each.model: each for each in (*others, engine)}
         self.sessions: dict[str, LiveSession] = {}
         self._by_handle: dict[int, LiveSession] = {}
         self._next_handle = 1
@@ -180,28 +178,15 @@ class LiveService:
             raise BusyError(
                 f"session {name!r}: new sessions are refused while the service is {self.loop_lag_s:.2f} s late"
             )
-        models = self._models(saved, order)
         noise = NoiseWindow(self.engine.inputs, self._next_handle * 17 % ROWS_BETWEEN)
-        session = LiveSession(name, self._next_handle, models, order, noise, last_seen_s=self._clock())
+        slot, seen_s = self.engine.add(), self._clock()
+        session = LiveSession(name, self._next_handle, self.engine, slot, order, noise, last_seen_s=seen_s)
+        if saved is not None:
+            self._restore(session, saved)
         session.kept_index = session.next_index
         self.sessions[name] = self._by_handle[session.handle] = session
         self._next_handle += 1
         return session
-
-    def add_model(self, engine: Engine) -> None:
-        """Make a model known, so that sessions can change to it.
-
-        Raises:
-            LiveError: It takes other samples.
-        """
-        known = self.engines.setdefault(engine.model, engine)
-        known.called = engine.called
-        if (known.inputs, known.sample_time_s) != (self.engine.inputs, self.engine.sample_time_s):
-            del self.engines[engine.model]
-            raise LiveError(
-                f"model {engine.model[:12]}: takes {list(known.inputs)} every {known.sample_time_s:g} s; the sessions "
-                f"send {list(self.engine.inputs)} every {self.engine.sample_time_s:g} s"
-            )
 
     def given_from(self, session: LiveSession, index: int) -> list[EstimateBlock]:
         """Return the estimates from ``index`` on that have been given already, as far back as the journal goes."""
@@ -294,7 +279,7 @@ class LiveService:
         """Return what ``Journal.keep`` is to keep of some sessions; from now on it counts as handed over."""
         saved, chunks = [], []
         for session in sessions:
-            if session.unkept or not session.models.switch_kept:
+            if session.unkept:
                 saved.append(session.saved())
                 self.unkept_rows -= sum(each.rows for each in session.unkept)
                 chunks += session.unkept
@@ -314,7 +299,6 @@ class LiveService:
         known = [(self.sessions[each.name], each) for each in saved if each.name in self.sessions]
         for session, each in known:
             session.note_kept(each.next_index)
-            session.models.switch_kept |= each.switch == session.models.switch
             if session.owner is not None:
                 session.owner.put_acknowledgement(session)
 
@@ -333,84 +317,48 @@ class LiveService:
             if now_s - each.last_seen_s > self.limits.idle_s and not each.unkept and each.kept_index == each.next_index
         ]
         for session in idle:
-            session.models.close()
+            self.engine.remove(session.slot)
             self._closed_outcomes.update(vars(session.order.counts))
             del self.sessions[session.name], self._by_handle[session.handle]
         return [session.name for session in idle]
 
-    def _models(self, saved: SavedSession | None, order: SessionOrder) -> SessionModels:
-        """Return the models of a session as it was kept, and bring ``order`` to where it stood."""
-        if saved is None:
-            return SessionModels(self._fresh())
-        order.next_index, order.counts = saved.next_index, Counts.from_dict(saved.counts)
-        self._closed_outcomes.subtract(vars(order.counts))
-        current = self._restored(saved.current)
-        if current is None:
-            order.counts.resets += 1
-            return SessionModels(self._fresh())
-        shadow = self._restored(saved.shadow)
-        known = saved.switch is not None and saved.switch.model in self.engines
-        models = SessionModels(current, shadow, saved.switch if known else None)
-        if models.switch is None and current.engine is not self.engine:
-            models.change_to(self.engine.model, saved.next_index, round(self.rules.warm_s / self.engine.sample_time_s))
-        return models
-
-    def _fresh(self) -> Running:
-        return Running(self.engine, self.engine.add())
-
-    def _restored(self, saved: SavedState | None) -> Running | None:
-        engine = None if saved is None else self.engines.get(saved.model)
-        if saved is None or engine is None:
-            return None
-        running = Running(engine, engine.add())
-        engine.restore(running.slot, saved.state)
-        return running
+    def _restore(self, session: LiveSession, saved: SavedSession) -> None:
+        """Put a session where it stood when it was last kept; let it begin anew if another model kept it."""
+        session.order.next_index, session.order.counts = saved.next_index, Counts.from_dict(saved.counts)
+        self._closed_outcomes.subtract(vars(session.order.counts))
+        if saved.model == self.engine.model:
+            self.engine.restore(session.slot, saved.state)
+            return
+        session.order.counts.resets += 1
+        session.begins_anew = (
+            f"the session was kept by model {saved.model[:12]}, and the service runs {self.engine.model[:12]}"
+        )
+        _log.warning("session %r begins anew at sample %d: %s", session.name, saved.next_index, session.begins_anew)
 
     def _step(self, pieces: Sequence[tuple[LiveSession, SampleBlock]]) -> None:
         if not pieces:
             return
-        parts: list[tuple[LiveSession, PiecePart]] = []
-        jobs: defaultdict[Engine, list[Job]] = defaultdict(list)
-        for session, whole in pieces:
-            for part in session.models.parts(whole, self.engines):
-                piece, current, beside, _ = part
-                parts.append((session, part))
-                jobs[current.engine].append((current.slot, piece))
-                if beside is not None:
-                    jobs[beside.engine].append((beside.slot, piece))
-        results = {engine: iter(engine.run(each)) for engine, each in jobs.items()}
-        flags = []
-        for session, (piece, current, beside, recorded) in parts:
-            engine, shadow = current.engine, None
-            newtons, bits = next(results[engine])
-            given = EstimateBlock(session.handle, piece.index, piece.time_s, newtons, bits, engine.model)
-            if beside is not None:
-                engine = beside.engine
-                shadow = EstimateBlock(session.handle, piece.index, piece.time_s, *next(results[engine]), engine.model)
-            flags.append(bits)
-            self._add(session, piece, given, shadow if recorded else None)
+        results = self.engine.run([(session.slot, piece) for session, piece in pieces])
+        for (session, piece), (newtons, bits) in zip(pieces, results, strict=True):
+            given = EstimateBlock(session.handle, piece.index, piece.time_s, newtons, bits, self.engine.model)
+            self._add(session, piece, given)
             if session.owner is not None:
                 session.owner.put_estimates(session, given)
             for take in self.takers:
                 take(session, given)
-        self.flags.note(flags)
+        self.flags.note([bits for _, bits in results])
 
     def _keep_late(self, session: LiveSession) -> None:
         for piece in session.order.late:
             self._add(session, piece, None)
         session.order.late.clear()
 
-    def _add(
-        self,
-        session: LiveSession,
-        piece: SampleBlock,
-        estimates: EstimateBlock | None,
-        shadow: EstimateBlock | None = None,
-    ) -> None:
-        if not (session.unkept and session.unkept[-1].add(piece, estimates, shadow)):
-            step_s, inputs, models = self.engine.sample_time_s, self.engine.inputs, made_by(estimates, shadow)
-            session.unkept.append(Unkept(session.name, piece.index, piece.time_s, step_s, inputs, models))
-            session.unkept[-1].add(piece, estimates, shadow)
+    def _add(self, session: LiveSession, piece: SampleBlock, estimates: EstimateBlock | None) -> None:
+        if not (session.unkept and session.unkept[-1].add(piece, estimates)):
+            step_s, inputs = self.engine.sample_time_s, self.engine.inputs
+            model = None if estimates is None else estimates.model
+            session.unkept.append(Unkept(session.name, piece.index, piece.time_s, step_s, inputs, model))
+            session.unkept[-1].add(piece, estimates)
         self.unkept_rows += piece.rows
 
     def _refuse_other_samples(self, name: str, inputs: Sequence[str], sample_time_s: float) -> None:

@@ -46,13 +46,11 @@ class SessionRules:
         hold_rows: How many may wait; beyond it the gap before them is taken for lost.
         short_gap_s: A gap up to this long is stepped through as samples that are no numbers, which the step holds and
             flags; after a longer one the session begins anew, as after a reset [s].
-        warm_s: How long a model that a session changes to runs beside the old one before it takes over [s].
     """
 
     hold_s: _Positive = 0.5
     hold_rows: _Count = 2000
     short_gap_s: _Positive = 0.5
-    warm_s: _Positive = 10.0
 
 
 @dataclass(frozen=True, config=_CONFIG)

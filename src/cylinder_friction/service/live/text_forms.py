@@ -78,13 +78,14 @@ def _index(value: Any) -> int:
 
 
 def opened_text(session: LiveSession) -> str:
-    """Return the reply to an opened session: its handle, and the index from which samples are to be sent (again)."""
+    """Return the reply to an opened session: its handle, the index to send from, and why it begins anew, if it does."""
     opened = {
         "session": session.name,
         "handle": session.handle,
         "next_index": session.next_index,
         "kept_index": session.kept_index,
         "model": session.model,
+        "begins_anew": session.begins_anew,
         "counts": vars(session.order.counts),
     }
     return json.dumps({"opened": opened})

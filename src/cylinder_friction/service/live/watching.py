@@ -11,7 +11,6 @@ from typing import Any
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from cylinder_friction.realtime.flags import Flag
-from cylinder_friction.service.live.engine import Engine
 from cylinder_friction.service.live.frames import EstimateBlock
 from cylinder_friction.service.live.history import last_rows
 from cylinder_friction.service.live.service import LiveService, LiveSession
@@ -81,7 +80,7 @@ class Watchers:
             table = json.dumps({"sessions": rows, **about})
             for page in self._pages:
                 if page.sending is None or page.sending.done():
-                    page.sending = asyncio.create_task(page.send(table, self._service.engines))
+                    page.sending = asyncio.create_task(page.send(table, {engine.model: engine.called}))
 
     @property
     def _recent_rows(self) -> int:
@@ -141,22 +140,20 @@ class _Page:
         """Show these rows, and those that follow, in place of what is shown."""
         self.blocks, self.has_begun, self._begins = blocks, True, True
 
-    async def send(self, table: str, engines: Mapping[str, Engine]) -> None:
+    async def send(self, table: str, called: Mapping[str, str]) -> None:
         blocks, self.blocks = self.blocks, []
         begins, self._begins = self._begins and bool(blocks), self._begins and not blocks
         try:
             await self._socket.send_text(table)
             if blocks:
                 # a minute of rows takes some hundredths of a second, for which samples need not wait
-                detail = (
-                    await asyncio.to_thread(_detail, blocks, engines, begins) if begins else _detail(blocks, engines)
-                )
+                detail = await asyncio.to_thread(_detail, blocks, called, True) if begins else _detail(blocks, called)
                 await self._socket.send_text(detail)
         except (RuntimeError, WebSocketDisconnect):
             pass  # it has left
 
 
-def _detail(blocks: list[tuple[EstimateBlock, Any]], engines: Mapping[str, Engine], begins: bool = False) -> str:
+def _detail(blocks: list[tuple[EstimateBlock, Any]], called: Mapping[str, str], begins: bool = False) -> str:
     columns: dict[str, list[Any]] = {"index": [], "samples": [], "newtons": [], "flags": []}
     for block, samples in blocks:
         columns["index"] += range(block.index, block.index + len(block))
@@ -164,5 +161,4 @@ def _detail(blocks: list[tuple[EstimateBlock, Any]], engines: Mapping[str, Engin
         columns["newtons"] += block.newtons.tolist()
         columns["flags"] += block.flags.tolist()
     model = blocks[-1][0].model
-    called = engines[model].called if model in engines else ""
-    return json.dumps({"rows": columns, "begins": begins, "model": called or model[:12]})
+    return json.dumps({"rows": columns, "begins": begins, "model": called.get(model) or model[:12]})
