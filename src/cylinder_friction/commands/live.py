@@ -118,13 +118,9 @@ def links_of(params: LiveParams) -> list[Link]:
     """Return the links that are configured."""
     links: list[Link] = []
     if params.opcua_server is not None:
-        from cylinder_friction.service.links.opcua_server import OpcUaServerLink
+        from cylinder_friction.service.links.opcua import OpcUaLink
 
-        links.append(OpcUaServerLink(params.opcua_server, params.access.tokens))
-    if params.opcua_client is not None:
-        from cylinder_friction.service.links.opcua_client import OpcUaClientLink
-
-        links.append(OpcUaClientLink(params.opcua_client))
+        links.append(OpcUaLink(params.opcua_server, params.access.tokens))
     if params.mqtt is not None:
         from cylinder_friction.service.links.mqtt import MqttLink
 

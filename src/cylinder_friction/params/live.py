@@ -13,7 +13,6 @@ from cylinder_friction.service.access import LiveAccess
 from cylinder_friction.service.live.settings import (
     LiveLimits,
     MqttSettings,
-    OpcUaClientSettings,
     OpcUaServerSettings,
     SessionRules,
 )
@@ -36,7 +35,6 @@ class LiveParams(Section):
         limits: What the service takes.
         mqtt: Frames and JSON by an MQTT 5 broker; None: off.
         opcua_server: Results by OPC UA; None: off.
-        opcua_client: Samples by OPC UA; None: off.
     """
 
     model: str | None = None
@@ -50,7 +48,6 @@ class LiveParams(Section):
     limits: LiveLimits = LiveLimits()
     mqtt: MqttSettings | None = None
     opcua_server: OpcUaServerSettings | None = None
-    opcua_client: OpcUaClientSettings | None = None
 
     @model_validator(mode="after")
     def _not_exposed(self) -> LiveParams:

@@ -22,13 +22,12 @@ from websockets.sync.client import connect
 from cylinder_friction.arrays import Array
 from cylinder_friction.execution.ports import free_port
 from cylinder_friction.service.client import Client
+from live_process import Mosquitto, needs_broker
 
 pytestmark = [
     pytest.mark.extended,
     pytest.mark.skipif(shutil.which("prometheus") is None, reason="prometheus is not installed"),
 ]
-NOWHERE = {"opcua_client": {"url": "opc.tcp://127.0.0.1:1", "sources": [{"session": "nobody", "samples": "i=1"}]}}
-"""A link whose attempts to connect are counted."""
 DEPLOY = Path(__file__).parents[3] / "deploy"
 PANELS = json.loads((DEPLOY / "grafana/live.json").read_text("utf-8"))["panels"]
 EXPRESSIONS = [target["expr"] for panel in PANELS for target in panel["targets"]]
@@ -63,14 +62,15 @@ def values(address: str, expression: str) -> list[float]:
     return [float(each["value"][1]) for each in found]
 
 
-def test_every_panel_has_data(samples: Array, model: Path, tmp_path: Path) -> None:
-    port = free_port()
+@needs_broker
+def test_every_panel_has_data(samples: Array, model: Path, tmp_path: Path, broker: Mosquitto) -> None:
+    port, settings = free_port(), {"mqtt": {"broker": {"port": broker.port}}}  # a link whose connections are counted
     url = f"ws://127.0.0.1:{port}/stream"
     broken = samples.copy()
     broken[::50, 0] = np.nan
     missing = set(EXPRESSIONS)
     with (
-        running(model, tmp_path / "service", port, NOWHERE),
+        running(model, tmp_path / "service", port, settings),
         prometheus(tmp_path, port) as address,
         Client(url, "press", 0.005) as client,
     ):

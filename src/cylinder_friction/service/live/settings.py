@@ -1,9 +1,8 @@
 """What a live service is given: how long a session waits, what is taken, and by which links."""
 
 import re
-from dataclasses import field
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 from pydantic import AfterValidator, ConfigDict, Field
 from pydantic.dataclasses import dataclass
@@ -25,16 +24,6 @@ def _checked_topic(topic: str) -> str:
 
 
 _Topic = Annotated[str, AfterValidator(_checked_topic)]
-
-
-def token_of(path: str | None) -> str | None:
-    """Return what a file holds, without the space around it; None without a file."""
-    return Path(path).read_text(encoding="utf-8").strip() if path else None
-
-
-def _refuse_half(settings: object, one: str, other: str) -> None:
-    if (getattr(settings, one) is None) != (getattr(settings, other) is None):
-        raise ValueError(f"expected both {one} and {other}, or neither")
 
 
 @dataclass(frozen=True, config=_CONFIG)
@@ -106,8 +95,8 @@ class BrokerSettings:
             )
 
     def password(self) -> str | None:
-        """Return the password; raises ``OSError`` where its file cannot be read."""
-        return token_of(self.password_file)
+        """Return the password, None without one; raises ``OSError`` if its file cannot be read."""
+        return Path(self.password_file).read_text(encoding="utf-8").strip() if self.password_file else None
 
 
 @dataclass(frozen=True, config=_CONFIG)
@@ -140,25 +129,22 @@ class OpcUaServerSettings:
         port: Its port.
         update_hz: How often values are updated, 1 to 10 [Hz].
         range_n: Friction is expected within ± this: ``EURange`` of the three forces [N].
-        health_s: For how long a failed sensor counts for ``DeviceHealth`` after it has recovered [s].
-        sessions: Most sessions that have an object, an hour longer than they are open.
+        sessions: Most sessions that have an object; it stays after they are closed.
         certificate, private_key: Files of the server's; with them connections are signed and encrypted, all of them.
-        health: Folder that ``cylinder-friction monitor`` writes, whose cylinders are shown too; None: no cylinders.
     """
 
     host: str = "127.0.0.1"
     port: _Port = 4840
     update_hz: Annotated[float, Field(ge=1.0, le=10.0)] = 2.0
     range_n: _Positive = 10_000.0
-    health_s: _Positive = 60.0
-    sessions: _Count = 2000
+    sessions: _Count = 1000
     certificate: Path | None = None
     private_key: Path | None = None
-    health: Path | None = None
 
     def __post_init__(self) -> None:
         """Refuse half of a pair; raises ``ValueError``."""
-        _refuse_half(self, "certificate", "private_key")
+        if (self.certificate is None) != (self.private_key is None):
+            raise ValueError("expected both certificate and private_key, or neither")
 
     def refuse_exposed(self, tokens: Path | None) -> None:
         """Refuse what others could read or listen to; raises ``ValueError``."""
@@ -167,67 +153,3 @@ class OpcUaServerSettings:
                 f"opcua_server.host: got {self.host!r}, which others reach; give opcua_server.certificate and "
                 "private_key, and access.tokens, or listen on 127.0.0.1"
             )
-
-
-class OpcUaValues(NamedTuple):
-    """What the server shows of a session next."""
-
-    session: str
-    last_index: int  # Of its latest sample
-    time_s: float  # When that was sampled, in the sender's clock
-    newtons: list[float]  # Friction, lower and upper bound [N]
-    flags: int  # Of the latest sample
-    flags_since: int  # Of all samples since the last update
-    age_s: float  # How long ago the session's last samples came
-
-
-@dataclass(frozen=True, config=_CONFIG)
-class OpcUaSource:
-    """Nodes of one cylinder: ``samples`` or ``inputs``.
-
-    Attributes:
-        session: Name of its session.
-        samples: A node whose value is an array of doubles: index of the first sample, then the samples, row by row.
-        inputs: A node per input of the model, each with one value in SI units.
-        sampling_ms: How often the server is asked to look at the nodes [ms]; 0: as often as it can.
-    """
-
-    session: str
-    samples: str | None = None
-    inputs: dict[str, str] = field(default_factory=dict)
-    sampling_ms: float = 0.0
-
-    def __post_init__(self) -> None:
-        """Refuse both or neither; raises ``ValueError``."""
-        if (self.samples is None) == (not self.inputs):
-            raise ValueError(
-                f"session {self.session!r}: expected either samples, one node, or inputs, a node per input of the model"
-            )
-
-
-@dataclass(frozen=True, config=_CONFIG)
-class OpcUaClientSettings:
-    """Samples from an OPC UA server.
-
-    Attributes:
-        url: Of the server, such as ``opc.tcp://plc:4840``.
-        sources: Its nodes.
-        publishing_ms: How often the server sends what is new [ms].
-        queue: How many values of a node the server is asked to keep between two sends.
-        user, password_file: Name, and file of the password; without: anonymous.
-        certificate, private_key: Files of this client's, for a signed and encrypted connection; without: neither.
-    """
-
-    url: str
-    sources: tuple[OpcUaSource, ...]
-    publishing_ms: _Positive = 50.0
-    queue: _Count = 1000
-    user: str | None = None
-    password_file: Path | None = None
-    certificate: Path | None = None
-    private_key: Path | None = None
-
-    def __post_init__(self) -> None:
-        """Refuse half of a pair; raises ``ValueError``."""
-        _refuse_half(self, "user", "password_file")
-        _refuse_half(self, "certificate", "private_key")
