@@ -27,7 +27,7 @@ from pathlib import Path
 import numpy as np
 import psutil
 import pyarrow as pa
-from live_service import CLI, ready
+from service_process import CLI, ready
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.execution.ports import free_port

@@ -31,7 +31,6 @@ COMMANDS = {
     "rollback": "make the previous champion, or the version --to, the champion",
     "ui": "open the MLflow UI on the runs",
     "serve": "serve the champion and print a curl to try",
-    "live": "estimate friction of many cylinders in real time, with a page; try it with --replay LOGS",
     "golden": "train, record or check the trajectories that every real-time runtime must meet",
     "export": "export a trained estimator to C, ONNX or an FMU",
     "latency": "measure one step in every runtime on this machine",
@@ -39,7 +38,6 @@ COMMANDS = {
 COMPLETION, SHELLS = "--print-completion", ("bash", "zsh", "tcsh")
 COMPLETION_HELP = "print the completion script of a shell"
 EXTRAS = {
-    "live": "live",
     "serve": "serve",
     "ui": "serve",
     **dict.fromkeys(("stage", "params", "track", "lineage", "rollback"), "pipeline"),
