@@ -32,6 +32,7 @@ from scipy.signal import lfilter
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.label import label
+from cylinder_friction.monitoring.assessment import Entry
 from cylinder_friction.monitoring.indicators import session_row
 from cylinder_friction.monitoring.plan import MonitorPlan
 from cylinder_friction.monitoring.session_row import Indicator, SessionRow
@@ -53,6 +54,7 @@ FATES = DISTURBANCES | FAULTS
 BEFORE = 100  # Healthy sessions between baseline and change
 CHANGES = {"step 5 %": (0.05, 1), "step 10 %": (0.1, 1), "step 20 %": (0.2, 1)}
 CHANGES |= {"10 % in 100": (0.1, 100), "10 % in 300": (0.1, 300)}
+LIMIT_PERCENT = 20.0  # Of friction, in years in which every alarm is acknowledged
 FRICTION = ("friction_n", "breakaway_n")
 LATER = (1, 2, 5, 10, 20, 50, 100)  # Sessions after an indicator's alarm at which the answer is looked at again
 Rows = list[SessionRow]
@@ -269,6 +271,41 @@ def fates(bank: Bank, plan: MonitorPlan) -> None:
         print(f"{fate:6s}{alarm}", _ends(undecided, last))
 
 
+def acknowledged(healthy: list[Resampled], count: int, plan: MonitorPlan) -> None:
+    """Print how long wear beyond the limit stays quiet in years in which every alarm is acknowledged at once."""
+    plan = replace(plan, limit_percent={"friction_n": LIMIT_PERCENT})
+    with ProcessPoolExecutor(2) as pool:
+        found = list(pool.map(partial(_acknowledged, healthy, plan), range(count), chunksize=5))
+    longest, alarms, quiet = zip(*found, strict=True)
+    worst = ", ".join(f"{length} sessions {n}" for length, n in sorted(Counter(longest).items(), reverse=True)[:3])
+    print(
+        f"every alarm acknowledged at once, limit {LIMIT_PERCENT:g} %, {count} years: longest quiet beyond the limit, "
+        f"years by length: {worst}; alarms a year {quantiles(alarms)}, quiet below the limit {np.mean(quiet):.0f} %"
+    )
+
+
+def _acknowledged(healthy: list[Resampled], plan: MonitorPlan, number: int) -> tuple[int, float, float]:
+    """Return the longest quiet beyond the limit, the alarms, and how many sessions between them were quiet [%]."""
+    generator = np.random.default_rng([6, number])
+    begins, days = plan.baseline_sessions + int(generator.integers(10, BEFORE)), plan.baseline_sessions + YEAR
+    change, within, power = generator.uniform(0.25, 1.2), int(generator.integers(1, 250)), generator.uniform(0.5, 3.0)
+    rows = healthy[number % len(healthy)].days(days, float(generator.integers(YEAR)), generator)
+    true = change * np.clip((np.arange(days) - begins + 1.0) / within, 0.0, 1.0) ** power
+    true *= -1.0 if number % 3 == 0 and change < 0.9 else 1.0
+    rows = [grown([row], float(each), 1, 0)[0] for row, each in zip(rows, true, strict=True)]
+    entries, longest, silent, quiet = list[Entry](), 0, 0, list[bool]()
+    for day in range(begins, days):
+        answer = assess(CYLINDER.name, rows[: day + 1], entries, plan, datetime.fromisoformat(rows[day].start)).answer
+        beyond = 100.0 * abs(true[day]) > LIMIT_PERCENT
+        silent = silent + 1 if beyond and answer != "alarm" else 0
+        longest = max(longest, silent)
+        if entries and not beyond:
+            quiet.append(answer != "alarm")
+        if answer == "alarm":
+            entries.append(Entry(CYLINDER.name, rows[day].start, "performance", "acknowledge"))
+    return longest, float(len(entries)), 100.0 * float(np.mean(quiet)) if quiet else 100.0
+
+
 def page_hinkley(y: Array, first: int) -> Array:
     mean, scatter = np.cumsum(y) / np.arange(1, len(y) + 1), y[:first].std(ddof=1)
     sides = [np.cumsum(sign * (y - mean) - 0.5 * scatter) for sign in (1.0, -1.0)]
@@ -317,6 +354,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--scratch", type=Path, default=Path("build/monitoring"))
     parser.add_argument("--lives", type=int, default=11, help="per cylinder and disturbance, for false alarms")
+    parser.add_argument("--years", type=int, default=100, help="in which every alarm is acknowledged")
     parser.add_argument("--kept", action="store_true", help="use what an earlier run kept, and simulate nothing")
     parser.add_argument("--servo", action="store_true", help="healthy lives and growing friction on the servo rig")
     given = parser.parse_args()
@@ -336,6 +374,7 @@ def main() -> None:
             undisturbed(healthy, 4 * given.lives * HEALTHY // FAULTY, MonitorPlan(baseline_sessions=baseline))
         delays(healthy, plan)
         return
+    acknowledged(healthy, given.years, plan)
     false_alarms(bank, len(healthy), given.lives, plan)
     delays(healthy, plan)
     others(healthy, plan)

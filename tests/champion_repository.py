@@ -27,7 +27,7 @@ def champion_root(
         {"1": 2.0},
         "md5",
         origin_of(root, "data/raw/rig", ["data/processed/test"]),
-        {name: first.column(name)[:5].tolist() for name in ("pressure_1_pa", "pressure_2_pa", "position_m")},
+        {name: first.column(name)[:800].tolist() for name in ("pressure_1_pa", "pressure_2_pa", "position_m")},
         tolerance_percent=0.1,
     )
     with pytest.MonkeyPatch.context() as patch:

@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
-from datetime import datetime, timedelta
+from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import yaml
 
+import cylinder_friction.fleet as fleet_package
+from cylinder_friction.estimation.from_logs import SUMMARY_FILE
+from cylinder_friction.fleet.one_cylinder import CylinderRun, session_file
 from cylinder_friction.fleet.plan import Fleet
+from cylinder_friction.fleet.sessions import KeptRow, key_of, write_rows
 from cylinder_friction.monitoring.session_row import COVARIATES, INDICATORS, Indicator, SessionRow
 from cylinder_friction.params.fleet import load_fleet
+from cylinder_friction.recordings.files import hash_of, write_json
 from cylinder_friction.recordings.recording import Recording
 from logger_files import CHANNELS, write_log
 
+NOW = datetime(2026, 6, 1, tzinfo=UTC)
 DIMENSIONS = {"bore_diameter_m": 0.063, "rod_diameter_m": 0.028, "stroke_m": 0.25, "moving_mass_kg": 6.0}
 START = {"zone": "UTC", "pattern": r"(?P<year>\d{4})-(?P<month>\d\d)-(?P<day>\d\d)"}
 
@@ -38,6 +45,23 @@ def write_session(path: Path, recording: Recording) -> Path:
     write_log(path, recording)
     os.utime(path, (1e9, 1e9))
     return path
+
+
+def write_kept(folder: Path, fleet: Fleet, rows: Sequence[SessionRow]) -> None:
+    """Write sessions of one cylinder as an earlier run keeps them."""
+    name = rows[0].cylinder
+    run = CylinderRun(name, fleet.cylinders[name], folder, folder, hash_of(Path(fleet_package.__path__[0]).parent), NOW)
+    about = {"source_sha256": "", "gone": False, "source_file": "", "name": ""}
+    recordings = [{**about, "session": row.session} for row in rows]
+    write_json(run.results / SUMMARY_FILE, {"recordings": recordings})
+    kept = {
+        row.session: KeptRow(row, key_of([each], run.made_by), "") for row, each in zip(rows, recordings, strict=True)
+    }
+    write_rows(folder / session_file(name), rows, kept, {}, {})
+    write_json(
+        folder / "health.json",
+        {"written_by": "cylinder-friction monitor", "files": ["health.json", session_file(name)]},
+    )
 
 
 def session(number: int, name: str = "a", start: str | None = None, **values: float | None) -> SessionRow:

@@ -30,8 +30,9 @@ def columns_of(table: pd.DataFrame) -> dict[str, Array]:
 
 def write_log(path: Path, recording: Recording, zero_bar: float = 0.0) -> Path:
     """Write raw columns as ``CHANNELS`` maps them; ``zero_bar`` is an offset of the first pressure sensor."""
-    columns = [recording.column(name) for name in ("time_s", "pressure_1_pa", "pressure_2_pa", "position_m")]
-    return _write(path, *columns, zero_bar=zero_bar)
+    names = ("time_s", "pressure_1_pa", "pressure_2_pa", "position_m")
+    time_s, first_pa, second_pa, position_m = (recording.column(name) for name in names)
+    return _write(path, time_s, first_pa, second_pa, position_m, zero_bar)
 
 
 def made_log(rows: int) -> pd.DataFrame:

@@ -10,6 +10,7 @@ import pytest
 from cylinder_friction.commands.cli import main
 from cylinder_friction.recordings.recording import Recording
 from fleet_samples import write_fleet, write_session
+from packed_pages import unpacked_pane
 
 
 @pytest.fixture
@@ -46,10 +47,39 @@ def test_an_entry_is_added_and_the_cylinder_assessed(folder: Path, capsys: pytes
     capsys.readouterr()
     for wrong, words in (
         (["--entry", "c", "service", "--name", "Kim"], "entry: unknown cylinder 'c'; expected one of a, b"),
-        (["--name", "Kim"], "--name, --words and --time belong to an entry; give --entry CYLINDER KIND as well"),
+        (
+            ["--name", "Kim"],
+            "--name, --words, --time, --until, --of and --confirm belong to an entry; give --entry CYLINDER KIND",
+        ),
         (["--fleet", "none.yaml"], "none.yaml: no such file; write one that names your cylinders"),
         (["nothing"], "nothing: no such file"),
     ):
         assert main(["monitor", *wrong]) == 1
         assert f"cylinder-friction monitor: {words}" in capsys.readouterr().err
     assert len((folder / "health/entries.jsonl").read_text().splitlines()) == 1
+
+
+def test_an_entry_far_from_all_sessions_asks_and_is_withdrawn(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["monitor", "logs"]) == 0
+    kim = ["--name", "Kim", "--words", "rod seal changed"]
+    for time, words in (
+        ("2226-03-02", "2226-03-02 has not come;"),
+        ("2016-03-02", "2016-03-02 is 3651 days before the nearest session, of 2026-03-01;"),
+    ):
+        assert main(["monitor", "--entry", "a", "service", *kim, "--time", time]) == 1
+        advice = "state when it was with --time, or add --confirm if the time is right"
+        assert f"cylinder-friction monitor: entry: time: {words} {advice}\n" in capsys.readouterr().err
+    assert not (folder / "health/entries.jsonl").exists()
+    assert main(["monitor", "--entry", "a", "service", *kim, "--time", "2226-03-02", "--confirm"]) == 0
+    withdraw = ["monitor", "--entry", "a", "withdraw", "--name", "Lee", "--of", "service"]
+    assert main([*withdraw, "2226-03-02"]) == 1
+    assert "entry: no reason; state why the entry is withdrawn, with --words" in capsys.readouterr().err
+    assert main([*withdraw, "2225", "--words", "a mistyped year"]) == 1
+    assert (
+        "entry: --of service 2225: expected the kind and time of one entry of a, of which these are in force: "
+        "service 2226-03-02T00:00:00.000Z"
+    ) in capsys.readouterr().err
+    assert main([*withdraw, "2226-03-02", "--words", "a mistyped year"]) == 0
+    pane = unpacked_pane(folder / "health/panes/a.js")
+    assert "rod seal changed (withdrawn by Lee: a mistyped year)" in pane
+    assert "service 2226-03-02T00:00:00.000Z: a mistyped year" in pane

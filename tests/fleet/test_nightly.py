@@ -26,10 +26,10 @@ from cylinder_friction.fleet.plan import Fleet
 from cylinder_friction.monitoring.assessment import Assessment, Baseline, Change, Entry, IndicatorTrend
 from cylinder_friction.recordings.locks import locked
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from fleet_samples import write_fleet, write_session
+from fleet_samples import NOW, write_fleet, write_kept, write_session
+from health_rows import changed
+from health_rows import sessions as health_sessions
 from packed_pages import unpacked_pane
-
-NOW = datetime(2026, 6, 1, tzinfo=UTC)
 
 
 @pytest.fixture
@@ -259,7 +259,7 @@ def test_a_model_of_another_bore_is_refused(
 def worn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Every cylinder with three sessions has an alarm."""
 
-    def found(cylinder: str, rows: Any, entries: Any, plan: Any) -> Assessment:
+    def found(cylinder: str, rows: Any, entries: Any, plan: Any, now: Any) -> Assessment:
         if len(rows) < 3:
             return Assessment(cylinder, "not yet", "not yet")
         names = tuple(row.session for row in rows)
@@ -281,11 +281,44 @@ def test_an_alarm_is_new_until_it_was_announced(folder: Path, fleet: Fleet, worn
     health.announced()
     assert run(folder, fleet).status == 0
     assert health.lines[0].headline == "friction -10 % since 2026-03-03"
-    add_entry(folder / "health", Entry("a", "2026-03-04", "Kim", "acknowledge", "seal is ordered"), fleet)
-    health = monitor_fleet([], fleet, folder / "health", NOW)
-    assert health.lines[-1].acknowledged == ""
-    assert health.lines[0].acknowledged == "Kim, 2026-03-04: seal is ordered"
-    assert "Acknowledged by Kim" in (folder / "health/health.html").read_text()
+
+
+def worn_in_may(tmp_path: Path, **own: Any) -> tuple[Path, Fleet]:
+    """Write a cylinder whose friction falls by a fifth in May, as an earlier run keeps it."""
+    fleet = write_fleet(tmp_path, "press", own={"press": own})
+    rows = changed(health_sessions(200), 150, times={"friction_n": 0.8, "breakaway_n": 0.8})
+    write_kept(tmp_path / "health", fleet, rows)
+    return tmp_path / "health", fleet
+
+
+def test_a_service_in_the_future_hides_no_alarm_until_it_comes(tmp_path: Path) -> None:
+    into, fleet = worn_in_may(tmp_path, services=[{"time": "2027-03-01", "words": "a mistyped year"}])
+    health = monitor_fleet([], fleet, into, NOW)
+    assert (health.status, health.lines[0].answer) == (3, "alarm")
+    pane = unpacked_pane(into / "panes/press.js")
+    assert "is the date right? the service of 2027-03-01 (entered by fleet.yaml) has not come" in pane
+    assert monitor_fleet([], fleet, into, datetime(2027, 3, 2, tzinfo=UTC)).lines[0].answer == "alarm", "far away"
+    planned = write_fleet(tmp_path, "press", own={"press": {"services": [{"time": "2025-08-01"}]}})
+    assert monitor_fleet([], planned, into, datetime(2025, 7, 31, tzinfo=UTC)).lines[0].answer == "alarm"
+    assert monitor_fleet([], planned, into, datetime(2025, 8, 2, tzinfo=UTC)).lines[0].answer == "not yet"
+
+
+def test_an_acknowledged_alarm_leaves_the_top_and_returns_as_a_new_one(tmp_path: Path) -> None:
+    into, fleet = worn_in_may(tmp_path)
+
+    def night(month: int, day: int) -> FleetHealth:
+        health = monitor_fleet([], fleet, into, datetime(2025, month, day, tzinfo=UTC))
+        health.announced()
+        return health
+
+    assert night(7, 20).new_alarms == ("press",)
+    add_entry(into, Entry("press", "2025-07-20", "Kim", "acknowledge", "seal is ordered"), fleet)
+    line = night(7, 21).lines[0]
+    assert (line.answer, line.rank, line.acknowledged) == ("watch", 4, "Kim, 2025-07-20: seal is ordered")
+    assert "Acknowledged by Kim" in (into / "health.html").read_text()
+    assert night(10, 17).new_alarms == ()
+    assert night(10, 19).new_alarms == ("press",), "90 days later"
+    assert night(10, 20).new_alarms == ()
 
 
 def test_the_tables_follow_the_files(folder: Path, fleet: Fleet, worn: None) -> None:

@@ -2,10 +2,12 @@
 
 import json
 from dataclasses import replace
+from datetime import UTC, datetime
+from typing import Any
 
 import pytest
 
-from cylinder_friction.monitoring.assessment import Entry
+from cylinder_friction.monitoring.assessment import Assessment, Entry
 from cylinder_friction.monitoring.plan import MonitorPlan
 from cylinder_friction.monitoring.session_row import SessionRow
 from cylinder_friction.monitoring.verdict import assess
@@ -145,12 +147,79 @@ def test_service_begins_a_new_baseline(kind: str) -> None:
     assert baseline.first == "s150"
 
 
+@pytest.mark.parametrize("kind", ["service", "reset", "reference"])
+@pytest.mark.parametrize("time", ["2030-01-01", "2025-10-01"])
+def test_a_baseline_that_has_not_come_hides_no_alarm(kind: str, time: str) -> None:
+    rows, now = changed(sessions(200), 150, times=WORN), datetime(2025, 11, 1, tzinfo=UTC)
+    found = assess("press", rows, [entry(kind, time)], now=now)
+    assert found.answer == "alarm"
+    assert found.words == assess("press", rows).words
+    reason = "has not come" if time == "2030-01-01" else "is 73 days after the newest session"
+    assert f"is the date right? the {kind} of {time} (entered by Kim) {reason}" in found.questions[-1]
+
+
+def test_a_planned_service_counts_when_it_comes() -> None:
+    rows, planned = changed(sessions(200), 150, times=WORN), [entry("service", "2025-07-21")]
+    assert assess("press", rows, planned, now=datetime(2025, 7, 20, tzinfo=UTC)).answer == "alarm"
+    found = assess("press", rows, planned, now=datetime(2025, 7, 22, tzinfo=UTC))
+    assert (found.answer, found.questions) == ("not yet", ())
+    assert assess("press", rows, [replace(planned[0], withdrawn="Lee: no")]).answer == "alarm"
+
+
+def acknowledged(rows: list[SessionRow], time: str = "2025-07-01", **plan: Any) -> Assessment:
+    return assess("press", rows, [entry("acknowledge", time)], MonitorPlan(**plan), datetime(2025, 9, 1, tzinfo=UTC))
+
+
 def test_acknowledged_alarm_is_watched() -> None:
     rows = changed(sessions(200), 150, times=WORN)
-    found = assess("press", rows, [entry("acknowledge", "2025-07-01T00:00:00Z")])
+    found = acknowledged(rows)
     assert found.answer == "watch"
-    assert "Acknowledged by Kim on 2025-07-01." in found.words
-    assert assess("press", rows, [entry("acknowledge", "2025-03-01T00:00:00Z")]).answer == "alarm"
+    assert found.words.endswith("Acknowledged by Kim on 2025-07-01.")
+    assert found.acknowledged == "Kim, 2025-07-01"
+    assert acknowledged(rows, limit_percent={"friction_n": 24.0}).answer == "watch"
+    early = acknowledged(rows, "2025-03-01")
+    assert (early.answer, early.acknowledged) == ("alarm", "")
+
+
+def test_acknowledged_alarm_returns_when_the_limit_is_passed() -> None:
+    rows = changed(changed(sessions(230), 130, times={"friction_n": 1.12}), 200, 30, times={"friction_n": 1.085})
+    limit, back = {"friction_n": 20.0}, "Acknowledged by Kim on 2025-07-01, and back: the limit of 20 % for friction"
+    assert acknowledged(rows[:200], limit_percent=limit).answer == "watch"
+    found = acknowledged(rows, limit_percent=limit)
+    assert (found.answer, found.acknowledged) == ("alarm", "")
+    assert f"{back} may be passed." in found.words
+    again = "2025-08-15"
+    assert acknowledged(rows, again, limit_percent=limit).answer == "watch", "three sessions after it"
+    assert acknowledged(rows, "2025-08-13", limit_percent=limit).answer == "alarm", "five sessions after it"
+
+
+def test_acknowledged_alarm_returns_when_it_has_grown_by_half() -> None:
+    rows = changed(changed(sessions(240), 130, times={"friction_n": 1.12}), 190, 50, times={"friction_n": 1.87})
+    answers = [acknowledged(rows[:count]).answer for count in range(182, 241)]
+    assert answers[:10] == ["watch"] * 10
+    assert answers[16:] == ["alarm"] * (len(answers) - 16), "18 % are reached at session 193"
+    assert "friction had changed by 4" in acknowledged(rows).words
+
+
+def test_acknowledged_alarm_returns_after_a_time() -> None:
+    rows = changed(sessions(200), 150, times=WORN)
+    assert acknowledged(rows, acknowledged_days=63.0).answer == "watch"
+    assert acknowledged(rows, acknowledged_days=62.0).answer == "alarm"
+    seen = replace(entry("acknowledge", "2025-07-01"), until="2025-08-31T00:00:00.000Z")
+    found = assess("press", rows, [seen], MonitorPlan(acknowledged_days=63.0), datetime(2025, 9, 1, tzinfo=UTC))
+    assert found.words.endswith("Acknowledged by Kim on 2025-07-01, and back: its time is over since 2025-08-31.")
+
+
+@pytest.mark.parametrize("power", [1.0, 2.0, 3.0])
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_the_date_of_accelerating_wear_lies_in_its_interval(power: float, seed: int) -> None:
+    rows = sessions(300, seed)
+    grown = [
+        changed([row], 0, times={"friction_n": 1.0 + 1.1 * (max(day - 149, 0) / 150.0) ** power})[0]
+        for day, row in enumerate(rows)
+    ]
+    first, last = (int(each[1:]) for each in assess("press", grown).changes[0].since_interval)
+    assert first <= 150 <= last
 
 
 def test_one_session_alone_alarms_nobody() -> None:

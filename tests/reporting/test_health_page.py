@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -46,7 +47,7 @@ def made(folder: Path, count: int = 4, sessions: int = SESSIONS) -> tuple[Cylind
         answer = "alarm" if worn else "undecided" if number == 2 else "fine"
         found = found_of(name, rows, answer, 41 if worn else None)
         entries = [Entry(name, "2026-02-01T00:00:00Z", "Kim", "service", "oil changed")]
-        lines.append(line_of(found, rows, entries, {}, "state"))
+        lines.append(line_of(found, rows, {}, "state"))
         (folder / "panes").mkdir(exist_ok=True, parents=True)
         (folder / pane_file(name)).write_text(health_pane(found, rows, entries, {}), encoding="utf-8")
     ordered = in_order(lines)
@@ -71,16 +72,14 @@ def test_what_needs_a_person_comes_first(tmp_path: Path) -> None:
 def test_an_acknowledged_alarm_and_a_silent_cylinder_find_their_places() -> None:
     rows = [session(day) for day in range(SESSIONS)]
     found = found_of("a", rows, "alarm", 41)
-    alarm = line_of(found, rows, [], {}, "")
-    said = line_of(found, rows, [Entry("a", "2026-03-01T00:00:00Z", "Kim", "acknowledge")], {}, "")
-    before = line_of(found, rows, [Entry("a", "2026-01-01T00:00:00Z", "Kim", "acknowledge")], {}, "")
-    assert (alarm.rank, before.rank, said.rank) == (0, 0, 4)
+    said = line_of(replace(found, answer="watch", acknowledged="Kim, 2026-03-01"), rows, {}, "")
+    assert (line_of(found, rows, {}, "").rank, said.rank) == (0, 4)
     assert said.acknowledged == "Kim, 2026-03-01"
-    quiet = line_of(found_of("b", rows[:20], "fine"), rows[:20], [], {}, "")
+    quiet = line_of(found_of("b", rows[:20], "fine"), rows[:20], {}, "")
     silent = in_order([quiet, said])[0]
     assert (silent.cylinder, silent.look) == ("b", "no session since 2026-01-20")
     left_out = {row.session: "another cylinder" for row in rows[-3:]}
-    doubtful = line_of(found_of("a", rows[:-3], "fine"), rows, [], left_out, "")
+    doubtful = line_of(found_of("a", rows[:-3], "fine"), rows, left_out, "")
     assert (doubtful.look, doubtful.left_out) == ("its last 3 sessions are not assessed", 3)
 
 
@@ -105,7 +104,7 @@ def test_a_cylinder_shows_its_life_and_its_strokes(tmp_path: Path) -> None:
 
 def test_the_page_of_a_large_fleet_is_small(tmp_path: Path) -> None:
     rows = [session(day, friction_n=400.0 + day % 7) for day in range(365)]
-    line = line_of(found_of("a", rows, "fine"), rows, [], {}, "")
+    line = line_of(found_of("a", rows, "fine"), rows, {}, "")
     write_health_page(tmp_path / "health.html", [line] * 200, [], [])
     assert (tmp_path / "health.html").stat().st_size < 3e6
 

@@ -40,6 +40,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--name", default="", help="who makes the entry")
     parser.add_argument("--words", default="", help="what the entry states")
     parser.add_argument("--time", help="when that was, such as 2026-03-01T14:30Z; default: now")
+    parser.add_argument("--until", help="of acknowledge: when the alarm returns, such as 2026-06-01")
+    words = "of withdraw: kind and time of the entry to withdraw, such as service 2026-03-01"
+    parser.add_argument("--of", nargs=2, metavar=("KIND", "TIME"), help=words)
+    parser.add_argument(
+        "--confirm", action="store_true", help="the entry's time is right, though far from all sessions"
+    )
     words = "simulate a fleet into a folder, with its fleet.yaml, and monitor that; a few minutes"
     parser.add_argument("--demo", type=Path, metavar="FOLDER", help=words)
     parser.add_argument("--track", action="store_true", help="log sessions and baselines to MLflow")
@@ -49,7 +55,6 @@ def run(options: argparse.Namespace) -> int:
     from cylinder_friction.commands.estimate import cores
     from cylinder_friction.execution.selection import workers_from_environment
     from cylinder_friction.fleet.demonstration import write_demonstration
-    from cylinder_friction.fleet.entries import add_entry
     from cylinder_friction.fleet.nightly import monitor_fleet
     from cylinder_friction.params.fleet import load_fleet
 
@@ -58,12 +63,7 @@ def run(options: argparse.Namespace) -> int:
             options.fleet = write_demonstration(options.demo, workers=workers)
         options.logs, options.into = [options.demo / "logs"], options.demo / "health"
     fleet, now = load_fleet(options.fleet), datetime.now(UTC)
-    if options.entry:
-        cylinder, kind = options.entry
-        time = options.time or now.isoformat(timespec="seconds").replace("+00:00", "Z")
-        add_entry(options.into, Entry(cylinder, time, options.name, kind, options.words), fleet)
-    elif options.name or options.words or options.time:
-        raise ValueError("--name, --words and --time belong to an entry; give --entry CYLINDER KIND as well")
+    _enter(options, fleet, now)
     with ExitStack() as stack:
         fleet = _with_model_folders(fleet, Path(stack.enter_context(tempfile.TemporaryDirectory())))
         workers = stack.enter_context(workers_from_environment(options.workers or cores(), MANY_CYLINDERS))
@@ -73,6 +73,26 @@ def run(options: argparse.Namespace) -> int:
     print("".join(f"cylinder-friction monitor: {each}\n" for each in problems), end="", file=sys.stderr)
     health.announced()
     return health.status or int(bool(problems))
+
+
+def _enter(options: argparse.Namespace, fleet: Fleet, now: datetime) -> None:
+    """Add the entry that the options state, if any."""
+    from cylinder_friction.fleet.entries import add_entry, refuse_far
+    from cylinder_friction.fleet.one_cylinder import session_file
+    from cylinder_friction.fleet.sessions import session_starts
+
+    if not options.entry:
+        if any((options.name, options.words, options.time, options.until, options.of, options.confirm)):
+            given = "--name, --words, --time, --until, --of and --confirm"
+            raise ValueError(f"{given} belong to an entry; give --entry CYLINDER KIND as well")
+        return
+    cylinder, kind = options.entry
+    time = options.time or now.isoformat(timespec="seconds").replace("+00:00", "Z")
+    of = " ".join(options.of or ())
+    entry = Entry(cylinder, time, options.name, kind, options.words, options.until or "", of)
+    if cylinder in fleet.cylinders and not options.confirm:
+        refuse_far(entry, session_starts(options.into / session_file(cylinder)), now)
+    add_entry(options.into, entry, fleet)
 
 
 def _with_model_folders(fleet: Fleet, scratch: Path) -> Fleet:

@@ -106,7 +106,7 @@ def _update(
         bases = [(key, each) for key, each in about["trends"].items() if each]
         _insert(cursor, mark, "health_baseline", [_of("health_baseline", name, key, each) for key, each in bases])
         _insert(cursor, mark, "health_session", zip(*(column.to_pylist() for column in sessions.columns), strict=True))
-        own = [(each.cylinder, each.time, each.name, each.kind, each.words) for each in entries.get(name, ())]
+        own = [(each.cylinder, each.time, each.name, each.kind, each.stated) for each in entries.get(name, ())]
         _insert(cursor, mark, "health_entry", own)
     return len(stale)
 

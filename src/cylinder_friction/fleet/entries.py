@@ -1,15 +1,21 @@
-"""What people did and stated about a fleet: entries with a time and a name, added to a file and never changed."""
+"""What people did and stated about a fleet: entries with a time and a name, added to a file and never changed.
+
+An entry is withdrawn by a later one, which names its kind and time.
+"""
 
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from datetime import datetime
 from pathlib import Path
 from typing import get_args
 
 from cylinder_friction.fleet.plan import Fleet
 from cylinder_friction.monitoring.assessment import Entry, EntryKind
-from cylinder_friction.monitoring.moments import utc_time
+from cylinder_friction.monitoring.in_force import NEAR_D, NEW_BASELINE
+from cylinder_friction.monitoring.moments import moment, utc_time
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.recordings.locks import locked
 from cylinder_friction.recordings.recording import RecordingError
@@ -21,8 +27,11 @@ FLEET_FILE = "fleet.yaml"  # The name on entries that come from it
 def add_entry(folder: Path, entry: Entry, fleet: Fleet) -> None:
     """Add one entry to the file of a folder of results; a kill adds it whole or not at all.
 
+    An entry that withdraws another names it by its kind and time, or the first part of its time.
+
     Raises:
-        RecordingError: Its cylinder or kind is unknown, it has no name, or its time is none.
+        RecordingError: Its cylinder or kind is unknown, it has no name, its time is none, or what it withdraws is not
+            one entry.
     """
     if entry.cylinder not in fleet.cylinders:
         raise RecordingError(f"entry: unknown cylinder {entry.cylinder!r}; {_known(fleet)}")
@@ -30,15 +39,51 @@ def add_entry(folder: Path, entry: Entry, fleet: Fleet) -> None:
         raise RecordingError(f"entry: got the kind {entry.kind!r}, expected one of {', '.join(get_args(EntryKind))}")
     if not entry.name.strip():
         raise RecordingError("entry: no name; state who makes it, with --name")
+    if entry.until and entry.kind != "acknowledge":
+        raise RecordingError(f"entry: --until belongs to acknowledge, but got {entry.kind}")
     try:
         utc_time(entry.time, "entry: time")
+        until = entry.until and utc_time(entry.until, "entry: until")
     except ValueError as error:
         raise RecordingError(str(error)) from None
     path = folder / ENTRIES_FILE
     with locked(folder / ".entries.lock"):
+        withdraws = _withdrawn_by(entry, entries_of(folder, fleet)[entry.cylinder])
         text = path.read_text(encoding="utf-8") if path.is_file() else ""
-        line = json.dumps(asdict(entry), sort_keys=True, ensure_ascii=False)
-        write_text(path, f"{text}{line}\n")
+        stated = asdict(replace(entry, until=until, withdraws=withdraws))
+        kept = {
+            name: value for name, value in stated.items() if value or name not in ("until", "withdraws", "withdrawn")
+        }
+        write_text(path, f"{text}{json.dumps(kept, sort_keys=True, ensure_ascii=False)}\n")
+
+
+def refuse_far(entry: Entry, starts: Sequence[str], now: datetime) -> None:
+    """Refuse an entry whose time is far from all sessions of its cylinder, or has not come.
+
+    An acknowledgement, comment or withdrawal after the newest session is never far: only its time may not have come.
+
+    Args:
+        entry: With a valid time.
+        starts: When the cylinder's sessions began.
+        now: The present.
+
+    Raises:
+        RecordingError: The time is probably mistyped.
+    """
+    time = moment(utc_time(entry.time, "entry: time"))
+    times = [moment(start) for start in starts]
+    nearest = min(times, key=lambda each: abs(each - time), default=None)
+    where = ""
+    if time > now:
+        where = "has not come"
+    elif nearest is not None and abs(nearest - time).total_seconds() > 86400.0 * NEAR_D:
+        days = abs(nearest - time).days
+        where = f"is {days} days {'after' if time > nearest else 'before'} the nearest session, of {nearest:%Y-%m-%d}"
+        where = "" if time > max(times) and entry.kind not in NEW_BASELINE else where
+    if where:
+        raise RecordingError(
+            f"entry: time: {entry.time} {where}; state when it was with --time, or add --confirm if the time is right"
+        )
 
 
 def entries_of(folder: Path, fleet: Fleet) -> dict[str, list[Entry]]:
@@ -63,8 +108,48 @@ def entries_of(folder: Path, fleet: Fleet) -> dict[str, list[Entry]]:
             raise RecordingError(
                 f"{path}, line {number}: is no entry ({error}); restore the line, entries are added with --entry"
             ) from None
-        entries.setdefault(entry.cylinder, []).append(Entry(**{**asdict(entry), "time": time}))
-    return {name: sorted(own, key=lambda entry: entry.time) for name, own in entries.items()}
+        entries.setdefault(entry.cylinder, []).append(replace(entry, time=time))
+    return {name: sorted(_without_withdrawn(own), key=lambda each: each.time) for name, own in entries.items()}
+
+
+def _without_withdrawn(entries: Sequence[Entry]) -> list[Entry]:
+    """Return entries in the order in which they were added, with who withdrew them: a later one, itself in force."""
+    found = list(entries)
+    for place in reversed(range(len(found))):
+        entry = found[place]
+        if entry.withdraws and not entry.withdrawn:
+            by = f"{entry.name}: {entry.words}"
+            same = [each for each in range(place) if f"{found[each].kind} {found[each].time}" == entry.withdraws]
+            found = [replace(each, withdrawn=by) if at in same else each for at, each in enumerate(found)]
+    return found
+
+
+def _withdrawn_by(entry: Entry, entries: Sequence[Entry]) -> str:
+    """Return kind and time of the entry that another withdraws; empty if it withdraws none."""
+    if entry.kind != "withdraw":
+        if entry.withdraws:
+            raise RecordingError(f"entry: --of belongs to withdraw, but got {entry.kind}")
+        return ""
+    if not entry.words.strip():
+        raise RecordingError("entry: no reason; state why the entry is withdrawn, with --words")
+    kind, _, time = entry.withdraws.partition(" ")
+    there = [each for each in entries if not each.withdrawn]
+    own = {f"{each.kind} {each.time}" for each in there if each.kind == kind and time and _same(each.time, time)}
+    if len(own) == 1:
+        return own.pop()
+    known = ", ".join(f"{each.kind} {each.time}" for each in there) or "none"
+    raise RecordingError(
+        f"entry: --of {entry.withdraws or 'is missing'}: expected the kind and time of one entry of {entry.cylinder}, "
+        f"of which these are in force: {known}"
+    )
+
+
+def _same(time: str, given: str) -> bool:
+    """Return whether a given time, or its first part, is that of an entry."""
+    try:
+        return time.startswith(given.strip().replace(" ", "T")) or time == utc_time(given.strip(), "")
+    except ValueError:
+        return False
 
 
 def _known(fleet: Fleet) -> str:

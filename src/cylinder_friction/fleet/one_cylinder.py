@@ -26,6 +26,7 @@ from cylinder_friction.fleet.sessions import (
 from cylinder_friction.monitoring.assessment import Entry, ModelBounds
 from cylinder_friction.monitoring.cylinder_line import CylinderLine, Trend, line_of
 from cylinder_friction.monitoring.held_label import held_label
+from cylinder_friction.monitoring.in_force import in_force
 from cylinder_friction.monitoring.indicators import session_row
 from cylinder_friction.monitoring.session_row import SessionRow
 from cylinder_friction.monitoring.verdict import assess
@@ -149,11 +150,14 @@ class CylinderRun:
             for session, each in rows.items()
             if each.made_with not in ("", made_with)
         }
-        left_out |= doubts([row for row in placed if row.session not in left_out], entries, self.now)
+        counted = [each for each in entries if not each.withdrawn]
+        left_out |= doubts([row for row in placed if row.session not in left_out], counted, self.now)
+        used, plan = [row for row in placed if row.session not in left_out], self.owned.monitor_plan()
         rests_on = [
             self.code,
             asdict(replace(self.owned, channels=None, model="")),  # what they change is in the sessions
             [asdict(each) for each in entries],
+            asdict(in_force(entries, [row.start for row in used], self.now, plan.acknowledged_days)),
             [(each.session, rows[each.session].key) for each in placed],
             left_out,
         ]
@@ -161,9 +165,8 @@ class CylinderRun:
         if earlier and earlier["line"]["state"] == state:
             line = earlier["line"]
             return Known(CylinderLine(**{**line, "trend": Trend(**line["trend"])}), False, left_out, failed)
-        used = [row for row in placed if row.session not in left_out]
-        found = assess(self.name, used, entries, self.owned.monitor_plan())
-        line = line_of(found, placed, entries, left_out, state)
+        found = assess(self.name, used, entries, plan, self.now)
+        line = line_of(found, placed, left_out, state)
         write_rows(draft / session_file(self.name), placed, rows, left_out, found.trends)
         about = {"line": asdict(line), "dimensions": asdict(self.owned.dimensions), "left_out": left_out}
         assessment = {

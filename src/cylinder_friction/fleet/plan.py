@@ -56,6 +56,7 @@ class FleetCylinder:
         limit_percent: By indicator, how far it may move from its baseline, in percent.
         baseline_sessions: How many sessions the baseline is made of.
         false_alarms_per_year: How many the cylinder may give.
+        acknowledged_days: An acknowledged alarm returns after this time, unless its entry states another [days].
         services: When seals or oil were changed.
         starts: By session, when it began, where its logs state a wrong time or none.
     """
@@ -72,6 +73,7 @@ class FleetCylinder:
     limit_percent: Mapping[str, float] = field(default_factory=dict)
     baseline_sessions: int = 90
     false_alarms_per_year: float = 0.02
+    acknowledged_days: float = MonitorPlan.acknowledged_days
     services: tuple[ServiceDay, ...] = ()
     starts: Mapping[str, str] = field(default_factory=dict)
 
@@ -92,6 +94,7 @@ class FleetCylinder:
             baseline_sessions=self.baseline_sessions,
             false_alarms_per_year=self.false_alarms_per_year,
             limit_percent=dict(self.limit_percent),
+            acknowledged_days=self.acknowledged_days,
         )
 
     def cylinder(self, name: str) -> Cylinder:

@@ -150,6 +150,14 @@ def read_rows(path: Path) -> dict[str, KeptRow]:
     return {each.row.session: each for each in rows}
 
 
+def session_starts(path: Path) -> list[str]:
+    """Return when the assessed sessions of a cylinder's table began; none without a table."""
+    if not path.is_file():
+        return []
+    rows = pq.read_table(path, columns=["start", "left_out"], use_threads=False).to_pylist()
+    return [row["start"] for row in rows if row["start"] and not row["left_out"]]
+
+
 def numbers() -> list[str]:
     """Return the names of the table's columns of numbers."""
     parts = ("", "_uncertainty", *(f"_{part}" for part in TESTED))

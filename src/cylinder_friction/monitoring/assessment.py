@@ -17,18 +17,28 @@ NE107: Mapping[str, str] = {
 }
 """Status signal of NAMUR NE 107 of each answer, in the names of OPC UA's ``DeviceHealth``."""
 
-EntryKind = Literal["service", "reset", "acknowledge", "comment", "reference"]
+EntryKind = Literal["service", "reset", "acknowledge", "comment", "reference", "withdraw"]
 
 
 @dataclass(frozen=True)
 class Entry:
-    """What a person did or noted; entries are added, never changed."""
+    """What a person did or noted; entries are added, never changed, and withdrawn by another entry."""
 
     cylinder: str
     time: str  # ISO 8601, UTC
     name: str  # Who
     kind: EntryKind  # service: seals or oil changed; reset, reference: a new baseline begins at ``time``
     words: str = ""
+    until: str = ""  # Of an acknowledgement: when the alarm returns, ISO 8601, UTC; empty: as the fleet file states
+    withdraws: str = ""  # Of a withdrawal: kind and time of the entry that it withdraws
+    withdrawn: str = ""  # Who withdrew this entry and why; it then counts for nothing
+
+    @property
+    def stated(self) -> str:
+        """All that it states, in words."""
+        words = f"{self.withdraws}: {self.words}" if self.withdraws else self.words
+        words += f" (until {self.until[:10]})" if self.until else ""
+        return f"{words} (withdrawn by {self.withdrawn})".lstrip() if self.withdrawn else words
 
 
 @dataclass(frozen=True)
@@ -114,6 +124,7 @@ class Assessment:
     more_sessions: int | None = None  # For ``not yet``: how many more are needed
     would_decide: tuple[str, ...] = ()  # For ``undecided``: what would decide it
     questions: tuple[str, ...] = ()  # Asked of the user, such as whether a service set a new baseline
+    acknowledged: str = ""  # Who acknowledged the alarm, and when; empty without an alarm, or if it has returned
     model: ModelBounds | None = None  # None if no model estimated the newest session
 
     def to_dict(self) -> dict[str, Any]:

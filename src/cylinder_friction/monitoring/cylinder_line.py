@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import timedelta
 
-from cylinder_friction.monitoring.assessment import NE107, Answer, Assessment, Entry
+from cylinder_friction.monitoring.assessment import NE107, Answer, Assessment
 from cylinder_friction.monitoring.moments import moment
 from cylinder_friction.monitoring.session_row import INDICATORS, SessionRow
 
@@ -64,7 +64,6 @@ class CylinderLine:
 def line_of(
     assessment: Assessment,
     rows: Sequence[SessionRow],
-    entries: Sequence[Entry],
     left_out: Mapping[str, str],
     state: str,
 ) -> CylinderLine:
@@ -72,10 +71,6 @@ def line_of(
     used = [row for row in rows if row.session not in left_out]
     last = used[-1] if used else None
     starts = {row.session: row.start for row in rows}
-    noted = None
-    if assessment.answer == "alarm":
-        at = max((starts.get(each.alarm_session, "") for each in assessment.changes), default="")
-        noted = _acknowledged(entries, at)
     looks = []
     late = [row for row in rows[-3:] if row.session in left_out]
     if len(late) == min(len(rows), 3) and late:
@@ -84,7 +79,7 @@ def line_of(
         )
     if assessment.model and assessment.model.lost:
         looks.append(assessment.model.words.rstrip("."))
-    rank = ACKNOWLEDGED if noted else RANKS[assessment.answer]
+    rank = ACKNOWLEDGED if assessment.acknowledged else RANKS[assessment.answer]
     return CylinderLine(
         cylinder=assessment.cylinder,
         answer=assessment.answer,
@@ -97,7 +92,7 @@ def line_of(
         left_out=len(left_out),
         last_session=last.session if last else "",
         last_start=last.start if last else "",
-        acknowledged=f"{noted.name}, {noted.time[:10]}{noted.words and ': '}{noted.words}" if noted else "",
+        acknowledged=assessment.acknowledged,
         look="; ".join(looks),
         alarms=_alarms(assessment),
         state=state,
@@ -114,12 +109,6 @@ def in_order(lines: Sequence[CylinderLine]) -> tuple[CylinderLine, ...]:
             each = replace(each, look=f"{each.look}; {silent}" if each.look else silent, rank=min(each.rank, LOOK))
         seen.append(each)
     return tuple(sorted(seen, key=lambda each: (each.rank, each.cylinder)))
-
-
-def _acknowledged(entries: Sequence[Entry], since: str) -> Entry | None:
-    """Return the newest acknowledgement that was made at or after a time."""
-    made = [entry for entry in entries if entry.kind == "acknowledge" and entry.time >= since]
-    return made[-1] if made else None
 
 
 def _headline(assessment: Assessment, starts: Mapping[str, str]) -> str:

@@ -10,11 +10,15 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.monitoring.reference import Reference
 
 Z95 = 1.96
-LIKELY = 3.0
+LIKELY = 4.0
 """A beginning is possible if its log-likelihood is at most so much below the best one's."""
 LEAST_RAMP = 5
-AFTER = 60
-"""A change is dated by the sessions until so many after its alarm, so that its date stays as it is."""
+POWERS = (0.0, 1.0, 2.0, 3.0)
+"""Shapes of a change: a step, a ramp, and growth that accelerates."""
+WINDOWS = (0, 7, 15, 30, 60)
+"""A change is dated by the sessions until at most the last of these numbers after its alarm: then its date stays."""
+UNUSUAL = 1.0
+"""A window is left out if its sessions differ from every shape by more than so many standard deviations."""
 LATEST, LEAST_TREND = 60, 10
 """What it is by now, and how fast it goes on, are seen in at most and at least so many sessions."""
 
@@ -44,7 +48,7 @@ def dated(reference: Reference, residuals: Array, expected: Array, design: Array
         first: Session from which the change may have begun: the baseline's end.
         alarm: Session of the alarm.
     """
-    begins, interval, step = _begins(reference, residuals[: alarm + 1 + AFTER], design, first, alarm)
+    begins, interval, step = _begins(reference, residuals, design, first, alarm)
     latest = residuals[max(begins, len(residuals) - LATEST) :]
     sessions = np.arange(len(latest)) - len(latest) + 1.0
     level, spread = _regression(reference, np.ones((len(latest), 1)), latest)
@@ -62,22 +66,46 @@ def dated(reference: Reference, residuals: Array, expected: Array, design: Array
 def _begins(
     reference: Reference, residuals: Array, design: Array, first: int, alarm: int
 ) -> tuple[int, tuple[int, int], bool]:
-    """Return at which session a step or ramp begins that explains residuals best, its interval, and which it is."""
+    """Return at which session the change begins that explains residuals best, its interval, and whether it is a step.
+
+    If the change goes on otherwise than any shape does, only sessions nearer to the alarm are explained.
+    """
+    usual = 1.0
+    for window in WINDOWS:
+        rows = slice(alarm + 1 + window)
+        losses, unexplained = _losses(reference, residuals[rows], design[rows], first, alarm)
+        if window == WINDOWS[0]:
+            usual = max(unexplained, 1.0)
+        elif unexplained > usual * (1.0 + UNUSUAL * np.sqrt(2.0 / len(residuals[rows]))):
+            break
+        best = losses
+    loss = best.min(axis=0)
+    possible = first + np.flatnonzero(loss <= loss.min() + LIKELY)
+    step = bool(best[0].min() <= best[1:].min())
+    return first + int(np.argmin(loss)), (int(possible[0]), int(possible[-1])), step
+
+
+def _losses(reference: Reference, residuals: Array, design: Array, first: int, alarm: int) -> tuple[Array, float]:
+    """Return how badly each shape explains residuals, by its beginning, and what the best one leaves unexplained.
+
+    Returns:
+        losses: Negative log-likelihoods less a constant, shape ``(shapes, alarm + 1 - first)``.
+        unexplained: Mean square of what is left, in those of an innovation.
+    """
     begins, sessions = np.arange(first, alarm + 1)[:, None], np.arange(len(residuals))
-    parts, sizes, _ = np.linalg.svd(_less_before(reference, design[: len(residuals)].T).T, full_matrices=False)
+    parts, sizes, _ = np.linalg.svd(_less_before(reference, design.T).T, full_matrices=False)
     explained = parts[:, sizes > 1e-9 * sizes[0]]
     y = _less_before(reference, residuals)
     y = y - explained @ (explained.T @ y)
-    losses = []
-    for shape in (sessions >= begins, np.maximum(sessions - begins + 1, 0)):
-        x = _less_before(reference, shape.astype(np.float64))
+    since, losses = np.maximum(sessions - begins + 1.0, 0.0), []
+    for power in POWERS:
+        x = _less_before(reference, np.where(since > 0.0, since**power, 0.0))
         x = x - (x @ explained) @ explained.T
-        losses.append(-((x @ y) ** 2) / np.maximum((x**2).sum(axis=1), 1e-12) / (2.0 * reference.innovation**2))
-    losses[1][len(residuals) - begins[:, 0] < LEAST_RAMP] = np.inf
-    loss = np.minimum(*losses)
-    possible = np.flatnonzero(loss <= loss.min() + LIKELY)
-    interval = int(begins[possible[0], 0]), int(begins[possible[-1], 0])
-    return int(begins[np.argmin(loss), 0]), interval, bool(losses[0].min() <= losses[1].min())
+        loss = -((x @ y) ** 2) / np.maximum((x**2).sum(axis=1), 1e-12) / (2.0 * reference.innovation**2)
+        short = len(residuals) - begins[:, 0] < LEAST_RAMP * power
+        losses.append(np.where(short, np.inf, loss))
+    left = float(y @ y) / reference.innovation**2 + 2.0 * min(float(each.min()) for each in losses)
+    return np.array(losses), left / len(y)
 
 
 def _regression(reference: Reference, x: Array, y: Array) -> tuple[Array, Array]:

@@ -55,6 +55,8 @@ class MonitorPlan:
     false_alarms_per_year: float = 0.02  # Of one cylinder, all indicators together
     # How far an indicator may move from its baseline, in percent, in the direction in which it moves
     limit_percent: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
+    # An acknowledged alarm returns after this time, unless the acknowledgement states another [days]
+    acknowledged_days: float = 90.0
     # Standard deviation of sessions, as a share, until the baseline shows it: one seal measured three times differs by
     # 6 to 13 % in the only public measurement
     assumed_scatter: float = 0.13

@@ -33,9 +33,9 @@ def size(change: Change) -> str:
     verb = "rose" if change.change > 0.0 else "fell"
     low, high = sorted(map(abs, change.interval)) if change.interval[0] * change.interval[1] > 0.0 else change.interval
     percent = "" if change.percent is None else f", {abs(change.percent):.0f} %"
-    interval = f"{_shown(low, change.indicator)} to {_with_unit(high, change.indicator)}"
+    interval = f"{_shown(low, change.indicator)} to {with_unit(high, change.indicator)}"
     return (
-        f"{TITLES[change.indicator]} {verb} by {_with_unit(abs(change.change), change.indicator)} ({interval}{percent})"
+        f"{TITLES[change.indicator]} {verb} by {with_unit(abs(change.change), change.indicator)} ({interval}{percent})"
     )
 
 
@@ -43,7 +43,8 @@ def _shown(value: float, indicator: str) -> str:
     return f"{SCALES.get(indicator, (1.0, ''))[0] * value:.3g}"
 
 
-def _with_unit(value: float, indicator: str) -> str:
+def with_unit(value: float, indicator: str) -> str:
+    """Return a value in the unit in which people know the indicator."""
     return f"{_shown(value, indicator)} {SCALES[indicator][1] if indicator in SCALES else INDICATORS[indicator][0]}"
 
 
@@ -54,7 +55,7 @@ def alarm(changes: Sequence[Change]) -> str:
     text = f"{size(main)} since session {main.since} (between {first} and {last})"
     if main.per_year is not None and main.per_year_interval is not None:
         way = "rising" if main.per_year > 0.0 else "falling"
-        text += f", now {way} by {_with_unit(abs(main.per_year) / 12.0, main.indicator)} a month"
+        text += f", now {way} by {with_unit(abs(main.per_year) / 12.0, main.indicator)} a month"
     if main.limit_reached is not None:
         _, latest = main.limit_interval or (None, None)
         text += f", and reaches your limit about {main.limit_reached}" + (

@@ -11,7 +11,7 @@ import numpy as np
 from cylinder_friction.arrays import Array
 from cylinder_friction.monitoring.assessment import Baseline, Change, IndicatorTrend
 from cylinder_friction.monitoring.cusum import Cusum, cusum, threshold
-from cylinder_friction.monitoring.dating import Dated, dated
+from cylinder_friction.monitoring.dating import Z95, Dated, dated
 from cylinder_friction.monitoring.plan import MonitorPlan
 from cylinder_friction.monitoring.reference import Reference, covariates_of, fitted
 from cylinder_friction.monitoring.session_row import INDICATORS, SessionRow
@@ -19,8 +19,18 @@ from cylinder_friction.monitoring.session_row import INDICATORS, SessionRow
 TESTED = tuple(INDICATORS)
 """Indicators that share the stated rate of false alarms."""
 DAYS_A_YEAR = 365.25
+FEW = 5
+"""The mean of this many sessions shows a sudden change early."""
 BEYOND = 5
 """If this many of the latest sessions lie outside what the baseline holds, nothing is known of the present."""
+
+
+@dataclass(frozen=True)
+class Latest:
+    """How far an indicator is from its baseline by now, in its unit, whichever way."""
+
+    least: float
+    most: float
 
 
 @dataclass(frozen=True)
@@ -78,6 +88,21 @@ class Tested:
         found = dated(self.reference, *own, first, at)
         begins, low, high = (int(known[each]) for each in (found.begins, *found.interval))
         return Dated(**vars(found) | {"begins": begins, "interval": (low, high)})
+
+    def until(self, count: int) -> Tested:
+        """Return the test as it was after the first ``count`` sessions."""
+        own = {name: getattr(self, name)[:count] for name in ("rows", "values", "residuals", "expected")}
+        return replace(self, **own)
+
+    def latest(self, found: Dated) -> Latest:
+        """Return how far the change of an alarm has come by now.
+
+        A step or trend in the latest sessions follows growth within some sessions only, their last few at once.
+        """
+        values, phi = self.residuals[np.isfinite(self.residuals)][-FEW:], self.reference.autocorrelation
+        few = abs(float(values.mean()))
+        wide = Z95 * self.reference.scatter * float(np.sqrt((1.0 + phi) / (1.0 - phi) / len(values)))
+        return Latest(max(abs(found.change), few - wide), max(*map(abs, found.change_interval), few))
 
     def change(self, alarm: int, found: Dated, plan: MonitorPlan, beside: tuple[str, ...]) -> Change:
         """Return what an alarm shows, for a person."""

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from datetime import datetime
 
 import numpy as np
 
 from cylinder_friction.monitoring import sentences
+from cylinder_friction.monitoring.acknowledgement import why_it_returns
 from cylinder_friction.monitoring.assessment import Answer, Assessment, Change, Entry
 from cylinder_friction.monitoring.beside import changed_beside, farthest
 from cylinder_friction.monitoring.dating import Dated
+from cylinder_friction.monitoring.in_force import InForce, in_force
 from cylinder_friction.monitoring.moments import moment
 from cylinder_friction.monitoring.plan import MonitorPlan
 from cylinder_friction.monitoring.reference import covariates_of
@@ -18,7 +21,6 @@ from cylinder_friction.monitoring.retraining import model_bounds
 from cylinder_friction.monitoring.session_row import SessionRow
 from cylinder_friction.monitoring.trend import BEYOND, TESTED, Tested, tested, untested
 
-NEW_BASELINE = ("service", "reset", "reference")
 UNSEEN_OIL_PERCENT = 25.0
 """Oil whose temperature nobody measures changes friction by up to this."""
 LEAK_BY_ZERO = 4.0
@@ -64,20 +66,26 @@ class _Alarm:
 
 
 def assess(
-    cylinder: str, rows: Sequence[SessionRow], entries: Sequence[Entry] = (), plan: MonitorPlan | None = None
+    cylinder: str,
+    rows: Sequence[SessionRow],
+    entries: Sequence[Entry] = (),
+    plan: MonitorPlan | None = None,
+    now: datetime | None = None,
 ) -> Assessment:
     """Return what is known of a cylinder.
 
     Args:
         cylinder: Its name; rows and entries of others are left out.
         rows: One per session, in any order. Those without a start come last.
-        entries: What people did or noted. The baseline begins at the latest service, reset or reference.
+        entries: What people did or noted. The baseline begins at the latest service, reset or reference in force.
         plan: How it is tested; None: the defaults.
+        now: Entries with a later time do not count; None: all have come, and no acknowledgement is over.
     """
     plan = plan or MonitorPlan()
-    own = sorted((each for each in entries if each.cylinder == cylinder), key=lambda each: moment(each.time))
-    begun = [each for each in own if each.kind in NEW_BASELINE]
-    current = _since([row for row in rows if row.cylinder == cylinder], begun)
+    own = [row for row in rows if row.cylinder == cylinder]
+    stated = [each for each in entries if each.cylinder == cylinder]
+    force = in_force(stated, [row.start for row in own], now, plan.acknowledged_days)
+    current = _since(own, force.begins)
     results = {name: tested(name, current, plan) for name in TESTED}
     trends = {
         name: result.trend() if isinstance(result, Tested) else untested(name, current, result)
@@ -88,22 +96,23 @@ def assess(
     if set(tests) <= {"half_sum_n"}:
         found = _not_yet(cylinder, current, results, plan)
     elif alarms:
-        found = _changed(cylinder, alarms, own, plan)
+        found = _changed(cylinder, alarms, force, plan)
     else:
         found = _quiet(cylinder, tests)
-    everything = _since([row for row in rows if row.cylinder == cylinder], ())
+    everything = _since(own, "")
 
     def worn() -> bool:  # An acknowledged alarm explains as much as one that is not
-        return bool(alarms) and _changed(cylinder, alarms, (), plan).answer == "alarm"
+        return bool(alarms) and _changed(cylinder, alarms, InForce(), plan).answer == "alarm"
 
-    return replace(found, trends=trends, model=model_bounds(everything, tests, worn, plan))
+    questions = (*found.questions, *force.waiting)
+    return replace(found, trends=trends, questions=questions, model=model_bounds(everything, tests, worn, plan))
 
 
-def _since(rows: Sequence[SessionRow], begun: Sequence[Entry]) -> list[SessionRow]:
-    """Return the sessions from the latest new baseline on, in their order."""
+def _since(rows: Sequence[SessionRow], begins: str) -> list[SessionRow]:
+    """Return the sessions from a time on, in their order; empty: all."""
     ordered = sorted((row for row in rows if row.start), key=lambda row: moment(row.start))
-    if begun:
-        ordered = [row for row in ordered if moment(row.start) >= moment(begun[-1].time)]
+    if begins:
+        ordered = [row for row in ordered if moment(row.start) >= moment(begins)]
     return ordered + [row for row in rows if not row.start]
 
 
@@ -165,7 +174,7 @@ def _quiet(cylinder: str, tests: Mapping[str, Tested]) -> Assessment:
     return Assessment(cylinder, "fine", words if monitored else "The baseline is complete; monitoring begins.")
 
 
-def _changed(cylinder: str, alarms: Sequence[_Alarm], entries: Sequence[Entry], plan: MonitorPlan) -> Assessment:
+def _changed(cylinder: str, alarms: Sequence[_Alarm], force: InForce, plan: MonitorPlan) -> Assessment:
     """Return the answer if at least one test exceeds its threshold."""
     zero = next((each for each in alarms if each.name == "half_sum_n"), None)
     oil = next((each for each in alarms if each.name == "viscous_n_s_m"), None)
@@ -185,23 +194,31 @@ def _changed(cylinder: str, alarms: Sequence[_Alarm], entries: Sequence[Entry], 
     if wear:
         worn = [changes[each.name] for each in wear]
         rest = [change for change in changes.values() if change not in worn]
-        answer: Answer = "alarm"
-        words = sentences.alarm(worn)
-        latest = max(each.test.rows[each.at].start for each in wear)
-        seen = [
-            each for each in entries if each.kind == "acknowledge" and latest and moment(each.time) >= moment(latest)
-        ]
-        if seen:
-            answer, words = "watch", f"{words} Acknowledged by {seen[-1].name} on {seen[-1].time[:10]}."
+        quiet, back = _acknowledged(wear, force, plan)
+        answer: Answer = "watch" if quiet else "alarm"
+        words = f"{sentences.alarm(worn)}{back}"
         at = worn[0].since
         stepped = next(each for each in wear).dated.step
         asked = (f"was anything changed at session {at}, such as seals, oil or load? Enter it",) if stepped else ()
-        return Assessment(cylinder, answer, words, (*worn, *rest), questions=asked)
+        return Assessment(cylinder, answer, words, (*worn, *rest), questions=asked, acknowledged=quiet)
     main = next((each for each in alarms if each.name not in ("half_sum_n", "leak_m3_s_pa")), zero or alarms[0])
     decide = tuple(dict.fromkeys(doubt for own in doubts.values() for doubt in own))
     change = changes[main.name]
     words = sentences.zero_moved(change) if main is zero else sentences.doubtful(change, decide)
     return Assessment(cylinder, "undecided", words, tuple(changes.values()), would_decide=decide)
+
+
+def _acknowledged(wear: Sequence[_Alarm], force: InForce, plan: MonitorPlan) -> tuple[str, str]:
+    """Return who acknowledged an alarm, empty if it is new or has returned; and a sentence on that."""
+    seen, latest = force.acknowledged, max(each.test.rows[each.at].start for each in wear)
+    if seen is None or not latest or moment(seen.time) < moment(latest):
+        return "", ""
+    by = f" Acknowledged by {seen.name} on {seen.time[:10]}"
+    reasons = [why_it_returns(each.test, each.at, each.dated, seen, plan) for each in wear]
+    why = f"its time is over since {force.over[:10]}" if force.over else next(filter(None, reasons), "")
+    if why:
+        return "", f"{by}, and back: {why}."
+    return f"{seen.name}, {seen.time[:10]}{seen.stated and ': '}{seen.stated}", f"{by}."
 
 
 def _doubts(alarm: _Alarm, zero: _Alarm | None, oil: _Alarm | None) -> tuple[str, ...]:

@@ -97,7 +97,7 @@ def life_figure(found: Assessment, rows: Sequence[SessionRow], entries: Sequence
             )
         _title(figure, panel, title)
     for entry in entries:
-        if dated and entry.kind in SERVICES:
+        if dated and entry.kind in SERVICES and not entry.withdrawn and entry.time <= rows[-1].start:
             _upright(figure, entry.time, BLUE, entry.kind)
     for change in found.changes[:1]:
         _upright(figure, places.get(change.since), ORANGE, "since")

@@ -170,7 +170,7 @@ def _baselines(found: Assessment) -> Table:
 
 def _entries(entries: Sequence[Entry]) -> Table:
     rows: list[list[str | Cell]] = [
-        [each.time[:16].replace("T", " "), each.kind, each.name, Cell(each.words, style="words")] for each in entries
+        [each.time[:16].replace("T", " "), each.kind, each.name, Cell(each.stated, style="words")] for each in entries
     ]
     return Table(("time (UTC)", "kind", "name", "words"), rows, words=(1, 2, 3))
 

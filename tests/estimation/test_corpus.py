@@ -1,0 +1,82 @@
+"""`estimate` computes from many logs what it computed before; `tools/corpus.py` records and explains new columns."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+sys.path.append(str(ROOT / "tools"))
+import corpus  # noqa: E402
+
+OTHERS = {"crane": corpus.DATA / "crane/scope", "field-logs": corpus.DATA / "field-logs"}
+
+
+@pytest.mark.extended
+@pytest.mark.parametrize("group", corpus.GROUPS)
+def test_columns_are_as_stored(group: str) -> None:
+    if group in OTHERS and not OTHERS[group].is_dir():
+        pytest.skip("recordings of others are not there")
+    stored = corpus.stored_columns(group)
+    assert any(name.endswith("/friction_n") for name in stored)
+    assert corpus.differences(stored, corpus.computed(group)) == []
+
+
+@pytest.mark.parametrize(
+    ("column", "line"),
+    [
+        ([0.0, 1.0, np.nan, 3.0], ""),
+        ([0.0, 1.0 + 2e-9, np.nan, 3.0], ""),
+        ([0.0, 1.0 + 2e-8, np.nan, 3.0], "a/x/friction_n/figures: differs by 2.2e-09 of its span"),
+        ([0.0, 1.0, 2.0, np.nan], "a/x/friction_n/figures: differs by 2.7e-01 of its span"),
+        ([0.0, 1.0, np.nan], "a/x/friction_n/figures: differs by 1.1e+00 of its span"),
+        ([np.nan, 1.0, 2.0, 3.0], "a/x/friction_n: other rows have a value, or there are 1 in place of 1"),
+    ],
+    ids=["nothing", "a last digit", "between stored rows", "a value moved", "a row less", "a stored value"],
+)
+def test_what_differs_is_found(column: list[float], line: str) -> None:
+    stored = corpus.shortened({"a/x/friction_n": np.array([0.0, 1.0, np.nan, 3.0])})
+    lines = corpus.differences(stored, {"a/x/friction_n": np.array(column)})
+    assert (line in lines) if line else lines == []
+
+
+def test_a_recording_that_is_no_longer_read_is_found() -> None:
+    stored = corpus.shortened({"a/x/usable": np.ones(3)})
+    assert corpus.differences(stored, {})[-1] == "a/x/usable: is no longer computed"
+
+
+def test_commits_differ_by_one_bit_or_by_a_column() -> None:
+    one = corpus.hashes({"a": np.array([0.0]), "b": np.array([1.0]), "c": np.array([2.0])})
+    other = corpus.hashes({"a": np.array([-0.0]), "b": np.array([1.0]), "d": np.array([2.0])})
+    assert corpus.unequal(one, one) == []
+    lines = ["c: only the first has it", "d: only the second has it", "a: other bits"]
+    assert corpus.unequal(one, other) == lines
+
+
+def test_a_reason_is_kept_with_what_it_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    columns = {"a/x/friction_n": np.array([0.0, 1.0])}
+    monkeypatch.setattr(corpus, "computed", lambda group, data: columns)
+    monkeypatch.setattr(corpus, "STORED", tmp_path)
+    monkeypatch.setattr(corpus, "REASONS", tmp_path / "REASONS.md")
+    corpus.record(["rig"], "the first", tmp_path)
+    corpus.record(["rig"], "nothing", tmp_path)
+    columns["a/x/friction_n"][1] = 2.0
+    corpus.record(["rig"], "another filter", tmp_path)
+    assert (tmp_path / "REASONS.md").read_text(encoding="utf-8") == "- rig: the first\n- rig: another filter\n"
+    assert corpus.differences(corpus.stored_columns("rig"), columns) == []
+
+
+@pytest.mark.extended
+def test_this_checkout_equals_its_own_commit() -> None:
+    changed = subprocess.run(
+        ["git", "status", "--porcelain", "src", "tools"], cwd=ROOT, capture_output=True, check=True
+    )
+    if changed.stdout:
+        pytest.skip("the checkout differs from its commit")
+    command = [sys.executable, "tools/corpus.py", "--only", "formats", "compare", "HEAD"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (0, "formats: 0 of 110 columns differ\n"), done.stderr
