@@ -18,8 +18,8 @@ from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
 from cylinder_friction.recordings.formats.reading import open_logged_file
 from cylinder_friction.recordings.mapping.calibration import ZeroReading, ZeroRules, apply_zero, find_zero
-from cylinder_friction.recordings.mapping.channel_facts import words_of
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, sensor_limits, wanted_channels
+from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.path_names import NameRules, PathNames
 from cylinder_friction.recordings.recording import Columns, Recording, RecordingMetadata, RecordingPiece
@@ -61,12 +61,14 @@ class Recipe:
             column: entry if isinstance(entry, ChannelMapping) else ChannelMapping.from_dict(entry)
             for column, entry in settings["channels"].items()
         }
+        channels = {column: each.for_stroke(column, cylinder.stroke_m) for column, each in channels.items()}
+        steps = {column: limits.step for column, limits in sensor_limits(channels).items() if limits.step}
         areas_m2 = (cylinder.piston_area_m2, cylinder.annulus_area_m2)
         return cls(
             names=names,
             channels=channels,
             cylinder=cylinder.name,
-            limits=CheckLimits(cylinder.stroke_m, *areas_m2, load, **settings.get("checks", {})),
+            limits=CheckLimits(cylinder.stroke_m, *areas_m2, load, steps, **settings.get("checks", {})),
             file_format=settings.get("format", "auto"),
             csv=CsvOptions(**settings.get("csv", {})),
             screen=ScreenRules(**settings.get("screen", {})),

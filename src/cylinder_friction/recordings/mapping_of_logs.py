@@ -6,13 +6,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.columns import QUANTITIES
+from cylinder_friction.recordings.columns import QUANTITIES, TIME
 from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
 from cylinder_friction.recordings.formats.reading import open_logged_file
 from cylinder_friction.recordings.long_log_parts import ROWS_AT_ONCE
 from cylinder_friction.recordings.mapping.guessing import GuessedColumn, GuessedMapping, guess_mapping
 from cylinder_friction.recordings.mapping.mapping_text import channel_lines
-from cylinder_friction.recordings.mapping.units import check_unit, electrical, units_agree
+from cylinder_friction.recordings.mapping.units import check_unit, stated_rate, units_agree
 from cylinder_friction.recordings.recording import RecordingError
 
 MOST_LOOKED_INTO = 50
@@ -33,17 +33,19 @@ def guessed(
         if quantity not in QUANTITIES.values():
             known = ", ".join(dict.fromkeys(QUANTITIES.values()))
             raise RecordingError(f"units: got {quantity!r}, expected one of {known}, such as pressure=bar")
-        check_unit(next(column for column in QUANTITIES if QUANTITIES[column] == quantity), unit)
+        if quantity != "time" or stated_rate(unit) is None:
+            check_unit(next(column for column in QUANTITIES if QUANTITIES[column] == quantity), unit)
     path = paths[0]
     try:
         tables = open_logged_file(path, ROWS_AT_ONCE, database=database)
         guess = guess_mapping(_first(tables), path, cylinder, units)
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
-    unknown = [name for name, guessed in guess.columns.items() if guessed.channel is None or electrical(guessed.unit)]
+    unknown = {name: each.checks for name, each in guess.columns.items() if not each.known}
     if unknown:
+        why = "".join(f": {check}" for check in unknown.get(TIME, ()))
         raise RecordingError(
-            f"{path}: no mapping was given, and that of {', '.join(unknown)} cannot be guessed; state channels, "
+            f"{path}: no mapping was given, and that of {', '.join(unknown)} cannot be guessed{why}; state channels, "
             f"starting from\n" + "\n".join(channel_lines(guess))
         )
     _refuse_units(path, guess, units)
@@ -99,8 +101,9 @@ def _refuse_units(path: Path, guess: GuessedMapping, units: Mapping[str, str]) -
             doubtful.setdefault(quantity, []).append(each)
     if doubtful:
         words = "; ".join(f"{quantity} of {_and_their_fit(each)}" for quantity, each in doubtful.items())
+        unknown = {"time": "200Hz"}  # the rate of the rows
         options = "; ".join(
-            " or ".join(f"--unit {quantity}={unit}" for unit in each[0].fitting or ["UNIT"])
+            " or ".join(f"--unit {quantity}={unit}" for unit in each[0].fitting or [unknown.get(quantity, "UNIT")])
             for quantity, each in doubtful.items()
         )
         raise RecordingError(

@@ -5,8 +5,9 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from cylinder_friction.recordings.formats.clocks import oldest_first, with_dates
 from cylinder_friction.recordings.formats.format import guarded
-from cylinder_friction.recordings.formats.isolated import READER
+from cylinder_friction.recordings.formats.isolated import read_isolated
 from cylinder_friction.recordings.formats.layout import AUTOMATIC, CsvOptions
 from cylinder_friction.recordings.formats.logged_table import PLACES, ROWS_A_PLACE, LoggedTable, LongTable
 from cylinder_friction.recordings.formats.registry import format_of
@@ -48,14 +49,14 @@ def read_logged_file(
             + ("no such file" if found.databases else f"is for an MDF file of bus frames, not for {found.what}")
         )
     if found.crashes:
-        tables = READER.read(path, found, wanted, database)
+        tables = read_isolated(path, found, wanted, database)
     else:
         source = source or open_source(path, begin)
         with guarded(found.what):
             tables = found.read(source, wanted, csv) if found.options else found.read(source, wanted)
     if not any(len(table.channels) or table.unread for table in tables):
         raise RecordingError("holds no channel with a row; expected a table of numbers")
-    return tables
+    return [oldest_first(with_dates(table)) for table in tables]
 
 
 def open_logged_file(
@@ -111,4 +112,4 @@ def _guarded(tables: Callable[[], Iterator[LoggedTable]], what: str) -> Iterator
             table = next(read, None)
         if table is None:
             return
-        yield table
+        yield with_dates(table)
