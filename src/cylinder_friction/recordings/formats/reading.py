@@ -9,7 +9,7 @@ from cylinder_friction.recordings.formats.clocks import oldest_first, with_dates
 from cylinder_friction.recordings.formats.format import guarded
 from cylinder_friction.recordings.formats.isolated import read_isolated
 from cylinder_friction.recordings.formats.layout import AUTOMATIC, CsvOptions
-from cylinder_friction.recordings.formats.logged_table import PLACES, ROWS_A_PLACE, LoggedTable, LongTable
+from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
 from cylinder_friction.recordings.formats.registry import format_of
 from cylinder_friction.recordings.formats.source import FileSource, Head, open_source, read_head
 from cylinder_friction.recordings.recording import RecordingError
@@ -87,8 +87,7 @@ def open_logged_file(
         with guarded(found.what):
             table = found.read_long(source, wanted, rows, *((csv,) if found.options else ()))
         if table is not None:
-            guard = partial(_guarded, what=found.what)
-            return replace(table, chunks=partial(guard, table.chunks), spread=partial(guard, table.spread))
+            return replace(table, chunks=partial(_guarded, table.chunks, found.what))
     tables = read_logged_file(path, found.configured, csv, wanted, database=database, source=source)
     return _sliced(tables[0], rows) if len(tables) == 1 and len(tables[0].channels) > rows else tables
 
@@ -101,7 +100,6 @@ def _sliced(table: LoggedTable, rows: int) -> LongTable:
     return LongTable(
         -(-count // rows),
         lambda: (part(first, rows, () if first else table.notes) for first in range(0, count, rows)),
-        lambda: (part(first, ROWS_A_PLACE) for first in range(0, count, max(1, count // PLACES))),
     )
 
 
