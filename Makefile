@@ -7,7 +7,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-dev reproduce benchmark test-benchmark test test-all lint format params ui serve track performance readme seeds release lock docs live
+.PHONY: help install install-dev reproduce benchmark test-benchmark test test-all lint format params ui serve track performance readme seeds release lock docs live test-live
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -58,7 +58,7 @@ test-benchmark: install-dev ## check and test the comparison of the literature: 
 test: install-dev ## run the tests that a change must pass: about seven minutes on two cores
 	pytest -n 2 -m "not extended"
 
-test-all: test ## run those and then the extended ones: kills, hangs, clusters, OPC UA, browsers, further pipelines
+test-all: test ## run those and then the extended ones: kills, hangs, clusters, browsers, further pipelines
 	pytest -n 2 -m extended
 
 lint: install-dev ## check style, types and imports
@@ -85,8 +85,11 @@ ui: | $(BIN)/cylinder-friction ## open the MLflow UI on the runs
 serve: | $(BIN)/cylinder-friction ## serve the champion and print a curl to try
 	cylinder-friction serve
 
-live: | $(BIN)/cylinder-friction ## friction of the rig's recordings as if they happened now, on a web page
-	cylinder-friction live --replay data/raw/rig --channels conf/ingest/rig.yaml --stribeck models/lugre/stribeck_points.json $(ARGS)
+live: install ## friction of the rig's recordings as if they happened now, on a web page
+	@$(MAKE) --no-print-directory -C live run VENV=$(abspath $(VENV)) ARGS="$(ARGS)"
+
+test-live: install-dev ## check and test the live service: about five minutes on two cores
+	@$(MAKE) --no-print-directory -C live test VENV=$(abspath $(VENV))
 
 track: | $(BIN)/cylinder-friction ## log every finished stage to MLflow, without duplicates
 	cylinder-friction track

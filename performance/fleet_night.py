@@ -19,8 +19,8 @@ from pathlib import Path
 
 import pandas as pd
 import yaml
-from live_service import CLI
 from log_throughput import timed
+from service_process import CLI
 
 from cylinder_friction import fleet
 from cylinder_friction.cylinder import Cylinder

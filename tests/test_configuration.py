@@ -20,7 +20,7 @@ RECIPES = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))
 CHOICES = sorted(
     f"{group.name}={choice.stem}"
     for group in CONF.iterdir()
-    if group.is_dir() and group.name not in ("experiment", "live")
+    if group.is_dir() and group.name != "experiment"
     for choice in group.glob("*.yaml")
 )
 

@@ -1,31 +1,39 @@
 """``cylinder-friction serve``, for real: right answers to many at once, and nothing left behind however it ends."""
 
+import base64
 import json
 import os
 import re
 import shutil
 import signal
 import socket
+import ssl
 import subprocess
 import sys
 import threading
 import time
 import urllib.error
 import urllib.request
+from collections import Counter
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
+from functools import partial
+from http.client import HTTPConnection, HTTPSConnection
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import psutil
 import pytest
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import strategies as st
 
 from candidates import other_model, registered_in
 from cylinder_friction.commands.cli import main
 from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.execution.ports import free_port
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.tracking.lineage import lineage
@@ -62,14 +70,20 @@ class Served:
 
 
 def ask(url: str, body: Any) -> tuple[int, Any]:
-    data = json.dumps(body).encode()
-    request = urllib.request.Request(f"{url}/invocations", data, {"Content-Type": "application/json"})
-    try:
-        with urllib.request.urlopen(request, timeout=PATIENCE_S) as answer:
-            return answer.status, json.loads(answer.read())
-    except urllib.error.HTTPError as error:
-        with error:
-            return error.code, error.read().decode()
+    status, answer = send(url, json.dumps(body).encode())
+    return status, json.loads(answer) if status == 200 else answer
+
+
+def send(
+    url: str, body: bytes, media: str | None = "application/json", context: ssl.SSLContext | None = None, **headers: str
+) -> tuple[int, str]:
+    """Post a body; urllib would name a content type if there were none."""
+    host, port = url.rpartition("/")[2].split(":")
+    connect = partial(HTTPSConnection, context=context) if context else HTTPConnection
+    with closing(connect(host, int(port), timeout=PATIENCE_S)) as connection:
+        connection.request("POST", "/invocations", body, headers | ({"Content-Type": media} if media else {}))
+        answer = connection.getresponse()
+        return answer.status, answer.read().decode()
 
 
 def comes_true(condition: Callable[[], bool]) -> bool:
@@ -184,6 +198,146 @@ def test_six_hundred_requests_at_once_are_not_mixed_up(
         assert [row["flags"] for row in rows_back] == flags.tolist()
         found = [[row[name] for name in NEWTONS] for row in rows_back]
         np.testing.assert_allclose(found, newtons, rtol=0.0, atol=TOLERANCE_N)
+
+
+WRONG: dict[str, tuple[int, bytes, str | None]] = {
+    "no content type": (500, b"{}", None),
+    "another content type": (415, b"{}", "text/plain"),
+    "another charset": (415, b"{}", "application/json; charset=latin-1"),
+    "nothing": (400, b"", "application/json"),
+    "lists 100,000 deep": (500, b"[" * 100_000, "application/json"),
+    "a number of 5,000 digits": (500, b"1" * 5_000, "application/json"),
+    "a list as a name": (
+        500,
+        b'{"dataframe_split": {"columns": [[], "position_m"], "data": [[1e6, 0.1]]}}',
+        "application/json",
+    ),
+    "Latin-1": (400, b'{"a": "\xe9"}', "application/json"),
+    "two forms": (400, b'{"inputs": {}, "instances": []}', "application/json"),
+    "no CSV": (400, b"a;b\n1;2\n", "text/csv"),
+    "a CSV with a line of units": (400, b"pressure_1_pa,pressure_2_pa,position_m\nPa,Pa,m\n1e6,9e5,0.1\n", "text/csv"),
+    "a CSV with an open quote": (400, b'pressure_1_pa,pressure_2_pa,position_m\n"1e6,9e5,0.1\n', "text/csv"),
+    "no Parquet": (400, b"PAR1PAR1", "application/vnd.apache.parquet"),
+}
+"""What is sent, and the status that MLflow's server gives. It fails on some, which harms no other request."""
+
+
+def test_malformed_requests_harm_nobody(server: Served) -> None:
+    good = split(np.array([[1.2e6, 9.1e5, 0.12]]))
+    before = server.ask(good)
+    found = {name: send(server.url(), body, media)[0] for name, (_, body, media) in WRONG.items()}
+    assert found == {name: status for name, (status, _, _) in WRONG.items()}
+    assert server.ask(good) == before
+
+
+ANY_JSON = st.recursive(
+    st.none() | st.booleans() | st.integers(-(10**30), 10**30) | st.floats() | st.text(max_size=9),
+    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=9), inner, max_size=4),
+    max_leaves=8,
+)
+
+
+@st.composite
+def with_another_value(draw: st.DrawFn, whole: Any) -> Any:
+    """Return a value in which one part, at some depth, is any other JSON."""
+    if not isinstance(whole, dict | list) or not whole or draw(st.integers(0, 3)) == 0:
+        return draw(ANY_JSON)
+    copy = dict(whole) if isinstance(whole, dict) else list(whole)
+    at = draw(st.sampled_from([*whole] if isinstance(whole, dict) else range(len(whole))))
+    copy[at] = draw(with_another_value(whole[at]))
+    return copy
+
+
+def test_no_random_change_of_a_request_makes_the_model_fail(server: Served) -> None:
+    rows, url, found = [[1.2e6, 9.1e5, 0.12], [1.3e6, 9.0e5, 0.121]], server.url(), Counter[int]()
+    records = [dict(zip(SAMPLE_COLUMNS, row, strict=True)) for row in rows]
+    forms = [split(np.array(rows)), {"dataframe_records": records}, {"instances": records}]
+    forms.append({"inputs": {name: [row[at] for row in rows] for at, name in enumerate(SAMPLE_COLUMNS)}})
+
+    @seed(1)
+    @settings(
+        max_examples=250, deadline=None, database=None, phases=[Phase.generate], suppress_health_check=[*HealthCheck]
+    )
+    @given(st.sampled_from(forms).flatmap(with_another_value))
+    def try_it(body: Any) -> None:
+        status, answer = ask(url, body)
+        found[status] += 1
+        if status == 200:
+            assert all(np.isfinite(row["friction_n"]) for row in answer["predictions"])
+        if status == 500:
+            assert any(isinstance(name, list | dict) for name in body["dataframe_split"]["columns"]), body
+
+    try_it()
+    assert {*found} == {200, 400, 500}
+    assert min(found.values()) > 5
+
+
+NGINX = shutil.which("nginx", path=f"{os.environ['PATH']}:/usr/sbin")
+PROXY = Path(__file__).parents[2] / "deploy/nginx.conf"
+
+
+@pytest.fixture
+def proxy(server: Served, tmp_path: Path) -> Iterator[tuple[str, ssl.SSLContext]]:
+    """The shipped proxy before the server, with a login, at a free port; a body has a second to arrive."""
+    if NGINX is None:
+        pytest.skip("nginx is not installed")
+    port, public, key = free_port(), tmp_path / "friction.pem", tmp_path / "friction.key"
+    made = ["req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes", "-subj", "/CN=x"]
+    made += ["-addext", "subjectAltName=IP:127.0.0.1", "-keyout", str(key), "-out", str(public)]
+    subprocess.run(["openssl", *made], check=True, capture_output=True)
+    login = subprocess.run(["openssl", "passwd", "-6", "secret"], capture_output=True, text=True, check=True).stdout
+    (tmp_path / "friction-logins").write_text(f"press:{login}")
+    text = PROXY.read_text("utf-8").replace("8443", str(port)).replace("http://127.0.0.1:5001", server.url())
+    text = text.replace("client_body_timeout 30s", "client_body_timeout 1s")
+    folders = "".join(
+        f"{name}_temp_path {tmp_path}/{name};\n" for name in ("client_body", "proxy", "fastcgi", "uwsgi", "scgi")
+    )
+    user = "user root;" if os.geteuid() == 0 else ""
+    (tmp_path / "nginx.conf").write_text(
+        f"daemon off; {user} pid {tmp_path}/pid; events {{}}\n"
+        f"http {{ access_log off; {folders} {text.replace('/etc/nginx', str(tmp_path))} }}"
+    )
+    with subprocess.Popen([NGINX, "-p", tmp_path, "-e", tmp_path / "log", "-c", tmp_path / "nginx.conf"]) as process:
+        url, trusted = f"https://127.0.0.1:{port}", ssl.create_default_context(cafile=str(public))
+        try:
+            assert comes_true(lambda: process.poll() is not None or listens(port)), (tmp_path / "log").read_text()
+            yield url, trusted
+        finally:
+            process.terminate()
+
+
+def listens(port: int) -> bool:
+    try:
+        socket.create_connection(("127.0.0.1", port), 1.0).close()
+    except OSError:
+        return False
+    return True
+
+
+def test_the_proxy_asks_for_logins_and_limits_bytes(server: Served, proxy: tuple[str, ssl.SSLContext]) -> None:
+    (url, trusted), body = proxy, json.dumps(split(np.array([[1.2e6, 9.1e5, 0.12]]))).encode()
+    login = {"Authorization": f"Basic {base64.b64encode(b'press:secret').decode()}"}
+    status, answer = send(url, body, context=trusted, **login)
+    assert (status, json.loads(answer)) == server.ask(json.loads(body))
+    assert send(url, body, context=trusted)[0] == 401
+    assert send(url, b" " * (32 << 20) + body, context=trusted, **login)[0] == 413
+    assert send(url, body, None, context=trusted, **login)[0] == 415
+    with urllib.request.urlopen(f"{url}/ping", timeout=PATIENCE_S, context=trusted) as answer:
+        assert answer.status == 200
+    for path, expected in (("/docs", 404), ("/invocations", 403)):
+        with pytest.raises(urllib.error.HTTPError) as refused:
+            urllib.request.urlopen(urllib.request.Request(f"{url}{path}", headers=login), context=trusted)
+        assert refused.value.code == expected
+        refused.value.close()
+    head = "POST /invocations HTTP/1.1\r\nHost: x\r\nContent-Type: text/csv\r\nContent-Length: 9\r\n"
+    with ExitStack() as slow:
+        for _ in range(16):
+            plain = slow.enter_context(socket.create_connection(("127.0.0.1", int(url.rpartition(":")[2]))))
+            last = slow.enter_context(trusted.wrap_socket(plain, server_hostname="127.0.0.1"))
+            last.sendall(f"{head}Authorization: {login['Authorization']}\r\n\r\np".encode())
+        assert send(url, body, context=trusted, **login)[0] == 429
+        assert last.recv(1 << 12) == b"", "a body that does not arrive"
+    assert comes_true(lambda: send(url, body, context=trusted, **login)[0] == 200)
 
 
 @pytest.fixture(scope="module")

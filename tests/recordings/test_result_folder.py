@@ -54,14 +54,6 @@ def test_a_result_never_overwrites_a_file_that_no_run_wrote(tmp_path: Path) -> N
     assert (out / "b").read_text() == "mine"
 
 
-def test_a_name_that_cannot_be_listed_leaves_nothing_that_blocks_the_next_run(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    with pytest.raises(FileExistsError, match=r"cannot be the name of a result; rename its input"):
-        write(out, "back\\slash")
-    assert names(tmp_path) == []
-    write(out, "a")
-
-
 @pytest.mark.parametrize(
     ("content", "expected"),
     [
@@ -70,9 +62,7 @@ def test_a_name_that_cannot_be_listed_leaves_nothing_that_blocks_the_next_run(tm
         ({"written_by": "another tool", "files": ["a"]}, "does not list the files"),
         ({"written_by": COMMAND, "files": ["../mine"]}, r"lists '\.\./mine', which is no file inside it"),
         ({"written_by": COMMAND, "files": ["/etc/passwd"]}, "no file inside it"),
-        ({"written_by": COMMAND, "files": ["link/mine"]}, "no file inside it"),
         ({"written_by": COMMAND, "files": ["folder"]}, "no file inside it"),
-        ({"written_by": COMMAND, "files": [1]}, "no file inside it"),
     ],
 )
 def test_a_marker_that_is_not_ours_is_refused(tmp_path: Path, content: Any, expected: str) -> None:
@@ -81,7 +71,6 @@ def test_a_marker_that_is_not_ours_is_refused(tmp_path: Path, content: Any, expe
     (tmp_path / "mine").write_text("mine", encoding="utf-8")
     (out / "folder").mkdir()
     (out / "folder/mine").write_text("mine", encoding="utf-8")
-    (out / "link").symlink_to(tmp_path)
     before = names(tmp_path)
     with pytest.raises(FileExistsError, match=expected):
         write(out, "b")

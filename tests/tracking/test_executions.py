@@ -123,7 +123,7 @@ def test_two_machines_that_change_different_stages_have_an_execution_each(
 
 
 def test_what_is_no_stage_of_the_pipeline_lies_beside_the_executions(root: Path) -> None:
-    run = MlflowClient(tracking_uri(root)).get_run(log_run(RunRecord("latency"), root))
+    run = MlflowClient(tracking_uri(root)).get_run(log_run(RunRecord("benchmark"), root))
     assert "mlflow.parentRunId" not in run.data.tags
 
 

@@ -127,7 +127,7 @@ def _write_beside(path: Path, finished: Recording, pane: str, log: Path) -> None
     if path.suffix == ".mf4":
         from cylinder_friction.recordings.formats.mdf_results import write_mdf  # what no other format needs
 
-        write_mdf(path, [finished], log)
+        write_mdf(path, finished, log)
     elif path.suffix == ".csv":
         with whole_file(path) as draft:
             finished.table.to_csv(draft, index=False, float_format="%.9g")

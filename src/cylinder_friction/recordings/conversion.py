@@ -90,7 +90,7 @@ def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> LongTabl
     tables = read(wanted)
     if recipe.channels["time_s"].rate_hz is None:
         return tables
-    first = [next(tables.spread())] if isinstance(tables, LongTable) else tables
+    first = [next(tables.chunks())] if isinstance(tables, LongTable) else tables
     clocks = {name for table in first for name in table.unread if words_of(name).quantity == "time"}
     return read(wanted | clocks) if clocks else tables
 

@@ -101,12 +101,14 @@ def _refuse_units(path: Path, guess: GuessedMapping, units: Mapping[str, str]) -
             doubtful.setdefault(quantity, []).append(each)
     if doubtful:
         words = "; ".join(f"{quantity} of {_and_their_fit(each)}" for quantity, each in doubtful.items())
-        example = {"time": "200Hz"}  # the rate of the rows, if no unit fits
-        given = {name: (each[0].fitting or [example.get(name, each[0].unit)])[0] for name, each in doubtful.items()}
-        options = " ".join(f"--unit {quantity}={unit}" for quantity, unit in given.items())
+        unknown = {"time": "200Hz"}  # the rate of the rows
+        options = "; ".join(
+            " or ".join(f"--unit {quantity}={unit}" for unit in each[0].fitting or [unknown.get(quantity, "UNIT")])
+            for quantity, each in doubtful.items()
+        )
         raise RecordingError(
             f"{path}: no mapping was given, and units that the file does not state cannot be guessed: {words}; state "
-            f"them, for example {options} (in Python units={given}), or give a mapping"
+            f"what they are: {options} (in Python units={{quantity: unit}}), or give a mapping"
         )
 
 

@@ -298,5 +298,4 @@ class RecordingPiece:
     # What was done to get there, one sentence each with its numbers; empty if nothing was
     repairs: tuple[str, ...] = ()
     segment: int = 0  # How often the clock had restarted
-    origin_s: float = 0.0  # Where that clock, and with it the sample grid, started [s]
     start: Start | None = None  # When the file's clock was at 0 s; None if that is not known

@@ -11,7 +11,7 @@ import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from pathlib import Path, PurePath
 from typing import Any
 
 from cylinder_friction.recordings.files import DRAFTS, read_json, write_json
@@ -90,7 +90,8 @@ class ResultFolder:
             new = [path.relative_to(draft).as_posix() for path in draft.rglob("*") if path.is_file()]
             content, old = read_json(draft / self.marker), self.listed()
             kept = set(content.pop("kept", ())) & set(old)
-            self._refuse_foreign(new, old)
+            for name in set(new) - set(old):
+                refuse_foreign(self.folder / name)
             self.claim({*old, *new})
             for name in set(new) - {self.marker}:
                 (self.folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -129,10 +130,12 @@ class ResultFolder:
                 f"{refusal}its {self.marker} does not list the files of an earlier `{self.written_by}`; "
                 "name a new folder"
             )
-        if wrong := _outside(self.folder, files):
-            raise FileExistsError(
-                f"{refusal}its {self.marker} lists {wrong[0]!r}, which is no file inside it; name a new folder"
-            )
+        for name in files:
+            path = PurePath(str(name))
+            if path.is_absolute() or ".." in path.parts or (self.folder / path).is_dir():
+                raise FileExistsError(
+                    f"{refusal}its {self.marker} lists {name!r}, which is no file inside it; name a new folder"
+                )
         return files
 
     def _refuse_inputs(self) -> None:
@@ -147,12 +150,6 @@ class ResultFolder:
                 continue
             raise FileExistsError(f"{self.folder}: {problem}; name a folder outside of what is read")
 
-    def _refuse_foreign(self, new: Iterable[str], old: Iterable[str]) -> None:
-        for name in set(new) - set(old):
-            refuse_foreign(self.folder / name)
-        if wrong := _outside(self.folder, new):
-            raise FileExistsError(f"{self.folder}: {wrong[0]!r} cannot be the name of a result; rename its input")
-
 
 def refuse_foreign(path: Path) -> None:
     """Refuse to write a result over a file that no earlier run wrote.
@@ -164,22 +161,6 @@ def refuse_foreign(path: Path) -> None:
         raise FileExistsError(
             f"{path}: is in the place of a result, but no earlier run wrote it; move it away, or name a new folder"
         )
-
-
-def _outside(folder: Path, names: Iterable[Any]) -> list[Any]:
-    """Return the listed names that are no plain relative path to a file, with no link on the way out of the folder."""
-    root, inside = folder.resolve(), set[PurePosixPath]()  # folders on the way that were looked at
-    wrong = []
-    for name in names:
-        path = PurePosixPath(name) if isinstance(name, str) and not {"\0", "\\"} & set(name) else PurePosixPath("/")
-        if path.is_absolute() or not path.parts or ".." in path.parts or os.path.isdir(folder / path):  # noqa: PTH112
-            wrong.append(name)
-        elif path.parent not in inside:
-            if (folder / path.parent).resolve().is_relative_to(root):
-                inside.add(path.parent)
-            else:
-                wrong.append(name)
-    return wrong
 
 
 def existing(paths: Iterable[str | Path | None]) -> tuple[Path, ...]:

@@ -90,6 +90,7 @@ def test_a_missing_library_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
 
 def test_an_unknown_format_lists_the_known_ones(tmp_path: Path) -> None:
+    (tmp_path / "log").write_text("t,x\n0,1\n")
     with pytest.raises(ValueError, match="format 'xlsx' is not known; expected auto or one of csv, matlab, mdf"):
         read_logged_file(tmp_path / "log", "xlsx")
 

@@ -1,6 +1,6 @@
 """Check a uniformly sampled table before it counts as a recording."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -43,32 +43,6 @@ def checked_recording(metadata: RecordingMetadata, columns: Columns, findings: I
         if finding.outcome == "noted":
             noted.append(finding.text)
     return Recording(replace(metadata, repairs=(*metadata.repairs, *noted)), columns)
-
-
-SOMEWHERE = (
-    "motion", "pressure_alive", "force_alive", "load_alive", "pressures_differ", "unit_plausible", "direction",
-    "friction_size",
-)  # fmt: skip
-"""Checks that a long recording has passed if one of its parts has; the others must be passed by every part."""
-
-
-def findings_of_parts(parts: Sequence[tuple[float, Sequence[Finding]]]) -> list[Finding]:
-    """Merge the findings of a recording's parts into one finding per check.
-
-    Args:
-        parts: When each begins [s], and what its checks found.
-    """
-    by_check: dict[str, list[tuple[float, Finding]]] = {}
-    for start_s, findings in parts:
-        for finding in findings:
-            by_check.setdefault(finding.check, []).append((start_s, finding))
-    merged = []
-    for check, found in by_check.items():
-        order = ("ok", "refused", "noted") if check in SOMEWHERE else ("refused", "noted", "ok")
-        start_s, finding = min(found, key=lambda each: order.index(each[1].outcome))
-        where = f"in the part that begins at {start_s:.9g} s: " if finding.outcome != "ok" else ""
-        merged.append(replace(finding, text=where + finding.text))
-    return merged
 
 
 class _Survey:
@@ -138,7 +112,7 @@ def inspect_recording(table: Columns, limits: CheckLimits, sample_time_s: float)
             yield Finding("finite", "refused", text)
             return
     yield Finding("finite", "ok", "every value is a finite number")
-    yield length_finding(rows, sample_time_s, limits)
+    yield _length(rows, sample_time_s, limits)
     rate = f"is sampled at {1.0 / sample_time_s:.4g} Hz"
     yield Finding.of(
         "rate",
@@ -166,7 +140,7 @@ def inspect_recording(table: Columns, limits: CheckLimits, sample_time_s: float)
         yield check_position_against_force(columns, motion, limits)
 
 
-def length_finding(rows: int, sample_time_s: float, limits: CheckLimits) -> Finding:
+def _length(rows: int, sample_time_s: float, limits: CheckLimits) -> Finding:
     """Return whether a recording of so many rows is long enough."""
     duration_s = rows * sample_time_s
     text = f"lasts {duration_s:.3g} s ({rows} rows)"

@@ -34,8 +34,6 @@ from cylinder_friction.recordings.formats.layout import (
 )
 from cylinder_friction.recordings.formats.logged_table import (
     MOST_INDIVISIBLE,
-    PLACES,
-    ROWS_A_PLACE,
     Column,
     LoggedTable,
     LongTable,
@@ -113,14 +111,7 @@ def long_delimited(
             yield read(first, last)
             first = last
 
-    def spread() -> Iterator[LoggedTable]:
-        length = step * ROWS_A_PLACE // rows
-        for place in np.linspace(begin, max(text.end - length, begin), PLACES).astype(int).tolist():
-            first = begin if place == begin else _line_end(text, place)
-            if first < text.end:
-                yield read(first, _line_end(text, first + length))
-
-    return LongTable(-(-(text.end - begin) // step), chunks, spread)
+    return LongTable(-(-(text.end - begin) // step), chunks)
 
 
 def _line_end(text: Text, place: int) -> int:

@@ -38,10 +38,8 @@ class LongTable:
 
     count: int  # How many chunks there are, about
     chunks: Callable[[], Iterator[LoggedTable]]  # All rows, in order
-    spread: Callable[[], Iterator[LoggedTable]]  # A few rows of each of ``PLACES`` places between its begin and its end
 
 
-PLACES, ROWS_A_PLACE = 32, 1024
 MOST_INDIVISIBLE = 256 * 10**6
 """A text or Parquet file that cannot be read in parts is read whole up to this size [bytes]."""
 

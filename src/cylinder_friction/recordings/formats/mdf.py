@@ -53,7 +53,7 @@ def opened_mdf(source: FileSource) -> Iterator[Any]:
     # It finishes an unfinished file in place, so it gets a copy of that.
     unfinished = source.head.startswith(b"UnFinMF")
     with (
-        io.BytesIO(source.all_bytes()) if unfinished else source.opened() as opened,
+        io.BytesIO(source.all_bytes) if unfinished else source.opened() as opened,
         open_mdf(opened, process_bus_logging=False) as file,
     ):
         yield file

@@ -5,6 +5,7 @@ import io
 import shutil
 import zlib
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import Any, BinaryIO, NamedTuple
@@ -35,6 +36,7 @@ class FileSource:
         """Return the bytes as a file that the caller closes; libraries leave their own open over a damaged file."""
         return io.BytesIO(self.origin) if isinstance(self.origin, bytes) else self.origin.open("rb")
 
+    @cached_property
     def all_bytes(self) -> bytes:
         return self.origin if isinstance(self.origin, bytes) else self.origin.read_bytes()
 

@@ -1,1 +1,0 @@
-"""Everything asked over a network: live sessions, links, access, metrics."""
