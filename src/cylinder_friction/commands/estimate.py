@@ -59,7 +59,10 @@ def add_reading_arguments(parser: argparse.ArgumentParser) -> None:
     words = f"its YAML file with the same keys, or {EXAMPLE_CYLINDER}; default: params.yaml of a project"
     parser.add_argument("--cylinder", help=words)
     parser.add_argument("--channels", type=Path, help="mapping, as `ingest init` writes it; default: guessed")
-    words = "unit that the files do not state: pressure=bar, length=mm, time=ms, ...; may be repeated"
+    words = (
+        "unit that the files do not state: pressure=bar, length=mm, time=ms, ..., or the rate of the rows: time=200Hz; "
+        "may be repeated"
+    )
     parser.add_argument("--unit", action="append", default=[], metavar="QUANTITY=UNIT", help=words)
     words = "accuracy of pressure sensors that state none, ± %% of full scale; 0.5 is typical; default: unknown"
     parser.add_argument("--sensor-class", type=float, metavar="PERCENT", help=words)

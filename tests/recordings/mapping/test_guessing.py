@@ -156,6 +156,12 @@ def test_one_row_per_value_is_named_with_its_pivot() -> None:
         guess_mapping([LoggedTable(table)], PATH)
 
 
+def test_what_steps_by_one_is_time_if_its_name_and_a_given_unit_state_it() -> None:
+    tables = [LoggedTable(pd.DataFrame({name: np.arange(ROWS)} | MEASURED)) for name in ("Time", "column_1")]
+    named, unnamed = (guess_mapping([table], PATH, units={"time": "ms"}).columns["time_s"] for table in tables)
+    assert (named.known, named.unit, unnamed.known) == (True, "ms", False)
+
+
 def test_what_only_rises_is_no_time() -> None:
     assert names_of(text_of(MEASURED | {"energy": TIME}))["time_s"] == "NOT FOUND"
 

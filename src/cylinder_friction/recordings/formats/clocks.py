@@ -77,7 +77,8 @@ def with_dates(table: LoggedTable) -> LoggedTable:
         numbers = table.channels.iloc[:, place].to_numpy()
         epoch = epoch_of(numbers, name)
         unit = usual(table.units.get(name, ""), "time")
-        if epoch is None or epoch.of_1970 == 0 or name in dates:
+        once = (table.channels.columns == name).sum() == 1
+        if epoch is None or epoch.of_1970 == 0 or not once:
             continue
         if unit and epoch.unit != table.units[name] and abs(float(numbers[0])) * SCALES.get(unit, 1.0) < LATEST_S:
             continue

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -56,9 +56,10 @@ def facts_of(tables: Sequence[LoggedTable]) -> list[ChannelFacts]:
     ]
 
 
-def clocks_of(table: LoggedTable) -> list[ChannelFacts]:
-    """Return the channels of a table that are time by name, unit and values."""
-    named = [str(name) for name in table.channels.columns if words_of(str(name)).quantity == "time"]
+def clocks_of(table: LoggedTable, known: Collection[str] = ()) -> list[ChannelFacts]:
+    """Return the channels of a table that are time by name, unit and values, beside those ``known`` to be."""
+    names = [str(name) for name in table.channels.columns if name not in known]
+    named = [name for name in names if words_of(name).quantity == "time"]
     facts = [_facts(0, table, name, table.channels[name], leads=False) for name in named if named.count(name) == 1]
     return [fact for fact in facts if fact.rising and quantity_of(fact.unit) in (("time",) if fact.unit else (None,))]
 

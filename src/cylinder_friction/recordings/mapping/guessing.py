@@ -172,7 +172,8 @@ def guess_mapping(
     """
     facts = facts_of(tables)
     rate_hz = stated_rate((units or {}).get("time", ""))
-    ranked = {column: _ranked(column, facts) for column in QUANTITIES}
+    clock_given = "time" in (units or {}) and rate_hz is None
+    ranked = {column: _ranked(column, facts, clock_given) for column in QUANTITIES}
     chosen = _of_one_cylinder(ranked)
     forces = (LOAD_FORCE,) if any(column in chosen for column in SIDES) else (DRIVE_FORCE, LOAD_FORCE)
     for column in (*forces, OIL_TEMPERATURE):
@@ -207,17 +208,17 @@ def guess_mapping(
     )
 
 
-def _ranked(column: str, facts: Sequence[ChannelFacts]) -> Ranked:
+def _ranked(column: str, facts: Sequence[ChannelFacts], clock_given: bool) -> Ranked:
     """Return the channels that could fill a column, with their scores, best first, then in the file's order."""
-    scores = [(channel, _score(column, channel)) for channel in facts]
+    scores = [
+        (channel, _time_score(channel, clock_given) if column == TIME else _score(column, channel)) for channel in facts
+    ]
     return sorted(((channel, score) for channel, score in scores if score > 0.0), key=lambda entry: -entry[1])
 
 
 def _score(column: str, channel: ChannelFacts) -> float:
     """Return how well a channel fits a column; 0 or less if not at all."""
     quantity, words = QUANTITIES[column], channel.words
-    if column == TIME:
-        return _time_score(channel)
     measures = quantity_of(channel.unit) if channel.unit else None
     signal = electrical(channel.unit) is not None
     if channel.dates or not channel.low <= channel.high or (channel.unit and measures != quantity and not signal):
@@ -243,22 +244,27 @@ def _score(column: str, channel: ChannelFacts) -> float:
     return score
 
 
-def _time_score(channel: ChannelFacts) -> float:
+def _time_score(channel: ChannelFacts, clock_given: bool) -> float:
     """Return how well a channel fits time. Rows that are counted are no time, nor is any channel that happens to rise.
 
-    Without a name or a unit of time only the first channel of a table may be time, if it rises evenly.
+    Without a name or a unit of time only the first channel of a table may be time, if it rises evenly. A channel that
+    is named time and steps by 1 is time if the unit of time is given.
     """
     named = channel.words.quantity == "time"
     if channel.dates:
         return 6.0 + named if channel.mean_step else 0.0
     if not channel.rising or (channel.unit and quantity_of(channel.unit) != "time"):
         return 0.0
-    if channel.words.quantity not in (None, "time", "temperature") or (channel.counts and not channel.unit):
+    if channel.words.quantity not in (None, "time", "temperature") or _counts_rows(channel, named and clock_given):
         return 0.0
     even = abs(channel.step - channel.mean_step) <= EVEN_SHARE * channel.mean_step
     if not (named or channel.unit or (channel.leads and even)):
         return 0.0
     return 1.0 + 4.0 * named + 2.0 * bool(channel.unit)
+
+
+def _counts_rows(channel: ChannelFacts, unit_given: bool) -> bool:
+    return channel.counts and not channel.unit and not unit_given
 
 
 def _time_unknown(ranked: Ranked, facts: Sequence[ChannelFacts]) -> str:
@@ -281,8 +287,8 @@ def _time_unknown(ranked: Ranked, facts: Sequence[ChannelFacts]) -> str:
     if count is None or ranked:
         return ""
     return (
-        f"{count.name!r} steps by exactly 1, so that it may count rows, and not time; {rate}; if it is a clock, give "
-        "its name a unit"
+        f"{count.name!r} steps by exactly 1, so that it may count rows, and not time; {rate}; or, if it is a clock, "
+        "its unit: --unit time=ms, or unit: ms in the mapping"
     )
 
 

@@ -257,9 +257,10 @@ def _refuse_two_clocks(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Ar
         own_hz = (
             [1.0 / step_s for step_s in (steps_s.mean(), np.median(steps_s)) if step_s > 0.0] if len(steps_s) else []
         )
-        for other in clocks_of(tables[clock.table]) if clock.channel and len(steps_s) >= FEWEST_ROWS and own_hz else ():
-            if other.name == clock.channel or _Clock(clock.table, other.name) in stamps:
-                continue
+        if not (clock.channel and len(steps_s) >= FEWEST_ROWS and own_hz):
+            continue
+        known = [each.channel for each in stamps if each.table == clock.table]
+        for other in clocks_of(tables[clock.table], known):
             if other_hz := _other_rate(other, own_hz):
                 raise RecordingError(
                     f"the table has two clocks, {clock.channel!r} with {own_hz[-1]:.4g} Hz and {other.name!r} with "
