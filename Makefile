@@ -8,7 +8,7 @@ ARGS ?=
 NOT_SERVED_THERE := --follow-imports silent --exclude 'service/(processes|scoring/worker)'
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-dev reproduce benchmark test-benchmark test test-all lint format params ui serve track performance readme seeds release lock docs live
+.PHONY: help install install-dev reproduce benchmark test-benchmark monitor test-monitoring test test-all lint format params ui serve track performance readme seeds release lock docs live
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -56,6 +56,13 @@ benchmark: install ## run the comparison of the literature, then print where its
 test-benchmark: install-dev ## check and test the comparison of the literature: about two minutes on two cores
 	@$(MAKE) --no-print-directory -C benchmark test VENV=$(abspath $(VENV))
 
+monitor: install ## a night over a simulated fleet, or over yours: ARGS="LOGS --fleet fleet.yaml --into health"
+	@$(MAKE) --no-print-directory -C monitoring install VENV=$(abspath $(VENV))
+	cylinder-friction monitor $(or $(ARGS),--demo build/fleet); status=$$?; test $$status -eq 3 || exit $$status # 3: an alarm
+
+test-monitoring: install-dev ## check and test monitoring: about three minutes on two cores
+	@$(MAKE) --no-print-directory -C monitoring test VENV=$(abspath $(VENV))
+
 test: install-dev ## run the tests that a change must pass: about seven minutes on two cores
 	pytest -n 2 -m "not extended"
 
@@ -74,6 +81,7 @@ lint: install-dev ## check style, types, imports and the words
 	python tools/words.py
 	python tools/class_names.py
 	python tools/mutants.py --look
+	@$(MAKE) --no-print-directory -C monitoring lint VENV=$(abspath $(VENV))
 
 format: install-dev ## rewrite style
 	ruff format src tests performance docs tools examples

@@ -14,8 +14,6 @@ from typing import Any, Self
 
 from asyncua import Node, Server, ua
 
-from cylinder_friction.monitoring.moments import moment
-
 NAMESPACE = "urn:cylinder-friction:health"
 """Of its own: a cylinder and a session may have the same name."""
 FOLDER = "Cylinders"
@@ -80,7 +78,7 @@ class MonitoredCylinders:
             await self._write(name, (None, None), GONE, None)
 
     def _values(self, line: Mapping[str, Any]) -> tuple[int, str, datetime | None]:
-        start = moment(line["last_start"]) if line["last_start"] else None
+        start = datetime.fromisoformat(line["last_start"]) if line["last_start"] else None
         return self.numbers[line["ne107"]], f"{line['answer']}: {line['words']}", start
 
     async def _add(self, name: str) -> tuple[ua.NodeId, ua.NodeId]:
