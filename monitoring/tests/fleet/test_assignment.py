@@ -55,9 +55,7 @@ def test_a_table_lists_it(fleet: Fleet, tmp_path: Path) -> None:
     assert own == {"press-1": ["a.csv"], "press-2": ["c.csv"]}
     assert refused == ["old/b.csv: belongs to 2 cylinders, press-1, press-2, by which.csv; expected one"]
     table.write_text("file,cylinder\na.csv,press-1\na.csv,press-2\n")
-    with pytest.raises(
-        MonitoringError, match=r"which.csv, line 3: .a.csv. belongs to .press-1. already; keep one"
-    ):
+    with pytest.raises(MonitoringError, match=r"which.csv, line 3: .a.csv. belongs to .press-1. already; keep one"):
         of(fleet, Assignment("table", table=table), "a.csv")
     table.write_text("log,cylinder\n")
     with pytest.raises(MonitoringError, match="expected the columns file and cylinder, but got log,cylinder"):
