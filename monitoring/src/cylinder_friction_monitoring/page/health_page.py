@@ -10,8 +10,8 @@ from typing import Any
 
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.reporting.frame import NONE, Cell, Table, packed, page_html
+from cylinder_friction_monitoring.errors import Refused
 from cylinder_friction_monitoring.page.health_figures import life_figure, strokes_figure, trend_picture
-from cylinder_friction_monitoring.refused import Refused
 from cylinder_friction_monitoring.trends.assessment import NE107, Answer, Assessment, Change, Entry
 from cylinder_friction_monitoring.trends.cylinder_line import NAMES, CylinderLine
 from cylinder_friction_monitoring.trends.session_row import INDICATORS, SessionRow

@@ -26,14 +26,6 @@ BEYOND = 5
 
 
 @dataclass(frozen=True)
-class Latest:
-    """How far an indicator is from its baseline by now, in its unit, whichever way."""
-
-    least: float
-    most: float
-
-
-@dataclass(frozen=True)
 class Tested:
     """An indicator with its baseline, over the sessions that have a value."""
 
@@ -94,15 +86,15 @@ class Tested:
         own = {name: getattr(self, name)[:count] for name in ("rows", "values", "residuals", "expected")}
         return replace(self, **own)
 
-    def latest(self, found: Dated) -> Latest:
-        """Return how far the change of an alarm has come by now.
+    def latest(self, found: Dated) -> tuple[float, float]:
+        """Return how far the change of an alarm has come by now, at least and at most, in the indicator's unit.
 
         A step or trend in the latest sessions follows growth within some sessions only, their last few at once.
         """
         values, phi = self.residuals[np.isfinite(self.residuals)][-FEW:], self.reference.autocorrelation
         few = abs(float(values.mean()))
         wide = Z95 * self.reference.scatter * float(np.sqrt((1.0 + phi) / (1.0 - phi) / len(values)))
-        return Latest(max(abs(found.change), few - wide), max(*map(abs, found.change_interval), few))
+        return max(abs(found.change), few - wide), max(*map(abs, found.change_interval), few)
 
     def change(self, alarm: int, found: Dated, plan: MonitorPlan, beside: tuple[str, ...]) -> Change:
         """Return what an alarm shows, for a person."""
