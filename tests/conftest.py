@@ -21,7 +21,6 @@ from cylinder_friction.recordings.recording import Recording, SensorUncertainty
 from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.run_record import Dataset, RunRecord
 from cylinder_friction.tracking.versions import dvc_hash
-from small_hybrid import take_of_each_condition
 
 pytest_plugins = ("browser", "small_hybrid")
 PIPELINE = "tests/pipeline/"
@@ -50,12 +49,6 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
             return PIPELINE if nodeid.startswith(PIPELINE) else str(super()._split_scope(nodeid))
 
     return Scheduling(config, log)
-
-
-@pytest.fixture(scope="session")
-def twelve_recordings(cylinder: Cylinder, labelled_recordings: list[Recording]) -> list[Recording]:
-    """The same with a third of each."""
-    return [*labelled_recordings, *take_of_each_condition(cylinder, (3,))]
 
 
 @pytest.fixture(scope="session")

@@ -82,6 +82,12 @@ def labelled_recordings(cylinder: Cylinder) -> list[Recording]:
 
 
 @pytest.fixture(scope="session")
+def twelve_recordings(cylinder: Cylinder, labelled_recordings: list[Recording]) -> list[Recording]:
+    """The same with a third of each."""
+    return [*labelled_recordings, *take_of_each_condition(cylinder, (3,))]
+
+
+@pytest.fixture(scope="session")
 def small_hybrid(cylinder: Cylinder, labelled_recordings: list[Recording]) -> HybridEstimator:
     """A hybrid of both parts, trained for two epochs: everything a real one has, only bad at its task."""
     hybrid = HybridEstimator(
