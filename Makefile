@@ -71,6 +71,7 @@ lint: install-dev ## check style, types and imports
 	python tools/import_cycles.py
 	python tools/architecture.py
 	python tools/mutants.py --look
+	@$(MAKE) --no-print-directory -C live lint VENV=$(abspath $(VENV))
 
 format: install-dev ## rewrite style
 	ruff format src tests performance docs tools examples
