@@ -78,6 +78,7 @@ lint: install-dev ## check style, types and imports
 	python tools/import_cycles.py
 	python tools/architecture.py
 	python tools/mutants.py --look
+	@$(MAKE) --no-print-directory -C live lint VENV=$(abspath $(VENV))
 	@$(MAKE) --no-print-directory -C monitoring lint VENV=$(abspath $(VENV))
 
 format: install-dev ## rewrite style
