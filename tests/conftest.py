@@ -21,7 +21,6 @@ from cylinder_friction.recordings.recording import Recording, SensorUncertainty
 from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.run_record import Dataset, RunRecord
 from cylinder_friction.tracking.versions import dvc_hash
-from small_hybrid import take_of_each_condition
 
 pytest_plugins = ("browser", "small_hybrid")
 PIPELINE = "tests/pipeline/"
@@ -55,6 +54,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 @pytest.fixture(scope="session")
 def twelve_recordings(cylinder: Cylinder, labelled_recordings: list[Recording]) -> list[Recording]:
     """The same with a third of each."""
+    from small_hybrid import take_of_each_condition  # a plugin, which pytest imports first
+
     return [*labelled_recordings, *take_of_each_condition(cylinder, (3,))]
 
 
