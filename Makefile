@@ -92,7 +92,7 @@ ui: | $(BIN)/cylinder-friction ## open the MLflow UI on the runs
 	cylinder-friction ui
 
 serve: | $(BIN)/cylinder-friction ## serve the champion and print a curl to try
-	cylinder-friction serve
+	cylinder-friction serve $(ARGS)
 
 live: install ## friction of the rig's recordings as if they happened now, on a web page
 	@$(MAKE) --no-print-directory -C live run VENV=$(abspath $(VENV)) ARGS="$(ARGS)"
