@@ -31,6 +31,7 @@ from cylinder_friction.realtime.flags import Flag, unknown_in_words
 from cylinder_friction.realtime.trained_for import pressure_noise_pa
 from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, PRESSURES, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.files import whole_file, write_text
+from cylinder_friction.recordings.formats.mdf_results import write_mdf
 from cylinder_friction.recordings.long_logs import LongRecording, on_disk
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import write_parts, write_recording, write_scratch
@@ -294,8 +295,6 @@ def _write(parts: Iterable[Recording], path: Path, log: Path) -> None:
         write_parts(path, parts)
         return
     if path.suffix == ".mf4":
-        from cylinder_friction.recordings.formats.mdf_results import write_mdf  # what no other format needs
-
         write_mdf(path, parts, log)
         return
     with whole_file(path) as draft, draft.open("w", encoding="utf-8", newline="") as file:

@@ -12,7 +12,9 @@ import numpy as np
 from cylinder_friction.arrays import Mask
 from cylinder_friction.labelling.load import pooled_load
 from cylinder_friction.labelling.session import SessionIdentification
+from cylinder_friction.realtime.bounds import bounds_count
 from cylinder_friction.realtime.flags import LEAST_ROWS, Flag
+from cylinder_friction.realtime.stream import CompiledRun
 from cylinder_friction.recordings.recording import Recording
 
 if TYPE_CHECKING:
@@ -25,7 +27,7 @@ OFTEN_MISSED = 3.0
 
 @lru_cache(maxsize=1)
 def loaded_once(folder: Path) -> FrictionEstimator:
-    from cylinder_friction.estimators.loading import load_estimator  # what only labels need not wait for it
+    from cylinder_friction.estimators.loading import load_estimator  # ONNX: labels need no estimator
 
     return load_estimator(folder)
 
@@ -42,8 +44,6 @@ def label_missed(parts: Sequence[Recording], bounds: Bounds) -> str:
 
     Rows count as ``bounds_count`` states.
     """
-    from cylinder_friction.realtime.bounds import bounds_count  # what only labels need not wait for it
-
     held: list[Mask] = [np.empty(0, dtype=np.bool_)]
     for part in parts:
         label_n = part.column("label_n")
@@ -60,8 +60,6 @@ class RunningEstimate:
     """The estimator's real-time step, run over the parts of a recording as if they were one."""
 
     def __init__(self, estimator: FrictionEstimator) -> None:
-        from cylinder_friction.realtime.stream import CompiledRun  # what only labels need not wait for it
-
         self.estimator, self.steps = estimator, CompiledRun(estimator.step_model())
         # What was given after the last part's own rows, for an estimate of some samples before
         self.newtons, self.flags = np.empty((0, 3)), np.empty(0, dtype=np.int64)

@@ -17,6 +17,8 @@ from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.files import read_yaml
 from cylinder_friction.recordings.ingesting import Quarantined, convert_in_parts, none_usable, other_rates
 from cylinder_friction.recordings.mapping.channel_mapping import SensorScale, check_mapping
+from cylinder_friction.recordings.mapping.mapping_text import channel_lines
+from cylinder_friction.recordings.mapping_of_logs import guessed
 from cylinder_friction.recordings.path_names import ONE_CONDITION, NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
 
@@ -128,10 +130,6 @@ def find_logs(
     paths = log_paths([files] if isinstance(files, str | Path) else list(files))
     try:
         if channels is None:
-            # What has a mapping need not wait for these
-            from cylinder_friction.recordings.mapping.mapping_text import channel_lines
-            from cylinder_friction.recordings.mapping_of_logs import guessed
-
             guess = guessed(paths, cylinder, units or {}, None if database is None else Path(database))
             settings = {"channels": yaml.safe_load("\n".join(channel_lines(guess))), "database": database}
             logs = _logs(paths, settings, cylinder, names, load, rate_hz)

@@ -7,6 +7,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import scipy.io
 from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.format import Format, Library
@@ -110,8 +111,6 @@ def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[Logg
     Single values and text are no channels and only named, as ``unread``. So are variables that nothing wanted can come
     from: they are not loaded.
     """
-    import scipy.io
-
     found = Found()
     names = _to_load(source, wanted, found)
     handle: Any = source.handle()
@@ -128,8 +127,6 @@ def _to_load(source: FileSource, wanted: Collection[str] | None, found: Found) -
     """Return the variables that wanted channels may come from; the others are noted as found."""
     if wanted is None:
         return None
-    import scipy.io
-
     kept = []
     handle: Any = source.handle()
     for name, _, _ in scipy.io.whosmat(handle):
