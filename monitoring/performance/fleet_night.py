@@ -1,4 +1,4 @@
-"""The nightly run over a large fleet: ``python performance/fleet_night.py --cylinders 200 --sessions 365``.
+"""The nightly run over a large fleet: ``python monitoring/performance/fleet_night.py --cylinders 200 --sessions 365``.
 
 Some sessions of one cylinder are simulated and processed. Copies of its results, under other names, dates and hashes,
 fill up its life and the other cylinders', so that a night finds what it would find after a year. Then each cylinder

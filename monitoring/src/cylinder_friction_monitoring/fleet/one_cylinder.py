@@ -20,12 +20,7 @@ from cylinder_friction_monitoring.errors import MonitoringError, Refused
 from cylinder_friction_monitoring.fleet.doubts import doubts
 from cylinder_friction_monitoring.fleet.files import RESULTS, pane_file, session_file, state_file
 from cylinder_friction_monitoring.fleet.plan import FleetCylinder
-from cylinder_friction_monitoring.fleet.sessions import (
-    read_rows,
-    updated_rows,
-    with_starts,
-    write_rows,
-)
+from cylinder_friction_monitoring.fleet.sessions import read_rows, updated_rows, with_starts, write_rows
 from cylinder_friction_monitoring.page.health_page import health_pane
 from cylinder_friction_monitoring.trends.assessment import Entry, ModelBounds
 from cylinder_friction_monitoring.trends.cylinder_line import CylinderLine, Trend, line_of

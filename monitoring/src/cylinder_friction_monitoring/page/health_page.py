@@ -108,8 +108,9 @@ def _facts(change: Change, rows: Sequence[SessionRow]) -> list[tuple[str, str]]:
     if change.per_year is not None:
         facts.append(("rate now", _with_interval(change.per_year, change.per_year_interval, f"{unit} a year")))
     if change.limit_reached:
-        ends = [each or "open" for each in change.limit_interval or ()]
-        facts.append(("limit reached", f"{change.limit_reached}{ends and ' (' + ' to '.join(ends) + ')'}"))
+        title = "limit passed since" if change.limit_passed else "limit reached"
+        ends = " to ".join(each or "open" for each in change.limit_interval or ())
+        facts.append((title, f"{change.limit_reached} ({ends})" if ends else change.limit_reached))
     if change.beside:
         facts.append(("beside it", "; ".join(change.beside)))
     return facts
