@@ -146,10 +146,10 @@ def written(case: str, folder: Path, recordings: list[pd.DataFrame], sizes: dict
         return len(recordings[0])
     if case not in sizes:
         count, rows = MANY[case]
-        joined = pd.concat(map(glided, recordings, [*recordings[1:], recordings[0]]), ignore_index=True)
+        long = pd.concat(map(glided, recordings, [*recordings[1:], recordings[0]]), ignore_index=True)
         for number in range(count):
-            first = number * rows % (len(joined) - rows)
-            seen = joined.iloc[first : first + rows].copy()
+            first = number * rows % (len(long) - rows)
+            seen = long.iloc[first : first + rows].copy()
             seen[TIME] = np.round(np.arange(rows) / RATE_HZ, 3)
             noise_bar = np.random.default_rng(number).normal(0.0, NOISE_BAR, (len(seen), 2))  # no two are alike
             seen[PRESSURES] = (seen[PRESSURES] + noise_bar).clip(lower=0.0).round(3)
