@@ -29,7 +29,7 @@ from cylinder_friction.estimation.running_estimate import loaded_once
 from cylinder_friction.evaluation.inspection.friction_view import view_of_labelled
 from cylinder_friction.execution.workers import Died, Workers
 from cylinder_friction.labelling.known_offset import KnownOffset
-from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection
+from cylinder_friction.recordings.checks.duplicates import SeenRecordings
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, PRESSURES
 from cylinder_friction.recordings.files import hash_of, read_json
@@ -159,11 +159,11 @@ def _labelled(
     run: LabelledLogs, kept: Sequence[Result], digests: Mapping[str, str], depends_on: Mapping[str, str]
 ) -> list[LabelledRecording]:
     """Label the new logs, beside what the kept results show."""
-    seen, evidence = DuplicateDetection(), []
+    seen, evidence = SeenRecordings(), []
     if run.logs.files:
         compared = [each.of_other_recordings() for each in kept]
         about = [(each.entry.name, each.entry.source_file, each.entry.source_sha256) for each in kept]
-        seen.remember((*who, hashes) for who, (_, hashes) in zip(about, compared, strict=True))
+        seen.remember((*who, samples) for who, (_, samples) in zip(about, compared, strict=True))
         evidence = [
             shown
             for each, (shown, _) in zip(kept, compared, strict=True)
@@ -231,7 +231,7 @@ def _written(
     finished = friction.finished(labelled.kept.read(), offset)
     finished = replace(finished, metadata=replace(finished.metadata, depends_on=depends_on))
     entry, bounded = friction.entry(finished, labelled.load), bool(np.isfinite(finished.column("lower_n")).any())
-    compared = packed(labelled.evidence, labelled.hashes)
+    compared = packed(labelled.evidence, labelled.samples)
     result = Result.of(entry, depends_on, of_file, file_format, bounded, offset, compared)
     try:
         write_result(folder, finished, result, _pane(friction, finished, detailed), log, listed)

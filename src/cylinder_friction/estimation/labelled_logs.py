@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
@@ -14,7 +15,7 @@ from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.offset_identification import MOST_SEARCHED
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan
-from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection
+from cylinder_friction.recordings.checks.duplicates import SeenRecordings
 from cylinder_friction.recordings.ingesting import Batch, Converted, Quarantined, batch_of, usable
 from cylinder_friction.recordings.long_log_parts import ROWS_AT_ONCE
 from cylinder_friction.recordings.reading_logs import Logs
@@ -74,7 +75,7 @@ class LabelledLogs:
 
     def labelled(
         self,
-        seen: DuplicateDetection | None = None,
+        seen: SeenRecordings | None = None,
         evidence: Sequence[OffsetEvidence] = (),
         digests: Mapping[str, str] | None = None,
     ) -> list[LabelledRecording]:
@@ -95,6 +96,8 @@ class LabelledLogs:
                 self.refused.append(outcome)
             else:
                 labelled.append(outcome)
+        if overlaps := batch.seen.overlaps():
+            warnings.warn(overlaps, stacklevel=4)
         warn_of_rates(self.friction.filter, {each.metadata.sample_time_s for each in labelled})
         shown = [each.evidence for each in labelled if each.evidence is not None]
         if shown:

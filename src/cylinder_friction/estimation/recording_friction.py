@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,7 +22,7 @@ from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan
 from cylinder_friction.labelling.up_and_down import holds_load, up_and_down
 from cylinder_friction.realtime.flags import Flag, unknown_in_words
 from cylinder_friction.realtime.trained_for import pressure_noise_pa
-from cylinder_friction.recordings.checks.duplicate_detection import Hashes
+from cylinder_friction.recordings.checks.duplicates import Samples
 from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.ingesting import Converted, LoggedFile, Quarantined, converted
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
@@ -41,7 +41,7 @@ class LabelledRecording:
     kept: Kept
     evidence: OffsetEvidence | None  # What it shows of the sensors' offset; None with an estimator
     load: str  # Which load was identified and taken off, in words; empty if none was
-    hashes: Mapping[int, Hashes]  # Of its windows, by which a duplicate is known
+    samples: Samples  # By which a copy is known
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class RecordingFriction:
             return refused_piece(each.metadata, str(error))
         evidence = self._evidence(labelled) if estimator is None else None
         load = identified.load.sentence() if identified is not None and identified.load is not None else ""
-        return LabelledRecording(each.metadata, keeper.keep(labelled), evidence, load, each.hashes)
+        return LabelledRecording(each.metadata, keeper.keep(labelled), evidence, load, each.samples)
 
     def _evidence(self, labelled: Recording) -> OffsetEvidence:
         known = LOADED.get(self.labeller.load, "")

@@ -16,7 +16,7 @@ from cylinder_friction.estimation.results import FrictionOfRecording
 from cylinder_friction.evaluation.friction_levels import FrictionLevel
 from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence
 from cylinder_friction.labelling.sliding_blocks import SlidingBlocks
-from cylinder_friction.recordings.checks.duplicate_detection import Hashes
+from cylinder_friction.recordings.checks.duplicates import Samples
 from cylinder_friction.recordings.files import whole_file, write_text
 from cylinder_friction.recordings.formats.mdf_results import write_mdf
 from cylinder_friction.recordings.recording import Recording
@@ -67,8 +67,8 @@ class Result:
         """Return whether all files of the result are there."""
         return all((folder / name).is_file() for name in self.beside)
 
-    def of_other_recordings(self) -> tuple[OffsetEvidence | None, dict[int, Hashes]]:
-        """Unpack what the recording shows of its sensors' offset, and the hashes of its windows."""
+    def of_other_recordings(self) -> tuple[OffsetEvidence | None, Samples]:
+        """Unpack what the recording shows of its sensors' offset, and its samples."""
         return unpacked(self.compared)
 
     def texts(self) -> dict[str, str]:
@@ -134,9 +134,9 @@ def _write_beside(path: Path, finished: Recording, pane: str, log: Path) -> None
         write_text(path, pane)
 
 
-def packed(evidence: OffsetEvidence | None, hashes: Mapping[int, Hashes]) -> str:
+def packed(evidence: OffsetEvidence | None, samples: Samples) -> str:
     """Return what later recordings are compared with as text; equal content makes equal text."""
-    arrays: dict[str, Any] = {f"hashes {power}": own for power, own in hashes.items()}
+    arrays: dict[str, Any] = {}
     about = None
     if evidence is not None:
         sliding = evidence.sliding
@@ -146,20 +146,19 @@ def packed(evidence: OffsetEvidence | None, hashes: Mapping[int, Hashes]) -> str
             arrays |= {f"block {name}": getattr(sliding, name) for name in _OF_BLOCKS}
             arrays |= {f"column {name}": values for name, values in sliding.columns.items()}
     content = io.BytesIO()
-    np.savez(content, about=np.frombuffer(json.dumps(about).encode(), dtype=np.uint8), **arrays)
+    np.savez(content, about=np.frombuffer(json.dumps([about, asdict(samples)]).encode(), dtype=np.uint8), **arrays)
     return base64.b64encode(content.getvalue()).decode()
 
 
-def unpacked(text: str) -> tuple[OffsetEvidence | None, dict[int, Hashes]]:
+def unpacked(text: str) -> tuple[OffsetEvidence | None, Samples]:
     """Return what ``packed`` was given."""
     with np.load(io.BytesIO(base64.b64decode(text)), allow_pickle=False) as content:
         arrays = dict(content)
-    about = json.loads(arrays.pop("about").tobytes())
-    kinds: dict[str, dict[str, Any]] = {"hashes": {}, "block": {}, "column": {}}
+    about, samples = json.loads(arrays.pop("about").tobytes())
+    kinds: dict[str, dict[str, Any]] = {"block": {}, "column": {}}
     for name, values in arrays.items():
         kind, _, what = name.partition(" ")
         kinds[kind][what] = values
     if about is not None and about["sliding"] is not None:
         about["sliding"] = SlidingBlocks(**about["sliding"], **kinds["block"], columns=kinds["column"])
-    hashes = {int(power): own for power, own in kinds["hashes"].items()}
-    return None if about is None else OffsetEvidence(**about), hashes
+    return None if about is None else OffsetEvidence(**about), Samples(**samples)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+import warnings
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -12,7 +13,7 @@ from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
 from cylinder_friction.execution.workers import Died, Workers
-from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection, Hashes, window_hashes
+from cylinder_friction.recordings.checks.duplicates import Samples, SeenRecordings
 from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of, open_tables
 from cylinder_friction.recordings.files import hash_of, whole_folder, write_json
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
@@ -102,6 +103,7 @@ def ingest_folder(source: Source, into: Path, quarantine_file: Path, workers: Wo
             path, rows = outcome.result
             path.rename(folder / f"{outcome.metadata.name}.parquet")
             result.recordings.append((outcome.metadata, rows))
+        result.notes += [overlaps] if (overlaps := batch.seen.overlaps()) else []
         shutil.rmtree(elsewhere, ignore_errors=True)
         others = other_rates([metadata for metadata, _ in result.recordings])
         for name in others:
@@ -147,7 +149,7 @@ class Converted:
 
     metadata: RecordingMetadata
     result: Any  # The recording
-    hashes: dict[int, Hashes]  # Of its windows, by which a duplicate is known
+    samples: Samples  # By which a copy is known
 
 
 def converted(file: LoggedFile) -> Iterator[Converted | Quarantined]:
@@ -166,7 +168,7 @@ def converted(file: LoggedFile) -> Iterator[Converted | Quarantined]:
             except RecordingError as error:
                 yield Quarantined(file.name, str(error), piece)
                 continue
-            yield Converted(recording.metadata, recording, window_hashes(each.found.columns))
+            yield Converted(recording.metadata, recording, Samples.of(metadata, each.found.columns))
     except (RecordingError, OSError) as error:
         yield Quarantined(file.name, str(error), piece and f"after {piece}")
 
@@ -182,6 +184,8 @@ def recordings_of(
     work = [partial(list[Converted | Quarantined], converted(file)) for file in batch.files]
     for each in usable(batch, work, Workers()):
         yield each.result if isinstance(each, Converted) else each
+    if overlaps := batch.seen.overlaps():
+        warnings.warn(overlaps, stacklevel=3)
 
 
 @dataclass(frozen=True)
@@ -190,7 +194,7 @@ class Batch:
 
     files: list[LoggedFile]
     copies: list[Quarantined]
-    seen: DuplicateDetection  # Recordings of these files, and of those that were converted before
+    seen: SeenRecordings  # Recordings of these files, and of those that were converted before
 
 
 def batch_of(
@@ -198,7 +202,7 @@ def batch_of(
     recipe: Recipe,
     rows: int | None = None,
     workers: Workers | None = None,
-    seen: DuplicateDetection | None = None,
+    seen: SeenRecordings | None = None,
     digests: Mapping[str, str] | None = None,
     tables: Mapping[str, Sequence[LoggedTable]] | None = None,
 ) -> Batch:
@@ -214,7 +218,7 @@ def batch_of(
         tables: What was read of some files already.
     """
     zeros = {} if recipe.zero.method == "none" else session_zeros(files, recipe, rows, workers)
-    batch = Batch([], [], seen or DuplicateDetection())
+    batch = Batch([], [], seen or SeenRecordings())
     known = batch.seen.digests
     for name, path in files.items():
         digest = digest_of(path) if digests is None else digests[name]
@@ -244,7 +248,7 @@ class Found(Protocol):
     def metadata(self) -> RecordingMetadata: ...
 
     @property
-    def hashes(self) -> Mapping[int, Hashes]: ...
+    def samples(self) -> Samples: ...
 
 
 OfFile = TypeVar("OfFile", bound=Found)
@@ -262,7 +266,7 @@ def usable(
         for each in outcomes:
             if not isinstance(each, Quarantined):
                 try:
-                    batch.seen.refuse(each.metadata.name, file.name, each.hashes)
+                    batch.seen.refuse(each.metadata.name, file.name, each.samples)
                 except RecordingError as error:
                     where = each.metadata.name if len(outcomes) > 1 else ""
                     yield Quarantined(file.name, str(error), where)

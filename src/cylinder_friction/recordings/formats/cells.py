@@ -31,7 +31,7 @@ COMMA_NUMBER = r"[+-]? *(?:\d+,?\d*|,\d+)(?:[eE][+-]?\d+)?"
 
 _POINT = re.compile(rf"(?:{POINT_NUMBER}|[+-]?inf(?:inity)?)", re.IGNORECASE)
 _COMMA = re.compile(rf"(?:{COMMA_NUMBER}|[+-]?inf(?:inity)?)", re.IGNORECASE)
-_DATE = r"(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d{1,2}-[A-Za-z]{3}-\d{4})"
+_DATE = r"(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d{1,2}-[A-Za-z]{3}-(?:\d{4}|\d{2}))"
 _CLOCK = r"\d{1,2}:\d{2}(?::\d{2}(?:[.,:;]\d{1,9})?|[.,]\d{1,9})?(?: ?[AaPp][Mm])?(?:Z|[+-]\d{2}:?\d{2})?"
 _DATE_OR_CLOCK = re.compile(rf"{_DATE}(?:[T ,]+{_CLOCK})?|{_CLOCK}")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
@@ -80,7 +80,7 @@ _REST = rf"(?:[T ,]+{_CLOCK_PARTS})?\s*(?P<zone>Z|[+-]\d{{2}}:?\d{{2}})?$"
 _YEAR_FIRST = r"^(?P<Y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})" + _REST
 _DOTS = r"^(?P<d>\d{1,2})\.(?P<m>\d{1,2})\.(?P<Y>\d{4})" + _REST
 _EITHER = r"^(?P<d>\d{1,2})[-/](?P<m>\d{1,2})[-/](?P<Y>\d{4})" + _REST
-_NAMED_MONTH = r"^(?P<d>\d{1,2})-(?P<m>[A-Za-z]{3})-(?P<Y>\d{4})" + _REST
+_NAMED_MONTH = r"^(?P<d>\d{1,2})-(?P<m>[A-Za-z]{3})-(?P<Y>\d{4}|\d{2})" + _REST
 _ZONED = r"\d:\d{2}(?:[.,:]\d+)?\s*(?:[AaPp][Mm])?\s*(?:Z|[+-]\d{2}:?\d{2})\s*$"
 _MONTHS = pa.array(["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"])
 _HALF_DAYS = pa.array([f"{hour or 12:02d}{half}" for half in ("am", "pm") for hour in range(12)])
@@ -216,6 +216,7 @@ def _date_stamps(text: Any, name: str) -> NDArray[np.datetime64] | None:
         if pattern == _EITHER and _month_first(fields, text, name):
             fields["d"], fields["m"] = fields["m"], fields["d"]
         elif pattern == _NAMED_MONTH:
+            fields["Y"] = pc.replace_substring_regex(fields["Y"], "^(..)$", r"20\1")
             fields["m"] = pc.add(pc.index_in(pc.utf8_lower(fields["m"]), _MONTHS), 1).cast(pa.string())
         stamps = _stamps(fields)
         return None if stamps is None else stamps.cast(pa.timestamp("ns")).to_numpy()

@@ -12,14 +12,13 @@ from cylinder_friction.recordings.epochs import NEVER_FALLS, epoch_of
 from cylinder_friction.recordings.formats.logged_table import Column, LoggedTable
 from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.mapping.units import SCALES, usual
+from cylinder_friction.recordings.timeline.timestamps import LATEST_S
 
 DAY = np.timedelta64(1, "D")
 MILLISECONDS = ("ms", "msec", "millisecond", "milliseconds", "millisekunden")
 """Names of a column that holds the milliseconds of a stamp beside it."""
 FEWEST_ROWS = 20
 """In fewer rows the order may be chance."""
-ABSURD_S = 1e11
-"""No clock has run for so long, three thousand years [s]."""
 
 
 def beside_clocks(names: Collection[str]) -> set[str]:
@@ -80,7 +79,7 @@ def with_dates(table: LoggedTable) -> LoggedTable:
         unit = usual(table.units.get(name, ""), "time")
         if epoch is None or epoch.of_1970 == 0 or name in dates:
             continue
-        if unit and epoch.unit != table.units[name] and abs(float(numbers[0])) * SCALES.get(unit, 1.0) < ABSURD_S:
+        if unit and epoch.unit != table.units[name] and abs(float(numbers[0])) * SCALES.get(unit, 1.0) < LATEST_S:
             continue
         dates[name], utc = epoch.stamps(numbers), utc or epoch.utc
         notes.append(f"time: {name!r} counts {epoch.counted} since {epoch.since}")

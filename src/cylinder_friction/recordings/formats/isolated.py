@@ -72,10 +72,11 @@ def read_isolated(path: Path, of: Format, wanted: Collection[str] | None, databa
     """
     if multiprocessing.current_process().daemon:
         return _read(path, of.name, wanted, database)
-    limit_s = LIMIT_S + LIMIT_PER_BYTE_S * path.stat().st_size
+    size = path.stat().st_size
+    limit_s, limit_bytes = LIMIT_S + LIMIT_PER_BYTE_S * size, LIMIT_BYTES + LIMIT_BYTES_PER_BYTE * size
     with _READER.lock:
         try:
-            return _READER.running().submit(_read, path, of.name, wanted, database).result(limit_s)
+            return _READER.running().submit(_read, path, of.name, wanted, database, limit_bytes).result(limit_s)
         except BrokenProcessPool:
             what = f"crashed {of.crashes}"
         except TimeoutError:
@@ -106,12 +107,14 @@ def _end_with_parent() -> None:
         os._exit(1)
 
 
-def _read(path: Path, name: str, wanted: Collection[str] | None, database: Path | None) -> list[LoggedTable]:
-    of, isolated = FORMATS[name], not multiprocessing.current_process().daemon
-    if sys.platform != "win32" and isolated:
+def _read(
+    path: Path, name: str, wanted: Collection[str] | None, database: Path | None, limit_bytes: int | None = None
+) -> list[LoggedTable]:
+    if sys.platform != "win32" and limit_bytes is not None:
         _, most = resource.getrlimit(resource.RLIMIT_DATA)
-        limit = LIMIT_BYTES + LIMIT_BYTES_PER_BYTE * path.stat().st_size
-        resource.setrlimit(resource.RLIMIT_DATA, (limit if most == resource.RLIM_INFINITY else min(limit, most), most))
+        limit_bytes = limit_bytes if most == resource.RLIM_INFINITY else min(limit_bytes, most)
+        resource.setrlimit(resource.RLIMIT_DATA, (limit_bytes, most))
+    of = FORMATS[name]
     with guarded(of.what):
         more = [database if database is None else str(database)] if of.databases else []
         return of.read(open_source(path), wanted, *more)

@@ -1,6 +1,5 @@
 """MATLAB files: version 5 (``save -v6`` and ``-v7``) through SciPy, version 7.3 as the HDF5 that it is."""
 
-import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -11,7 +10,7 @@ import scipy.io
 from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.format import Format, Library
-from cylinder_friction.recordings.formats.hdf5 import SIGNATURE, refuse_absurd_size, refuse_unpacked
+from cylinder_friction.recordings.formats.hdf5 import SIGNATURE
 from cylinder_friction.recordings.formats.logged_table import (
     Channel,
     Found,
@@ -120,8 +119,6 @@ def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[Logg
     found = Found()
     listed = _listed(source)
     names = None if listed is None or wanted is None else _to_load(listed, wanted, found)
-    shapes = [shape for name, shape, _ in listed or () if names is None or name in names]
-    refuse_unpacked(sum(math.prod(shape) for shape in shapes), source)
     handle: Any = source.handle()
     content = scipy.io.loadmat(handle, simplify_cells=True, variable_names=names, verify_compressed_data_integrity=True)
     variables = {name: _tree(value) for name, value in content.items() if not name.startswith("__")}
@@ -179,21 +176,20 @@ def read_matlab73(source: FileSource, wanted: Collection[str] | None) -> list[Lo
 
     with h5py.File(source.handle(), "r") as file:
         found = Found()
-        variables = {name: _tree73(file[name], source, 0) for name in file if not name.startswith("#")}
+        variables = {name: _tree73(file[name], 0) for name in file if not name.startswith("#")}
         walk_struct("", variables, found)
-        _add_table73(file, source, found)
-        refuse_unpacked(sum(channel.length for channel in found.channels), source)
+        _add_table73(file, found)
         return tables_by_length(found, wanted, ".")
 
 
-def _tree73(node: Any, source: FileSource, depth: int) -> Any:
+def _tree73(node: Any, depth: int) -> Any:
     """Return an object of the file in the shape that the walk expects: Leaf, dict, list or text."""
     import h5py
 
     if depth > _DEEPEST:
         return None
     if isinstance(node, h5py.Group):
-        fields = {name: _tree73(node[name], source, depth + 1) for name in node}
+        fields = {name: _tree73(node[name], depth + 1) for name in node}
         return _struct_array(fields)
     matlab_class = node.attrs.get("MATLAB_class", b"")
     matlab_class = matlab_class.decode(errors="replace") if isinstance(matlab_class, bytes) else str(matlab_class)
@@ -203,24 +199,23 @@ def _tree73(node: Any, source: FileSource, depth: int) -> Any:
         if node.size > _MOST_ENTRIES:
             return None
         file = node.file
-        return _References(_tree73(file[reference], source, depth + 1) for reference in node[()].T.reshape(-1))
+        return _References(_tree73(file[reference], depth + 1) for reference in node[()].T.reshape(-1))
     if matlab_class == "char":
         if node.size > _LONGEST_TEXT:
             return None
         return "".join(chr(code) for code in node[()].T.reshape(-1))
     if matlab_class == "function_handle":
         return None
-    refuse_absurd_size(node, source)
     return Leaf(node.shape[::-1], node.dtype.kind, lambda: node[()].T)
 
 
-def _add_table73(file: Any, source: FileSource, found: Found) -> None:
+def _add_table73(file: Any, found: Found) -> None:
     """Add the columns of a file's one table or timetable, and the timetable's row times if they are durations."""
     hidden = file.get("#refs#", {})
     tables = [hidden[name] for name in hidden if {"data", "varNames"} <= set(getattr(hidden[name], "keys", set)())]
     if len(tables) != 1:
         return
-    names, columns = (_tree73(tables[0][key], source, 0) for key in ("varNames", "data"))
+    names, columns = (_tree73(tables[0][key], 0) for key in ("varNames", "data"))
     if not isinstance(names, list) or not isinstance(columns, list):
         return
     rows = max((max(each.shape) for each in columns if isinstance(each, Leaf)), default=0)
@@ -228,7 +223,7 @@ def _add_table73(file: Any, source: FileSource, found: Found) -> None:
     objects = [file[reference] for reference in file["#subsystem#/MCOS"][()].reshape(-1)]
     times = [each for each in objects if each.name not in own and _rows(each) == rows > 1]
     if "rowTimes" in tables[0] and len(times) == 1:
-        walk("Time", _tree73(times[0], source, 0), found, "ms")
+        walk("Time", _tree73(times[0], 0), found, "ms")
     for name, column in zip(names, columns, strict=False):
         walk(str(name), column, found)
 

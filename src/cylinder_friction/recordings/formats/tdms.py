@@ -14,7 +14,6 @@ from cylinder_friction.recordings.formats.logged_table import Channel, LoggedTab
 from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.mapping.units import quantity_of
-from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.start import Start
 
 FIRST_ROWS = 256
@@ -27,15 +26,14 @@ def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[Logged
     """Return one table a group, or several where a group's channels differ in length or rate.
 
     Waveforms carry their time as properties: ``wf_increment`` and ``wf_start_offset`` make a channel ``time`` [s]. It
-    counts from the earliest ``wf_start_time`` in the file, so that groups keep their distance in time. A channel that
-    claims more samples than the file could hold is refused.
+    counts from the earliest ``wf_start_time`` in the file, so that groups keep their distance in time.
     """
     import nptdms
 
     with source.opened() as opened, nptdms.TdmsFile.open(opened) as file:
         starts = [_start(channel) for group in file.groups() for channel in group.channels()]
         first = min((start for start in starts if start is not None), default=None)
-        tables = [table for group in file.groups() for table in _tables(group, wanted, first, source.size)]
+        tables = [table for group in file.groups() for table in _tables(group, wanted, first)]
         cut = _cut_off(file)
     start = None if first is None else Start(first, utc=True, source="wf_start_time")
     return [replace(table, notes=(*table.notes, *cut), start=start, utc=True) for table in tables]
@@ -55,7 +53,7 @@ def _cut_off(file: Any) -> list[str]:
     return [f"the file ends within its last segment, and the samples behind are lost{examples}"]
 
 
-def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | None, size: int) -> list[LoggedTable]:
+def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | None) -> list[LoggedTable]:
     named = [(channel.name.strip(), channel) for channel in group.channels()]
     valid = [(name, channel) for name, channel in named if len(channel) and channel.dtype.kind in "biufMOU"]
     others = [name for name, channel in named if not len(channel) or channel.dtype.kind not in "biufMOU"]
@@ -63,11 +61,6 @@ def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | N
     timed = any(_is_clock(channel, name) for name, channel in valid)
     alike: dict[tuple[int, float | None, float], list[Channel]] = {}
     for name, channel in valid:
-        claimed = len(channel) * (1 if channel.dtype.kind in "OU" else channel.data_type.size or 1)
-        if claimed > size:
-            raise RecordingError(
-                f"channel {name!r} claims {claimed} bytes in a file of {size}; it is damaged or cut off; copy it again"
-            )
         unit = _unit(channel)
         step, offset = (None, 0.0) if timed else _clock(channel, first)
         alike.setdefault((len(channel), step, offset), []).append(

@@ -47,7 +47,7 @@ BELOW_ZERO = 0.05
 """A position that falls below zero by more than this share of its travel does not count from the retracted end."""
 
 LIKELY_UNITS = {
-    "time": (("s", 1e-5, 0.5), ("ms", 0.05, 500.0), ("us", 20.0, 1e6), ("100ns", 200.0, 1e7)),
+    "time": (("s", 1e-5, 0.5), ("ms", 0.05, 500.0), ("us", 20.0, 1e6), ("100ns", 200.0, 1e7), ("d", 1e-10, 5e-6)),
     "pressure": (
         ("bar", 1.0, 700.0),
         ("Pa", 1e5, 7e7),

@@ -27,7 +27,6 @@ TIME_UNITS_S = (1.0, 1e-3, 1e-6, 1e-7, 1e-9)  # what a time channel without a un
 ENDS_TOGETHER = 0.95  # columns that end within this share of their rows are of one rate
 FEWEST_ROWS = 10  # in fewer no rate shows
 MOST_TIMES_SLOWER = 20  # an end at a smaller share of the rows may be chance
-LIKE_SPAN = 2.0  # a clock whose unit is taken from another one spans this many times its time at most
 MOST_NAMES = 40  # channels that a message lists; a measurement file may have thousands
 
 
@@ -42,7 +41,7 @@ def find_channel(tables: Sequence[LoggedTable], name: str, table: str, column: s
     if not searched:
         raise RecordingError(
             f"table {table!r} (for {column!r}) is missing; got tables {_listed([entry.name for entry in tables])}; "
-            f"correct the file or ingest.channels.{column}.table"
+            f"correct the file or channels.{column}.table"
         )
     counts = {index: list(tables[index].channels.columns).count(name) for index in searched}
     holding = [index for index, count in counts.items() if count]
@@ -57,7 +56,7 @@ def find_channel(tables: Sequence[LoggedTable], name: str, table: str, column: s
     else:
         return holding[0]
     key = "table" if len(holding) > 1 else "channel"
-    raise RecordingError(f"channel {name!r} (for {column!r}) {problem} ingest.channels.{column}.{key}")
+    raise RecordingError(f"channel {name!r} (for {column!r}) {problem} channels.{column}.{key} in the mapping")
 
 
 def numbers(raw: pd.Series[Any], channel: str, column: str, unit: str) -> Array:
@@ -73,7 +72,7 @@ def numbers(raw: pd.Series[Any], channel: str, column: str, unit: str) -> Array:
         what = "complex numbers" if kind == "c" else "dates or durations"
         raise RecordingError(
             f"channel {channel!r} (for {column!r}) holds {what} ({raw.dtype}); expected numbers in {unit}; "
-            f"correct ingest.channels.{column}.channel"
+            f"correct channels.{column}.channel"
         )
     if pd.api.types.is_numeric_dtype(raw.dtype):
         return raw.to_numpy(dtype=np.float64, na_value=np.nan) if raw.isna().any() else raw.to_numpy(dtype=np.float64)
@@ -144,7 +143,7 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
         if len(time_s) != len(raw):
             raise RecordingError(
                 f"channel {source.channel!r} (for {column!r}) has {len(raw)} rows, but its time channel "
-                f"{clocks[column].channel!r} has {len(time_s)}; name its own as ingest.channels.{column}.time"
+                f"{clocks[column].channel!r} has {len(time_s)}; name its own as channels.{column}.time"
             )
         signals[column] = Signal(time_s, source.column_values(raw, column))
     _refuse_two_ends(signals, mapping)
@@ -213,7 +212,7 @@ def _clock(tables: Sequence[LoggedTable], place: int, column: str, mapping: Mapp
     raise RecordingError(
         f"channel {source.channel!r} (for {column!r}) has no time channel {name!r} in its table "
         f"{tables[place].name!r}, which holds besides {there or 'nothing'}; name the channel that stamps it as "
-        f"ingest.channels.{column}.time"
+        f"channels.{column}.time"
     )
 
 
@@ -223,9 +222,7 @@ def _refuse_rate(tables: Sequence[LoggedTable], of: Sequence[int], rate_hz: floa
     It contradicts the rate if neither its mean nor its median step confirms it.
     """
     for clock in (clock for index in of for clock in clocks_of(tables[index])):
-        rates_hz = _rates_hz(clock)
-        if rates_hz and all(abs(rate_hz / rate - 1.0) > RATE_AGREES for rate in rates_hz):
-            logged_hz = min(rates_hz, key=lambda rate: abs(math.log(rate_hz / rate)))
+        if logged_hz := _other_rate(clock, [rate_hz]):
             raise RecordingError(
                 f"time_s.rate_hz = {rate_hz:g} Hz contradicts the file: its time channel {clock.name!r} runs at "
                 f"{logged_hz:.4g} Hz, so that its channels would run {rate_hz / logged_hz:.3g} times too fast; map it "
@@ -235,35 +232,39 @@ def _refuse_rate(tables: Sequence[LoggedTable], of: Sequence[int], rate_hz: floa
         lengths = ", ".join(f"{tables[index].name!r} has {len(tables[index].channels)}" for index in of)
         raise RecordingError(
             f"tables of different lengths cannot all be at time_s.rate_hz = {rate_hz:g} Hz: {lengths} rows; "
-            "name the time channel of each as ingest.channels.<column>.time"
+            "name the time channel of each as channels.<column>.time"
         )
 
 
-def _rates_hz(clock: ChannelFacts) -> list[float]:
-    """Return the rates at which a clock may run, by its mean and its median step; none if it counts rows."""
+def _other_rate(clock: ChannelFacts, own_hz: Sequence[float]) -> float | None:
+    """Return the rate of a clock if neither its mean nor its median step confirms any of ``own_hz``, else None.
+
+    A clock without a unit may run in any; one that steps by 1 counts rows and confirms every rate.
+    """
     if not clock.unit and not clock.dates and clock.counts:
-        return []
+        return None
     known = (1e-9,) if clock.dates else (units.column_scale(TIME, clock.unit),) if clock.unit else TIME_UNITS_S
-    return [1.0 / (step * scale) for scale in known for step in (clock.mean_step, clock.step) if step > 0.0]
+    rates_hz = [1.0 / (step * scale) for scale in known for step in (clock.mean_step, clock.step) if step > 0.0]
+    nearest_hz = min(rates_hz, key=lambda rate: min(abs(math.log(own / rate)) for own in own_hz), default=None)
+    agrees = nearest_hz is None or min(abs(own / nearest_hz - 1.0) for own in own_hz) <= RATE_AGREES
+    return None if agrees else nearest_hz
 
 
 def _refuse_two_clocks(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Array]) -> None:
     """Refuse a table with a clock of another step beside the one that stamps its columns, and that stamps none."""
     for clock, time_s in stamps.items():
-        known_s = time_s[np.isfinite(time_s)]
-        steps_s = np.diff(known_s)
-        if not clock.channel or len(known_s) < FEWEST_ROWS or not (steps_s > 0.0).any():
-            continue
-        own_hz = [1.0 / step_s for step_s in (float(steps_s.mean()), float(np.median(steps_s))) if step_s > 0.0]
-        for other in clocks_of(tables[clock.table]):
-            rates_hz = _rates_hz(other)
-            if other.name == clock.channel or _Clock(clock.table, other.name) in stamps or not rates_hz:
+        steps_s = np.diff(time_s[np.isfinite(time_s)])
+        own_hz = (
+            [1.0 / step_s for step_s in (steps_s.mean(), np.median(steps_s)) if step_s > 0.0] if len(steps_s) else []
+        )
+        for other in clocks_of(tables[clock.table]) if clock.channel and len(steps_s) >= FEWEST_ROWS and own_hz else ():
+            if other.name == clock.channel or _Clock(clock.table, other.name) in stamps:
                 continue
-            if all(abs(own / rate - 1.0) > RATE_AGREES for own in own_hz for rate in rates_hz):
+            if other_hz := _other_rate(other, own_hz):
                 raise RecordingError(
                     f"the table has two clocks, {clock.channel!r} with {own_hz[-1]:.4g} Hz and {other.name!r} with "
-                    f"{rates_hz[-1]:.4g} Hz, and no column is stamped by {other.name!r}; state the clock of each "
-                    "column as ingest.channels.<column>.time (and time_unit), or leave one out of the export"
+                    f"{other_hz:.4g} Hz, and no column is stamped by {other.name!r}; state the clock of each column as "
+                    "channels.<column>.time (and time_unit) in the mapping, or leave one out of the export"
                 )
 
 
@@ -289,7 +290,7 @@ def _refuse_two_ends(signals: Mapping[str, Signal], mapping: Mapping[str, Channe
                     f"columns end at different rows: {column} ({mapping[column].channel!r}) at row {end}, {longest} "
                     f"({mapping[longest].channel!r}) at row {last}; they were logged at different rates, and on one "
                     f"clock {column} would run {share:.3g} times too fast; export a time column for each rate and name "
-                    f"it as ingest.channels.{column}.time, or cut the file at row {end} if it was only lost"
+                    f"it as channels.{column}.time, or cut the file at row {end} if it was only lost"
                 )
 
 
@@ -317,26 +318,7 @@ def _stamps(
         else:
             assert time.rate_hz is not None
             stamps_s[clock] = np.arange(len(tables[clock.table].channels)) / time.rate_hz
-    _refuse_other_span(stamps_s, columns, mapping)
     return stamps_s
-
-
-def _refuse_other_span(
-    stamps_s: Mapping[_Clock, Array], columns: Mapping[_Clock, str], mapping: Mapping[str, ChannelMapping]
-) -> None:
-    """Refuse a clock that spans another time than that of ``time_s``, in whose unit it was read."""
-    spans_s = {clock: float(np.nanmax(each) - np.nanmin(each)) for clock, each in stamps_s.items() if len(each)}
-    main_s = [span_s for clock, span_s in spans_s.items() if clock.channel == mapping["time_s"].channel]
-    for clock, span_s in spans_s.items():
-        column = columns[clock]
-        if not main_s or clock.channel == mapping["time_s"].channel or mapping[column].time_unit or not clock.channel:
-            continue
-        if not main_s[0] / LIKE_SPAN <= span_s <= LIKE_SPAN * main_s[0]:
-            raise RecordingError(
-                f"time channel {clock.channel!r} (for {column!r}) spans {span_s:.4g} s, but "
-                f"{mapping['time_s'].channel!r} spans {main_s[0]:.4g} s; state its unit as "
-                f"ingest.channels.{column}.time_unit"
-            )
 
 
 def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping, time_unit: str) -> Array:
@@ -357,7 +339,7 @@ def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping
     if not unit:
         raise RecordingError(
             f"time channel {channel!r} (for {column!r}) holds {raw.dtype} and states no unit; "
-            "expected dates, or numbers with ingest.channels.time_s.unit"
+            "expected dates, or numbers with channels.time_s.unit"
         )
     values = numbers(raw, channel, "time_s", unit)
     _refuse_other_epoch(values, channel, unit)
@@ -370,7 +352,7 @@ def _refuse_other_epoch(values: Array, channel: str, unit: str) -> None:
     if epoch is not None and not math.isclose(units.column_scale(TIME, unit), 1e-9 * epoch.unit_ns):
         raise RecordingError(
             f"time channel {channel!r} begins at {values[0]:.15g}, which in {epoch.counted} since {epoch.since} is "
-            f"{epoch.stamps(values[:1])[0]}, but it is read in {unit!r}; correct ingest.channels.time_s.unit"
+            f"{epoch.stamps(values[:1])[0]}, but it is read in {unit!r}; correct channels.time_s.unit in the mapping"
         )
 
 
@@ -385,7 +367,7 @@ def _check_stated_unit(table: LoggedTable, column: str, source: ChannelMapping) 
         raise RecordingError(
             f"channel {source.channel!r} (for {column!r}): the file states {stated!r}, which is {reference} pressure, "
             f"but it is read as {'absolute' if source.absolute else 'gauge'} pressure; "
-            f"correct ingest.channels.{column}.reference"
+            f"correct channels.{column}.reference"
         )
     known = units.quantity_of(stated) is not None or units.names_a_unit(stated)
     if known or len(stated) < 2 or units.bare(stated) == units.bare(source.unit):
@@ -397,5 +379,5 @@ def _refuse_other_unit(stated: str, configured: str, channel: str, column: str) 
     if not units.units_agree(stated, configured):
         raise RecordingError(
             f"channel {channel!r} (for {column!r}): the file states the unit {stated!r}, but it is read in "
-            f"{configured!r}; expected the same; correct ingest.channels.{column}.unit, or the file if it is wrong"
+            f"{configured!r}; expected the same; correct channels.{column}.unit in the mapping, or the file"
         )

@@ -32,7 +32,7 @@ class OrderedStamps:
 def order_stamps(time_s: Array, blank: Mask, rules: TimeRules) -> OrderedStamps:
     """Return the stamps in order.
 
-    Rows that hold neither stamp nor value (``blank``) are ignored, and a few stamps that are not finite (or 1e15 s and
+    Rows that hold neither stamp nor value (``blank``) are ignored, and a few stamps that are not finite (or 1e11 s and
     more) are left out. A clock may restart, be set back or roll over.
 
     Raises:
