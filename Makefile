@@ -7,7 +7,7 @@ export PIP_DISABLE_PIP_VERSION_CHECK := 1
 ARGS ?=
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-dev reproduce benchmark test-benchmark test test-all lint format params ui serve track performance readme seeds release lock docs live test-live
+.PHONY: help install install-dev reproduce benchmark test-benchmark test test-all lint format params ui serve track performance readme seeds release lock docs live test-live monitor test-monitoring
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -55,6 +55,13 @@ benchmark: install ## run the comparison of the literature, then print where its
 test-benchmark: install-dev ## check and test the comparison of the literature: about two minutes on two cores
 	@$(MAKE) --no-print-directory -C benchmark test VENV=$(abspath $(VENV))
 
+monitor: install ## a night over a simulated fleet, or over yours: ARGS="LOGS --fleet fleet.yaml --into health"
+	@$(MAKE) --no-print-directory -C monitoring install VENV=$(abspath $(VENV))
+	cylinder-friction monitor $(or $(ARGS),--demo build/fleet); status=$$?; test $$status -eq 3 || exit $$status # 3: an alarm
+
+test-monitoring: install-dev ## check and test monitoring: about three minutes on two cores
+	@$(MAKE) --no-print-directory -C monitoring test VENV=$(abspath $(VENV))
+
 test: install-dev ## run the tests that a change must pass: about seven minutes on two cores
 	pytest -n 2 -m "not extended"
 
@@ -71,6 +78,8 @@ lint: install-dev ## check style, types and imports
 	python tools/import_cycles.py
 	python tools/architecture.py
 	python tools/mutants.py --look
+	@$(MAKE) --no-print-directory -C live lint VENV=$(abspath $(VENV))
+	@$(MAKE) --no-print-directory -C monitoring lint VENV=$(abspath $(VENV))
 
 format: install-dev ## rewrite style
 	ruff format src tests performance docs tools examples
@@ -83,7 +92,7 @@ ui: | $(BIN)/cylinder-friction ## open the MLflow UI on the runs
 	cylinder-friction ui
 
 serve: | $(BIN)/cylinder-friction ## serve the champion and print a curl to try
-	cylinder-friction serve
+	cylinder-friction serve $(ARGS)
 
 live: install ## friction of the rig's recordings as if they happened now, on a web page
 	@$(MAKE) --no-print-directory -C live run VENV=$(abspath $(VENV)) ARGS="$(ARGS)"

@@ -12,7 +12,6 @@ import pytest
 from cylinder_friction.commands import check, stage
 from cylinder_friction.commands.cli import COMMANDS, INTERRUPTED, UNREAD, main, parser
 from cylinder_friction.commands.plugins import ELSEWHERE
-from cylinder_friction.fleet.stage_names import FLEET_STAGES
 from cylinder_friction.run_record import STAGES
 
 
@@ -33,14 +32,14 @@ def test_help_lists_every_command_and_its_module_has_what_it_needs(capsys: pytes
 def test_help_of_stage_lists_every_stage_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     shown = output_of(["stage", "--help"], capsys)
     assert "``" not in shown
-    assert re.findall(r"^- (\w+): +\w", shown, re.MULTILINE) == [*STAGES, *FLEET_STAGES]
+    assert re.findall(r"^- (\w+): +\w", shown, re.MULTILINE) == [*STAGES]
 
 
 def test_version_and_completion_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert output_of(["--version"], capsys).startswith("cylinder-friction 0.")
     script = output_of(["--print-completion", "bash"], capsys)
     assert f"_shtab_cylinder_friction_pos_0_choices=({' '.join(COMMANDS)})" in script
-    assert " ".join((*STAGES, *FLEET_STAGES)) in script
+    assert " ".join(STAGES) in script
 
 
 @pytest.mark.parametrize(

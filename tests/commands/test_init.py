@@ -11,7 +11,6 @@ import yaml
 from cylinder_friction.commands import init
 from cylinder_friction.commands.cli import main
 from cylinder_friction.commands.init import EXAMPLE
-from cylinder_friction.fleet.stage_names import FLEET_STAGES
 from cylinder_friction.import_graph import code_key
 from cylinder_friction.run_record import STAGES
 from cylinder_friction.tracking.repository import git
@@ -45,7 +44,7 @@ def test_a_project_holds_what_its_pipeline_and_its_user_need(project: Path) -> N
 def test_code_yaml_holds_the_hash_of_every_stage(project: Path) -> None:
     codes = yaml.safe_load((project / "code.yaml").read_text(encoding="utf-8"))
     assert codes.pop("cylinder-friction")
-    assert codes == {stage: code_key(f"cylinder_friction.stages.{stage}") for stage in (*STAGES, *FLEET_STAGES)}
+    assert codes == {stage: code_key(f"cylinder_friction.stages.{stage}") for stage in STAGES}
 
 
 def test_the_example_log_gives_friction(

@@ -23,7 +23,6 @@ COMMANDS = {
     "estimate": "estimate friction from log files: a result per recording and a page",
     "identify": "identify friction models from log files: Stribeck curve, LuGre, files for Modelica and MATLAB",
     "adapt": "adapt a model to another cylinder from a few of its logs",
-    "monitor": "watch the trends of a fleet from its logs, each night only what is new, and raise alarms",
     "inspect": "check log files and draw a page",
     "track": "log every finished stage to MLflow, without duplicates",
     "summary": "print the comparison table and where its files are",

@@ -17,7 +17,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from cylinder_friction.commands._imports import staying
 from cylinder_friction.commands._model import model_folder
 
 if TYPE_CHECKING:
@@ -90,10 +89,9 @@ def units_of(given: Sequence[str]) -> dict[str, str]:
 
 
 def run(options: argparse.Namespace) -> int:
-    with staying():
-        from cylinder_friction.estimation.from_logs import PAGE_FILE, estimate_logs
-        from cylinder_friction.evaluation.friction_levels import in_words
-        from cylinder_friction.execution.selection import workers_from_environment
+    from cylinder_friction.estimation.from_logs import PAGE_FILE, estimate_logs
+    from cylinder_friction.evaluation.friction_levels import in_words
+    from cylinder_friction.execution.selection import workers_from_environment
 
     with ExitStack() as stack:
         if model := options.model:

@@ -20,8 +20,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.kept_results import read_results, sort_logs
 from cylinder_friction.estimation.labelled_logs import LabelledLogs, inputs
+from cylinder_friction.estimation.new_logs import read_results, sort_logs
 from cylinder_friction.estimation.recording_friction import LabelledRecording, RecordingFriction, refused_piece
 from cylinder_friction.estimation.result_file import FileFormat, Result, packed, write_result
 from cylinder_friction.estimation.results import FrictionOfLogs, table_rows

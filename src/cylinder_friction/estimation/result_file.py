@@ -18,6 +18,7 @@ from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence
 from cylinder_friction.labelling.sliding_blocks import SlidingBlocks
 from cylinder_friction.recordings.checks.duplicates import Samples
 from cylinder_friction.recordings.files import whole_file, write_text
+from cylinder_friction.recordings.formats.mdf_results import write_mdf
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.result_folder import refuse_foreign
 from cylinder_friction.recordings.storage import read_beside, write_recording
@@ -125,8 +126,6 @@ def write_result(
 
 def _write_beside(path: Path, finished: Recording, pane: str, log: Path) -> None:
     if path.suffix == ".mf4":
-        from cylinder_friction.recordings.formats.mdf_results import write_mdf  # what no other format needs
-
         write_mdf(path, finished, log)
     elif path.suffix == ".csv":
         with whole_file(path) as draft:

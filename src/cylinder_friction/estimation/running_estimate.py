@@ -10,7 +10,9 @@ import numpy as np
 
 from cylinder_friction.labelling.load import pooled_load
 from cylinder_friction.labelling.session import SessionIdentification
+from cylinder_friction.realtime.bounds import bounds_count
 from cylinder_friction.realtime.flags import LEAST_ROWS, Flag
+from cylinder_friction.realtime.stream import CompiledRun
 from cylinder_friction.recordings.recording import Recording
 
 if TYPE_CHECKING:
@@ -24,7 +26,7 @@ OFTEN_MISSED = 3.0
 @lru_cache(maxsize=1)
 def loaded_once(folder: Path) -> FrictionEstimator:
     """Load a saved estimator; the last one stays in memory."""
-    from cylinder_friction.estimators.loading import load_estimator  # what only labels need not wait for it
+    from cylinder_friction.estimators.loading import load_estimator  # ONNX: labels need no estimator
 
     return load_estimator(folder)
 
@@ -41,8 +43,6 @@ def label_missed(recording: Recording, bounds: Bounds) -> str:
 
     Rows count as ``bounds_count`` states.
     """
-    from cylinder_friction.realtime.bounds import bounds_count  # what only labels need not wait for it
-
     label_n = recording.column("label_n")
     held = (recording.column("lower_n") <= label_n) & (label_n <= recording.column("upper_n"))
     held = held[bounds_count(recording)]
@@ -57,8 +57,6 @@ def estimated(labelled: Recording, estimator: FrictionEstimator) -> Recording:
 
     Rows before the first valid sample have no estimate: their friction is NaN, and they are not usable.
     """
-    from cylinder_friction.realtime.stream import CompiledRun  # what only labels need not wait for it
-
     newtons, flags = CompiledRun(estimator.step_model()).run(labelled.samples(estimator.inputs))
     known_n = np.where((flags & Flag.NOT_READY == 0)[:, None], newtons, np.nan)
     friction_n, lower_n, upper_n = estimator.aligned(known_n).T

@@ -16,6 +16,7 @@ from cylinder_friction.recordings.files import read_yaml
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.ingesting import Quarantined, none_usable, other_rates, recordings_of
 from cylinder_friction.recordings.mapping.channel_mapping import SensorScale, check_mapping
+from cylinder_friction.recordings.mapping_of_logs import guessed
 from cylinder_friction.recordings.path_names import ONE_CONDITION, NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
 
@@ -128,8 +129,6 @@ def find_logs(
     paths = log_paths([files] if isinstance(files, str | Path) else list(files))
     try:
         if channels is None:
-            from cylinder_friction.recordings.mapping_of_logs import guessed  # what has a mapping need not wait for it
-
             guess, tables = guessed(paths, cylinder, units or {}, None if database is None else Path(database))
             settings = {"channels": {name: guess.mapped(name) for name in guess.columns}, "database": database}
             logs = _logs(paths, settings, cylinder, names, load, rate_hz)

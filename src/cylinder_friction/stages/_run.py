@@ -4,13 +4,12 @@ import importlib
 from dataclasses import replace
 from pathlib import Path
 
-from cylinder_friction.fleet.stage_names import EVERY_STAGE
 from cylinder_friction.import_graph import code_key
 from cylinder_friction.params.checking import ParamsError, load_params
 from cylinder_friction.recordings.files import write_json
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import read_metadata, recording_paths
-from cylinder_friction.run_record import RUNS_FOLDER
+from cylinder_friction.run_record import RUNS_FOLDER, STAGES
 from cylinder_friction.stages._stage import PROCESSED_FOLDERS
 from cylinder_friction.tracking.log_run import track_or_warn
 from cylinder_friction.tracking.measurement import measured
@@ -24,8 +23,8 @@ def run_stage(name: str) -> None:
             no stage starts on half a configuration.
         RecordingError: No training recording is of the condition that ``lugre.condition`` names.
     """
-    if name not in EVERY_STAGE:
-        raise ParamsError(f"no stage {name!r}; expected one of {', '.join(EVERY_STAGE)}")
+    if name not in STAGES:
+        raise ParamsError(f"no stage {name!r}; expected one of {', '.join(STAGES)}")
     params = load_params()
     if name in ("search", "train", "baselines", "lugre"):  # before hours of training: ``lugre`` may come after it
         _refuse_unknown_condition(PROCESSED_FOLDERS["train"], params.lugre.condition)

@@ -33,6 +33,8 @@ from cylinder_friction.stages._stage import (
     datasets,
     flat,
 )
+from cylinder_friction.tracking.gate import Candidate
+from cylinder_friction.tracking.registry import REGISTERED_FILE, register
 from cylinder_friction.tracking.repository import TrackingError
 from cylinder_friction.tracking.versions import origin_of
 
@@ -53,9 +55,6 @@ def run(params: Params) -> RunRecord:
         TrackingError: The registry cannot be reached: without it nobody knows the incumbent, so nothing is decided.
         LineageError: ``dvc.lock`` does not state which data the candidate was made from.
     """
-    from cylinder_friction.tracking.gate import Candidate
-    from cylinder_friction.tracking.registry import REGISTERED_FILE, register
-
     settings = params.register_
     folder, ingested = _FOLDERS[settings.candidate], read_json(INGESTED_FILE)
     test_folder = PROCESSED_FOLDERS["test"]

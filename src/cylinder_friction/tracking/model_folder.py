@@ -16,7 +16,8 @@ from mlflow.models import Model, ModelSignature
 from mlflow.types import ColSpec, DataType, Schema
 
 from cylinder_friction.deployment.descriptions import described_inputs
-from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, recorded
+from cylinder_friction.deployment.golden_recording import recorded
+from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE
 from cylinder_friction.deployment.scoring import RECORDING_COLUMN, TIME_COLUMN
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.import_graph import SOURCE, imported_modules, used_files

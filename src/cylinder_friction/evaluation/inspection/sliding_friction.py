@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.evaluation.inspection.friction_view import CONFIDENCE, FrictionView
@@ -57,8 +58,6 @@ def stroke_half_width(values: Array, stroke: NDArray[np.int64]) -> float:
 
     Source: Cochran 1977, Sampling Techniques, chapter 9A (clusters of unequal size).
     """
-    from scipy.special import stdtrit  # what only imports this module need not wait for it
-
     _, stroke, rows = np.unique(stroke, return_inverse=True, return_counts=True)
     if len(rows) < 2:
         return 0.0

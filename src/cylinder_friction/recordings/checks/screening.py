@@ -12,6 +12,7 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.checks.finding import spoken
+from cylinder_friction.recordings.checks.marking import mark
 from cylinder_friction.recordings.checks.marks import AT_ITS_END, BESIDE, INFINITE, MOST_ODD, OUT_OF_RANGE, QUIET, SPIKE
 from cylinder_friction.recordings.mapping.channel_mapping import SensorLimits
 from cylinder_friction.recordings.recording import RecordingError, Signal, expect
@@ -103,8 +104,6 @@ def _screened(
     within = low, high, *_ends(column, sensor, stroke_m)
     if surely_good(logged, *within, height):
         return values, {}
-    from cylinder_friction.recordings.checks.marking import mark  # half a second that most files do not need
-
     rows, marks = np.flatnonzero(~missing), np.zeros(len(logged), dtype=np.uint8)
     longest = mark(logged, *within, height, marks)
     bad = {}

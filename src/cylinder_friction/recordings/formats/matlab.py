@@ -6,6 +6,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import scipy.io
 from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.format import Format, Library
@@ -115,8 +116,6 @@ def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[Logg
     Single values and text are no channels and only named, as ``unread``. So are variables that nothing wanted can come
     from: they are not loaded.
     """
-    import scipy.io
-
     found = Found()
     listed = _listed(source)
     names = None if listed is None or wanted is None else _to_load(listed, wanted, found)
@@ -131,8 +130,6 @@ def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[Logg
 
 def _listed(source: FileSource) -> list[tuple[str, tuple[int, ...], str]] | None:
     """Return name, shape and class of each variable; None if SciPy cannot list them beside a string, date or table."""
-    import scipy.io
-
     handle: Any = source.handle()
     try:
         return list(scipy.io.whosmat(handle))

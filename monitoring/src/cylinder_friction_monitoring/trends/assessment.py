@@ -1,0 +1,134 @@
+"""What is known of a cylinder today: one of five answers, with what it rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from typing import Any, Literal
+
+Answer = Literal["fine", "watch", "alarm", "not yet", "undecided"]
+
+NE107: Mapping[str, str] = {
+    "fine": "NORMAL",
+    "watch": "CHECK_FUNCTION",
+    "alarm": "MAINTENANCE_REQUIRED",
+    "not yet": "NORMAL",
+    "undecided": "OFF_SPEC",
+}
+"""Status signal of NAMUR NE 107 of each answer, in the names of OPC UA's ``DeviceHealth``."""
+
+EntryKind = Literal["service", "reset", "acknowledge", "comment", "reference", "withdraw"]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What a person did or noted; entries are added, never changed, and withdrawn by another entry."""
+
+    cylinder: str
+    time: str  # ISO 8601, UTC
+    name: str  # Who
+    kind: EntryKind  # service: seals or oil changed; reset, reference: a new baseline begins at ``time``
+    words: str = ""
+    until: str = ""  # Of an acknowledgement: when the alarm returns, ISO 8601, UTC; empty: as the fleet file states
+    withdraws: str = ""  # Of a withdrawal: kind and time of the entry that it withdraws
+    withdrawn: str = ""  # Who withdrew this entry and why; it then counts for nothing
+
+    @property
+    def stated(self) -> str:
+        """All that it states, in words."""
+        words = f"{self.withdraws}: {self.words}" if self.withdraws else self.words
+        words += f" (until {self.until[:10]})" if self.until else ""
+        return f"{words} (withdrawn by {self.withdrawn})".lstrip() if self.withdrawn else words
+
+
+@dataclass(frozen=True)
+class Baseline:
+    """The reference that an indicator is compared with."""
+
+    sessions: int  # Of which it is made
+    needed: int  # How many are needed before an alarm may be given
+    first: str  # Name of the first and last session
+    last: str
+    level: float  # Mean at the reference covariates, in the indicator's unit
+    scatter: float  # Standard deviation of sessions about it, after compensation
+    autocorrelation: float  # Of neighbouring sessions (lag 1)
+    threshold: float  # Of the CUSUM, in standard deviations
+    false_alarms_per_year: float  # Of the cylinder, all indicators together, at the sessions per year seen
+    smallest: float  # Smallest lasting change that the test can find, in the indicator's unit
+    reference: Mapping[str, float] = field(default_factory=dict)  # Covariates at which ``level`` holds
+
+
+@dataclass(frozen=True)
+class Change:
+    """A change that an indicator shows."""
+
+    indicator: str
+    change: float  # Now less baseline, in the indicator's unit
+    interval: tuple[float, float]  # 95 %
+    percent: float | None  # Of the baseline's level
+    percent_interval: tuple[float, float] | None
+    since: str  # Session at which it began, dated after the alarm
+    since_interval: tuple[str, str]  # First and last session at which it may have begun
+    alarm_session: str  # At which the test alarmed
+    per_year: float | None = None  # Rate now, in the indicator's unit
+    per_year_interval: tuple[float, float] | None = None
+    # When the limit that the user set is reached, or since when it is passed (ISO date), with its interval; None if no
+    # limit is set, or no trend is seen
+    limit_reached: str | None = None
+    limit_interval: tuple[str | None, str | None] | None = None
+    limit_passed: bool = False
+    beside: tuple[str, ...] = ()  # What else changed at that time, in words
+
+
+@dataclass(frozen=True)
+class IndicatorTrend:
+    """One indicator over a cylinder's life."""
+
+    baseline: Baseline | None  # None while there are too few sessions
+    sessions: tuple[str, ...]
+    compensated: tuple[float | None, ...]  # At the reference covariates, in the indicator's unit
+    upward: tuple[float | None, ...]  # CUSUM statistics, in standard deviations
+    downward: tuple[float | None, ...]
+    why: str = ""  # Why there is no baseline, in words
+
+
+@dataclass(frozen=True)
+class ModelBounds:
+    """How much of the later labels a model's bounds hold, and whether the model should be trained anew."""
+
+    stated_percent: float  # Of the label's rows, which the bounds state they hold
+    sessions: int  # That this model estimated
+    words: str  # What follows, and from what
+    proposed: bool = False  # Whether retraining is proposed
+    before_percent: float | None = None  # Held in the baseline's sessions; None while there are too few
+    before_interval: tuple[float, float] | None = None  # 95 %, given that sessions differ
+    now_percent: float | None = None  # Held since ``since``; None if the bounds hold as before
+    now_interval: tuple[float, float] | None = None
+    since: str = ""  # Session from which they hold less
+    since_interval: tuple[str, str] | None = None  # First and last session at which that may have begun
+    alarm_session: str = ""  # At which the test alarmed
+
+    @property
+    def lost(self) -> bool:
+        """Whether the bounds hold surely less than they state, and less than before."""
+        return self.now_interval is not None and self.now_interval[1] < self.stated_percent
+
+
+@dataclass(frozen=True)
+class Assessment:
+    """What is known of one cylinder."""
+
+    cylinder: str
+    answer: Answer
+    words: str  # One sentence: what, how much, since when, what to do
+    changes: tuple[Change, ...] = ()
+    trends: Mapping[str, IndicatorTrend] = field(default_factory=dict)
+    more_sessions: int | None = None  # For ``not yet``: how many more are needed
+    would_decide: tuple[str, ...] = ()  # For ``undecided``: what would decide it
+    questions: tuple[str, ...] = ()  # Asked of the user, such as whether a service set a new baseline
+    acknowledged: str = ""  # Who acknowledged the alarm, and when; empty without an alarm, or if it has returned
+    model: ModelBounds | None = None  # None if no model estimated the newest session
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content as JSON-compatible values."""
+        return asdict(self) | {"ne107": NE107[self.answer]}

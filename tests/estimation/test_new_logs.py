@@ -1,0 +1,262 @@
+"""A second run processes what is new: by content, without losing anything, and in the same bytes after a kill."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimation.from_logs import estimate_logs
+from cylinder_friction.estimation.new_logs import GONE, SETTLED_S
+from cylinder_friction.estimation.results import FrictionOfLogs
+from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
+from cylinder_friction.recordings.recording import Recording
+from logger_files import CHANNELS, write_log
+
+KILLS = int(os.environ.get("KILLS", "4"))
+SENSOR = {"accuracy_percent": 0.05, "zero_uncertainty": 0.05, "range": [0.0, 250.0], "unit": "bar"}
+STATED = CHANNELS | {name: CHANNELS[name] | {"sensor": SENSOR} for name in ("pressure_1_pa", "pressure_2_pa")}
+Run = Callable[..., FrictionOfLogs]
+
+
+@pytest.fixture
+def folder(tmp_path: Path, twelve_recordings: list[Recording]) -> Path:
+    """Return the folder of five logs, written an hour ago; another seven lie in ``later``."""
+    for number, recording in enumerate(twelve_recordings):
+        path = write_log(tmp_path / f"{'logs' if number < 5 else 'later'}/log{number:02d}.csv", recording)
+        settle(path)
+    return tmp_path / "logs"
+
+
+@pytest.fixture
+def run(folder: Path, cylinder: Cylinder) -> Run:
+    def run(name: str = "out", **options: object) -> FrictionOfLogs:
+        given = {"channels": STATED} | options
+        return estimate_logs(folder, cylinder, folder.with_name(name), **given)  # type: ignore[arg-type]
+
+    return run
+
+
+def settle(path: Path) -> None:
+    os.utime(path, (time.time() - 3600.0,) * 2)
+
+
+def deliver(folder: Path, *numbers: int) -> None:
+    for number in numbers:
+        shutil.copy2(folder.with_name("later") / f"log{number:02d}.csv", folder)
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def names(result: FrictionOfLogs) -> list[str]:
+    return [each.name for each in result.recordings]
+
+
+def test_nothing_new_changes_nothing(run: Run, folder: Path) -> None:
+    first = run()
+    out = folder.with_name("out")
+    before, changed = content(out), [path.stat().st_mtime_ns for path in sorted(out.rglob("*"))]
+    again = run()
+    assert (again.new, again.news) == ((), ("5 files as before",))
+    assert (again.recordings, again.bounds) == (first.recordings, first.bounds)
+    assert repr(again.offsets) == repr(first.offsets)
+    assert content(out) == before
+    assert [path.stat().st_mtime_ns for path in sorted(out.rglob("*"))] == changed
+
+
+def test_new_files_leave_the_results_of_the_others_and_the_page_shows_all(run: Run, folder: Path) -> None:
+    run()
+    before = content(folder.with_name("out"))
+    deliver(folder, 5, 6)
+    result = run()
+    assert result.new == ("log05", "log06")
+    digest = hashlib.sha256((folder / "log05.csv").read_bytes()).hexdigest()
+    assert result.recordings[5].source_sha256 == digest
+    assert {"cylinder", "mapping", "model"} <= result.to_dict()["depends_on"].keys()
+    assert result.news == ("2 files new or refused until now", "5 files as before")
+    assert names(result) == [f"log{number:02d}" for number in range(7)]
+    after = content(folder.with_name("out"))
+    assert {name: after[name] for name in before if name.startswith(("log", "panes/"))} == {
+        name: own for name, own in before.items() if name.startswith(("log", "panes/"))
+    }
+    assert all(f"#pane={name}" in after["friction.html"].decode() for name in names(result))
+
+
+def test_with_a_model_runs_by_steps_give_the_same_bytes(
+    run: Run, folder: Path, cylinder: Cylinder, labelled_recordings: list[Recording]
+) -> None:
+    model = LowPassForceBalanceEstimator(cylinder).fit(labelled_recordings[:2])
+    run(model=model)
+    deliver(folder, 5, 6)
+    run(model=model)
+    run("whole", model=model)
+    by_steps, at_once = (content(folder.with_name(name)) for name in ("out", "whole"))
+    for name in ("summary.json", "friction.html"):  # where results lie, and what was new, differs
+        by_steps.pop(name), at_once.pop(name)
+    assert by_steps == at_once
+
+
+def test_offsets_of_new_sessions_are_identified_beside_those_of_before(run: Run, folder: Path) -> None:
+    first = run()
+    deliver(folder, *range(5, 12))
+    result = run()
+    assert {each.source for each in first.offsets} == {"stated uncertainty"}
+    found = {each.session: each for each in result.offsets}
+    assert repr([found[each.session] for each in first.offsets]) == repr(first.offsets)
+    assert {found[f"log{number:02d}"].source for number in range(5, 12)} == {"strokes in both directions"}
+    assert "12 sessions together" in found["log11"].words
+
+
+def test_a_file_is_known_by_its_content(run: Run, folder: Path) -> None:
+    run()
+    (folder / "log00.csv").touch()  # another date
+    (folder / "log01.csv").rename(folder / "moved.csv")
+    (folder / "log02.csv").unlink()
+    shutil.copy2(folder / "log03.csv", folder / "log99.csv")  # delivered twice
+    deliver(folder, 7)
+    (folder / "log07.csv").replace(folder / "log04.csv")  # another measurement under a known name
+    result = run()
+    assert result.new == ("log04", "moved")
+    assert names(result) == ["log00", "log02", "log03", "log04", "moved"]
+    assert [each.gone for each in result.recordings] == ["", GONE, "", "", ""]
+    assert [(each.file, each.reason) for each in result.refused] == [
+        ("log99.csv", "holds the same bytes as log03.csv; a copy would be counted twice")
+    ]
+    assert result.news == (
+        "1 file new or refused until now",
+        "1 file with new content",
+        "1 file renamed: log01.csv is moved.csv",
+        "1 file not among the logs any more, results kept: log02.csv",
+        "2 files as before",
+    )
+    assert not (folder.with_name("out") / "log01.parquet").exists()
+    assert (folder.with_name("out") / "log02.parquet").exists()
+    (folder / "log99.csv").unlink()
+    deliver(folder, 8)
+    (folder / "log08.csv").rename(folder / "log02.csv")
+    assert run().recordings[1].gone == ""
+
+
+def test_a_refused_file_is_tried_again(run: Run, folder: Path) -> None:
+    good = (folder / "log04.csv").read_bytes()
+    (folder / "log04.csv").write_bytes(good[: len(good) // 2] + b"overload\n" + good[len(good) // 2 :])
+    settle(folder / "log04.csv")
+    assert [each.file for each in run().refused] == ["log04.csv"]
+    again = run()
+    assert ([each.file for each in again.refused], again.new) == (["log04.csv"], ())
+    (folder / "log04.csv").write_bytes(good)
+    settle(folder / "log04.csv")
+    assert (run().refused, run().new) == ([], ())
+
+
+def test_a_file_that_is_still_written_is_left_for_the_next_run(run: Run, folder: Path) -> None:
+    run()
+    deliver(folder, 5)
+    (folder / "log05.csv").touch()
+    result = run()
+    assert result.new == ()
+    assert result.news[0] == f"1 file changed less than {SETTLED_S:g} s ago and left for the next run: log05.csv"
+    os.utime(folder / "log05.csv", (time.time() + 3600.0,) * 2)  # a clock that went back
+    assert run().new == ("log05",)
+
+
+def test_a_session_that_gets_another_file_is_identified_again_as_a_whole(run: Run, folder: Path) -> None:
+    pattern = r"(?P<session>(?P<condition>log)0)"
+    run(names=pattern)
+    deliver(folder, 5)
+    result = run(names=pattern)
+    assert result.new == tuple(f"log{number:02d}" for number in range(6))
+    assert "5 files processed again: a log of their session is new" in result.news
+
+
+def test_another_cylinder_or_mapping_begins_anew_and_loses_nothing(run: Run, folder: Path, cylinder: Cylinder) -> None:
+    run()
+    (folder / "log02.csv").unlink()
+    result = run(channels=CHANNELS)
+    assert result.news[0] == "4 files processed anew, with another mapping than before"
+    assert result.new == ("log00", "log01", "log03", "log04")
+    assert result.recordings[2].gone == f"{GONE}; it was processed with another mapping"
+    assert (folder.with_name("out") / "log02.parquet").exists()
+    other = replace(cylinder, moving_mass_kg=7.0)
+    result = estimate_logs(folder, other, folder.with_name("out"), channels=CHANNELS, file_format="csv")
+    assert result.news[0] == "4 files processed anew, with another cylinder and another format than before"
+    written = {path.name for path in folder.with_name("out").glob("log*")}
+    assert written == {*(f"log0{each}.parquet" for each in range(5)), *(f"log0{each}.csv" for each in (0, 1, 3, 4))}
+
+
+@pytest.mark.parametrize("name", ["log03.parquet", "panes/log03.js"])
+def test_a_removed_file_of_a_result_is_made_again(run: Run, folder: Path, name: str) -> None:
+    run()
+    before = content(folder.with_name("out"))
+    (folder.with_name("out") / name).unlink()
+    assert run().new == ("log03",)
+    after = content(folder.with_name("out"))
+    before.pop("summary.json"), after.pop("summary.json")  # which states what was new
+    assert after == before
+
+
+def test_a_recording_of_several_counts_with_the_others_of_its_log(run: Run, folder: Path) -> None:
+    log = (folder / "log03.csv").read_text().splitlines(keepends=True)
+    (folder / "log03.csv").write_text("".join([*log[:2000], *log[2300:]]))
+    settle(folder / "log03.csv")
+    run()
+    (folder.with_name("out") / "log03_part2.parquet").unlink()
+    assert run().new == ("log03_part1", "log03_part2")
+
+
+def test_what_is_no_result_is_neither_read_nor_written_over(run: Run, folder: Path) -> None:
+    run()
+    deliver(folder, 5)
+    mine = folder.with_name("out") / "log05.parquet"
+    mine.write_text("mine", encoding="utf-8")
+    with pytest.raises(FileExistsError, match=r"log05.parquet: is in the place of a result, but no earlier run wrote"):
+        run()
+    mine.unlink()
+    assert run().new == ("log05",)
+
+
+def test_after_a_kill_at_any_moment_the_next_run_ends_in_the_same_bytes(folder: Path, tmp_path: Path) -> None:
+    def command(out: str) -> subprocess.Popen[bytes]:
+        sizes = "bore_diameter_m=0.063,rod_diameter_m=0.028,stroke_m=0.25,moving_mass_kg=6"
+        given = [str(folder), "--cylinder", sizes, "--channels", str(mapping), "--output", str(tmp_path / out)]
+        return subprocess.Popen(
+            [sys.executable, "-m", "cylinder_friction.commands.cli", "estimate", *given],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+
+    mapping = tmp_path / "press.yaml"
+    mapping.write_text(f"channels: {STATED!r}\n", encoding="utf-8")
+    assert command("begun").wait() == 0
+    deliver(folder, 5, 6, 7)
+    shutil.copytree(tmp_path / "begun", tmp_path / "expected")
+    started = time.monotonic()
+    assert command("expected").wait() == 0
+    whole_s = time.monotonic() - started
+    expected = content(tmp_path / "expected")
+    for kill in range(KILLS):
+        out = f"out{kill}"
+        shutil.copytree(tmp_path / "begun", tmp_path / out)
+        process = command(out)
+        try:
+            process.wait(timeout=whole_s * (kill + 1) / KILLS)
+        except subprocess.TimeoutExpired:
+            process.send_signal(signal.SIGKILL)
+            process.wait()
+        assert command(out).wait() == 0
+        written = content(tmp_path / out)
+        for each in (written, expected):  # which state what was new
+            each.pop("summary.json", None)
+        assert written == expected
