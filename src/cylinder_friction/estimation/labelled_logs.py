@@ -68,10 +68,20 @@ class LabelledLogs:
         self.refused: list[Quarantined] = []
         self.offsets: dict[str, KnownOffset] = {}
 
-    def recordings(self) -> Iterator[tuple[Recording, str]]:
-        """Yield each usable recording with friction, bounds, velocity and usable rows, and its load in words."""
+    def recordings(self, most_rows: int) -> Iterator[tuple[Recording, str]]:
+        """Yield each usable recording with friction, bounds, velocity and usable rows, and its load in words.
+
+        Of a log with more rows than these only some recordings are yielded, spread evenly over it.
+        """
+        of_file: dict[str, list[LabelledRecording]] = {}
         for each in self.labelled():
-            yield self.friction.finished(each.kept.read(), self.offsets.get(each.metadata.session)), each.load
+            of_file.setdefault(each.metadata.source_file, []).append(each)
+        for own in of_file.values():
+            every = -(-sum(each.rows for each in own) // most_rows)
+            yield from map(self._finished, own[::every])
+
+    def _finished(self, each: LabelledRecording) -> tuple[Recording, str]:
+        return self.friction.finished(each.kept.read(), self.offsets.get(each.metadata.session)), each.load
 
     def labelled(
         self,

@@ -41,6 +41,7 @@ class LabelledRecording:
     kept: Kept
     evidence: OffsetEvidence | None  # What it shows of the sensors' offset; None with an estimator
     load: str  # Which load was identified and taken off, in words; empty if none was
+    rows: int
     samples: Samples  # By which a copy is known
 
 
@@ -100,7 +101,7 @@ class RecordingFriction:
             return refused_piece(each.metadata, str(error))
         evidence = self._evidence(labelled) if estimator is None else None
         load = identified.load.sentence() if identified is not None and identified.load is not None else ""
-        return LabelledRecording(each.metadata, keeper.keep(labelled), evidence, load, each.samples)
+        return LabelledRecording(each.metadata, keeper.keep(labelled), evidence, load, len(labelled), each.samples)
 
     def _evidence(self, labelled: Recording) -> OffsetEvidence:
         known = LOADED.get(self.labeller.load, "")
