@@ -15,7 +15,6 @@ from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.estimators.saved_folder import DESCRIPTION_FILE
 from cylinder_friction.evaluation.analysis import Analysis, analyse
 from cylinder_friction.evaluation.comparison import LABEL_ITSELF, ComparisonSettings, compare
 from cylinder_friction.evaluation.coverage import Coverage, coverage, coverage_metrics
@@ -38,7 +37,6 @@ from cylinder_friction.reporting.summary import summary
 from cylinder_friction.run_record import RunRecord, by_columns
 from cylinder_friction.stages._stage import (
     AUDIT_FILE,
-    BASELINES_FOLDER,
     BEST_FILE,
     CHOSEN_FILE,
     COVERAGE_FILE,
@@ -47,8 +45,6 @@ from cylinder_friction.stages._stage import (
     HEADLINE_FILE,
     HYBRID_FOLDER,
     INGESTED_FILE,
-    LSTM_FOLDER,
-    LUGRE_FOLDER,
     METRICS_FILE,
     OFFSET_FILE,
     PAPER_HYBRID_FOLDER,
@@ -57,6 +53,7 @@ from cylinder_friction.stages._stage import (
     SPACE_FILE,
     artifacts,
     datasets,
+    estimator_folders,
     flat,
 )
 
@@ -116,7 +113,7 @@ def run(params: Params) -> RunRecord:
     return RunRecord(
         name="compare",
         params=flat(settings) | {"reference": reference},
-        metrics=error_metrics(errors_percent) | coverage_metrics(held, reference),
+        metrics=error_metrics(errors_percent, reference) | coverage_metrics(held, reference),
         tables={"errors_by_condition": by_columns(metric_rows(tree)), "bounds": by_columns(map(asdict, held))},
         note="\n".join(f"- {finding}" for finding in summary(comparison, main)),
         artifacts=artifacts(*WRITTEN),
@@ -170,33 +167,12 @@ def _load_in_words(recordings: Sequence[Recording]) -> str:
 
 
 def load_estimators() -> dict[str, FrictionEstimator]:
-    """Return every estimator that the pipeline made, by name: LuGre, baselines, hybrids.
+    """Return every estimator that the pipeline made, by name.
 
     Raises:
-        FileNotFoundError: One of them, or the folder of baselines, is not there.
+        FileNotFoundError: One of them is not there.
     """
-    if not BASELINES_FOLDER.is_dir():
-        raise FileNotFoundError(f"{BASELINES_FOLDER}: no such folder of baselines; run `dvc repro` to make it")
-    known = [folder.name for folder in BASELINES_FOLDER.iterdir() if (folder / DESCRIPTION_FILE).is_file()]
-    folders = {name: LUGRE_FOLDER / name for name in ("lugre", "pressure_lugre", "pressure_lugre_all")}
-    folders |= {name: BASELINES_FOLDER / name for name in sorted(known, key=_place)}
-    folders |= {folder.name: folder for folder in (LSTM_FOLDER, PAPER_HYBRID_FOLDER, HYBRID_FOLDER)}
-    return {name: load_estimator(folder) for name, folder in folders.items()}
-
-
-_ORDER = (
-    "force_balance_unfiltered",
-    "force_balance_paper",
-    "force_balance_low_pass",
-    "ridge",
-    "random_forest",
-    "paper_lstm",
-)
-
-
-def _place(name: str) -> tuple[int, str]:
-    """From simple to elaborate; a baseline the project does not know comes after those it does, by name."""
-    return (_ORDER.index(name) if name in _ORDER else len(_ORDER), name)
+    return {name: load_estimator(folder) for name, folder in estimator_folders().items()}
 
 
 def _write(
@@ -233,5 +209,5 @@ def _write(
     write_text(TABLE_FILE, markdown_tables(analysis.comparison, published=analysis.main == PAPER_HYBRID_FOLDER.name))
     write_json(TIMINGS_FILE, {name: asdict(time) for name, time in times.items()})
     write_json(STARTS_FILE, [asdict(each) for each in begun])
-    write_json(COVERAGE_FILE, [asdict(each) for each in held])
+    write_json(COVERAGE_FILE, [{"estimator": analysis.main, **asdict(each)} for each in held])
     write_json(METRICS_FILE, tree)

@@ -35,5 +35,5 @@ def run(params: Params) -> RunRecord:
         name="fleet",
         params=flat(plan),
         metrics={"cylinders": float(len(FATES)), "sessions": float(sessions)},
-        datasets={"fleet": Dataset(FLEET_FOLDER.as_posix(), hash_of(FLEET_FOLDER), {}, 0, written=True)},
+        datasets={"fleet": Dataset(FLEET_FOLDER.as_posix(), hash_of(FLEET_FOLDER), {}, 0)},
     )
