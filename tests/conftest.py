@@ -220,6 +220,7 @@ def written_pipeline(
             if recording.name.endswith(str(chosen)):
                 write_recording(root / "data/processed" / role, recording)
     small_hybrid.save(root / "models/hybrid")
+    (root / "models/baselines").mkdir()
     (root / "models/hybrid/chosen.json").write_text('{"layers": 1, "nodes": 4}', encoding="utf-8")
     (root / "models/hybrid/training_data.json").write_text('{"train": {"a": "00", "b": "11"}}', encoding="utf-8")
     conditions = sorted({recording.metadata.condition for recording in labelled_recordings})

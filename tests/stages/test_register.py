@@ -126,7 +126,7 @@ def test_any_estimator_of_the_comparison_with_a_real_time_step_is_registered(
     path = repository / "reports/metrics.json"
     numbers = json.loads(path.read_text(encoding="utf-8"))["hybrid"]
     path.write_text(json.dumps(dict.fromkeys(("hybrid", "ridge", "lugre"), numbers)), encoding="utf-8")
-    ridge = RidgeEstimator(cylinder).fit(labelled_recordings)
+    ridge = RidgeEstimator().fit(labelled_recordings)
     ridge.calibrate(labelled_recordings, labelled_recordings, cylinder)
     ridge.save(repository / "models/baselines/ridge")
     register.run(shipped(register={"candidate": "ridge"}))

@@ -60,7 +60,7 @@ def test_the_whole_way_back_holds_and_is_printed(registered: Path, tmp_path: Pat
     lines = found.text().splitlines()
     assert lines[0].startswith("friction-estimator version 1 (promoted: there is no incumbent")
     assert [link.name for link in found.links] == ["files", "run", "git commit", *sorted(DATA), "parameters"]
-    assert any("data raw/rig" in line and "in dvc.lock of the working tree, on disk at" in line for line in lines)
+    assert any("data raw/rig" in line and line.endswith(".dir in dvc.lock of the working tree") for line in lines)
     assert lines[-1] == "all 8 links hold"
 
 
@@ -106,9 +106,9 @@ def test_what_no_commit_has_is_a_broken_link(registered: Path) -> None:
     change(registered / "params.yaml", "seed: 1", "seed: 7")
     change(registered / "dvc.lock", "data/raw/rig", "data/raw/bench")
     links = broken(lineage(URI, registered))
-    assert links["parameters"].endswith("in no commit of params.yaml; lineage.json inside the model holds them")
+    assert links["parameters"].endswith("in no version of params.yaml; lineage.json inside the model holds them")
     assert "not in this repository (fatal: not a git repository" in links["git commit"]
-    assert "in no commit of dvc.lock" in links["data raw/rig"]
+    assert "in no version of dvc.lock" in links["data raw/rig"]
 
 
 def test_a_model_made_without_git_has_a_lineage_that_says_so(pipeline: Path) -> None:
@@ -118,41 +118,6 @@ def test_a_model_made_without_git_has_a_lineage_that_says_so(pipeline: Path) -> 
     links = broken(lineage(URI, pipeline))
     assert set(links) == {"git commit"}
     assert links["git commit"].startswith("unknown when the model was made: fatal: not a git repository")
-
-
-def stored(root: Path, place: Path) -> Path:
-    """Move the raw data into a store of DVC's; returns the log that is its content."""
-    folder = root / "data/raw/rig"
-    files = [{"md5": dvc_hash(file), "relpath": file.name} for file in sorted(folder.iterdir())]
-    content = {dvc_hash(folder): json.dumps(files).encode(), files[0]["md5"]: (folder / "log.csv").read_bytes()}
-    for md5, data in content.items():
-        (place / "files/md5" / md5[:2]).mkdir(parents=True, exist_ok=True)
-        (place / "files/md5" / md5[:2] / md5[2:]).write_bytes(data)
-    shutil.rmtree(folder)
-    return place / "files/md5" / files[0]["md5"][:2] / files[0]["md5"][2:]
-
-
-def test_data_in_dvcs_cache_holds(registered: Path) -> None:
-    log = stored(registered, registered / ".dvc/cache")
-    (registered / ".dvc/config").touch()
-    assert lineage(URI, registered).holds
-    log.unlink()
-    assert set(broken(lineage(URI, registered))) == {"data raw/rig"}
-
-
-def test_data_on_a_remote_holds_without_being_pulled(registered: Path, tmp_path: Path) -> None:
-    log = stored(registered, tmp_path / "shelf")
-    (registered / ".dvc").mkdir(exist_ok=True)
-    config = registered / ".dvc/config"
-    config.write_text(f"['remote \"shelf\"']\n    url = {tmp_path / 'shelf'}\n", encoding="utf-8")
-    found = {link.name: link for link in lineage(URI, registered).links}["data raw/rig"]
-    assert (found.holds, found.found.endswith(", on DVC's remote 'shelf'")) == (True, True)
-    log.unlink()
-    assert set(broken(lineage(URI, registered))) == {"data raw/rig"}
-    config.write_text("['remote \"cloud\"']\n    url = gs://bucket\n", encoding="utf-8")
-    links = broken(lineage(URI, registered))
-    assert set(links) == {"data raw/rig"}
-    assert "; DVC's remote 'cloud' cannot be read (" in links["data raw/rig"]
 
 
 def logged(root: Path, name: str) -> Path:
@@ -219,7 +184,6 @@ TAMPERING: dict[str, tuple[Callable[[Path], object], set[str]]] = {
     "the version's run": (in_store(OTHER_RUN, "search"), {"run"}),
     "the run": (run_deleted, {"run"}),
     "all files": (lambda root: shutil.rmtree(root / "mlartifacts"), {"files", "run", "git commit", "parameters"}),
-    "raw data": (lambda root: change(root / "data/raw/rig/log.csv", "10.5", "99.0"), {"data raw/rig"}),
 }  # fmt: skip
 
 

@@ -43,7 +43,7 @@ EXTRAS = {
     "switch": "live",
     "serve": "serve",
     "ui": "serve",
-    **dict.fromkeys(("stage", "params", "check", "track", "lineage", "promote", "rollback"), "pipeline"),
+    **dict.fromkeys(("stage", "params", "track", "lineage", "promote", "rollback"), "pipeline"),
 }
 """Command to the extra that brings all it needs; the others need the core."""
 LOOK = "check the path"

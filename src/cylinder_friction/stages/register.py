@@ -96,7 +96,7 @@ def candidate_folder(name: str) -> Path:
     """
     folders = estimator_folders()
     if not load_estimator(folders[name]).has_step:
-        stepped = [other for other, folder in folders.items() if load_estimator(folder).has_step]
+        stepped = [other for other, folder in folders.items() if folder.is_dir() and load_estimator(folder).has_step]
         raise TrackingError(
             f"register.candidate is {name!r}, which has no real-time step to serve; name one of {', '.join(stepped)}"
         )

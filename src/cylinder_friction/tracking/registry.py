@@ -248,7 +248,8 @@ def _write_decision(store: Store, version: ModelVersion, registered: Registered)
     gate = {"tolerance_percent": candidate.tolerance_percent, "incumbent": content["incumbent"]}
     _tag(store, version, {REASON: registered.reason, _GATE: json.dumps(gate)})
     reason = f"**{registered.reason[0].upper()}{registered.reason[1:]}**"
-    store.client.update_model_version(version.name, version.version, f"{reason}\n\n{candidate.card}")
+    way_back = f"`cylinder-friction lineage models:/{version.name}/{version.version}` checks it."
+    store.client.update_model_version(version.name, version.version, "\n\n".join([reason, candidate.card, way_back]))
 
 
 def _words(version: ModelVersion | None) -> str:
