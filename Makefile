@@ -5,10 +5,9 @@ BIN := $(abspath $(VENV))/bin
 export PATH := $(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 ARGS ?=
-NOT_SERVED_THERE := --follow-imports silent --exclude 'service/(processes|scoring/worker)'
 
 .DEFAULT_GOAL := help
-.PHONY: help install install-dev reproduce benchmark test-benchmark test test-all lint format params ui serve track performance readme seeds release lock docs live
+.PHONY: help install install-dev reproduce benchmark test-benchmark test test-all lint format params ui serve track performance readme seeds release lock docs live test-live monitor test-monitoring
 
 help: ## list the commands
 	@grep -E '^[a-z-]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
@@ -58,24 +57,30 @@ benchmark: install ## run the comparison of the literature, then print where its
 test-benchmark: install-dev ## check and test the comparison of the literature: about two minutes on two cores
 	@$(MAKE) --no-print-directory -C benchmark test VENV=$(abspath $(VENV))
 
+monitor: install ## a night over a simulated fleet, or over yours: ARGS="LOGS --fleet fleet.yaml --into health"
+	@$(MAKE) --no-print-directory -C monitoring install VENV=$(abspath $(VENV))
+	cylinder-friction monitor $(or $(ARGS),--demo build/fleet); status=$$?; test $$status -eq 3 || exit $$status # 3: an alarm
+
+test-monitoring: install-dev ## check and test monitoring: about three minutes on two cores
+	@$(MAKE) --no-print-directory -C monitoring test VENV=$(abspath $(VENV))
+
 test: install-dev ## run the tests that a change must pass: about seven minutes on two cores
 	pytest -n 2 -m "not extended"
 
-test-all: test ## run those and then the extended ones: kills, hangs, clusters, OPC UA, browsers, further pipelines
+test-all: test ## run those and then the extended ones: kills, hangs, clusters, browsers, further pipelines
 	pytest -n 2 -m extended
 
-lint: install-dev ## check style, types, imports and the words
+lint: install-dev ## check style, types and imports
 	ruff format --check src tests performance docs tools examples
 	ruff check src tests performance docs tools examples
 	mypy
-	mypy --platform win32 --cache-dir .mypy_cache/win32 $(NOT_SERVED_THERE) src
+	mypy --platform win32 --cache-dir .mypy_cache/win32 src
 	mypy --platform darwin --cache-dir .mypy_cache/darwin src
 	lint-imports
 	python tools/import_cycles.py
 	python tools/architecture.py
-	python tools/words.py
-	python tools/class_names.py
 	python tools/mutants.py --look
+	@$(MAKE) --no-print-directory -C monitoring lint VENV=$(abspath $(VENV))
 
 format: install-dev ## rewrite style
 	ruff format src tests performance docs tools examples
@@ -90,8 +95,11 @@ ui: | $(BIN)/cylinder-friction ## open the MLflow UI on the runs
 serve: | $(BIN)/cylinder-friction ## serve the champion and print a curl to try
 	cylinder-friction serve
 
-live: | $(BIN)/cylinder-friction ## friction of the rig's recordings as if they happened now, on a web page
-	cylinder-friction live --replay data/raw/rig --channels conf/ingest/rig.yaml --stribeck models/lugre/stribeck_points.json $(ARGS)
+live: install ## friction of the rig's recordings as if they happened now, on a web page
+	@$(MAKE) --no-print-directory -C live run VENV=$(abspath $(VENV)) ARGS="$(ARGS)"
+
+test-live: install-dev ## check and test the live service: about five minutes on two cores
+	@$(MAKE) --no-print-directory -C live test VENV=$(abspath $(VENV))
 
 track: | $(BIN)/cylinder-friction ## log every finished stage to MLflow, without duplicates
 	cylinder-friction track

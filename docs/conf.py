@@ -1,6 +1,7 @@
 """How Sphinx builds the site: guides as they stand, tutorials executed, the reference from the docstrings."""
 
 import os
+import sys
 import warnings
 from importlib.metadata import version as installed_version
 from pathlib import Path
@@ -8,6 +9,7 @@ from pathlib import Path
 from sphinx.application import Sphinx
 
 ROOT = Path(__file__).parent.parent
+sys.path.insert(0, str(ROOT / "live/src"))  # the reference of the live service, which need not be installed
 os.environ["TQDM_DISABLE"] = "1"  # progress bars are no output of a tutorial
 for category in (RuntimeWarning, UserWarning):
     warnings.simplefilter("error", category)  # a tutorial that warns stops the build

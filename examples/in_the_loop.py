@@ -143,8 +143,7 @@ figure.tight_layout()
 # ----
 #
 # One source and one header, C99, nothing allocated. Compiled and called from Python
-# it gives the same newtons, and so do the :doc:`FMU <../fmu>` and the :doc:`ONNX
-# graph <../onnx>`.
+# it gives the same newtons, and so does the :doc:`FMU <../fmu>`.
 
 exported = export_c(hybrid, folder / "press")
 compiled = CompiledEstimator(exported).stream()
@@ -158,5 +157,4 @@ print(
 )
 
 # %%
-# :doc:`../c` has a complete program for the controller's side, and ``cylinder-
-# friction latency`` measures the step on your machine.
+# :doc:`../c` has a complete program for the controller's side.

@@ -1,30 +1,34 @@
-"""The cost of one step on one core, in every runtime and beside code that a user would write from a paper.
+"""The cost of one step on one core: in Python, in C, and beside code that a user would write from a paper.
 
 Usage: python performance/latency.py [model folder ...]
 
-The peers filter in numpy, run the network over the last 40 samples, then the forest. No guard, no bounds, no flags:
-less work than a step of the others, network and forest excepted. It only prints; `cylinder-friction latency` measures
-the runtimes alone and keeps the figures.
+The runtimes of a model take turns on one core, so that disturbances affect all of them. The peer filters in NumPy, runs
+the network over the last 40 samples, then the forest. It has no guard, bounds or flags: but for network and forest it
+does less work than a step of the others.
 """
 
 from __future__ import annotations
 
+import ctypes
+import gc
+import os
 import sys
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-import onnx
-import onnxruntime
 import torch
+from numpy.typing import NDArray
 from sklearn.ensemble import RandomForestRegressor
 from threadpoolctl import threadpool_limits
 
-from cylinder_friction.deployment.latency.measuring import Effort, measure
-from cylinder_friction.deployment.latency.report import circumstances, model_table
-from cylinder_friction.deployment.latency.runtimes import PythonRuntime, Runtime
-from cylinder_friction.deployment.onnx_graphs.estimated import tree_attributes
-from cylinder_friction.deployment.onnx_graphs.graph import Graph
+from cylinder_friction.arrays import Array
+from cylinder_friction.deployment.c_export.compiled import OPTIMISED, compile_shared, compiler_version
+from cylinder_friction.deployment.c_export.export import ExportedC, export_c
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.lugre import LugreEstimator
@@ -32,22 +36,131 @@ from cylinder_friction.estimators.training import network_from
 from cylinder_friction.estimators.training_plan import Architecture
 from cylinder_friction.realtime.forest import Forest
 from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.storage import read_stored
 
+Times = NDArray[np.int64]
 FOLDERS = ("models/hybrid", "models/paper_hybrid", "models/lugre/lugre")
+STEPS, ROUNDS = 100_000, 20
+"""Timed steps of each runtime, and the turns into which they are divided."""
+LIMIT_S = 10.0
+"""Time that one runtime may take; a slow one takes fewer steps."""
 WINDOW = 40
 """Samples of the published estimator's window."""
+COMPARED_STEPS = 200
+"""First steps, in which each runtime is compared with the estimator; they also compile and warm up what runs."""
+LEAD_IN_STEPS = 20
+"""Steps at the beginning of each turn that are not timed, except the first: they fill the caches again."""
+DRIVER = """
+#define _POSIX_C_SOURCE 199309L
+#include <stdint.h>
+#include <time.h>
+#include "friction.h"
+
+static int64_t now_ns(void)
+{
+    struct timespec now;
+    clock_gettime(CLOCK_MONOTONIC, &now);
+    return (int64_t)now.tv_sec * 1000000000 + (int64_t)now.tv_nsec;
+}
+
+void timed(friction_state *state, const double *samples, int64_t rows, double *friction_n, int64_t *times_ns)
+{
+    for (int64_t row = 0; row < rows; ++row, samples += INPUTS) {
+        friction_output output = {0};
+        const int64_t before = now_ns();
+        if (state) friction_step(state, ARGUMENTS, &output);
+        times_ns[row] = now_ns() - before;
+        friction_n[row] = (double)output.friction_n;
+    }
+}
+"""
+"""The loop and the clock around an exported step, so that Python is not part of its time; no state: the clock alone."""
 
 
-def peers_of(estimator: FrictionEstimator) -> tuple[Runtime, ...]:
-    """Return what an estimator with a network is measured against; LuGre has no peers."""
+@dataclass
+class Runtime:
+    """A running estimate that times its own steps, and the times so far."""
+
+    title: str
+    run: Callable[[Array], tuple[Array, Times]]  # Samples, ``(n, inputs)``, to friction [N] and each step's time [ns]
+    timer_ns: float  # Time between two readings of its clock with nothing between them [ns]
+    largest_difference_n: float = float("nan")  # From the estimator, in the first steps [N]
+    timed: list[Times] = field(default_factory=list)
+    first: list[int] = field(default_factory=list)  # First steps after another runtime's turn [ns]
+
+    def take_turn(self, samples: Array, steps: int) -> None:
+        """Time this many steps, after those that lead in; the samples are repeated if they are fewer."""
+        self.first.append(int(self.run(samples[:LEAD_IN_STEPS])[1][0]))
+        while steps > 0:
+            self.timed.append(self.run(samples[LEAD_IN_STEPS : LEAD_IN_STEPS + steps])[1])
+            steps -= len(self.timed[-1])
+
+    def figures_us(self) -> list[float]:
+        """Return median, 99 %, 99.9 % and maximum of the steps and the median of the first steps [µs].
+
+        Each is one of the measured times, less the time of reading the clock.
+        """
+        quantiles = np.quantile(np.concatenate(self.timed), (0.5, 0.99, 0.999, 1.0), method="inverted_cdf")
+        return [1e-3 * max(float(each) - self.timer_ns, 0.0) for each in (*quantiles, np.median(self.first))]
+
+
+def in_python(title: str, step: Callable[..., float]) -> Runtime:
+    """Make a runtime of a function that takes one number per input, by default P1 [Pa], P2 [Pa] and position [m]."""
+
+    def run(samples: Array) -> tuple[Array, Times]:
+        friction, times = np.empty(len(samples)), np.empty(len(samples), dtype=np.int64)
+        for row, sample in enumerate(samples.tolist()):
+            before = time.perf_counter_ns()
+            value = step(*sample)
+            times[row] = time.perf_counter_ns() - before
+            friction[row] = value
+        return friction, times
+
+    clock = [-(time.perf_counter_ns() - time.perf_counter_ns()) for _ in range(2000)]
+    return Runtime(title, run, float(np.median(clock)))
+
+
+def in_c(title: str, exported: ExportedC, options: Sequence[str]) -> Runtime:
+    """Compile an exported estimator; raises ``NoCompilerError`` if there is no C compiler."""
+    inputs = len(exported.inputs)
+    arguments = ", ".join(f"(friction_real)samples[{place}]" for place in range(inputs))
+    driver, library = exported.source.with_name("timed.c"), exported.source.with_name(f"friction{options[0]}.so")
+    driver.write_text(DRIVER.replace("ARGUMENTS", arguments).replace("INPUTS", str(inputs)), encoding="utf-8")
+    compile_shared((exported.source, driver), library, ("-std=c99", *options))
+    compiled = ctypes.CDLL(str(library))
+    state = np.zeros(-(-exported.state_bytes // 8))  # doubles: C wants their alignment
+    compiled.friction_init(state.ctypes)
+
+    def timed(state: Any, samples: Array) -> tuple[Array, Times]:
+        samples = np.ascontiguousarray(samples, dtype=np.float64)
+        friction, times = np.zeros(len(samples)), np.zeros(len(samples), dtype=np.int64)
+        compiled.timed(state, samples.ctypes, ctypes.c_int64(len(samples)), friction.ctypes, times.ctypes)
+        return friction, times
+
+    nothing = timed(None, np.zeros((10_000, inputs)))[1]
+    return Runtime(title, lambda samples: timed(state.ctypes, samples), float(np.median(nothing)))
+
+
+def runtimes_of(estimator: FrictionEstimator, folder: Path) -> list[Runtime]:
+    """Return every runtime of an estimator in a fresh state, the C in double precision and optimised first."""
+    double, single = export_c(estimator, folder / "double"), export_c(estimator, folder / "float", precision="float")
+    compiled = [
+        in_c("C, double filters, -O3 -march=native", double, OPTIMISED),
+        in_c("C, double filters, -O2", double, ("-O2", "-ffp-contract=off")),
+        in_c("C, all single precision, -O3 -march=native", single, OPTIMISED),
+    ]
+    if isinstance(estimator, LugreEstimator):
+        return [*compiled, in_python("Python, estimator.stream()", estimator.stream().step)]
+    stream = RealTimeStream(estimator.step_model())
+    return [*compiled, in_python("Python, estimator.real_time()", lambda *sample: stream.step(*sample).friction_n)]
+
+
+def peers_of(estimator: FrictionEstimator) -> list[Runtime]:
+    """Return what an estimator with a network is measured beside; LuGre has no peers."""
     if isinstance(estimator, LugreEstimator) or estimator.step_model().network is None:
-        return ()
-    model = estimator.step_model()
-    return (
-        PythonRuntime("torch_window", "PyTorch + scikit-learn, window of 40", TorchWindow(model).step, "window"),
-        PythonRuntime("onnx_window", "ONNX Runtime, the same converted", OnnxWindow(model).step, "window"),
-    )
+        return []
+    return [in_python("PyTorch + scikit-learn, window of 40", TorchWindow(estimator.step_model()).step)]
 
 
 class WindowFeatures:
@@ -110,56 +223,6 @@ class TorchWindow:
         return friction_n
 
 
-class OnnxWindow:
-    """The same network and forest in one ONNX graph, on one thread of ONNX Runtime."""
-
-    def __init__(self, model: StepModel) -> None:
-        self._model, self._features = model, WindowFeatures(model)
-        self._session = _session(window_graph(model))
-
-    def step(self, pressure_1_pa: float, pressure_2_pa: float, position_m: float) -> float:
-        """Return friction [N]."""
-        friction_n = self._features.push(pressure_1_pa, pressure_2_pa, position_m)
-        (correction,) = self._session.run(None, {"window": self._features.rows})
-        return friction_n + self._model.target_scale_n * float(correction[0, 0])
-
-
-def window_graph(model: StepModel) -> onnx.ModelProto:
-    """Return ``window``, shape ``(1, time, features)``, to ``correction``, ``(1, 1)``, as converters write it."""
-    assert model.network is not None
-    weights, graph = model.network, Graph()
-    source = graph.add("Transpose", "window", to="sequence", perm=[1, 0, 2])
-    for layer in range(weights.layers):
-        inputs, bias = weights.inputs if layer == 0 else weights.nodes, weights.bias[layer]
-        matrices = (weights.input[layer, :inputs].T[None], weights.recurrent[layer].T[None])
-        constants = [graph.constant(each, np.float32) for each in (*matrices, np.append(bias, 0.0 * bias)[None])]
-        every = graph.add("LSTM", source, *constants, to=f"all_{layer}", hidden_size=weights.nodes)
-        source = graph.add("Squeeze", every, graph.indices(1), to=f"sequence_{layer}")
-    last = graph.constant(-1, np.int64)
-    graph.add("Gather", source, last, to="hidden", axis=0)
-    head = graph.constant(weights.head[:, None], np.float32), graph.constant([weights.head_bias], np.float32)
-    graph.add("Gemm", "hidden", *head, to="head")
-    parts = ["head"] if model.head_counts else []
-    if model.forest is not None:
-        seen = "hidden"
-        if model.forest_sees == "hidden_head_features":
-            graph.add("Gather", "window", last, to="features", axis=1)
-            seen = graph.add("Concat", "hidden", "head", "features", to="seen", axis=1)
-        parts.append(graph.add("TreeEnsembleRegressor", seen, to="forest", **tree_attributes(model.forest)))
-    graph.add("Sum", *parts, to="correction")
-    graph.takes("window", onnx.TensorProto.FLOAT, [1, "time", weights.inputs], "the last rows of features")
-    graph.gives("correction", onnx.TensorProto.FLOAT, [1, 1], "in target scales")
-    return graph.model("window", "network and forest over a window, without state", {})
-
-
-def _session(model: onnx.ModelProto) -> Any:
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = options.inter_op_num_threads = 1
-    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-    options.log_severity_level = 3
-    return onnxruntime.InferenceSession(model.SerializeToString(), options, providers=["CPUExecutionProvider"])
-
-
 def scikit_learn_forest(forest: Forest) -> RandomForestRegressor:
     """Return a forest of the same trees, every node at the same place, for one job."""
     inputs, trees = np.zeros((2, forest.inputs), dtype=np.float32), len(forest.roots)
@@ -186,19 +249,49 @@ def _tree_state(forest: Forest, begin: int, end: int, empty: dict[str, Any], tre
     return {**empty, "max_depth": forest.depth, "node_count": end - begin, "nodes": nodes, "values": values}
 
 
+def measure(estimator: FrictionEstimator, samples: Array, folder: Path, steps: int = STEPS) -> list[Runtime]:
+    """Let an estimator's runtimes and its peers take turns, the C compiled in ``folder``."""
+    if len(samples) < COMPARED_STEPS:
+        raise ValueError(f"expected at least {COMPARED_STEPS} samples, but got {len(samples)}")
+    begun, stream, own = samples[:COMPARED_STEPS], estimator.stream(), runtimes_of(estimator, folder)
+    expected = np.array([stream.step(*sample) for sample in begun])
+    for runtime in own:
+        runtime.largest_difference_n = float(np.abs(runtime.run(begun)[0] - expected).max())
+    runtimes = [*own, *peers_of(estimator)]
+    affordable = [1e9 * LIMIT_S / float(np.median(runtime.run(begun)[1])) for runtime in runtimes]
+    for turn in range(ROUNDS):  # another runtime begins each round, elsewhere in the samples
+        turned = np.roll(samples, -(turn * len(samples) // ROUNDS), axis=0)
+        for place in range(turn, turn + len(runtimes)):
+            index = place % len(runtimes)
+            runtimes[index].take_turn(turned, max(1, round(min(steps, affordable[index]) / ROUNDS)))
+    return runtimes
+
+
+def table(runtimes: Sequence[Runtime]) -> str:
+    """Return one line per runtime; ratios are those of the medians to the first."""
+    lines = ["    ratio        p50        p99      p99.9        max      first  differs [N]  runtime (times in µs)"]
+    reference_us = runtimes[0].figures_us()[0]
+    for runtime in runtimes:
+        times = "".join(f"{each:11.3f}" for each in runtime.figures_us())
+        ratio = runtime.figures_us()[0] / reference_us if reference_us > 0.0 else float("nan")
+        lines.append(f"{ratio:9.2f}{times}  {runtime.largest_difference_n:11.2g}  {runtime.title}")
+    return "\n".join(lines)
+
+
 def main() -> None:
-    """Print one table per model, then the circumstances of the run."""
+    """Print one table per model, then the machine and how busy it was."""
     threadpool_limits(1)
-    estimators = {folder: load_estimator(Path(folder)) for folder in sys.argv[1:] or FOLDERS}
+    gc.disable()
+    core = max(os.sched_getaffinity(0))  # the one least troubled by interrupts
+    os.sched_setaffinity(0, {core})
     recordings = read_stored(Path("data/processed/test"))[:4]
-    samples = {
-        folder: np.concatenate([recording.samples(estimator.inputs) for recording in recordings])
-        for folder, estimator in estimators.items()
-    }
-    measured = measure(estimators, samples, Effort(), peers_of)
-    for name, model in measured.models.items():
-        print(f"{model_table(name, model)}\n")
-    print(circumstances(measured))
+    for name in sys.argv[1:] or FOLDERS:
+        estimator = load_estimator(Path(name))
+        samples = np.concatenate([recording.samples(estimator.inputs) for recording in recordings])
+        with TemporaryDirectory() as folder:
+            print(f"{name}\n{table(measure(estimator, samples, Path(folder)))}\n", flush=True)
+    cpu = next(line for line in Path("/proc/cpuinfo").read_text("utf-8").splitlines() if line.startswith("model name"))
+    print(f"{cpu.partition(': ')[2]}; {compiler_version()}; load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores")
 
 
 if __name__ == "__main__":

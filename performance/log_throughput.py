@@ -28,7 +28,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 import pyarrow.csv as pa_csv
-from live_service import CLI
+from service_process import CLI
 
 import cylinder_friction
 

@@ -28,7 +28,7 @@ def champion_root(
         0.1,
         hashes_in(root),
         {"train": {"seed": 2}},
-        {name: first.column(name)[:5].tolist() for name in ("pressure_1_pa", "pressure_2_pa", "position_m")},
+        {name: first.column(name)[:800].tolist() for name in ("pressure_1_pa", "pressure_2_pa", "position_m")},
     )
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)

@@ -1,32 +1,27 @@
-"""Fixtures that many tests share: the cylinder, and labelled recordings whose friction is known in closed form."""
+"""Fixtures that many tests share."""
 
 import json
 import shutil
 import subprocess
-from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
 import yaml
-from playwright.sync_api import Page
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.dvc_hashes import dvc_hash
-from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
-from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.import_graph import remove_stale_machine_code
 from cylinder_friction.labelling.offset_identification import fit_offset_model
 from cylinder_friction.realtime.model import StepModel
-from cylinder_friction.recordings.recording import Recording, RecordingMetadata, SensorUncertainty
+from cylinder_friction.recordings.recording import Recording, SensorUncertainty
 from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.run_record import Dataset, RunRecord
 
-SAMPLE_TIME_S = 0.005
+pytest_plugins = ("browser", "small_hybrid")
 PIPELINE = "tests/pipeline/"
 LONGEST = (PIPELINE, "tests/test_wheel.py")
 
@@ -55,80 +50,6 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     return Scheduling(config, log)
 
 
-def made_recording(
-    cylinder: Cylinder,
-    name: str = "made",
-    condition: str = "1",
-    session: str = "s1",
-    seed: int = 0,
-    seconds: float = 20.0,
-) -> Recording:
-    """Return a labelled recording of a wandering sine with Stribeck friction and sensor noise; not from the rig."""
-    generator = np.random.default_rng(seed)
-    time_s = SAMPLE_TIME_S * np.arange(round(seconds / SAMPLE_TIME_S))
-    rate = 2.0 * np.pi * generator.uniform(0.2, 0.5)
-    amplitude_m = 0.03
-    position_m = 0.125 + amplitude_m * np.sin(rate * time_s + seed)
-    velocity_m_s = amplitude_m * rate * np.cos(rate * time_s + seed)
-    acceleration_m_s2 = -amplitude_m * rate**2 * np.sin(rate * time_s + seed)
-    pressure_2_pa = 9e5 * int(condition) + 2e5 * np.sin(0.3 * time_s)
-    coulomb_n = 240.0 + 4.0 * (pressure_2_pa / 1e5)
-    friction_n = (
-        np.tanh(velocity_m_s / 2e-3) * (coulomb_n * (1.0 + 0.5 * np.exp(-((velocity_m_s / 8e-3) ** 2))))
-        + 1500.0 * velocity_m_s
-    )
-    pressure_1_pa = (
-        friction_n + pressure_2_pa * cylinder.annulus_area_m2 + cylinder.moving_mass_kg * acceleration_m_s2
-    ) / cylinder.piston_area_m2
-    table = pd.DataFrame(
-        {
-            "time_s": time_s,
-            "pressure_1_pa": pressure_1_pa + generator.normal(0.0, 5e3, len(time_s)),
-            "pressure_2_pa": pressure_2_pa + generator.normal(0.0, 5e3, len(time_s)),
-            "position_m": position_m + generator.normal(0.0, 3e-5, len(time_s)),
-            "velocity_m_s": velocity_m_s,
-            "acceleration_m_s2": acceleration_m_s2,
-            "friction_n": friction_n,
-            "usable": np.ones(len(time_s), dtype=bool),
-        }
-    )
-    return Recording(RecordingMetadata(name, condition, session, SAMPLE_TIME_S, cylinder.name), table)
-
-
-@pytest.fixture(scope="session")
-def cylinder() -> Cylinder:
-    return Cylinder(
-        name="Bosch H160CA 63x28", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0
-    )
-
-
-def take_of_each_condition(cylinder: Cylinder, takes: tuple[int, ...]) -> list[Recording]:
-    """Return recordings of each of the four tests, one session each."""
-    return [
-        made_recording(
-            cylinder,
-            f"condition{condition}_session{take}",
-            str(condition),
-            f"test{condition}-{take}",
-            10 * condition + take,
-        )
-        for condition in (1, 2, 3, 4)
-        for take in takes
-    ]
-
-
-@pytest.fixture(scope="session")
-def labelled_recordings(cylinder: Cylinder) -> list[Recording]:
-    """Two recordings of each of the four tests, one session each."""
-    return take_of_each_condition(cylinder, (1, 2))
-
-
-@pytest.fixture(scope="session")
-def twelve_recordings(cylinder: Cylinder, labelled_recordings: list[Recording]) -> list[Recording]:
-    """The same with a third of each."""
-    return [*labelled_recordings, *take_of_each_condition(cylinder, (3,))]
-
-
 @pytest.fixture(scope="session")
 def offset_recordings(cylinder: Cylinder, labelled_recordings: list[Recording]) -> list[Recording]:
     """The same with sensors that have an offset in each session, which was identified from all of them."""
@@ -147,43 +68,8 @@ def offset_recordings(cylinder: Cylinder, labelled_recordings: list[Recording]) 
 
 
 @pytest.fixture(scope="session")
-def small_hybrid(cylinder: Cylinder, labelled_recordings: list[Recording]) -> HybridEstimator:
-    """A hybrid of both parts, trained for two epochs: everything a real one has, only bad at its task."""
-    hybrid = HybridEstimator(
-        cylinder,
-        "force_balance",
-        Architecture(1, 8, 0.0, 1e-3),
-        TrainingPlan(2, 2, 200, 20, 4),
-        ForestPlan(4, 5, 2000, 20),
-    )
-    hybrid.fit(labelled_recordings)
-    return hybrid
-
-
-@pytest.fixture(scope="session")
 def small_model(small_hybrid: HybridEstimator) -> StepModel:
     return small_hybrid.step_model()
-
-
-@pytest.fixture
-def new_page() -> Iterator[Callable[..., Page]]:
-    """Return what opens a page of the system's Chromium, of a width and a height; a page waits two minutes."""
-    program = shutil.which("chromium")
-    if program is None:
-        pytest.skip("chromium is not installed")
-    from playwright.sync_api import sync_playwright
-
-    arguments = ["--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking"]
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=program, args=arguments)
-
-        def open_page(width: int = 1400, height: int = 900) -> Page:
-            page = browser.new_page(viewport={"width": width, "height": height})
-            page.set_default_timeout(120_000)
-            return page
-
-        yield open_page
-        browser.close()
 
 
 @pytest.fixture(scope="session")

@@ -33,8 +33,8 @@ def slow_if_first(number: int) -> int:
     return number
 
 
-def place(_: int) -> tuple[str, str | None, list[str | None]]:
-    return str(Path.cwd()), os.environ.get("CYLINDER_FRICTION_WORKERS"), threads(0)
+def place(_: int) -> tuple[str, list[str | None]]:
+    return str(Path.cwd()), threads(0)
 
 
 def die_once(marker: str, number: int) -> int:
@@ -60,10 +60,3 @@ def bowl(marker: str, params: dict[str, float], report: Callable[[float], None])
     for epoch in range(3):
         report(error * (2.0 - 0.3 * epoch))
     return float(error)
-
-
-def compiled(number: int) -> tuple[int, int]:
-    """Return twice the number, by a function that is compiled here, and in how many threads it could run."""
-    import numba  # slow
-
-    return numba.njit(lambda each: 2 * each)(number), numba.get_num_threads()

@@ -1,12 +1,10 @@
-"""Quantiles beside NumPy, and what slides along values beside pandas."""
+"""What slides along values beside pandas."""
 
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from cylinder_friction.arrays import median, quantile, sliding_extremes, sliding_mean
+from cylinder_friction.arrays import sliding_extremes, sliding_mean
 
 
 @pytest.mark.parametrize("rows", [1, 2, 3, 5, 40, 1000])
@@ -18,10 +16,3 @@ def test_extremes_and_mean_are_those_of_pandas(rows: int, width: int) -> None:
     np.testing.assert_array_equal(least, expected.min())
     np.testing.assert_array_equal(greatest, expected.max())
     np.testing.assert_allclose(sliding_mean(values, width), expected.mean(), rtol=0.0, atol=1e-12)
-
-
-@given(st.lists(st.floats(-1e9, 1e9), min_size=1, max_size=60), st.floats(0.0, 1.0))
-def test_quantiles_are_those_of_numpy_bit_for_bit(values: list[float], share: float) -> None:
-    array = np.array(values)
-    assert median(array) == np.median(array)
-    assert quantile(array, share) == np.quantile(array, share)

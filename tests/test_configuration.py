@@ -20,7 +20,7 @@ RECIPES = sorted(path.stem for path in (CONF / "experiment").glob("*.yaml"))
 CHOICES = sorted(
     f"{group.name}={choice.stem}"
     for group in CONF.iterdir()
-    if group.is_dir() and group.name not in ("experiment", "live")
+    if group.is_dir() and group.name != "experiment"
     for choice in group.glob("*.yaml")
 )
 
@@ -46,8 +46,7 @@ def test_recipes_and_cylinders_register_under_names_of_their_own(content: dict[s
     assert content not in recipes
     content["cylinder"]["name"] = "Parker 80x45 / left"
     names = [check_params(each, "conf").registered_name for each in (compose_params(CONF), *recipes, content)]
-    # A recipe of another cylinder needs no name of its own, and `fleet` changes no stage that registers.
-    of_cylinder = {"crane": "-hmf_2020_k_jib", "fleet": ""}
+    of_cylinder = {"crane": "-hmf_2020_k_jib"}  # A recipe of another cylinder needs no name of its own
     suffixes = ["", *(of_cylinder.get(recipe, f"-{recipe}") for recipe in RECIPES), "-parker_80x45_left"]
     assert names == [f"friction-estimator{suffix}" for suffix in suffixes]
 

@@ -110,7 +110,7 @@ def test_secrets_are_in_the_environment_file_alone() -> None:
     for service in SERVICES.values():
         for name, value in service["environment"].items():
             assert ("$" in value) == bool(re.search("PASSWORD|SECRET|_KEY$", name)), name
-    assert (DEPLOY / ".gitignore").read_text(encoding="utf-8").split() == [".env", "tokens"]
+    assert (DEPLOY / ".gitignore").read_text(encoding="utf-8").split() == [".env"]
 
 
 def test_the_mlflow_server_is_that_of_the_guide() -> None:

@@ -23,11 +23,7 @@ sys.meta_path.insert(0, Absent())
 from cylinder_friction.commands.cli import main
 """
 NEED_EXTRAS = (
-    "commands.live",
-    "commands.switch",
-    "deployment.latency",
-    "deployment.onnx_graphs.stream",
-    "deployment.scoring",
+    "deployment.scoring_model",
     "estimators.training",
     "execution.cluster",
     "reporting.search_figures",
@@ -64,7 +60,7 @@ def test_the_core_goes_from_a_log_to_friction_and_to_c(tmp_path: Path, small_hyb
         ["init", "project"],
         ["ingest", "init", f"project/{LOG}"],
         ["export", "c", "hybrid", "--output", "c"],
-        ["export", "onnx", "hybrid", "--output", "onnx"],
+        ["export", "fmu", "hybrid", "--output", "press.fmu"],
     ]
     inside = [
         ["check"],
@@ -88,7 +84,6 @@ NEEDED = {
     "lineage models:/friction-estimator/1": "pipeline",
     "serve models:/friction-estimator/1": "serve",
     "ui": "serve",
-    "live": "live",
     "track": "pipeline",
 }
 
@@ -116,7 +111,7 @@ def test_every_library_is_brought_by_the_extra_that_is_named() -> None:
             assert (brought[library] | {by_others.get(library)}) & brings[extra], (library, extra)
 
 
-@pytest.mark.parametrize("extra", ["pipeline", "train", "serve", "live"])
+@pytest.mark.parametrize("extra", ["pipeline", "train", "serve"])
 def test_the_readmes_commands_find_what_they_need_after_make_install(extra: str) -> None:
     extras = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
     wanted = {re.split(r"[><=\[]", line)[0] for line in extras[extra]} - {"cylinder-friction"}
@@ -125,7 +120,7 @@ def test_the_readmes_commands_find_what_they_need_after_make_install(extra: str)
 
 
 def test_an_extra_that_does_not_bring_the_library_is_not_named() -> None:
-    with pytest.raises(MissingExtraError, match=r"cylinder-friction\[serve\]"), explained("live"):
+    with pytest.raises(MissingExtraError, match=r"cylinder-friction\[serve\]"), explained("cluster"):
         raise ModuleNotFoundError(name="mlflow.pyfunc")
     with pytest.raises(MissingExtraError, match=r"cylinder-friction\[pipeline\]"), explained("pipeline"), explained():
         raise ModuleNotFoundError(name="torch")

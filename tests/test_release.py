@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import sys
 import tomllib
 from pathlib import Path
 
 import pytest
+import release
 
 PROJECT = Path(__file__).parents[1]
-sys.path.append(str(PROJECT / "tools"))
-import release  # noqa: E402
 
 
 @pytest.mark.parametrize(

@@ -11,14 +11,11 @@ from cylinder_friction.commands.cli import main
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.deployment.c_export.export import export_c
 from cylinder_friction.deployment.fmu.variables import fmu_variables
-from cylinder_friction.deployment.onnx_graphs.sequence import sequence_graph
-from cylinder_friction.deployment.scoring import ServedGraph
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.recordings.files import read_json
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.model_card import model_card
-from cylinder_friction.service.live.engine import Engine
-from cylinder_friction.service.live.engine_building import built_engine
+from cylinder_friction.tracking.model_folder import described
 from logger_files import write_log
 
 UNITS = ["--unit", "pressure=bar", "--unit", "length=mm"]
@@ -56,12 +53,10 @@ def test_exported_code_and_its_descriptions(stated, tmp_path: Path, cylinder: Cy
     assert words in model_card("hybrid", cylinder, read_json(folder / "estimator.json"), {}, {}, numbers, [])
 
 
-def test_services(stated, tmp_path: Path) -> None:
+def test_the_served_model(stated) -> None:
     estimator, _, holds = stated
     words = sentence(estimator, holds)
-    graph = ServedGraph(sequence_graph(estimator.step_model()).SerializeToString())
-    assert graph.bounds == words
-    assert Engine(built_engine(estimator, tmp_path)).bounds == words
+    assert described(estimator.step_model())["bounds"] == words
 
 
 def test_estimate_with_a_model(

@@ -19,6 +19,7 @@ import sys
 import tempfile
 import time
 from dataclasses import dataclass
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,13 +36,26 @@ KILLED, SURVIVED = 1, 0
 
 @dataclass(frozen=True)
 class Mutant:
-    """A fault: in a file of the package ``old`` is replaced by ``new``; ``tests`` are those that should notice."""
+    """A fault: in a file of the package ``old`` is replaced by ``new``; ``tests`` are those that should notice.
+
+    Paths that begin with ``live/`` are those of the live service.
+    """
 
     name: str
     file: str
     old: str
     new: str
     tests: tuple[str, ...]
+
+    @property
+    def path(self) -> Path:
+        """The file in the checkout."""
+        return Path(self.file) if self.file.startswith("live/") else PACKAGE / self.file
+
+
+def of_the_checkout(test: str) -> str:
+    """Return where a test lies in the checkout."""
+    return test if test.startswith("live/") else f"tests/{test}"
 
 
 MUTANTS = (
@@ -217,10 +231,10 @@ MUTANTS = (
         ("contracts/test_runtimes.py",),
     ),
     Mutant(
-        "ONNX steps skip a beat of their clock",
-        "deployment/onnx_graphs/step.py",
-        'graph.add("Add", "clock_before", graph.constant([[1.0]]), to="clock")',
-        'graph.add("Add", "clock_before", graph.constant([[2.0]]), to="clock")',
+        "reversals last a sample longer in C",
+        "deployment/c_export/friction.c",
+        "state->reversal_left = REVERSAL_SAMPLES;",
+        "state->reversal_left = REVERSAL_SAMPLES + 1u;",
         ("contracts/test_runtimes.py",),
     ),
     Mutant(
@@ -233,24 +247,24 @@ MUTANTS = (
     # The live service and HTTP
     Mutant(
         "a sample lost behind held ones",
-        "service/live/session.py",
+        "live/src/cylinder_friction_live/session.py",
         "behind = after - part.index",
         "behind = after - part.index + 1",
-        ("service/live/test_session.py", "service/live/test_faults.py", "service/live/test_service.py"),
+        ("live/tests/test_session.py", "live/tests/test_faults.py", "live/tests/test_service.py"),
     ),
     Mutant(
         "a gap skipped without a reset",
-        "service/live/session.py",
+        "live/src/cylinder_friction_live/session.py",
         "yield from self._released(reset=not short)",
         "yield from self._released(reset=False)",
-        ("service/live/test_session.py", "service/live/test_faults.py", "service/live/test_service.py"),
+        ("live/tests/test_session.py", "live/tests/test_faults.py", "live/tests/test_service.py"),
     ),
     Mutant(
         "any token is known",
-        "service/access.py",
+        "live/src/cylinder_friction_live/access.py",
         "return next((role for same, role in known if same), None)",
         "return next((role for same, role in known), None)",
-        ("service/test_access.py", "service/test_guard.py"),
+        ("live/tests/test_access.py", "live/tests/test_guard.py"),
     ),
     # Execution and code
     Mutant(
@@ -287,12 +301,16 @@ def verdict(mutant: Mutant | None, tests: Sequence[str]) -> str:
         folder = Path(name)
         copy_of_the_checkout(folder)  # a fresh one each time: numba's caches do not see changes in other files
         if mutant is not None:
-            path = folder / PACKAGE / mutant.file
+            path = folder / mutant.path
             path.write_text(path.read_text(encoding="utf-8").replace(mutant.old, mutant.new), encoding="utf-8")
         command = [sys.executable, "-m", "pytest", "-x", "-q", "-m", "not extended", "-p", "no:cacheprovider"]
-        environment = {**os.environ, "PYTHONPATH": str(folder / "src"), "PYTHONDONTWRITEBYTECODE": "1"}
-        paths = [f"tests/{each}" for each in tests]
-        done = subprocess.run([*command, *paths], cwd=folder, env=environment, capture_output=True, text=True)
+        sources = f"{folder / 'src'}{os.pathsep}{folder / 'live/src'}"
+        environment = {**os.environ, "PYTHONPATH": sources, "PYTHONDONTWRITEBYTECODE": "1"}
+        paths = sorted(map(of_the_checkout, tests), key=lambda path: path.startswith("live/"))
+        for _, each in groupby(paths or ["tests"], key=lambda path: path.startswith("live/")):  # each with its settings
+            done = subprocess.run([*command, *each], cwd=folder, env=environment, capture_output=True, text=True)
+            if done.returncode != SURVIVED:
+                break
     if done.returncode == SURVIVED:
         return "SURVIVED"
     if done.returncode == KILLED:
@@ -303,8 +321,8 @@ def verdict(mutant: Mutant | None, tests: Sequence[str]) -> str:
 
 def misplaced(mutant: Mutant) -> str:
     """Return what is wrong with a mutant's text, if anything."""
-    path = ROOT / PACKAGE / mutant.file
-    gone = [test for test in mutant.tests if not (ROOT / "tests" / test).exists()]
+    path = ROOT / mutant.path
+    gone = [test for test in mutant.tests if not (ROOT / of_the_checkout(test)).exists()]
     if gone:
         return f"{mutant.name}: no such tests: {', '.join(gone)}"
     if not path.is_file():

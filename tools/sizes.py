@@ -1,17 +1,23 @@
-"""Print lines, lines of code and modules of Python per package: ``python tools/sizes.py [FOLDER]``, by default ``src``.
+"""Print lines, lines of code and modules of every house and its tests, then of the product's packages.
 
-Lines of code are lines without docstrings, comments, blank lines and imports.
+``python tools/sizes.py``. Lines of code are lines without docstrings, comments, blank lines and imports.
 """
 
 from __future__ import annotations
 
 import ast
 import io
-import sys
 import tokenize
 from collections import Counter
 from pathlib import Path
 
+ROOT = Path(__file__).parents[1]
+PRODUCT = ROOT / "src/cylinder_friction"
+HOUSES = (
+    PRODUCT,
+    ROOT / "tests",
+    *(ROOT / house / part for house in ("live", "monitoring", "benchmark") for part in ("src", "tests")),
+)
 _NO_CODE = {
     tokenize.COMMENT,
     tokenize.NL,
@@ -20,6 +26,8 @@ _NO_CODE = {
     tokenize.DEDENT,
     tokenize.ENDMARKER,
 }
+Sizes = Counter[str]
+"""Numbers by ``lines``, ``code`` and ``modules``."""
 
 
 def lines_of_code(source: str) -> int:
@@ -36,22 +44,31 @@ def lines_of_code(source: str) -> int:
     return len(code)
 
 
-def main(root: Path) -> None:
-    """Print one line per package and subpackage, largest first."""
-    lines: Counter[str] = Counter()
-    code: Counter[str] = Counter()
-    modules: Counter[str] = Counter()
-    for path in root.rglob("*.py"):
-        parts = path.relative_to(root).parts
-        source = path.read_text(encoding="utf-8")
-        for package in {parts[0], "/".join(parts[:2]) if len(parts) > 2 else parts[0]}:
-            lines[package] += len(source.splitlines())
-            code[package] += lines_of_code(source)
-            modules[package] += 1
-    print("  lines   of code  modules  package")
-    for package, count in lines.most_common():
-        print(f"{count:>7,} {code[package]:>9,} {modules[package]:>8}  {package}")
+def size_of(path: Path) -> Sizes:
+    """Count a module, or all modules below a folder."""
+    sizes: Sizes = Counter()
+    for module in path.rglob("*.py") if path.is_dir() else [path]:
+        source = module.read_text(encoding="utf-8")
+        sizes.update(lines=len(source.splitlines()), code=lines_of_code(source), modules=1)
+    return sizes
+
+
+def rows_of_packages() -> list[tuple[Sizes, str]]:
+    """Return the size and name of each package and subpackage of the product, the largest first."""
+    folders = [folder for level in ("*", "*/*") for folder in PRODUCT.glob(level) if any(folder.rglob("*.py"))]
+    rows = [(size_of(folder), folder.relative_to(PRODUCT).as_posix()) for folder in folders if folder.is_dir()]
+    return sorted(rows, key=lambda row: -row[0]["lines"])
+
+
+def main() -> None:
+    """Print one line per house, then one per package."""
+    houses = [(size_of(folder), folder.relative_to(ROOT).as_posix()) for folder in HOUSES if folder.is_dir()]
+    for title, rows in (("folder", houses), ("package of the product", rows_of_packages())):
+        print(f"  lines   of code  modules  {title}")
+        for size, name in rows:
+            print(f"{size['lines']:>7,} {size['code']:>9,} {size['modules']:>8}  {name}")
+        print()
 
 
 if __name__ == "__main__":
-    main(Path(*sys.argv[1:2] or ["src"]))
+    main()

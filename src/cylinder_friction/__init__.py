@@ -35,8 +35,6 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from cylinder_friction.machine_code import give_place
-
 if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimation.from_logs import estimate_logs
@@ -72,8 +70,6 @@ __all__ = [
     "read_recordings",
     "split",
 ]
-
-give_place()
 
 _DEFINED_IN = {
     "Cylinder": "cylinder",

@@ -1,4 +1,4 @@
-"""Types of arrays, the runs of a mask, quantiles, and what is found over a window that slides along values."""
+"""Types of arrays, the runs of a mask, and what is found over a window that slides along values."""
 
 from __future__ import annotations
 
@@ -13,26 +13,6 @@ def true_runs(mask: Mask) -> NDArray[np.int64]:
     """Return the first place of each run of true values and the one behind its last, shape ``(runs, 2)``."""
     padded = np.concatenate([[False], mask, [False]])
     return np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2)
-
-
-def median(values: Array) -> float:
-    """Return what ``np.median`` does of one axis without NaN, in a fraction of its time."""
-    middle = len(values) // 2
-    parted = np.partition(values, middle)
-    above = float(parted[middle])
-    return above if len(values) % 2 else 0.5 * (float(parted[:middle].max()) + above)
-
-
-def quantile(values: Array, share: float) -> float:
-    """Return what ``np.quantile`` does of one axis without NaN, in a fraction of its time."""
-    place = (len(values) - 1) * share
-    first = min(int(place), len(values) - 2)
-    if first < 0:
-        return float(values[0])
-    behind, weight = len(values) - 2 - first, place - first
-    parted = np.partition(-values, behind)  # Many equal least values, as zeros are, would take it several times as long
-    below, above = -float(parted[behind + 1 :].min()), -float(parted[behind])
-    return below + (above - below) * weight if weight < 0.5 else above - (above - below) * (1.0 - weight)
 
 
 def sliding_extremes(values: Array, width: int) -> tuple[Array, Array]:

@@ -5,12 +5,13 @@ import os
 import re
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from cylinder_friction.commands import check, stage
 from cylinder_friction.commands.cli import COMMANDS, INTERRUPTED, UNREAD, main, parser
-from cylinder_friction.fleet.stage_names import FLEET_STAGES
+from cylinder_friction.commands.plugins import ELSEWHERE
 from cylinder_friction.run_record import STAGES
 
 
@@ -31,14 +32,14 @@ def test_help_lists_every_command_and_its_module_has_what_it_needs(capsys: pytes
 def test_help_of_stage_lists_every_stage_in_one_line(capsys: pytest.CaptureFixture[str]) -> None:
     shown = output_of(["stage", "--help"], capsys)
     assert "``" not in shown
-    assert re.findall(r"^- (\w+): +\w", shown, re.MULTILINE) == [*STAGES, *FLEET_STAGES]
+    assert re.findall(r"^- (\w+): +\w", shown, re.MULTILINE) == [*STAGES]
 
 
 def test_version_and_completion_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert output_of(["--version"], capsys).startswith("cylinder-friction 0.")
     script = output_of(["--print-completion", "bash"], capsys)
     assert f"_shtab_cylinder_friction_pos_0_choices=({' '.join(COMMANDS)})" in script
-    assert " ".join((*STAGES, *FLEET_STAGES)) in script
+    assert " ".join(STAGES) in script
 
 
 @pytest.mark.parametrize(
@@ -104,3 +105,43 @@ def test_what_the_system_refuses_is_a_sentence(
     monkeypatch.setattr(check, "run", refused)
     assert main(["check"]) == 1
     assert f"cylinder-friction check: {words}" in capsys.readouterr().err
+
+
+@pytest.fixture
+def plugin(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An installed package that brings a command."""
+    about = tmp_path / "others-1.dist-info"
+    about.mkdir()
+    (about / "METADATA").write_text("Name: others\nVersion: 1\n")
+    (about / "entry_points.txt").write_text("[cylinder_friction.commands]\ngreet = others_greet\n")
+    (tmp_path / "others_greet.py").write_text(
+        "HELP = 'greet somebody'\n"
+        "def add_arguments(parser): parser.add_argument('name')\n"
+        "def run(options): print('hello', options.name)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.delitem(sys.modules, "others_greet", raising=False)
+
+
+def test_a_package_brings_a_command(plugin: None, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["greet", "Kim"]) == 0
+    assert capsys.readouterr().out == "hello Kim\n"
+    assert re.search("^ +greet +greet somebody$", output_of(["--help"], capsys), re.MULTILINE)
+    assert "Greet somebody." in output_of(["greet", "--help"], capsys)
+    assert "greet" in output_of(["--print-completion", "bash"], capsys)
+
+
+def test_a_command_of_the_project_imports_no_plugin(plugin: None) -> None:
+    parser("check")
+    assert "others_greet" not in sys.modules
+
+
+def test_a_command_whose_package_is_not_installed_names_the_package(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(ELSEWHERE, "far", "cylinder-friction-far-away")
+    assert main(["far", "logs", "--into", "there"]) == 1
+    assert capsys.readouterr().err == (
+        "cylinder-friction far: this command is part of cylinder-friction-far-away, which is not installed; pip "
+        "install cylinder-friction-far-away, or `make far` in a checkout, which installs its folder far-away/\n"
+    )

@@ -11,7 +11,6 @@ import yaml
 from cylinder_friction.commands import init
 from cylinder_friction.commands.cli import main
 from cylinder_friction.commands.init import EXAMPLE
-from cylinder_friction.fleet.stage_names import FLEET_STAGES
 from cylinder_friction.import_graph import code_key
 from cylinder_friction.run_record import STAGES
 from cylinder_friction.tracking.repository import git
@@ -45,7 +44,7 @@ def test_a_project_holds_what_its_pipeline_and_its_user_need(project: Path) -> N
 def test_code_yaml_holds_the_hash_of_every_stage(project: Path) -> None:
     codes = yaml.safe_load((project / "code.yaml").read_text(encoding="utf-8"))
     assert codes.pop("cylinder-friction")
-    assert codes == {stage: code_key(f"cylinder_friction.stages.{stage}") for stage in (*STAGES, *FLEET_STAGES)}
+    assert codes == {stage: code_key(f"cylinder_friction.stages.{stage}") for stage in STAGES}
 
 
 def test_the_example_log_gives_friction(
@@ -100,7 +99,6 @@ def test_a_folder_with_something_in_it_is_left_alone(project: Path, capsys: pyte
         ("summary", "HERE/reports/table.md: not there; run `dvc repro` first in a project's folder\n"),
         ("readme", "HERE/reports/table.md: not there; run `dvc repro` first\n"),
         ("track", "holds no run; run `dvc pull` or `dvc repro` first\n"),
-        ("latency", "HERE/data/processed/test: no such folder of recordings; run `dvc repro` to make it\n"),
         ("ui", "there is no such store; run `dvc repro`, or `cylinder-friction track`"),
         ("export c models/hybrid --output c", "models/hybrid: holds no estimator.json; expected a folder that `save`"),
     ],
@@ -114,4 +112,4 @@ def test_outside_a_project_a_command_names_what_it_needs_in_one_line(
     assert main(command.split()) == 1
     printed = capfd.readouterr().err
     assert words.replace("HERE", str(tmp_path)) in printed
-    assert printed.count("\n") == (2 if command == "serve" else 1), "serve looks for the model in another process"
+    assert printed.count("\n") == 1

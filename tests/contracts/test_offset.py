@@ -30,8 +30,6 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> Callable[[Runtime, Call
 
 def learned(stream: Stream, samples: np.ndarray, *start: float | None) -> Outputs:
     """Return newtons, flags and offsets."""
-    if hasattr(stream, "offsets"):
-        return *stream.run(samples, *start), stream.offsets(samples, *start)
     stream.reset(*start)
     rows = np.array([(*stream.step(*sample), *stream.offset) for sample in samples.tolist()])
     return rows[:, :3], rows[:, 3].astype(int), rows[:, 4:]

@@ -5,8 +5,6 @@ from __future__ import annotations
 TOLERANCES_N = {
     "python": 0.0,
     "python_run": 0.0,
-    "onnx_step": 0.1,
-    "onnx_sequence": 0.1,
     "c_double": 0.1,
     "c_float": 0.5,
     "fmi2": 0.1,
@@ -15,9 +13,9 @@ TOLERANCES_N = {
 """Largest difference of friction and of either bound [N]. Flags are equal in every runtime.
 
 The step adds in one order on every machine, so Python meets them bit for bit. So do the C that adds in double
-precision, and the FMU around it, if the compiler does not fuse multiplications and additions; ONNX Runtime adds in an
-order of its own, and is 3e-5 N off. But a forest turns the last bit of a feature into a whole step of a tree if it lies
-on a threshold, so both have room for such a step; the C in single precision has room for several.
+precision, and the FMU around it, if the compiler does not fuse multiplications and additions. But a forest turns the
+last bit of a feature into a whole step of a tree if it lies on a threshold, so both have room for such a step; the C in
+single precision has room for several.
 """
 
 RARELY_N = {("c_float", "pressure_free"): 20.0}

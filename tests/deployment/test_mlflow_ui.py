@@ -55,7 +55,7 @@ def test_a_port_that_is_taken_is_named(champion_root: Path, monkeypatch: pytest.
         taken.listen()
         port = taken.getsockname()[1]
         with (
-            pytest.raises(TrackingError, match=rf"port {port}: .*in use; name another one, or leave --port out"),
+            pytest.raises(TrackingError, match=rf"port {port}: .*in use; name another one with --port"),
             served_ui(champion_root, port),
         ):
             pass

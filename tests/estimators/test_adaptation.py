@@ -10,7 +10,6 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.deployment.c_export.export import export_c
-from cylinder_friction.deployment.onnx_graphs.export import export_onnx
 from cylinder_friction.estimators.adaptation import adaptation_inputs, feature_places, share_that_holds
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training import network_from, weights_of
@@ -60,7 +59,8 @@ def test_it_is_an_ordinary_model_of_the_new_cylinder_and_states_where_it_comes_f
     assert f"; adapted from the model with SHA-256 {source} on 2.7 min; its bounds rest on 8 sessions, each " in words
     assert "not trained on it, with a mean absolute error against the label of " in words
     assert source in export_c(read, tmp_path / "c", "press").header.read_text(encoding="utf-8")
-    export_onnx(read, tmp_path / "onnx")
+    newtons, _ = read.real_time().run(press[0].samples())
+    np.testing.assert_array_equal(newtons[:, 0], read.estimate(press[0]))
 
 
 def test_bounds_of_one_recording_say_so(small_hybrid: HybridEstimator, press: list[Recording]) -> None:

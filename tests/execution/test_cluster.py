@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import shutil
 import socket
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+from distributed import Client
 
 import loopback_cluster as loopback
 from cylinder_friction.execution import cluster as cluster_module
@@ -22,7 +25,7 @@ from cylinder_friction.execution.workers import ONE_THREAD, VARIABLE, WorkersErr
 from cylinder_friction.extras import MissingExtraError
 from cylinder_friction.tuning.search import SearchPlan, run_search
 from cylinder_friction.tuning.space import SearchSpace
-from process_work import bowl, compiled, cost, die, die_once, place, twice
+from process_work import bowl, cost, die, die_once, place, twice
 
 MODULES = (Path(__file__).parents[1],)
 TLS = "DASK_DISTRIBUTED__COMM__TLS__"
@@ -58,18 +61,12 @@ def test_results_come_in_the_order_of_the_pieces(way: str, cluster: Any, monkeyp
         assert list(workers.in_order([partial(twice, n) for n in range(50)])) == [2 * n for n in range(50)]
 
 
-def test_a_piece_runs_in_the_folder_of_the_command_with_one_thread_and_no_workers_of_its_own(
+def test_a_piece_runs_in_the_folder_of_the_command_with_one_thread(
     on_cluster: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     with workers_from_environment() as workers:
-        assert list(workers.in_order([partial(place, 0)])) == [(str(tmp_path), None, ["1"] * len(ONE_THREAD))]
-
-
-def test_what_a_worker_compiles_has_one_thread(on_cluster: Any) -> None:
-    with workers_from_environment() as workers:
-        for _ in range(2):
-            assert list(workers.in_order([partial(compiled, n) for n in range(4)])) == [(2 * n, 1) for n in range(4)]
+        assert list(workers.in_order([partial(place, 0)])) == [(str(tmp_path), ["1"] * len(ONE_THREAD))]
 
 
 def test_a_killed_worker_costs_nothing(on_cluster: Any, tmp_path: Path) -> None:
@@ -77,6 +74,26 @@ def test_a_killed_worker_costs_nothing(on_cluster: Any, tmp_path: Path) -> None:
     with workers_from_environment() as workers:
         assert list(workers.in_order(pieces)) == [2 * n for n in range(20)]
     assert (tmp_path / "killed").exists()
+
+
+def test_a_result_whose_worker_dies_as_it_arrives_is_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    arrived, gather = threading.Event(), Client._gather_remote
+
+    async def slowly(*given: Any) -> Any:
+        found = await gather(*given)
+        arrived.set()
+        while {each.status for each in given[0].futures.values()} != {"lost"}:
+            await asyncio.sleep(0.01)
+        return found
+
+    monkeypatch.setattr(Client, "_gather_remote", slowly)
+    with loopback.loopback_cluster(tmp_path, 1, MODULES) as cluster:
+        monkeypatch.setenv(VARIABLE, cluster.address)
+        killer = threading.Thread(target=lambda: (arrived.wait(30.0), cluster.kill_worker()))
+        killer.start()
+        with workers_from_environment() as workers:
+            assert list(workers.in_order([partial(twice, 21)])) == [42]
+        killer.join()
 
 
 def test_a_piece_that_kills_every_worker_is_reported_by_name_and_the_others_are_done(on_cluster: Any) -> None:
@@ -106,8 +123,8 @@ def test_a_worker_of_two_threads_is_refused(tmp_path: Path, monkeypatch: pytest.
     with loopback.loopback_cluster(tmp_path, 0, MODULES) as cluster:
         cluster.add_worker("--nthreads", "2")
         monkeypatch.setenv(VARIABLE, cluster.address)
-        with workers_from_environment() as workers, pytest.raises(WorkersError) as caught:
-            list(workers.in_order([partial(twice, 1)]))
+        with pytest.raises(WorkersError) as caught, workers_from_environment():
+            pass
     assert "has threads 2 (expected 1); results would not be equal bit for bit" in str(caught.value)
 
 
@@ -116,8 +133,9 @@ def test_workers_unlike_each_other_are_refused_and_workers_unlike_this_machine_a
 ) -> None:
     own = environment()
     other = {**own, "processor": "zen9 1234"}
-    assert common_environment(own, {"tcp://a:1": own, "tcp://b:1": own}) == own
-    assert common_environment(own, {"tcp://a:1": other, "tcp://b:1": other}) == other
+    common_environment(own, {"tcp://a:1": own, "tcp://b:1": own})
+    assert capsys.readouterr().out == ""
+    common_environment(own, {"tcp://a:1": other, "tcp://b:1": other})
     assert f"note: all workers have processor zen9 1234 (here {own['processor']})" in capsys.readouterr().out
     with pytest.raises(WorkersError, match=r"worker tcp://b:1 has processor zen9 1234 .expected"):
         common_environment(own, {"tcp://a:1": own, "tcp://b:1": other})
@@ -130,19 +148,16 @@ def test_a_cluster_without_scheduler_or_worker_is_named(tmp_path: Path, monkeypa
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         monkeypatch.setenv(VARIABLE, f"tcp://127.0.0.1:{free.getsockname()[1]}")
-    with monkeypatch.context() as impatient, workers_from_environment() as workers:
+    with monkeypatch.context() as impatient:
         impatient.setattr(cluster_module, "CONNECT_S", 0.5)
-        with pytest.raises(WorkersError) as caught:
-            list(workers.in_order([partial(twice, 1)]))
+        with pytest.raises(WorkersError) as caught, workers_from_environment():
+            pass
     assert "no Dask scheduler responds within" in str(caught.value)
     assert "start one with `dask scheduler`, or unset CYLINDER_FRICTION_WORKERS" in str(caught.value)
     with loopback.loopback_cluster(tmp_path, 0, MODULES) as cluster:
         monkeypatch.setenv(VARIABLE, cluster.address)
-        with (
-            workers_from_environment() as workers,
-            pytest.raises(WorkersError, match="has had no worker for 0 s; start"),
-        ):
-            list(workers.in_order([partial(twice, 1)]))
+        with pytest.raises(WorkersError, match="has had no worker for 0 s; start"), workers_from_environment():
+            pass
 
 
 def test_a_missing_library_is_named_with_the_command_that_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,20 +29,23 @@ def test_a_process_that_dies_costs_its_own_piece() -> None:
 
 
 def test_a_process_that_dies_costs_none_of_the_pieces_that_were_handed_out_with_its_own() -> None:
-    pieces = [partial(die if n == 9 else slow_if_first, n) for n in range(40)]
+    pieces = [partial(die if n in (9, 10) else slow_if_first, n) for n in range(40)]
     with Processes(2) as workers:
-        assert workers.batch_size(len(pieces)) > 1
-        assert list(workers.in_order(pieces)) == [*range(9), Died(), *range(10, 40)]
+        assert list(workers.in_order(pieces)) == [*range(9), Died(), Died(), *range(11, 40)]
 
 
 def test_a_process_that_dies_between_two_batches_costs_nothing() -> None:
     pieces = [partial(slow_if_first, n) for n in range(4)]
     with Processes(2) as workers:
         assert list(workers.in_order(pieces)) == [*range(4)]
-        dies = workers.executor().submit(die, 0)
         with pytest.raises(BrokenProcessPool):
-            dies.result()
+            workers.submit(partial(die, 0)).result()
         assert list(workers.in_order(pieces)) == [*range(4)]
+
+
+def test_an_exception_of_a_piece_is_raised_here() -> None:
+    with Processes(2) as workers, pytest.raises(ZeroDivisionError):
+        list(workers.in_order([partial(divmod, 1, n) for n in (1, 0)]))
 
 
 def test_an_interrupt_ends_what_is_running() -> None:
@@ -89,4 +92,4 @@ def test_the_variable_counts_more_than_the_default(monkeypatch: pytest.MonkeyPat
     asked = workers_from_environment()
     monkeypatch.setenv(VARIABLE, "1")
     assert workers_from_environment(3).here
-    assert [each.at_once for each in (default, asked) if isinstance(each, Processes)] == [3, 2]
+    assert [each.count for each in (default, asked) if isinstance(each, Processes)] == [3, 2]

@@ -1,20 +1,61 @@
-"""Peers estimate what the estimator does; a window, the output of a fresh network on the last samples."""
+"""Every runtime and the peer take their steps and estimate what they should; never how fast."""
 
 from __future__ import annotations
 
+import shutil
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from latency import WINDOW, OnnxWindow, TorchWindow, scikit_learn_forest
+from latency import LEAD_IN_STEPS, ROUNDS, WINDOW, Runtime, TorchWindow, measure, scikit_learn_forest, table
 
 from cylinder_friction.estimators.front_end import FrontEndBlock
 from cylinder_friction.estimators.hybrid import forest_input
 from cylinder_friction.realtime.lstm import Lstm
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from cylinder_friction.estimators.hybrid import HybridEstimator
+    from cylinder_friction.estimators.lugre import LugreEstimator
     from cylinder_friction.realtime.model import StepModel
+
+STEPS = 100
+C = [f"C, {which}" for which in ("double filters, -O3 -march=native", "double filters, -O2")]
+C.append("C, all single precision, -O3 -march=native")
+PEER = "PyTorch + scikit-learn, window of 40"
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="there is no C compiler")
+@pytest.mark.parametrize(
+    ("model", "python"),
+    [("hybrid", ["Python, estimator.real_time()", PEER]), ("lugre", ["Python, estimator.stream()"])],
+)
+def test_every_runtime_takes_every_step_and_estimates_what_the_estimator_does(
+    model: str, python: list[str], request: pytest.FixtureRequest, samples: np.ndarray, tmp_path: Path
+) -> None:
+    estimator: HybridEstimator | LugreEstimator = request.getfixturevalue(model)
+    measured = measure(estimator, samples, tmp_path, STEPS)
+    assert [runtime.title for runtime in measured] == [*C, *python]
+    for runtime in measured:
+        assert (sum(map(len, runtime.timed)), len(runtime.first)) == (STEPS, ROUNDS)
+        assert runtime.largest_difference_n < 0.5 or runtime.title == PEER
+    assert [line.partition("  C, ")[0][:9] for line in table(measured).splitlines()[1:2]] == ["     1.00"]
+    assert all(runtime.title in table(measured) for runtime in measured)
+
+
+def test_too_few_samples_are_refused(hybrid: HybridEstimator, samples: np.ndarray, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="expected at least 200 samples, but got 10"):
+        measure(hybrid, samples[:10], tmp_path)
+
+
+def test_every_figure_is_one_of_the_measured_times_less_the_clock() -> None:
+    times = np.random.default_rng(0).permutation(np.arange(1, 10_001)) * 1000
+    runtime = Runtime("made", lambda samples: (samples[:, 0], times[: len(samples)]), timer_ns=500.0)
+    runtime.take_turn(np.zeros((10_000 + LEAD_IN_STEPS, 3)), len(times))
+    assert runtime.figures_us() == [4999.5, 9899.5, 9989.5, 9999.5, 1e-3 * (times[0] - 500.0)]
+    runtime.timer_ns = 1e9
+    assert runtime.figures_us() == [0.0] * 5, "never less than nothing"
 
 
 def windowed(hybrid: HybridEstimator, golden_model: StepModel, samples: np.ndarray) -> np.ndarray:
@@ -34,11 +75,10 @@ def windowed(hybrid: HybridEstimator, golden_model: StepModel, samples: np.ndarr
     return np.array(result)
 
 
-@pytest.mark.parametrize("kind", [TorchWindow, OnnxWindow])
 def test_a_window_estimates_what_a_fresh_network_does(
-    kind: type[TorchWindow | OnnxWindow], hybrid: HybridEstimator, golden_model: StepModel, samples: np.ndarray
+    hybrid: HybridEstimator, golden_model: StepModel, samples: np.ndarray
 ) -> None:
-    peer = kind(golden_model)
+    peer = TorchWindow(golden_model)
     newtons = [peer.step(*sample) for sample in samples[:60].tolist()]
     np.testing.assert_allclose(newtons, windowed(hybrid, golden_model, samples[:60]), rtol=0.0, atol=0.05)
 

@@ -7,15 +7,12 @@ from pathlib import Path
 import pytest
 import yaml
 
-from cylinder_friction.commands.params import compose_params
-from cylinder_friction.fleet.stage_names import FLEET_STAGES
 from cylinder_friction.import_graph import SOURCE, used_files
 from cylinder_friction.run_record import STAGES
 
 PROJECT = Path(__file__).parents[2]
 TEXT = (PROJECT / "dvc.yaml").read_text(encoding="utf-8")
 PIPELINE = {name: each.get("do", each) for name, each in yaml.safe_load(TEXT)["stages"].items()}
-ALL_STAGES = (*STAGES, *FLEET_STAGES)
 
 
 def code_of(stage: str) -> list[str]:
@@ -41,7 +38,7 @@ def test_the_derivation_is_neither_blind_nor_greedy(stage: str, used: str, not_u
     assert not_used not in code_of(stage)
 
 
-@pytest.mark.parametrize("stage", ALL_STAGES)
+@pytest.mark.parametrize("stage", STAGES)
 def test_no_stage_depends_on_the_commands_or_what_only_logs(stage: str) -> None:
     code = " ".join(code_of(stage))
     unwanted = ["commands/", "deployment/fmu", "stages/_run"]
@@ -51,10 +48,10 @@ def test_no_stage_depends_on_the_commands_or_what_only_logs(stage: str) -> None:
 
 
 ALSO = {"split": {"lugre.condition"}, "register": {"recipe"}}
-"""``split`` refuses a condition that no training session has, before hours of training; ``register`` names the recipe."""
+"""``split`` refuses a condition that no training session has, before hours; ``register`` names the recipe."""
 
 
-@pytest.mark.parametrize("stage", ALL_STAGES)
+@pytest.mark.parametrize("stage", STAGES)
 def test_a_stage_takes_its_own_parameters_and_the_cylinder_alone(stage: str) -> None:
     *own, code = PIPELINE[stage]["params"]
     assert set(own) - {stage, "cylinder"} == ALSO.get(stage, set())
@@ -62,20 +59,12 @@ def test_a_stage_takes_its_own_parameters_and_the_cylinder_alone(stage: str) -> 
 
 
 def test_one_name_four_times() -> None:
-    assert tuple(PIPELINE) == ("code", *ALL_STAGES)
-    for stage in ALL_STAGES:
+    assert tuple(PIPELINE) == ("code", *STAGES)
+    for stage in STAGES:
         assert PIPELINE[stage]["cmd"] == f"cylinder-friction stage {stage}"
         assert (PROJECT / "src/cylinder_friction/stages" / f"{stage}.py").is_file()
         assert (PROJECT / "conf" / stage).is_dir()
         assert stage in yaml.safe_load((PROJECT / "params.yaml").read_text(encoding="utf-8"))
-
-
-def test_the_stages_of_a_fleet_exist_only_if_the_parameters_name_one() -> None:
-    stages = yaml.safe_load(TEXT)["stages"]
-    for stage in FLEET_STAGES:
-        assert stages[stage]["foreach"] == f"${{{stage}}}"
-        assert compose_params(PROJECT / "conf")[stage] == {}
-        assert len(compose_params(PROJECT / "conf", ["experiment=fleet"])[stage]) == 1
 
 
 def test_no_stage_that_makes_an_estimator_reads_truth_or_test_recordings() -> None:

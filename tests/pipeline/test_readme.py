@@ -26,7 +26,6 @@ RUN_IN_A_FINISHED_PIPELINE = {
     'make params ARGS="experiment=own"': "",
     "cylinder-friction export c models/hybrid --output press": "press/friction.h",
     "cylinder-friction export fmu models/hybrid --output press.fmu": "press.fmu",
-    "cylinder-friction export onnx models/hybrid --output onnx/hybrid": "step.onnx",
     "dvc metrics diff": "",
     "dvc plots diff HEAD": "index.html",
     "cylinder-friction track": "0 runs logged",
@@ -41,7 +40,6 @@ RUN_ELSEWHERE = {
     "make live": "test_the_servers_answer",
     "dvc repro": "tests/pipeline/test_kill.py",
     "make benchmark": "benchmark/tests/test_pipeline.py",
-    "cylinder-friction latency": "tests/commands/test_latency.py",
     'make seeds ARGS="1 2 3"': "tests/pipeline/test_smoke_pipeline.py",
     "dvc exp run -S experiment=smoke -S register.tolerance_percent=0.2": "test_an_experiment_composes",
 }

@@ -9,6 +9,7 @@ from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.packed import ROWS
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.recording import Recording
+from learned_offset import learning
 
 
 def test_after_rubbish_it_comes_back_to_the_undisturbed_estimate(
@@ -72,3 +73,29 @@ def test_one_list_in_place_of_numbers_is_named(small_hybrid: HybridEstimator) ->
             TypeError, match=r"got one list, but expected pressure_1_pa, .*; give its numbers one by one"
         ):
             stream.step([1e5, 1e5, 0.1])  # type: ignore[arg-type]
+
+
+def test_an_offset_for_an_estimator_that_learns_none_is_refused(small_model: StepModel) -> None:
+    stream = RealTimeStream(small_model)
+    assert stream.offset == (0.0, 0.0)
+    for start in ((1.0, None), (0.0, 5.0)):
+        with pytest.raises(
+            ValueError, match="this estimator learns no sensor offset; expected no offset to start from"
+        ):
+            stream.reset(*start)
+
+
+@pytest.mark.parametrize("start", [(np.nan, None), (np.inf, 1.0), (0.0, -1.0), (0.0, np.nan), (0.0, np.inf)])
+def test_an_impossible_offset_is_refused(small_model: StepModel, start: tuple[float, float | None]) -> None:
+    with pytest.raises(ValueError, match="expected a finite offset and an uncertainty of at least 0 N, but got"):
+        RealTimeStream(learning(small_model)).reset(*start)
+
+
+def test_before_the_first_valid_sample_the_offset_is_what_was_given(small_model: StepModel) -> None:
+    stream = RealTimeStream(learning(small_model))
+    stream.reset(25.0, 5.0)
+    newtons, offsets, flags = stream.run_with_offset(np.full((30, 3), np.nan))
+    assert not newtons.any()
+    assert (flags & Flag.NOT_READY != 0).all()
+    np.testing.assert_allclose(offsets, np.tile(offsets[:1], (30, 1)), rtol=0.0)
+    assert offsets[0, 0] == 25.0

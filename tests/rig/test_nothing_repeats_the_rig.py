@@ -20,9 +20,9 @@ VALUES = {
     if isinstance(each.default, float)
 }
 CLOSE = 0.2
-SIMULATES = ("commands/init.py", "fleet/demonstration.py", "params/checking.py", "stages/fleet.py", "stages/record.py")
+SIMULATES = ("commands/init.py", "params/checking.py", "stages/record.py")
 WRITES_RECORDINGS = [SOURCE / each for each in SIMULATES]
-"""A new project's example log, the simulated fleet and its stage, the campaign and the check of its settings."""
+"""A new project's example log, the campaign and the check of its settings."""
 
 
 def repeats(name: str, value: object) -> bool:

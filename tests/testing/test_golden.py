@@ -1,15 +1,24 @@
-"""The golden set as it is stored, and the command that checks it."""
+"""The golden set as it is stored, and how it is recorded."""
 
 import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
+import record_golden
 
-from cylinder_friction.commands import cli
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.realtime.flags import Flag
-from cylinder_friction.testing.golden import MODEL_FOLDER, read_trajectories, trace, write_trajectory
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.storage import write_recording
+from cylinder_friction.testing.golden import (
+    MODEL_FOLDER,
+    ROWS,
+    golden_samples,
+    read_trajectories,
+    trace,
+    write_trajectory,
+)
 from golden_fixtures import GOLDEN
 
 FOLDERS = (GOLDEN, GOLDEN / "learns_offset")
@@ -46,16 +55,23 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     assert (tmp_path / "one/made.npz").read_bytes() == (tmp_path / "other/made.npz").read_bytes()
 
 
-def test_the_command_tells_a_changed_trajectory_from_a_kept_one(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_a_folder_without_trajectories_is_named(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"holds no golden trajectory \(\.npz\); write some with `write_traj"):
+        read_trajectories(tmp_path)
+
+
+def test_what_is_cut_from_recordings_is_what_is_recorded(
+    tmp_path: Path, labelled_recordings: list[Recording], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    shutil.copytree(GOLDEN / "model", tmp_path / "model")
-    shutil.copy(GOLDEN / "end_stop.npz", tmp_path)
-    assert cli.main(["golden", "check", "--folder", str(tmp_path)]) == 0
-    assert "end_stop: python differs by 0 N and in 0 flags" in capsys.readouterr().out
-    kept = read_trajectories(tmp_path)["end_stop"]
-    kept.newtons[7, 0] += 0.25
-    kept.flags[9] |= Flag.OUTSIDE
-    write_trajectory(tmp_path, "end_stop", kept)
-    assert cli.main(["golden", "check", "--folder", str(tmp_path)]) == 1
-    assert "end_stop: python differs by 0.25 N and in 1 flags" in capsys.readouterr().out
+    monkeypatch.chdir(tmp_path)
+    recordings = [each for each in labelled_recordings if len(each) >= 2 * ROWS]
+    for recording in recordings:
+        write_recording(Path("data/processed/test"), recording)
+    shutil.copytree(GOLDEN / MODEL_FOLDER, tmp_path / "golden" / MODEL_FOLDER)
+    record_golden.record(tmp_path / "golden")
+    recorded, cut = read_trajectories(tmp_path / "golden"), golden_samples(recordings)
+    assert set(recorded) == set(read_trajectories(GOLDEN)) == set(cut)
+    model = load_estimator(GOLDEN / MODEL_FOLDER).step_model()
+    for name, samples in cut.items():
+        np.testing.assert_array_equal(recorded[name].samples, samples)
+        np.testing.assert_array_equal(recorded[name].newtons, trace(model, samples).newtons)

@@ -4,12 +4,12 @@ import time
 from dataclasses import asdict, replace
 from pathlib import Path
 
+from cylinder_friction.execution.measuring import measured
 from cylinder_friction.import_graph import relative_to_source, used_files
 from cylinder_friction.recordings.files import hash_of, read_json, write_json
 from cylinder_friction.run_record import Dataset, RunRecord, Scalar
 from cylinder_friction.stages._stage import artifacts, datasets, flat
 from cylinder_friction.tracking.log_run import log_run, track_or_warn
-from cylinder_friction.execution.measuring import measured
 from cylinder_friction.tracking.repository import TrackingError, commit_of, repository_root
 from friction_benchmark.cache import Cache
 from friction_benchmark.campaigns import INGEST

@@ -5,9 +5,11 @@ import errno
 import importlib
 import os
 import sys
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any, TypeAlias
 
+from cylinder_friction.commands.plugins import ELSEWHERE, not_installed, plugins
 from cylinder_friction.extras import MissingExtraError, explained
 
 COMMANDS = {
@@ -20,7 +22,6 @@ COMMANDS = {
     "estimate": "estimate friction from log files: a result per recording and a page",
     "identify": "identify friction models from log files: Stribeck curve, LuGre, files for Modelica and MATLAB",
     "adapt": "adapt a model to another cylinder from a few of its logs",
-    "monitor": "watch the trends of a fleet from its logs, each night only what is new, and raise alarms",
     "inspect": "check log files and draw a page",
     "track": "log every finished stage to MLflow, without duplicates",
     "summary": "print the comparison table and where its files are",
@@ -30,17 +31,11 @@ COMMANDS = {
     "rollback": "make the previous champion the champion again",
     "ui": "open the MLflow UI on the runs",
     "serve": "serve the champion and print a curl to try",
-    "live": "estimate friction of many cylinders in real time, with a page; try it with --replay LOGS",
-    "switch": "change the model of a running live service, run another beside it, or go back",
-    "golden": "train, record or check the trajectories that every real-time runtime must meet",
-    "export": "export a trained estimator to C, ONNX or an FMU",
-    "latency": "measure one step in every runtime on this machine",
+    "export": "export a trained estimator to C or an FMU",
 }
 COMPLETION, SHELLS = "--print-completion", ("bash", "zsh", "tcsh")
 COMPLETION_HELP = "print the completion script of a shell"
 EXTRAS = {
-    "live": "live",
-    "switch": "live",
     "serve": "serve",
     "ui": "serve",
     **dict.fromkeys(("stage", "params", "track", "lineage", "promote", "rollback"), "pipeline"),
@@ -54,6 +49,9 @@ ADVICE = {
 """What to do, by the operating system's number of an error."""
 INTERRUPTED = 130  # The exit status of what Ctrl-C ended, as shells have it
 UNREAD = 141  # That of what writes to a program that has ended, such as head
+
+
+Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -83,10 +81,14 @@ def _is_unread(more: str = "") -> bool:
 
 
 def _run(given: Sequence[str]) -> int:
-    extra = EXTRAS.get(given[0], "") if given else ""
+    first = given[0] if given else ""
+    if first in ELSEWHERE and first not in COMMANDS and first not in plugins():
+        print(f"cylinder-friction {first}: {not_installed(first)}", file=sys.stderr)
+        return 1
+    extra = EXTRAS.get(first, "")
     try:
         with explained(extra):
-            options = parser(COMMANDS if COMPLETION in given else given[:1]).parse_args(given)
+            options = parser(None if COMPLETION in given else first).parse_args(given)
     except KeyboardInterrupt:
         return INTERRUPTED
     except MissingExtraError as error:
@@ -118,12 +120,14 @@ def of_the_system(error: Exception) -> str:
     return f"{place}{error.strerror[0].lower()}{error.strerror[1:]}; {ADVICE.get(error.errno or 0, LOOK)}"
 
 
-def parser(loaded: Collection[str] = COMMANDS) -> argparse.ArgumentParser:
-    """Return the parser; commands that are not ``loaded`` are listed, but their modules are not imported.
+def parser(command: str | None = None) -> argparse.ArgumentParser:
+    """Return the parser of all commands, or one in which only ``command`` is complete.
+
+    The other commands are listed, but their modules are not imported. An empty string completes none.
 
     A command's module gives ``run(options)``, which returns the exit status or None; and, where needed,
     ``add_arguments(parser)``, ``EXPECTED``, errors whose message is enough, and ``kept(options)``, what is left after
-    Ctrl-C. Where a command has parts, their name is ``options.what``.
+    Ctrl-C. Where a command has parts, their name is ``options.what``. Commands of other packages: ``plugins.GROUP``.
     """
     result = argparse.ArgumentParser(
         prog="cylinder-friction",
@@ -132,20 +136,30 @@ def parser(loaded: Collection[str] = COMMANDS) -> argparse.ArgumentParser:
     result.add_argument("--version", action=_Version, nargs=0, help="show program's version number and exit")
     commands = result.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, words in COMMANDS.items():
-        command = commands.add_parser(name, help=words, description=f"{words[0].upper()}{words[1:]}.")
-        if name in loaded:
-            module = importlib.import_module(f"cylinder_friction.commands.{name}")
-            getattr(module, "add_arguments", lambda _: None)(command)
-            command.set_defaults(
-                run=module.run,
-                expected=getattr(module, "EXPECTED", ()),
-                kept=getattr(module, "kept", lambda _: "nothing is half-written; run the same command again"),
-            )
-    if set(loaded) == set(COMMANDS):
+        module = f"cylinder_friction.commands.{name}" if command in (None, name) else ""
+        _add(commands, name, words, importlib.import_module(module) if module else None)
+    if command not in COMMANDS:
+        for name, entry in plugins().items():
+            if name not in COMMANDS:
+                module = entry.load()
+                _add(commands, name, module.HELP, module)
+    if command is None:
         _add_completion(result)
     else:
         result.add_argument(COMPLETION, choices=SHELLS, help=COMPLETION_HELP)
     return result
+
+
+def _add(commands: Subparsers, name: str, words: str, module: Any) -> None:
+    """Add a command to the parser, with its arguments if its module is given."""
+    command = commands.add_parser(name, help=words, description=f"{words[0].upper()}{words[1:]}.")
+    if module is not None:
+        getattr(module, "add_arguments", lambda _: None)(command)
+        command.set_defaults(
+            run=module.run,
+            expected=getattr(module, "EXPECTED", ()),
+            kept=getattr(module, "kept", lambda _: "nothing is half-written; run the same command again"),
+        )
 
 
 class _Version(argparse.Action):

@@ -7,10 +7,10 @@ from pathlib import Path
 import yaml
 
 from cylinder_friction.estimators.entry_points import own_code
-from cylinder_friction.fleet.stage_names import EVERY_STAGE
 from cylinder_friction.import_graph import code_key, remove_stale_machine_code
 from cylinder_friction.params.checking import IN_A_PROJECT, ParamsError
 from cylinder_friction.recordings.files import write_text
+from cylinder_friction.run_record import STAGES
 from cylinder_friction.tracking.repository import CODE_FILE
 
 HEADER = (
@@ -21,7 +21,7 @@ HEADER = (
 def write_code(folder: Path) -> None:
     """Write ``code.yaml`` into a folder: after a change of code DVC runs exactly the stages whose entry has changed."""
     codes = {"cylinder-friction": version("cylinder-friction")}
-    codes |= {stage: code_key(f"cylinder_friction.stages.{stage}") for stage in EVERY_STAGE}
+    codes |= {stage: code_key(f"cylinder_friction.stages.{stage}") for stage in STAGES}
     for stage in ("baselines", "compare"):  # which make and load estimators of other packages
         codes[stage] += own_code()
     write_text(folder / CODE_FILE, HEADER + yaml.safe_dump(codes, sort_keys=False))

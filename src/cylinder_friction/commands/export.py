@@ -1,4 +1,4 @@
-"""The command ``export``: write a trained estimator as ONNX, C or an FMU."""
+"""The command ``export``: write a trained estimator as C or an FMU."""
 
 import argparse
 from pathlib import Path
@@ -12,7 +12,6 @@ PARTS = "part to export; lstm: without the forest; base: only the filtered force
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     forms = parser.add_subparsers(dest="what", required=True)
     for name, words, output in (
-        ("onnx", "ONNX: the whole estimator as a step graph and as a sequence graph", "folder for the two graphs"),
         ("c", "C99: one source and one header without dependencies, for controllers", "folder for the two files"),
         ("fmu", "FMI: one file for co-simulation, with sources and a binary for this computer", "such as press.fmu"),
     ):
@@ -30,16 +29,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    {"onnx": _onnx, "c": _c, "fmu": _fmu}[options.what](options)
-
-
-def _onnx(options: argparse.Namespace) -> None:
-    from cylinder_friction.deployment.onnx_graphs.export import export_onnx
-    from cylinder_friction.estimators.loading import load_estimator
-
-    written = export_onnx(load_estimator(options.model), options.output)
-    _print_sizes(written.step, written.sequence)
-    print(f"model    {written.model}")
+    {"c": _c, "fmu": _fmu}[options.what](options)
 
 
 def _c(options: argparse.Namespace) -> None:
@@ -56,7 +46,8 @@ def _c(options: argparse.Namespace) -> None:
         estimator, report = distil_from_folder(estimator, options.distil, options.data)
         print(report.text())
     written = export_c(estimator, options.output, options.name, options.precision, options.part)
-    _print_sizes(written.header, written.source)
+    for path in (written.header, written.source):
+        print(f"{path}: {path.stat().st_size / 1e3:.0f} kB")
     print(f"state    {written.state_bytes} bytes per instance\nstep     {written.operations} operations")
     print(f"model    {written.model}")
 
@@ -67,8 +58,3 @@ def _fmu(options: argparse.Namespace) -> None:
 
     written = export_fmu(load_estimator(options.model), options.output, options.fmi)
     print(f"{written.path}: {written.note}\nmodel    {written.name} {written.token}")
-
-
-def _print_sizes(*paths: Path) -> None:
-    for path in paths:
-        print(f"{path}: {path.stat().st_size / 1e3:.0f} kB")

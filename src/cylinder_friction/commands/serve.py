@@ -1,35 +1,16 @@
-"""The command ``serve``: serve a registered model over HTTP and print a curl to try."""
+"""The command ``serve``: serve a registered model with MLflow's server and print a curl to try."""
 
 import argparse
-import logging
+import json
 import shlex
+import signal
 import sys
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
-from cylinder_friction.recordings.files import read_json, write_json
-from cylinder_friction.service.access import AccessError
-from cylinder_friction.service.scoring.locating import LOCATED_FILE, locate
-from cylinder_friction.service.scoring.settings import ServeSettings, ServingError
+from cylinder_friction.deployment.child_server import child_server, listenable, noted_signals, wait_for_signal
 
-EXPECTED = (AccessError,)
-EXAMPLE_FILE, SHOWN = "example.json", 300  # The last bytes of what comes back
-_OPTIONS = {
-    "host": "name or address to listen on; beyond this machine only with tokens",
-    "port": "port to listen on, 0 for a free one",
-    "workers": "number of processes that score",
-    "max_body_bytes": "largest request body",
-    "max_rows": "most rows of a request",
-    "timeout_s": "longest time for a body to arrive, and for its rows to be scored, each",
-    "max_concurrent": "most requests that a worker has at a time",
-    "max_memory_bytes": "most memory of a worker",
-    "tokens": "file with the SHA-256 of a token in each line; requests need one of them",
-    "without_tokens": "listen beyond this machine without tokens",
-    "tls_certificate": "PEM file of the certificate",
-    "tls_key": "PEM file of its key",
-    "access_log": "file that gets one JSON object per request",
-    "access_log_bytes": "size at which the access log is rotated",
-    "access_log_files": "number of old access logs that are kept",
-}
+EXAMPLE_FILE, SHOWN = "serving_input_example.json", 300  # MLflow's example of a request; the last bytes of the answer
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -38,61 +19,60 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         help="models:/NAME@champion, models:/NAME/VERSION or a model's folder; default: the champion",
     )
-    defaults = ServeSettings()
-    for name, words in _OPTIONS.items():
-        default, option = getattr(defaults, name), f"--{name.replace('_', '-')}"
-        if isinstance(default, bool):
-            parser.add_argument(option, action="store_true", help=words)
-        elif default is None:
-            parser.add_argument(option, type=Path, help=words)
-        else:
-            parser.add_argument(option, type=type(default), default=default, help=f"{words}; default: {default}")
-    parser.add_argument("--locate", type=Path, help=argparse.SUPPRESS)  # what the server runs in a process that ends
+    parser.add_argument(
+        "--host",
+        default="127.0.0.1",
+        help="name or address to listen on; default: %(default)s, for a proxy that brings logins and TLS",
+    )
+    parser.add_argument("--port", type=int, default=5001, help="port, 0 for a free one; default: %(default)s")
+    parser.add_argument("--workers", type=int, default=1, help="number of processes; default: %(default)s")
 
 
 def run(options: argparse.Namespace) -> int:
-    if sys.platform == "win32":
-        raise ServingError(
-            "this server's processes share a socket, which Windows lacks; serve under WSL or in a container, or with "
-            "`mlflow models serve`, which has the same model without limits, tokens and metrics"
-        )
-    if options.locate is not None:
-        return _locate(options.model, options.locate)
-    import starlette  # noqa: F401 - its workers need it: better missed here than by each of them
-
-    from cylinder_friction.service.processes import LOG_FORMAT, Supervisor
-
-    settings = ServeSettings(**{name: getattr(options, name) for name in _OPTIONS})
-    logging.basicConfig(format=LOG_FORMAT, level=logging.INFO)
-    command = [sys.executable, "-m", "cylinder_friction.commands.cli", "serve"]
-    command += [*([options.model] if options.model else []), "--locate"]
-    return Supervisor(settings, command).run(lambda url, folder: _announce(url, folder, settings))
-
-
-def _locate(model: str | None, folder: Path) -> int:
-    from cylinder_friction.params.checking import load_params
-
-    locate(model or load_params().champion, Path.cwd(), folder)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # it ends a download as Ctrl-C does
+    port = listenable(options.port)
+    with TemporaryDirectory(prefix="cylinder-friction-serve-") as scratch:
+        name, folder = _found(options.model, Path(scratch))
+        command = [sys.executable, "-m", "mlflow", "models", "serve", "--env-manager", "local", "-m", str(folder)]
+        command += ["--host", options.host, "--port", str(port), "--workers", str(options.workers)]
+        url = f"http://{_reached_at(options.host)}:{port}"
+        received = noted_signals()
+        with child_server(command, f"{url}/ping", received, cwd=Path(scratch)) as server:
+            print(_announcement(name, url, folder / EXAMPLE_FILE), flush=True)
+            wait_for_signal(received, server)
     return 0
 
 
-def _announce(url: str, folder: Path, settings: ServeSettings) -> None:
-    located = read_json(folder / LOCATED_FILE)
-    rows = len(located["example"]["data"])
-    write_json(folder / EXAMPLE_FILE, {"dataframe_split": located["example"]})
-    print(
-        f"serving {located['name']} version {located['version']} at {url} (stop with Ctrl-C)\n\n"
-        f"try it in another terminal:\n\n{curl(url, folder / EXAMPLE_FILE, settings)}\n\n"
+def _found(model: str | None, scratch: Path) -> tuple[str, Path]:
+    """Return the name of a model and its folder; the files of a registered one are copied below ``scratch``."""
+    from cylinder_friction.params.checking import load_params
+    from cylinder_friction.tracking.model_folder import download_model, version_of
+    from cylinder_friction.tracking.store import open_store
+
+    model = model or load_params().champion
+    if model.startswith("models:/"):
+        with open_store(Path.cwd(), create=False) as store:
+            version = version_of(store, model)
+            return f"{version.name} version {version.version}", download_model(store, version, scratch / "model")
+    if not (Path(model) / "MLmodel").is_file():
+        raise FileNotFoundError(
+            f"{model}: expected models:/NAME@ALIAS, models:/NAME/VERSION, or a folder with an MLmodel in it"
+        )
+    return str(Path(model)), Path(model).resolve()
+
+
+def _reached_at(host: str) -> str:
+    """Return the name under which this machine reaches a server that listens on ``host``."""
+    host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)  # noqa: S104
+    return f"[{host}]" if ":" in host else host
+
+
+def _announcement(name: str, url: str, example: Path) -> str:
+    rows = len(json.loads(example.read_text("utf-8"))["dataframe_split"]["data"])
+    curl = f"curl -s {url}/invocations -H 'Content-Type: application/json' \\\n  -d {shlex.quote(f'@{example}')}"
+    return (
+        f"serving {name} at {url} (stop with Ctrl-C)\n\ntry it in another terminal:\n\n{curl} | tail -c {SHOWN}\n\n"
         f"It sends {rows} rows of a recording and shows the last one; rows of the first 3 s are flagged WARMING.\n"
         "friction_n is in newtons, positive when it opposes extension. Send the rows of a recording in order, at the\n"
-        f"trained sample time. Bounds: {located['bounds']}.\nAll routes: {url}/docs",
-        flush=True,
+        "trained sample time. A new champion is served after a restart."
     )
-
-
-def curl(url: str, rows: Path, settings: ServeSettings) -> str:
-    """Return a command that asks the served model about the rows of a file and can be pasted into a shell."""
-    options = "" if settings.tls_certificate is None else f" --cacert {settings.tls_certificate}"
-    options += ' -H "Authorization: Bearer $TOKEN"' if settings.tokens else ""
-    place = shlex.quote(f"@{rows}")
-    return f"curl -s{options} {url}/invocations -H 'Content-Type: application/json' \\\n  -d {place} | tail -c {SHOWN}"

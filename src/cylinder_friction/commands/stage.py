@@ -4,7 +4,7 @@ import argparse
 import ast
 from pathlib import Path
 
-from cylinder_friction.fleet.stage_names import EVERY_STAGE
+from cylinder_friction.run_record import STAGES
 from cylinder_friction.tuning.study_store import StudyStoreError
 
 EXPECTED = (StudyStoreError,)
@@ -14,9 +14,9 @@ _RESUMED = {"search": "finished trials", "train": "finished epochs", "baselines"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.formatter_class = argparse.RawDescriptionHelpFormatter
-    stages = "".join(f"\n- {name + ':':<11}{_words(name)}" for name in EVERY_STAGE)
+    stages = "".join(f"\n- {name + ':':<11}{_words(name)}" for name in STAGES)
     parser.epilog = f"Stages, in the pipeline's order:\n{stages}"
-    parser.add_argument("what", metavar="STAGE", choices=EVERY_STAGE, help="one of the stages below")
+    parser.add_argument("what", metavar="STAGE", choices=STAGES, help="one of the stages below")
 
 
 def run(options: argparse.Namespace) -> None:

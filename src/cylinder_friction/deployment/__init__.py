@@ -1,5 +1,1 @@
-"""Estimators elsewhere: C, FMU, ONNX, served models. No other imports onnxruntime."""
-
-import os
-
-os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")  # a laboratory calls nobody unasked
+"""Estimators elsewhere: C, FMU and served models."""

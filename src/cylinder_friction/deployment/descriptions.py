@@ -1,11 +1,11 @@
-"""Meaning of inputs and flags of an exported estimator: one list for C, FMU and ONNX."""
+"""Meaning of inputs and flags of an exported estimator: one list for C and FMU."""
 
 import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from cylinder_friction.realtime.flags import Flag, invalid_flag
+from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.guard import UNKNOWN_FORCE_N
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.sensor_offset import DEVIATION
@@ -64,7 +64,6 @@ class Input:
     quantity: str  # The name without its unit
     unit: str | None  # A value of ``UNITS``, or None
     meaning: str  # In words, with its unit
-    flag: Flag  # Set while a value is invalid
 
 
 def described_inputs(columns: Sequence[str]) -> list[Input]:
@@ -75,5 +74,5 @@ def described_inputs(columns: Sequence[str]) -> list[Input]:
         found = re.fullmatch(rf"(.+)_({'|'.join(UNITS)})", name)
         quantity, unit = (found[1], UNITS[found[2]]) if found else (name, None)
         meaning = MEANINGS.get(column, quantity.replace("_", " ")) + (f" [{unit}]" if unit else "")
-        result.append(Input(column, name, quantity, unit, meaning, invalid_flag(column)))
+        result.append(Input(column, name, quantity, unit, meaning))
     return result

@@ -112,7 +112,7 @@ class ForestEstimator(FrictionEstimator):
 def fit_forest(features: NDArray[np.float32], target: NDArray[np.float64], plan: ForestPlan, seed: int) -> Forest:
     """Fit a random forest (Breiman 2001), each tree on rows drawn from all of them, and return it as plain arrays.
 
-    scikit-learn compares with thresholds in double precision, ONNX and every runtime in single. Features are single
+    scikit-learn compares with thresholds in double precision, every runtime in single. Features are single
     precision on both sides, so the greatest single-precision number that is not above a threshold separates them alike.
 
     Args:

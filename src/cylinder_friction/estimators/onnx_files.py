@@ -31,7 +31,7 @@ NEUTRAL: dict[str, set[Any]] = {
     "nodes_missing_value_": {0},
 }
 """Beginnings of names of a forest's attributes that change nothing with these values."""
-IR_VERSION = 8  # With these operator sets, what ONNX Runtime 1.14 (2023) already reads
+IR_VERSION = 8  # That of ONNX 1.12 (2022), the first with these operator sets
 
 
 def write_onnx(model: onnx.ModelProto, path: Path) -> None:

@@ -14,10 +14,9 @@ from typing import Self
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.labelling.strokes import stroke_pieces
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, PRESSURES
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.signals.motion import direction_of_motion, steady_rows
+from cylinder_friction.signals.motion import direction_of_motion, steady_rows, stroke_pieces
 from cylinder_friction.signals.smooth_signals import has_pressures
 
 PRESSURE_STEP_BAR = 25.0

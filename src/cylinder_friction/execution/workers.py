@@ -6,10 +6,11 @@ import multiprocessing
 import os
 import signal
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
+from concurrent.futures import Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
+from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -17,11 +18,7 @@ if TYPE_CHECKING:
     from multiprocessing.process import BaseProcess
 
 VARIABLE = "CYLINDER_FRICTION_WORKERS"
-ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
-LOOK_AFTER_S = 30.0
-"""How often workers are looked after while nothing finishes."""
-
-LARGEST_BATCH, MOST_STARTS = 8, 3
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 Work = Callable[[], Any]
 """Whatever can be pickled and called, such as a ``functools.partial`` of a module's function."""
@@ -83,47 +80,34 @@ class Workers:
 
 
 class ExecutorWorkers(Workers):
-    """Work given to a ``concurrent.futures.Executor``.
+    """Gives work to a ``concurrent.futures.Executor``, and repeats a piece alone if a worker died of it or beside it.
 
     Attributes:
-        at_once: Number of batches of pieces that run side by side.
+        at_once: Number of pieces handed out at a time.
         least: Fewer pieces than this are done in this process, for workers take longer to begin.
-        lost: Raised for a piece whose worker died.
     """
 
     here = False
     at_once: int
     least = 0
-    lost: tuple[type[Exception], ...]
 
-    def executor(self) -> Executor:
-        """Return what does the work, started if need be."""
+    def submit(self, piece: Work) -> Future[Any]:
+        """Hand out a piece."""
         raise NotImplementedError
 
-    def died(self, error: Exception, executor: Executor) -> Died:
-        """Return why a piece is lost, and make sure that the next one finds workers; ``executor`` had the piece."""
+    def died(self, error: Exception) -> Died | None:
+        """Explain the death of a piece's worker; return None for an exception that the piece itself raised."""
         raise NotImplementedError
-
-    def prepared(self, piece: Work) -> Work:
-        """Return a piece with what its worker needs beside it."""
-        return piece
-
-    def batch_size(self, _pieces: int) -> int:
-        """Return how many pieces a worker is given at a time, where there are ``_pieces`` in all."""
-        return 1
-
-    def look_after(self) -> None:
-        """Make sure that there are workers; called now and then while nothing finishes."""
 
     def do_all(self, pieces: Sequence[Work]) -> Iterator[tuple[int, Any]]:
-        suspects: list[tuple[int, Work]] = []
-        for number, result in self._round(list(enumerate(pieces))):
-            if isinstance(result, Died):  # it, or what ran beside it
-                suspects.append((number, pieces[number]))
+        suspects = []
+        for number, result in self._round(range(len(pieces)), pieces):
+            if isinstance(result, Died):  # it, or what was handed out beside it
+                suspects.append(number)
             else:
                 yield number, result
-        for suspect in sorted(suspects, key=lambda each: each[0]):
-            yield from self._round([suspect])
+        for suspect in sorted(suspects):
+            yield from self._round([suspect], pieces)
 
     def in_order(self, pieces: Iterable[Work]) -> Iterator[Any]:
         pieces = list(pieces)
@@ -138,48 +122,33 @@ class ExecutorWorkers(Workers):
                 yield finished.pop(following)
                 following += 1
 
-    def _round(self, waiting: list[tuple[int, Work]]) -> Iterator[tuple[int, Any]]:
-        running: dict[Future[Any], tuple[list[int], Executor]] = {}
-        waiting.reverse()
-        size = self.batch_size(len(waiting))
-        while waiting or running:
-            # No more at a time than there are processes: if one dies, few are under suspicion.
-            while waiting and len(running) < self.at_once:
-                given = [waiting.pop() for _ in range(min(size, len(waiting)))]
-                future, executor = self._handed_out([piece for _, piece in given])
-                running[future] = [number for number, _ in given], executor
-            finished, _ = wait(running, timeout=LOOK_AFTER_S, return_when=FIRST_COMPLETED)
-            if not finished:
-                self.look_after()
-            for future in finished:
-                numbers, executor = running.pop(future)
-                try:
-                    results = future.result()
-                except self.lost as error:
-                    results = [self.died(error, executor)] * len(numbers)
-                yield from zip(numbers, results, strict=True)
-
-    def _handed_out(self, pieces: Sequence[Work]) -> tuple[Future[Any], Executor]:
-        for _ in range(MOST_STARTS):
-            executor = self.executor()
+    def _round(self, numbers: Sequence[int], pieces: Sequence[Work]) -> Iterator[tuple[int, Any]]:
+        running: dict[Future[Any], int] = {}
+        finished: SimpleQueue[Future[Any]] = SimpleQueue()
+        waiting = iter(numbers)
+        while True:
+            while len(running) < self.at_once and (number := next(waiting, None)) is not None:
+                future = self.submit(pieces[number])
+                running[future] = number
+                future.add_done_callback(finished.put)
+            if not running:
+                return
+            future = finished.get()
             try:
-                return executor.submit(_done, [self.prepared(piece) for piece in pieces]), executor
-            except self.lost as error:  # a worker that died while nothing was asked of it
-                self.died(error, executor)
-        raise WorkersError(f"workers died {MOST_STARTS} times before they had begun; the machine may be out of memory")
-
-
-def _done(pieces: Sequence[Work]) -> list[Any]:
-    return [piece() for piece in pieces]
+                result = future.result()
+            except Exception as error:
+                result = self.died(error)
+                if result is None:
+                    raise
+            yield running.pop(future), result
 
 
 class Processes(ExecutorWorkers):
     """Processes of this machine that stay for one batch of work after another."""
 
-    lost = (BrokenProcessPool,)
-
     def __init__(self, count: int, least: int = 0) -> None:
-        self.at_once, self.least = count, least
+        self.count, self.least = count, least
+        self.at_once = 2 * count  # so that no process waits for its next piece, and few are suspected if one dies
         self._processes: ProcessPoolExecutor | None = None
         self._children: list[BaseProcess] = []
 
@@ -189,30 +158,35 @@ class Processes(ExecutorWorkers):
                 process.terminate()
         self._stop()
 
-    def executor(self) -> Executor:
+    def submit(self, piece: Work) -> Future[Any]:
+        """Hand out a piece, to new processes if one of the old ones died: a pool has no use for the others then."""
+        try:
+            return self._started().submit(piece)
+        except BrokenProcessPool:
+            self._stop()
+        try:
+            return self._started().submit(piece)
+        except BrokenProcessPool:
+            raise WorkersError("processes die before they begin; the machine may be out of memory") from None
+
+    def died(self, error: Exception) -> Died | None:
+        return Died() if isinstance(error, BrokenProcessPool) else None
+
+    def _started(self) -> ProcessPoolExecutor:
         """Return processes that inherit nothing but the environment, in which every library has one thread."""
         if self._processes is None:
             others = multiprocessing.active_children()
             with _one_thread():
                 self._processes = ProcessPoolExecutor(
-                    self.at_once,
+                    self.count,
                     mp_context=multiprocessing.get_context("spawn"),
                     initializer=signal.signal,  # Ctrl-C reaches every process; this one ends the others
                     initargs=(signal.SIGINT, signal.SIG_IGN),
                 )
                 # They begin as they are asked; all of them must while the environment is as it should be.
-                wait([self._processes.submit(os.getpid) for _ in range(self.at_once)])
+                wait([self._processes.submit(os.getpid) for _ in range(self.count)])
             self._children = [child for child in multiprocessing.active_children() if child not in others]
         return self._processes
-
-    def batch_size(self, pieces: int) -> int:
-        """Return more than 1 only for many pieces: they are small, and a worker would wait for each next one."""
-        return max(1, min(LARGEST_BATCH, pieces // (LARGEST_BATCH * self.at_once)))
-
-    def died(self, _error: Exception, executor: Executor) -> Died:
-        if executor is self._processes:  # and not yet replaced: all of its pieces are lost, one after the other
-            self._stop()
-        return Died()
 
     def _stop(self) -> None:
         if self._processes is not None:
@@ -222,10 +196,9 @@ class Processes(ExecutorWorkers):
 
 @contextmanager
 def _one_thread() -> Iterator[None]:
-    """Have every library take one thread, and no worker workers of its own."""
-    names = (*ONE_THREAD, VARIABLE)
-    before = {name: os.environ.get(name) for name in names}
-    os.environ.update(dict.fromkeys(names, "1"))
+    """Limit numerical libraries of new processes to one thread."""
+    before = {name: os.environ.get(name) for name in ONE_THREAD}
+    os.environ.update(dict.fromkeys(ONE_THREAD, "1"))
     try:
         yield
     finally:

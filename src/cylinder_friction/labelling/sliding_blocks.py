@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.labelling.strokes import stroke_pieces
 from cylinder_friction.labelling.uncertainty import sensitivities
 from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, PRESSURE_1, PRESSURE_2
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from cylinder_friction.signals.motion import direction_of_motion
+from cylinder_friction.signals.motion import direction_of_motion, stroke_pieces
 
 EXPLAINING = (PRESSURE_1, PRESSURE_2, LOAD_FORCE, OIL_TEMPERATURE)
 """Columns that may explain friction beside speed and position."""

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array, Mask, true_runs
 from cylinder_friction.labelling.averages import Averages
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.signals.motion import direction_of_motion
+from cylinder_friction.signals.motion import direction_of_motion, stroke_pieces
 
 POINT_DURATION_S = 0.1
 """A point is the mean over this much of a stroke."""
@@ -84,41 +84,6 @@ def stroke_points(
         others_m=np.reshape(others, (len(others), len(pieces.begins))).T,
         stroke=pieces.stroke,
     )
-
-
-@dataclass(frozen=True)
-class StrokePieces:
-    """Which rows of a recording belong to which short piece of a stroke."""
-
-    rows: NDArray[np.int64]  # Rows of all pieces, ascending
-    # Where each piece begins in ``rows``, how many it has, and its stroke, counted from 0; shape ``(pieces,)``
-    begins: NDArray[np.int64]
-    counts: NDArray[np.int64]
-    stroke: NDArray[np.int64]
-
-    def mean(self, values: Array) -> Array:
-        """Return the mean over each piece of values of shape ``(n,)``, shape ``(pieces,)``."""
-        return np.asarray(np.add.reduceat(values[self.rows], self.begins) / self.counts) if len(self.rows) else _NONE
-
-
-_NONE: Array = np.zeros(0)
-
-
-def stroke_pieces(direction: Array, progress: Array, settling: float, piece_rows: int) -> StrokePieces:
-    """Return the pieces of at most ``piece_rows`` rows of each unbroken run of one direction.
-
-    ``direction`` is 1, -1, or 0 where nothing counts; rows within ``settling`` of their run's first one by
-    ``progress``, time or path, are left out. Both have shape ``(n,)``.
-    """
-    starts = np.flatnonzero(np.concatenate([[len(direction) > 0], direction[1:] != direction[:-1]]))
-    lengths = np.diff(starts, append=len(direction))
-    rows = np.flatnonzero((direction != 0.0) & (progress - np.repeat(progress[starts], lengths) >= settling))
-    firsts = np.unique(np.searchsorted(rows, starts))  # of each run that has rows left, in ``rows``
-    firsts = firsts[firsts < len(rows)]
-    pieces = -(-np.diff(firsts, append=len(rows)) // piece_rows)
-    stroke = np.repeat(np.arange(len(firsts)), pieces)
-    begins = firsts[stroke] + piece_rows * (np.arange(len(stroke)) - (np.cumsum(pieces) - pieces)[stroke])
-    return StrokePieces(rows, begins, np.diff(np.append(begins, len(rows))), stroke)
 
 
 def coverage_of(points: StrokePoints) -> TravelCovered:

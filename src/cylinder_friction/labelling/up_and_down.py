@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.arrays import Array, median
+from cylinder_friction.arrays import Array
 
 POSITION_BINS = 30
 LEAST_ROWS_A_BIN = 10
@@ -36,7 +36,7 @@ def up_and_down(
     if not both.any():
         return float("nan"), float("nan")
     extending_n, retracting_n = medians_n.reshape(2, -1)[:, both]
-    return median(0.5 * (extending_n + retracting_n)), median(0.5 * (extending_n - retracting_n))
+    return float(np.median(0.5 * (extending_n + retracting_n))), float(np.median(0.5 * (extending_n - retracting_n)))
 
 
 def _medians(values: Array, bins: NDArray[np.uint8], count: int) -> tuple[Array, NDArray[np.int64]]:

@@ -17,7 +17,6 @@ from cylinder_friction.params.data import (
     SplitParams,
 )
 from cylinder_friction.params.file import IN_A_PROJECT, PARAMS_FILE, ParamsError
-from cylinder_friction.params.fleet import MonitorParams, SimulationParams
 from cylinder_friction.params.learning import (
     BaselinesParams,
     CompareParams,
@@ -61,8 +60,6 @@ class Params(Section):
     lugre: LugreParams
     compare: CompareParams
     register_: RegisterParams = Field(alias="register")
-    fleet: SimulationParams = SimulationParams()
-    monitor: MonitorParams = MonitorParams()
 
     @property
     def registered_name(self) -> str:

@@ -13,7 +13,7 @@ class Forest:
     """A forest of binary regression trees; a row goes left where ``feature <= threshold``."""
 
     feature: NDArray[np.int64]  # Feature that each node asks for, shape ``(nodes,)``; -1 in a leaf
-    threshold: NDArray[np.float32]  # Shape ``(nodes,)``, single precision, as ONNX Runtime compares
+    threshold: NDArray[np.float32]  # Shape ``(nodes,)``, single precision, as the features are
     left: NDArray[np.int64]  # Index of the next node where it does, shape ``(nodes,)``
     right: NDArray[np.int64]  # Index of the next node where it does not, shape ``(nodes,)``
     value: NDArray[np.float32]  # What a leaf adds, already divided by the number of trees, shape ``(nodes,)``

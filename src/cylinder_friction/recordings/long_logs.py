@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from cylinder_friction.arrays import Array, median
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.position_faults import without_position_faults
 from cylinder_friction.recordings.checks.recording_checks import (
@@ -218,7 +218,7 @@ def _undisturbed(time_s: Array, first: int, rows: int, context: int, longest_bri
     """
     steps_s = np.diff(time_s)
     known = steps_s[steps_s > 0.0]
-    usual_s = median(known) if len(known) else 0.0
+    usual_s = float(np.median(known)) if len(known) else 0.0
     bad = np.append(False, ~((steps_s > 0.0) & (steps_s <= (longest_bridge + 1.5) * usual_s)))
     if not bad.any():
         return min(first + rows, len(bad) - context - 1)

@@ -1,6 +1,9 @@
-"""Detection of motion in whole recordings: direction, travel, steady sliding, standstill, starts, stops, reversals."""
+"""Detection of motion in whole recordings: direction, strokes, travel, steady sliding, standstill, starts, stops."""
+
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array, Mask, sliding_extremes, true_runs
 
@@ -22,6 +25,40 @@ LEAST_STANDSTILL_S = 1.0
 def direction_of_motion(velocity_m_s: Array, slowest_m_s: float) -> Array:
     """Return 1 while extending, -1 while retracting and 0 below ``slowest_m_s``, shape ``(n,)``."""
     return np.where(np.abs(velocity_m_s) >= slowest_m_s, np.sign(velocity_m_s), 0.0)
+
+
+@dataclass(frozen=True)
+class StrokePieces:
+    """Which rows of a recording belong to which short piece of a stroke."""
+
+    rows: NDArray[np.int64]  # Rows of all pieces, ascending
+    # Where each piece begins in ``rows``, how many it has, and its stroke, counted from 0; shape ``(pieces,)``
+    begins: NDArray[np.int64]
+    counts: NDArray[np.int64]
+    stroke: NDArray[np.int64]
+
+    def mean(self, values: Array) -> Array:
+        """Return the mean over each piece of values of shape ``(n,)``, shape ``(pieces,)``."""
+        if not len(self.rows):
+            return np.zeros(0)
+        return np.asarray(np.add.reduceat(values[self.rows], self.begins) / self.counts)
+
+
+def stroke_pieces(direction: Array, progress: Array, settling: float, piece_rows: int) -> StrokePieces:
+    """Return the pieces of at most ``piece_rows`` rows of each unbroken run of one direction.
+
+    ``direction`` is 1, -1, or 0 where nothing counts; rows within ``settling`` of their run's first one by
+    ``progress``, time or path, are left out. Both have shape ``(n,)``.
+    """
+    starts = np.flatnonzero(np.concatenate([[len(direction) > 0], direction[1:] != direction[:-1]]))
+    lengths = np.diff(starts, append=len(direction))
+    rows = np.flatnonzero((direction != 0.0) & (progress - np.repeat(progress[starts], lengths) >= settling))
+    firsts = np.unique(np.searchsorted(rows, starts))  # of each run that has rows left, in ``rows``
+    firsts = firsts[firsts < len(rows)]
+    pieces = -(-np.diff(firsts, append=len(rows)) // piece_rows)
+    stroke = np.repeat(np.arange(len(firsts)), pieces)
+    begins = firsts[stroke] + piece_rows * (np.arange(len(stroke)) - (np.cumsum(pieces) - pieces)[stroke])
+    return StrokePieces(rows, begins, np.diff(np.append(begins, len(rows))), stroke)
 
 
 def last_direction(velocity_m_s: Array) -> Array:

@@ -5,12 +5,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from cylinder_friction.execution.measuring import measured
-from cylinder_friction.fleet.stage_names import EVERY_STAGE
 from cylinder_friction.import_graph import code_key
 from cylinder_friction.params.checking import PARAMS_FILE, ParamsError, load_params
 from cylinder_friction.params.composing import DEFAULT, as_run_params
 from cylinder_friction.recordings.files import read_yaml, write_json
-from cylinder_friction.run_record import RUNS_FOLDER
+from cylinder_friction.run_record import RUNS_FOLDER, STAGES
 from cylinder_friction.tracking.log_run import track_or_warn
 from cylinder_friction.tracking.repository import commit_of, repository_root
 
@@ -22,8 +21,8 @@ def run_stage(name: str) -> None:
         ParamsError: There is no such stage; or anything in ``params.yaml`` is refused, in whichever section, so that
             no stage starts on half a configuration.
     """
-    if name not in EVERY_STAGE:
-        raise ParamsError(f"no stage {name!r}; expected one of {', '.join(EVERY_STAGE)}")
+    if name not in STAGES:
+        raise ParamsError(f"no stage {name!r}; expected one of {', '.join(STAGES)}")
     params, root, module = load_params(), Path.cwd(), f"cylinder_friction.stages.{name}"
     code = code_key(module)
     with measured() as took:

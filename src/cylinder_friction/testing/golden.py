@@ -68,7 +68,7 @@ def read_trajectories(folder: Path) -> dict[str, Trajectory]:
         with np.load(path, allow_pickle=False) as stored:
             found[path.stem] = Trajectory(stored["samples"], stored["newtons"], stored["flags"].astype(np.int64))
     if not found:
-        raise FileNotFoundError(f"{folder}: holds no golden trajectory (.npz); run `cylinder-friction golden record`")
+        raise FileNotFoundError(f"{folder}: holds no golden trajectory (.npz); write some with `write_trajectory`")
     return found
 
 

@@ -29,6 +29,7 @@ Objective = Callable[[Values, Report], float]
 """Trains with hyperparameters, calls back with each epoch's validation error, returns the final one [N]."""
 
 _REASON = "reason"  # User attribute of a trial without a value: why
+_NUMBER = "number"  # User attribute: which trial of the plan it is
 _REPORTED_S = "reported_s"  # User attribute: when each intermediate error was reported
 
 
@@ -90,27 +91,30 @@ def run_search(
     """
     workers = workers or Workers()
     search = _Search(_distributions(space), plan, cost, objective)
-    with study_storage(journal) as (storage, name):
-        optuna.logging.set_verbosity(optuna.logging.WARNING)
-        study = optuna.create_study(storage=storage, study_name=name, load_if_exists=True)
-        finished = [
-            trial
-            for trial in study.get_trials(deepcopy=False)
-            if trial.state == TrialState.COMPLETE or (trial.state.is_finished() and _REASON in trial.user_attrs)
-        ]
-        for _ in finished:
+    storage, name = study_storage(journal)
+    optuna.logging.set_verbosity(optuna.logging.WARNING)
+    study = optuna.create_study(storage=storage, study_name=name, load_if_exists=True)
+    finished = _finished(study)
+    for _ in finished:
+        after_trial()
+    while len(finished) < plan.trials:
+        earlier = finished[: len(finished) // plan.batch * plan.batch]
+        following = range(len(finished), min(len(earlier) + plan.batch, plan.trials))
+        proposed = [search.proposed(number, earlier) for number in following]
+        results = workers.in_order([partial(search.tried, values, earlier) for values in proposed])
+        for values, result in zip(proposed, results, strict=True):
+            trial = search.lost(values, result.reason) if isinstance(result, Died) else result
+            trial.set_user_attr(_NUMBER, len(finished))
+            study.add_trial(trial)
+            finished.append(trial)
             after_trial()
-        while len(finished) < plan.trials:
-            earlier = finished[: len(finished) // plan.batch * plan.batch]
-            following = range(len(finished), min(len(earlier) + plan.batch, plan.trials))
-            proposed = [search.proposed(number, earlier) for number in following]
-            results = workers.in_order([partial(search.tried, values, earlier) for values in proposed])
-            for values, result in zip(proposed, results, strict=True):
-                trial = search.lost(values, result.reason) if isinstance(result, Died) else result
-                study.add_trial(trial)
-                finished.append(trial)
-                after_trial()
     return [search.trial(each) for each in finished]
+
+
+def _finished(study: optuna.Study) -> list[FrozenTrial]:
+    """Return the finished trials in order; of a number that two processes finished side by side, one of two equals."""
+    found = {trial.user_attrs[_NUMBER]: trial for trial in study.get_trials(deepcopy=False)}
+    return [found[number] for number in range(len(found))]
 
 
 @dataclass(frozen=True)

@@ -6,10 +6,7 @@ makes no stage run again.
 
 from __future__ import annotations
 
-import hashlib
-import logging
 import os
-from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,82 +14,52 @@ from cylinder_friction.extras import not_installed
 from cylinder_friction.wording import in_brief
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
     from optuna.storages import BaseStorage
     from optuna.storages.journal import JournalStorage
-    from sqlalchemy import Engine
 
 STUDY_STORE = "CYLINDER_FRICTION_STUDY_STORE"
 """Environment variable: URL of the database, ``postgresql+psycopg2://...``; without it the journal is used."""
 _FORM = "postgresql+psycopg2://USER@HOST/DATABASE"
 _CONNECT_TIMEOUT_S = 5
 
-_log = logging.getLogger(__name__)
-
 
 class StudyStoreError(Exception):
     """The database that is to keep the trials cannot be used."""
 
 
-@contextmanager
-def study_storage(journal: Path) -> Iterator[tuple[BaseStorage, str]]:
-    """Yield the storage and the name of the study whose journal would be that file.
+def study_storage(journal: Path) -> tuple[BaseStorage, str]:
+    """Open the storage of the study whose journal would be that file; return it with the study's name.
 
     In a database the study has the name of the journal's folder, which states what the trials depend on: clones that
-    search the same thing share its trials. One machine at a time: the others wait, and then find them finished.
+    search the same thing share its trials.
 
     Raises:
         StudyStoreError: The database cannot be used.
     """
     url = os.environ.get(STUDY_STORE)
-    if not url:
-        yield _journal_storage(journal), "tuning"
-    else:
-        with _alone(_engine(url), journal.parent.name):
-            from optuna.storages import RDBStorage
-
-            yield RDBStorage(url), journal.parent.name
+    return (_database(url), journal.parent.name) if url else (_journal_storage(journal), "tuning")
 
 
-def _engine(url: str) -> Engine:
-    from sqlalchemy import NullPool, create_engine
-    from sqlalchemy.exc import ArgumentError
+def _database(url: str) -> BaseStorage:
+    from optuna.storages import RDBStorage
+    from sqlalchemy import make_url
+    from sqlalchemy.exc import ArgumentError, OperationalError
 
     try:
-        options = {"connect_timeout": _CONNECT_TIMEOUT_S}
-        # without a pool, which would keep the lock with a connection that was given back
-        engine = create_engine(url, connect_args=options, isolation_level="AUTOCOMMIT", poolclass=NullPool)
+        if (kind := make_url(url).get_backend_name()) != "postgresql":
+            raise StudyStoreError(f"{STUDY_STORE} names a database of {kind}; expected {_FORM}")
+        return RDBStorage(url, {"connect_args": {"connect_timeout": _CONNECT_TIMEOUT_S}})
     except ArgumentError:
         raise StudyStoreError(f"{STUDY_STORE} is no URL of a database; expected {_FORM}") from None
-    except ModuleNotFoundError as error:
-        needed = not_installed(str(error.name), "postgres")
+    except ImportError as error:
+        needed = not_installed(str(getattr(error.__cause__, "name", error.name)), "postgres")
         raise StudyStoreError(f"{STUDY_STORE} needs {needed}, and write {_FORM}") from None
-    if engine.dialect.name != "postgresql":
-        raise StudyStoreError(f"{STUDY_STORE} names a database of {engine.dialect.name}; expected {_FORM}")
-    return engine
-
-
-@contextmanager
-def _alone(engine: Engine, study: str) -> Iterator[None]:
-    """Hold the study until the block ends, or the process: PostgreSQL takes the lock back with the connection."""
-    from sqlalchemy import text
-    from sqlalchemy.exc import OperationalError
-
-    key = {"key": int.from_bytes(hashlib.sha256(study.encode()).digest()[:8], signed=True)}
-    try:
-        connection = engine.connect()
     except OperationalError as error:
-        where = engine.url.render_as_string(hide_password=True)
+        where = make_url(url).render_as_string(hide_password=True)
         raise StudyStoreError(
             f"{STUDY_STORE} names {where}, which cannot be reached ({in_brief(error.orig)}); correct "
             "it, or unset it to keep trials in the repository"
         ) from None
-    with connection:
-        if not connection.execute(text("SELECT pg_try_advisory_lock(:key)"), key).scalar():
-            _log.warning("%s: another process searches the same thing; waiting for its trials", study)
-            connection.execute(text("SELECT pg_advisory_lock(:key)"), key)
-        yield
 
 
 def _journal_storage(journal: Path) -> JournalStorage:

@@ -14,9 +14,8 @@ Output = tuple[float, float, float, int]
 class Stream(Protocol):
     """One running estimate; streams of one runtime do not touch each other.
 
-    One that takes whole recordings alone has ``run`` in place of ``step``: samples, shape ``(n, inputs)``, to newtons,
-    shape ``(n, 3)``, and flags, shape ``(n,)``, each call from a fresh state. One that holds something outside Python
-    has ``close``.
+    One that takes many samples at once also has ``run``: samples, shape ``(n, inputs)``, to newtons, shape ``(n, 3)``,
+    and flags, shape ``(n,)``. One that holds something outside Python has ``close``.
     """
 
     def step(self, *sample: float) -> Output:
@@ -30,7 +29,7 @@ class Stream(Protocol):
 
 
 class Runtime(Protocol):
-    """Something that runs a ``StepModel``; one whose attribute ``steps`` is False takes whole recordings alone."""
+    """Something that runs a ``StepModel``."""
 
     name: str
     """In the table of tolerances."""

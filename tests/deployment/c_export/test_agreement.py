@@ -1,6 +1,7 @@
 """The C gives Python's numbers, whatever the model's shape and whatever comes in."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,12 +9,13 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.deployment.c_export.compiled import CompiledEstimator
-from cylinder_friction.deployment.c_export.export import export_c
+from cylinder_friction.deployment.c_export.export import export_c, export_model, part_of
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
+from learned_offset import learning
 from model_shapes import SHAPES
 
 DOUBLE_N = 1e-9
@@ -29,6 +31,23 @@ def test_double_is_python(
     newtons, flags = compiled(shape).stream().run(samples)
     np.testing.assert_array_equal(flags, expected_flags)
     np.testing.assert_allclose(newtons, expected, rtol=0.0, atol=DOUBLE_N)
+
+
+@pytest.mark.parametrize(("settling", "block"), [(0, 1), (7, 3), (3, 7), (0, 150)])
+def test_it_learns_the_offset_whatever_makes_a_block(
+    settling: int, block: int, golden_model: StepModel, offset_samples: np.ndarray, tmp_path: Path
+) -> None:
+    model, samples = part_of(learning(golden_model), "base"), offset_samples[:2000]
+    assert model.offset is not None
+    settings = model.offset.settings._replace(settling=settling, block=block)
+    model = replace(model, offset=replace(model.offset, settings=settings))
+    newtons, offsets, flags = RealTimeStream(model).run_with_offset(samples)
+    stream = CompiledEstimator(export_model(model, tmp_path)).stream()
+    rows = np.array([(*stream.step(*sample), *stream.offset) for sample in samples.tolist()])
+    np.testing.assert_array_equal(rows[:, 3], flags)
+    np.testing.assert_allclose(rows[:, :3], newtons, rtol=0.0, atol=DOUBLE_N)
+    np.testing.assert_allclose(rows[:, 4:], offsets, rtol=0.0, atol=DOUBLE_N)
+    assert len(np.unique(offsets[:, 0])) > 1
 
 
 @pytest.mark.parametrize("kind", [LugreEstimator, PressureLugreEstimator])

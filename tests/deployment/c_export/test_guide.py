@@ -65,7 +65,7 @@ def test_the_command_says_what_it_wrote(
     assert re.search(r"#define PRESS_STATE_BYTES (\d+)", header)[1] in said
 
 
-@pytest.mark.parametrize("what", ["c", "fmu", "onnx"])
+@pytest.mark.parametrize("what", ["c", "fmu"])
 def test_a_model_that_is_not_there_is_named(what: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["export", what, str(tmp_path), "--output", str(tmp_path / "out.fmu")]) == 1
     assert f"export {what}: " in (said := capsys.readouterr().err)

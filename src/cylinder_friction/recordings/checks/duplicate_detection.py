@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.arrays import Array, median
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import DRIVE_FORCE
 from cylinder_friction.recordings.recording import Columns, RecordingError
 
@@ -156,7 +156,7 @@ def _noise(values: Array) -> float:
     before, here, after = (values[first : end + first : step] for first in (0, 1, 2))
     bend = np.abs(after - 2.0 * here + before)
     bend = bend[bend > 0.0]
-    return median(bend) / 1.65 if len(bend) else 0.0
+    return float(np.median(bend)) / 1.65 if len(bend) else 0.0
 
 
 def _kept(one: Array, other: Array, position: Array, step: float, least: float, salt: int) -> Hashes:

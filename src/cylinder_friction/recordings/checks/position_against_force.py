@@ -12,7 +12,7 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.arrays import Array, Mask, median, quantile, sliding_extremes, sliding_mean, true_runs
+from cylinder_friction.arrays import Array, Mask, sliding_extremes, sliding_mean, true_runs
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.checks.plausibility import ClearMotion, powers, solve_normal_equations
@@ -95,8 +95,8 @@ def _contradictions(
     window = max(3, round(WINDOW_S / step_s))
     mean_m, (lowest, highest) = sliding_mean(position_m, window), sliding_extremes(pushed, window)
     speed_m_s = np.gradient(mean_m, step_s)
-    noise_m = median(np.abs(np.diff(position_m, 2))) / 1.65  # as of white noise
-    top_m_s = quantile(np.abs(speed_m_s[rows]), 0.95)
+    noise_m = float(np.median(np.abs(np.diff(position_m, 2)))) / 1.65  # as of white noise
+    top_m_s = float(np.quantile(np.abs(speed_m_s[rows]), 0.95))
     slides_m_s = max(SLIDES * top_m_s, DEVIATIONS * noise_m / WINDOW_S)
     found = []
     for way, speeds_m_s, most in (("extends", speed_m_s, highest), ("retracts", -speed_m_s, -lowest)):
@@ -107,7 +107,7 @@ def _contradictions(
                 found.append((begin, end, words))
     least = np.maximum(lowest, -highest)
     for begin, end in _longer(known & (np.abs(speed_m_s) <= slides_m_s) & (least > HOLDS), SURGE_S / step_s):
-        times = median(least[begin:end])
+        times = float(np.median(least[begin:end]))
         words = (
             f"rests {_when(time_s, begin, end)} although the force is {times:.3g} times friction and no end stop near"
         )
@@ -135,8 +135,8 @@ def _fit(drive_n: Array, positions_m: Array, motion: ClearMotion) -> tuple[float
         if np.abs(factors - before).max() <= _SETTLED * np.abs(factors[0]):
             break
         off_n = np.abs(force_n - terms @ factors)
-        weights = 1.0 / np.maximum(off_n, _LEAST_RESIDUAL * median(off_n) + 1e-9)
-    return float(factors[0]), load @ factors[1:], median(off_n)
+        weights = 1.0 / np.maximum(off_n, _LEAST_RESIDUAL * float(np.median(off_n)) + 1e-9)
+    return float(factors[0]), load @ factors[1:], float(np.median(off_n))
 
 
 def _longer(where: Mask, least: float) -> list[tuple[int, int]]:

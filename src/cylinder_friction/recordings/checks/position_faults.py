@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cylinder_friction.arrays import Array, median, quantile, true_runs
+from cylinder_friction.arrays import Array, true_runs
 from cylinder_friction.recordings.columns import POSITION
 from cylinder_friction.recordings.recording import Signal
 
@@ -85,12 +85,12 @@ def position_faults(position_m: Array, time_s: Array, stroke_m: float) -> list[P
         return []
     x_m, at_s = (position_m, time_s) if len(rows) == len(time_s) else (position_m[rows], time_s[rows])
     steps_s = np.diff(at_s)
-    step_s = median(steps_s)
+    step_s = float(np.median(steps_s))
     if step_s <= 0.0:  # a clock too coarse for velocities from one sample to the next
         return []
     even = np.abs(steps_s - step_s) < 0.5 * step_s
     bend_m = np.where(even[1:] & even[:-1], np.abs(x_m[2:] - 2.0 * x_m[1:-1] + x_m[:-2]), 0.0)
-    usual_m = quantile(bend_m[:: max(1, len(bend_m) // 4096)], 0.95)
+    usual_m = float(np.quantile(bend_m[:: max(1, len(bend_m) // 4096)], 0.95))
     most_m = max(NOISE * usual_m, STROKES * stroke_m)
     found = np.flatnonzero(bend_m > most_m) + 1
     groups = np.split(found, np.flatnonzero(np.diff(at_s[found]) > TOGETHER_S) + 1) if len(found) else []

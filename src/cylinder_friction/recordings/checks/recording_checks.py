@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from cylinder_friction.arrays import Array, quantile, true_runs
+from cylinder_friction.arrays import Array, true_runs
 from cylinder_friction.recordings.checks.finding import Finding, spoken
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.checks.plausibility import check_friction, clear_motion
@@ -202,7 +202,7 @@ def _of_position(
 def _position_stuck(position_m: Array, sample_time_s: float, limits: CheckLimits) -> Finding:
     """Refuse a position that stays constant and then continues from elsewhere: the piston moved unseen meanwhile."""
     places = np.arange(0, len(position_m) - 1, max(1, len(position_m) // PLACES))
-    usual_m = quantile(np.abs(position_m[places + 1] - position_m[places]), 0.99)
+    usual_m = float(np.quantile(np.abs(position_m[places + 1] - position_m[places]), 0.99))
     jump_m = max(limits.least_travel * limits.stroke_m, HELD_JUMP * usual_m)
     ends = np.flatnonzero(position_m[1:] != position_m[:-1]) + 1
     lengths = np.diff(ends, prepend=0)

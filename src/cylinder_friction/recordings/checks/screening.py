@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from cylinder_friction.arrays import Array, quantile
+from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.checks.finding import spoken
 from cylinder_friction.recordings.checks.marks import AT_ITS_END, BESIDE, INFINITE, MOST_ODD, OUT_OF_RANGE, QUIET, SPIKE
 from cylinder_friction.recordings.mapping.channel_mapping import SensorLimits
@@ -213,11 +213,11 @@ def _spike_height(values: Array, low: float, high: float, step: float | None, ru
         before, here, after = before[valid], here[valid], after[valid]
     up, down = here - before, here - after
     sticks_out = np.maximum(np.maximum(np.minimum(up, down), -np.maximum(up, down)), 0.0)
-    lowest, highest = quantile(here, 0.01), quantile(here, 0.99)
+    lowest, highest = float(np.quantile(here, 0.01)), float(np.quantile(here, 0.99))
     finest = step or float(np.where(up != 0.0, np.abs(up), math.inf).min())
     finest = finest if math.isfinite(finest) else 0.0
     tallest = max(
-        rules.spike_noise * quantile(sticks_out, 0.95),
+        rules.spike_noise * float(np.quantile(sticks_out, 0.95)),
         rules.spike_range * (highest - lowest),
         rules.spike_steps * finest,
     )

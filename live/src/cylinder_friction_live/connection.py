@@ -1,0 +1,248 @@
+"""One client: samples in, estimates and acknowledgements out; a slow reader slows its own writer alone."""
+
+import asyncio
+import json
+import time
+from collections import Counter
+from collections.abc import Iterable, Sequence
+from contextlib import suppress
+from typing import Protocol
+
+from cylinder_friction_live.events import Events
+from cylinder_friction_live.frames import (
+    Acknowledgement,
+    EstimateBlock,
+    FrameError,
+    SampleBlock,
+    pack_acknowledgement,
+    pack_estimates,
+    unpack,
+)
+from cylinder_friction_live.service import BusyError, LiveError, LiveService, LiveSession
+from cylinder_friction_live.text_forms import estimates_text, opened_text, read_text
+from cylinder_friction_live.totals import Delays
+
+UNSENT_BYTES = 4 << 20
+"""Beyond this a client that does not read is not read from, until it does."""
+RETRY_S = 1.0
+"""After how long a client that is refused for the load may try again."""
+BURST_S = 10.0
+"""So many seconds' worth of samples a client may send at once: what it kept during a break."""
+TURN_S = 2e-3
+"""How long the messages of one client may take before others, and what keeps and acknowledges, have their turn."""
+PATIENCE_S = 0.05
+"""How long a writer is held back before it is looked at again."""
+
+
+class ClientGoneError(Exception):
+    """The client has left."""
+
+
+class Transport(Protocol):
+    """What carries whole messages to and from one client: frames as bytes, JSON as text."""
+
+    async def receive(self) -> bytes | str:
+        """Return the next message; raises ``ClientGoneError`` when there will be none."""
+        ...
+
+    async def send(self, message: bytes | str) -> None:
+        """Send a message; returns when more can be taken, raises ``ClientGoneError`` when the client is gone."""
+        ...
+
+
+class Peers:
+    """All connections, how often what was refused, and whether the service is ending."""
+
+    def __init__(self, events: Events | None = None) -> None:
+        self.events = events or Events()
+        self.draining, self.keeping = False, asyncio.Lock()
+        self.refused: Counter[str] = Counter()
+        self.delays = Delays()
+        self.connections = 0
+        self._connected: set[Connection] = set()
+
+    def enter(self, connection: "Connection") -> None:
+        """Note a connection that has begun."""
+        self._connected.add(connection)
+        self.connections += 1
+
+    async def sent(self, within_s: float) -> None:
+        """Wait until all that waits for clients is on its way, ``within_s`` at most."""
+        deadline_s = time.monotonic() + within_s
+        while any(each.unsent for each in self._connected) and time.monotonic() < deadline_s:
+            await asyncio.sleep(0.01)
+
+    def take_over(self, session: LiveSession, connection: "Connection") -> None:
+        """Give a session to a connection; the one before gets a note, and nothing more of it."""
+        before = session.owner
+        if before is not None and before is not connection:
+            before.lost(session)
+            self.events.note("session lost", session=session.name, client=before.client, to=connection.client)
+        session.owner = connection
+
+    def leave(self, connection: "Connection", sessions: Iterable[LiveSession]) -> None:
+        """Forget a connection that has ended; its sessions stay open."""
+        self._connected.discard(connection)
+        self.connections -= 1
+        for session in sessions:
+            if session.owner is connection:
+                session.owner = None
+
+
+class Pace:
+    """How fast one client sends, against how fast it may."""
+
+    def __init__(self, rows_per_s: float) -> None:
+        self._row_s, self._paid_until_s = 1.0 / rows_per_s, 0.0
+
+    def count(self, rows: int, now_s: float) -> None:
+        """Note samples that have come."""
+        self._paid_until_s = max(self._paid_until_s, now_s - BURST_S) + rows * self._row_s
+
+    def is_ahead(self, now_s: float) -> bool:
+        """Return whether the client has sent more than it may by now."""
+        return self._paid_until_s > now_s
+
+
+class Connection:
+    """A client. It opens sessions by text, then sends frames; either way estimates come back as samples came."""
+
+    def __init__(self, transport: Transport, service: LiveService, peers: Peers, client: str = "") -> None:
+        self.client = client
+        self._pace = Pace(service.limits.rows_per_s)
+        self._transport, self._service, self._peers = transport, service, peers
+        self._frames: list[bytes] = []
+        self._came_s = 0.0  # When the first message came whose estimates wait to be sent
+        self._texts: list[str] = []
+        self._in_text: set[str] = set()  # Sessions whose client last sent text
+        self.unsent, self._waiting = 0, asyncio.Event()
+
+    async def run(self) -> None:
+        """Serve the client until it leaves."""
+        if self._peers.connections >= self._service.limits.connections:
+            self._peers.refused["connections"] += 1
+            self._peers.events.note("connection refused", client=self.client, kind="connections")
+            error = f"{self._peers.connections} clients are connected, all that are taken; try later"
+            with suppress(ClientGoneError):
+                await self._transport.send(json.dumps({"error": error, "retry_after_s": RETRY_S}))
+            return
+        self._peers.enter(self)
+        writer, busy_s = asyncio.create_task(self._write()), 0.0
+        try:
+            while not writer.done():
+                message = await self._transport.receive()
+                if self._peers.draining:
+                    continue  # not acknowledged: the client sends it to the next service
+                came_s = time.monotonic()
+                self._take(message)
+                if self._frames and not self._came_s:
+                    self._came_s = came_s
+                busy_s += time.monotonic() - came_s
+                if busy_s > TURN_S:  # where more has come already, nothing else would let others have theirs
+                    busy_s = 0.0
+                    await asyncio.sleep(0.0)
+                while self._is_too_fast():
+                    await asyncio.sleep(PATIENCE_S)  # TCP then holds the client back
+                    if writer.done():
+                        return
+        except ClientGoneError:
+            pass
+        finally:
+            self._peers.leave(self, self._service.sessions.values())
+            writer.cancel()
+            await asyncio.gather(writer, return_exceptions=True)
+
+    def _is_too_fast(self) -> bool:
+        waiting = self._service.unkept_rows > self._service.limits.unkept_rows
+        return waiting or self.unsent > UNSENT_BYTES or self._pace.is_ahead(time.monotonic())
+
+    def lost(self, session: LiveSession) -> None:
+        """Note that another connection has opened the session."""
+        self._put_text(json.dumps({"lost": {"session": session.name, "to": "another connection that opened it"}}))
+
+    def put_estimates(self, session: LiveSession, block: EstimateBlock) -> None:
+        """Queue estimates, in the form in which the samples came."""
+        if session.name in self._in_text:
+            self._put_text(estimates_text(session, block))
+        else:
+            self._put_frame(pack_estimates(block))
+
+    def put_acknowledgement(self, session: LiveSession) -> None:
+        """Queue an acknowledgement."""
+        if session.name in self._in_text:
+            self._put_text(json.dumps({"acknowledged": {"session": session.name, "index": session.kept_index}}))
+        else:
+            self._put_frame(pack_acknowledgement(Acknowledgement(session.handle, session.kept_index)))
+
+    def _take(self, message: bytes | str) -> None:
+        try:
+            if isinstance(message, bytes):
+                self._take_frame(message)
+            else:
+                self._take_text(message)
+        except (FrameError, LiveError) as error:
+            self._peers.refused[type(error).__name__] += 1
+            later = {"retry_after_s": RETRY_S} if isinstance(error, BusyError) else {}
+            self._put_text(json.dumps({"error": str(error), **later}))
+
+    def _take_frame(self, message: bytes) -> None:
+        blocks = unpack(message)
+        samples = [block for block in blocks if isinstance(block, SampleBlock)]
+        if len(samples) != len(blocks):
+            raise FrameError("got estimates or acknowledgements; expected samples alone")
+        self._receive(samples)
+
+    def _receive(self, samples: Sequence[SampleBlock]) -> None:
+        self._pace.count(sum([block.rows for block in samples]), time.monotonic())
+        self._service.receive(samples, self)
+
+    def _take_text(self, text: str) -> None:
+        if len(text) > self._service.limits.text_bytes:
+            raise LiveError(
+                f"got {len(text)} bytes of JSON, expected at most {self._service.limits.text_bytes}; send frames"
+            )
+        what = read_text(text)
+        if what.opens:
+            session = self._service.open(what.session, what.inputs, what.sample_time_s)
+            event = "session resumed" if session.next_index else "session opened"
+            why = {"begins_anew": session.begins_anew} if session.begins_anew else {}
+            self._peers.events.note(event, session=session.name, index=session.next_index, client=self.client, **why)
+            self._peers.take_over(session, self)
+            self._put_text(opened_text(session))
+            if what.estimates_from is not None and what.estimates_from < session.next_index:
+                for block in self._service.given_from(session, what.estimates_from):
+                    self.put_estimates(session, block)
+            return
+        session = self._service.sessions.get(what.session)  # type: ignore[assignment]
+        if session is None:
+            raise LiveError(f"session {what.session[:80]!r}: not open; open it first")
+        session.refuse_others(self)
+        self._in_text.add(session.name)
+        self._receive([SampleBlock(session.handle, what.index, what.time_s, what.samples)])
+
+    def _put_text(self, text: str) -> None:
+        self._texts.append(text)
+        self.unsent += len(text)
+        self._waiting.set()
+
+    def _put_frame(self, frame: bytes) -> None:
+        self._frames.append(frame)
+        self.unsent += len(frame)
+        self._waiting.set()
+
+    async def _write(self) -> None:
+        while True:
+            await self._waiting.wait()
+            self._waiting.clear()
+            texts, frames = self._texts, self._frames
+            sending = self.unsent
+            came_s = self._came_s
+            self._texts, self._frames, self._came_s = [], [], 0.0
+            for text in texts:
+                await self._transport.send(text)
+                await asyncio.sleep(0.0)  # whether the client is gone is known by the next turn of the loop
+            if frames:
+                await self._transport.send(b"".join(frames))
+                if came_s:
+                    self._peers.delays.note(time.monotonic() - came_s)
+            self.unsent -= sending

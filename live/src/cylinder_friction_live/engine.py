@@ -1,0 +1,141 @@
+"""The compiled step for many sessions, one call into C for all of them, and the golden trajectory that it must meet."""
+
+import ctypes
+import platform
+from array import array
+from collections.abc import Sequence
+from functools import cache, partial
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from cylinder_friction.arrays import Array
+from cylinder_friction.deployment.golden_trajectory import GoldenError, difference_n
+from cylinder_friction.recordings.files import read_json
+from cylinder_friction_live.frames import FLAG_BYTES, ROW_BYTES, EstimateBlock, SampleBlock
+
+NAME, LIBRARY, DESCRIPTION = "friction", "engine.so", "engine.json"
+_OUTPUT = np.dtype({"names": ["newtons", "flags"], "formats": [("<f8", 3), "<u4"], "offsets": [0, 24], "itemsize": 32})
+
+
+Job = tuple[int, SampleBlock]
+"""A slot, and successive samples of its session."""
+
+
+@cache
+def processor() -> str:
+    """Return what compiled code depends on: the machine's kind, and the instructions that it has."""
+    known = Path("/proc/cpuinfo")
+    lines = known.read_text(encoding="utf-8").splitlines() if known.is_file() else [platform.processor()]
+    able = [line for line in lines if line.startswith(("flags", "Features"))] or lines
+    return sha256(f"{platform.machine()} {able[0]}".encode()).hexdigest()
+
+
+class Engine:
+    """States of many sessions of one model, stepped by its own C.
+
+    Args:
+        folder: What ``built_engine`` returned.
+        called: The model's folder or registered version, for people; empty if nobody stated it.
+
+    Attributes:
+        model: SHA-256 of every number that a step uses.
+        inputs: Columns of a sample.
+        bounds: What the bounds hold, in words.
+        pressure_noise_pa: Noise of the pressures up to which they do [Pa]; 0: not stated.
+        sample_time_s: The one time between two samples [s].
+        golden_difference_n: Largest deviation from its golden trajectory, once ``check`` has run it [N].
+
+    Raises:
+        OSError: The folder holds no engine that this machine can load.
+    """
+
+    def __init__(self, folder: Path, called: str = "") -> None:
+        described = read_json(folder / DESCRIPTION)
+        if described["processor"] != processor():
+            raise OSError(f"{folder}: compiled for another processor; start the service here with that model")
+        self.model, self.inputs = str(described["model"]), tuple(map(str, described["inputs"]))
+        self.sample_time_s, self._state_bytes = float(described["sample_time_s"]), int(described["state_bytes"])
+        loaded = ctypes.CDLL(str((folder / LIBRARY).resolve()))
+        self._batch, self._init = loaded[f"{NAME}_batch"], loaded[f"{NAME}_init"]
+        self._batch.argtypes = (ctypes.c_void_p, ctypes.c_uint32, *(ctypes.c_void_p,) * 5)
+        self._init.argtypes = (ctypes.c_void_p,)
+        self._batch.restype = self._init.restype = None
+        self._states: NDArray[np.uint8] = np.zeros((0, self._state_bytes), dtype=np.uint8)
+        self._states_at = 0
+        self._free: list[int] = []
+        self.bounds = str(described.get("bounds", "not stated"))
+        self.pressure_noise_pa = float(described.get("pressure_noise_pa", 0.0))
+        self.golden_difference_n: float | None = None
+        self.called = called
+
+    def add(self) -> int:
+        """Return the slot of a fresh session."""
+        if not self._free:
+            count = len(self._states)
+            grown = np.zeros((max(16, 2 * count), self._state_bytes), dtype=np.uint8)
+            grown[:count] = self._states
+            self._free = list(range(len(grown) - 1, count - 1, -1))
+            self._states, self._states_at = grown, grown.ctypes.data
+        slot = self._free.pop()
+        self._init(self._states[slot].ctypes.data)
+        return slot
+
+    def remove(self, slot: int) -> None:
+        """Give a slot back."""
+        self._free.append(slot)
+
+    def saved(self, slot: int) -> bytes:
+        """Return a session's whole state."""
+        return self._states[slot].tobytes()
+
+    def restore(self, slot: int, saved: bytes) -> None:
+        """Put a saved state of this model back.
+
+        Raises:
+            ValueError: It is not as long as a state is.
+        """
+        if len(saved) != self._state_bytes:
+            raise ValueError(f"a saved state has {len(saved)} bytes; expected {self._state_bytes}")
+        self._states[slot] = np.frombuffer(saved, dtype=np.uint8)
+
+    def run(self, jobs: Sequence[Job]) -> list[tuple[bytes, bytes]]:
+        """Step through all jobs in order; return newtons and flags of each, as ``EstimateBlock`` holds them."""
+        rows = [samples.rows for _, samples in jobs]
+        slots, resets = [slot for slot, _ in jobs], [samples.reset for _, samples in jobs]
+        numbers = [array("I", each).tobytes() for each in (slots, resets, rows)]
+        inputs = b"".join([samples.content for _, samples in jobs])
+        outputs = np.empty(sum(rows), dtype=_OUTPUT)
+        self._batch(self._states_at, len(jobs), *numbers, inputs, outputs.ctypes.data)
+        newtons, flags = outputs["newtons"].tobytes(), outputs["flags"].tobytes()
+        results, newtons_at, flags_at = [], 0, 0
+        for count in rows:
+            newtons_end, flags_end = newtons_at + ROW_BYTES * count, flags_at + FLAG_BYTES * count
+            results.append((newtons[newtons_at:newtons_end], flags[flags_at:flags_end]))
+            newtons_at, flags_at = newtons_end, flags_end
+        return results
+
+    def check(self, golden: Path) -> None:
+        """Run the model's golden trajectory; raises ``GoldenError`` if the engine is too far from it."""
+        slot = self.add()
+        try:
+            trajectory = read_json(golden)
+            columns = np.shape(trajectory["samples"])[1:]
+            if columns != (len(self.inputs),):
+                raise GoldenError(f"its golden trajectory has columns {columns}; expected {list(self.inputs)}")
+            self.golden_difference_n = difference_n(partial(self._stepped, slot), trajectory)
+        except (ValueError, KeyError, TypeError) as error:
+            found = (
+                str(error) if isinstance(error, GoldenError) else f"its golden trajectory cannot be read ({error!r})"
+            )
+            raise GoldenError(
+                f"model {self.model[:12]}: {found} ({golden}); it gives no newtons: register it again, or name another"
+            ) from error
+        finally:
+            self.remove(slot)
+
+    def _stepped(self, slot: int, samples: Array) -> tuple[Array, NDArray[np.uint32]]:
+        block = EstimateBlock(0, 0, 0.0, *self.run([(slot, SampleBlock(0, 0, 0.0, samples))])[0])
+        return block.newtons, block.flags

@@ -1,0 +1,126 @@
+"""An estimator's engine: its exported C with a loop over sessions, compiled once for this machine."""
+
+from __future__ import annotations
+
+import tempfile
+from contextlib import suppress
+from hashlib import sha256
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import cylinder_friction
+from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, GoldenError
+from cylinder_friction.recordings.files import write_json, write_text
+from cylinder_friction_live.engine import DESCRIPTION, LIBRARY, NAME, Engine, processor
+
+if TYPE_CHECKING:
+    from cylinder_friction.estimators.base import FrictionEstimator
+
+_BY_ESTIMATOR = "by_estimator"
+_PACKAGES = Path(__file__).parent, Path(cylinder_friction.__file__).parent
+
+_BATCH = """\
+#include "{name}.h"
+
+/* Jobs one after the other: a session's rows together, so that its state is what a single stream's would be. */
+void {name}_batch({name}_state *states, uint32_t jobs, const uint32_t *slots, const uint32_t *resets,
+                  const uint32_t *rows, const double *samples, {name}_output *outputs)
+{{
+    uint32_t job, row;
+
+    for (job = 0; job < jobs; job++) {{
+        {name}_state *state = states + slots[job];
+
+        if (resets[job])
+            {name}_reset(state);
+        for (row = 0; row < rows[job]; row++) {{
+            {name}_step(state, {arguments}, outputs++);
+            samples += {columns};
+        }}
+    }}
+}}
+"""
+
+
+def built_engine(estimator: FrictionEstimator, engines: Path) -> Path:
+    """Return the folder below ``engines`` that holds an estimator's engine; compiled where it is not there yet.
+
+    Args:
+        estimator: Fitted; any that can run in real time.
+        engines: Holds one folder a model, compiler and processor.
+
+    Raises:
+        ValueError: The estimator has no real-time step.
+        NoCompilerError: There is no C compiler, or it refused the source.
+    """
+    from cylinder_friction.deployment.c_export.compiled import OPTIMISED, compile_shared, compiler_version
+    from cylinder_friction.deployment.c_export.export import export_c
+
+    engines.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=engines, prefix=".draft") as name:
+        draft = Path(name) / "engine"
+        exported = export_c(estimator, draft, NAME)
+        noise_pa = 0.0 if estimator.trained_for is None else estimator.trained_for.pressure_noise_pa
+        made_from = " ".join((exported.model, repr(noise_pa), processor(), compiler_version(), *OPTIMISED))
+        folder = engines / sha256(made_from.encode()).hexdigest()[:32]
+        if (folder / DESCRIPTION).is_file():
+            return folder
+        arguments = ", ".join(f"samples[{place}]" for place in range(len(exported.inputs)))
+        batch = draft / "batch.c"
+        write_text(batch, _BATCH.format(name=NAME, arguments=arguments, columns=len(exported.inputs)))
+        compile_shared((exported.source, batch), draft / LIBRARY, ("-std=c99", *OPTIMISED))
+        described = {
+            "model": exported.model,
+            "processor": processor(),
+            "inputs": list(exported.inputs),
+            "sample_time_s": estimator.sample_time_s,
+            "state_bytes": exported.state_bytes,
+            "bounds": "as wide as can be" if estimator.bounds is None else estimator.bounds.in_words(),
+            "pressure_noise_pa": noise_pa,
+        }
+        write_json(draft / DESCRIPTION, described)
+        with suppress(OSError):  # another process was first; it made the same
+            draft.rename(folder)
+    return folder
+
+
+def engine_of(estimator: Path, called: str, engines: Path) -> Engine:
+    """Open a saved estimator's engine, checked against the golden trajectory that lies beside a registered model.
+
+    A start with the same files and the same program finds the compiled engine and neither loads the estimator nor needs
+    a compiler.
+
+    Args:
+        estimator: Folder of the saved estimator.
+        called: The model's folder or registered version, for people.
+        engines: Holds one folder a model, compiler and processor.
+
+    Raises:
+        GoldenError: The engine does not meet the trajectory, or a registered model has none.
+        ValueError: The estimator has no real-time step.
+        NoCompilerError: There is no C compiler, or it refused the source.
+    """
+    golden = estimator.resolve().with_name(GOLDEN_FILE)
+    if called.startswith("models:/") and not golden.is_file():
+        raise GoldenError(f"{called}: its golden trajectory, {GOLDEN_FILE}, is not there; register the model again")
+    known = engines / _BY_ESTIMATOR / _key(estimator)
+    folder = engines / (known.read_text(encoding="ascii") if known.is_file() else "unknown")
+    if not (folder / DESCRIPTION).is_file():
+        from cylinder_friction.estimators.loading import load_estimator
+
+        folder = built_engine(load_estimator(estimator), engines)
+        write_text(known, folder.name)
+    engine = Engine(folder, called)
+    if golden.is_file():
+        engine.check(golden)
+    return engine
+
+
+def _key(estimator: Path) -> str:
+    """Return a hash of what an engine is made from: the estimator's files, the program, the processor."""
+    written_ns = max(path.stat().st_mtime_ns for package in _PACKAGES for path in package.rglob("*.py"))
+    hashed = sha256(f"{version('cylinder-friction')} {written_ns} {processor()}".encode())
+    for path in sorted(path for path in estimator.rglob("*") if path.is_file()):
+        hashed.update(f"{path.relative_to(estimator)} {path.stat().st_size} ".encode() + path.read_bytes())
+    return hashed.hexdigest()

@@ -1,0 +1,200 @@
+"""The journal's estimates as Parquet: a folder per session and UTC day, whole files only.
+
+pyarrow is imported where it is needed: a start does not write, and after a kill samples wait for it.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+from urllib.parse import quote
+
+import numpy as np
+
+from cylinder_friction.arrays import Array
+from cylinder_friction_live.frames import LATEST_S, EstimateBlock
+from cylinder_friction_live.journal import Chunk, Journal
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+DAY_S = 86400.0
+
+LATE_FOLDER = "late"
+_log = logging.getLogger(__name__)
+_NEWTONS = ("friction_n", "lower_n", "upper_n")
+
+
+def move_into_history(journal: Journal, folder: Path, within_s: float = math.inf) -> list[Path]:
+    """Write the chunks of the journal into Parquet and drop them there; return the files.
+
+    What is not begun ``within_s`` stays in the journal.
+
+    A kill in between loses nothing and doubles nothing: a file is named by session, day and first index, and what was
+    not dropped yet is written again as the same file.
+
+    Columns: ``index``, ``time_s`` (the sender's clock, Unix), the model's inputs, ``friction_n``, ``lower_n``,
+    ``upper_n``, ``flags``. The model's SHA-256 is in the file's metadata. Samples that came too late to be stepped lie,
+    without estimates, in a folder ``late`` beside the session's days.
+    """
+    last, deadline_s = journal.last_chunk(), time.monotonic() + within_s
+    waiting, paths = journal.with_chunks(last), list[Path]()
+    failed = []
+    while waiting and time.monotonic() < deadline_s:
+        name = waiting.pop(0)
+        try:
+            paths += write_session(journal, name, last, folder)
+        except Exception:
+            _log.exception("session %s stays in the journal, not in the history", name)
+            failed.append(name)
+    journal.forget(last, but=waiting + failed)
+    return paths
+
+
+def write_session(journal: Journal, name: str, last: int, folder: Path) -> list[Path]:
+    """Write the chunks of one session, up to a chunk's number, into Parquet; they stay in the journal."""
+    files: dict[Path, list[Chunk]] = {}
+    for chunk in journal.chunks(name, last):
+        days = folder / quote(name, safe="")
+        if chunk.estimates is None:
+            days /= LATE_FOLDER
+        day = days / _day_of(chunk.time_s)
+        open_file = next((path for path, held in files.items() if path.parent == day and _alike(held[0], chunk)), None)
+        files.setdefault(open_file or day / f"{chunk.index:016d}.parquet", []).append(chunk)
+    for path, chunks in files.items():
+        write_whole(table_of(chunks), path)
+    return list(files)
+
+
+def last_rows(
+    folder: Path, name: str, inputs: Sequence[str], rows: int, before: int | None = None
+) -> tuple[EstimateBlock, Array] | None:
+    """Return the newest estimates of a session's history with their samples: at most ``rows``, none missing between.
+
+    They come from its last two files, before the sample of index ``before``; None if these have none with such inputs.
+    """
+    import pyarrow.parquet as pq
+
+    paths = sorted((folder / quote(name, safe="")).glob("????-??-??/*.parquet"))[-2:]
+    columns = ["index", "time_s", *inputs, *_NEWTONS, "flags"]
+    tables = []
+    for path in paths:
+        with pq.ParquetFile(path) as file:  # ``read_table`` would import pandas
+            if set(columns) <= set(file.schema_arrow.names):
+                tables.append(file.read(columns).replace_schema_metadata(file.schema_arrow.metadata))
+    if not tables:
+        return None
+    model = (tables[-1].schema.metadata or {}).get(b"model", b"").decode()
+    values = {each: np.concatenate([table[each].to_numpy() for table in tables]) for each in columns}
+    if before is not None:
+        values = {each: column[values["index"] < before] for each, column in values.items()}
+    if not len(values["index"]):
+        return None
+    breaks = np.flatnonzero(np.diff(values["index"]) != 1) + 1
+    first = max(len(values["index"]) - rows, breaks[-1] if len(breaks) else 0)
+    newtons, samples = (np.column_stack([values[each][first:] for each in some]) for some in (_NEWTONS, inputs))
+    index, time_s = int(values["index"][first]), float(values["time_s"][first])
+    return replace(EstimateBlock.of(0, index, time_s, newtons, values["flags"][first:]), model=model), samples
+
+
+def _day_of(time_s: float) -> str:
+    """Return the UTC day of a time; ``no-day`` for one that is none, which earlier versions took in."""
+    return str(np.datetime64(int(time_s // DAY_S), "D")) if abs(time_s) < LATEST_S else "no-day"
+
+
+def write_whole(table: pa.Table, path: Path) -> None:
+    """Write a file that is there as a whole or not at all."""
+    import pyarrow.parquet as pq
+
+    path.parent.mkdir(parents=True, exist_ok=True)
+    draft = path.with_suffix(".draft")
+    pq.write_table(table, draft, use_dictionary=["flags"])  # measured numbers do not repeat: a dictionary costs time
+    draft.replace(path)
+
+
+def table_of(chunks: Sequence[Chunk]) -> pa.Table:
+    """Return chunks of one session, made by one model, as one table."""
+    import pyarrow as pa
+
+    within = [np.arange(len(chunk.samples)) for chunk in chunks]
+    pairs = list(zip(chunks, within, strict=True))
+    columns = {
+        "index": np.concatenate([chunk.index + each for chunk, each in pairs]),
+        "time_s": np.concatenate([chunk.time_s + chunk.sample_time_s * each for chunk, each in pairs]),
+    }
+    samples = np.concatenate([each.samples for each in chunks])
+    columns |= {name: samples[:, place] for place, name in enumerate(chunks[0].inputs)}
+    columns |= _estimates([each.estimates for each in chunks])
+    table = pa.table({name: _column(values) for name, values in columns.items()})
+    return table.replace_schema_metadata({"model": chunks[0].model} if chunks[0].model else {})
+
+
+def _column(values: np.ndarray) -> pa.Array:
+    """Return values as ``pa.array`` does, which would import pandas: newtons wait for a quarter of a second then."""
+    import pyarrow as pa
+
+    content = pa.py_buffer(np.ascontiguousarray(values))
+    return pa.Array.from_buffers(pa.from_numpy_dtype(values.dtype), len(values), [None, content])
+
+
+def _alike(one: Chunk, other: Chunk) -> bool:
+    return (one.model, one.inputs) == (other.model, other.inputs)
+
+
+def _estimates(parts: Iterable[EstimateBlock | None]) -> dict[str, np.ndarray]:
+    given = [part for part in parts if part is not None]
+    if not given:
+        return {}
+    newtons = np.concatenate([each.newtons for each in given])
+    columns = {name: newtons[:, place] for place, name in enumerate(_NEWTONS)}
+    return columns | {"flags": np.concatenate([each.flags for each in given])}
+
+
+def join_past_days(folder: Path) -> list[Path]:
+    """Join the files of every session's days but its newest; return the joined ones.
+
+    A kill in between loses nothing and doubles nothing: the joined file takes the place of the first of its parts, and
+    parts that lie within it are dropped the next time.
+    """
+    days: defaultdict[Path, list[Path]] = defaultdict(list)
+    for day in sorted(path for path in folder.glob("**/????-??-??") if path.is_dir()):
+        days[day.parent].append(day)
+    return [path for of_session in days.values() for day in of_session[:-1] for path in _joined_day(day)]
+
+
+def _joined_day(day: Path) -> list[Path]:
+    import pyarrow.parquet as pq
+
+    runs: list[list[Path]] = []
+    last_index = -1
+    for path in sorted(day.glob("*.parquet")):
+        described = pq.read_metadata(path)
+        if int(path.stem) <= last_index:
+            path.unlink()  # it has been joined
+            continue
+        last_index = described.row_group(described.num_row_groups - 1).column(0).statistics.max
+        if runs and pq.read_schema(runs[-1][0]).equals(pq.read_schema(path), check_metadata=True):
+            runs[-1].append(path)
+        else:
+            runs.append([path])
+    return [_join(run) for run in runs if len(run) > 1]
+
+
+def _join(parts: Sequence[Path]) -> Path:
+    import pyarrow.parquet as pq
+
+    draft = parts[0].with_suffix(".draft")
+    with pq.ParquetWriter(draft, pq.read_schema(parts[0])) as writer:
+        for part in parts:
+            with pq.ParquetFile(part) as file:  # ``read_table`` would import pandas
+                writer.write_table(file.read())
+    draft.replace(parts[0])
+    for part in parts[1:]:
+        part.unlink()
+    return parts[0]

@@ -1,0 +1,246 @@
+"""What a restart needs, in SQLite: each session's state, and every estimate since it was last moved into Parquet."""
+
+import json
+import sqlite3
+import struct
+import threading
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from cylinder_friction.arrays import Array
+from cylinder_friction_live.frames import FLAG_BYTES, ROW_BYTES, EstimateBlock, SampleBlock
+
+_SAME_TIME = 0.5
+"""Share of the sample time by which the sender's clock may jitter between chunks that are kept as one."""
+_FORGOTTEN_AT_ONCE = 1000
+_PAGE_BYTES = 32768
+"""A second of a session lies in one page then; spread over four of SQLite's 4096 bytes, it cost twice the time."""
+_LOG_PAGES = 256
+_VERSION = 3
+_TABLES = f"""
+CREATE TABLE IF NOT EXISTS session (name TEXT PRIMARY KEY, content TEXT NOT NULL, state BLOB NOT NULL)
+    WITHOUT ROWID;
+CREATE TABLE IF NOT EXISTS chunk (
+    id INTEGER PRIMARY KEY, name TEXT NOT NULL, first_index INTEGER NOT NULL, rows INTEGER NOT NULL,
+    content TEXT NOT NULL, samples BLOB NOT NULL, estimates BLOB NOT NULL
+);
+CREATE INDEX IF NOT EXISTS chunk_of_session ON chunk (name, id);
+PRAGMA user_version = {_VERSION};
+"""
+
+
+_ChunkRow = tuple[str, int, int, str, bytes, bytes]
+
+
+class JournalError(ValueError):
+    """A file that is no journal of this version; the message states what to do."""
+
+
+@dataclass(frozen=True)
+class SavedSession:
+    """A session as it was when it was last kept."""
+
+    name: str
+    next_index: int  # All samples before it are kept
+    counts: dict[str, int]
+    model: str  # SHA-256 of the model
+    state: bytes  # The model's whole state for this session
+
+
+@dataclass(slots=True)
+class Chunk:
+    """Successive samples of a session with their estimates."""
+
+    name: str
+    index: int  # Of the first
+    time_s: float
+    sample_time_s: float
+    inputs: tuple[str, ...]
+    samples: Array  # Shape ``(rows, inputs)``
+    estimates: EstimateBlock | None  # None: they came after their gap had been given up, and were not stepped
+
+    @property
+    def model(self) -> str | None:
+        """The model that made the estimates; None: there are none."""
+        return None if self.estimates is None else self.estimates.model
+
+
+@dataclass(frozen=True, slots=True)
+class LastRow:
+    """The newest estimate of a session."""
+
+    index: int
+    time_s: float  # When its sample was taken, in the sender's clock
+    newtons: list[float]  # Friction, lower and upper bound [N]
+    flags: int
+
+
+@dataclass(slots=True)
+class Unkept:
+    """A chunk that is not kept yet: as bytes, which grow with every block and are quickly written."""
+
+    name: str
+    index: int  # Of the first sample
+    time_s: float
+    sample_time_s: float
+    inputs: tuple[str, ...]
+    model: str | None  # As a chunk's
+    rows: int = 0
+    last_rows: int = 0  # Of the newest block
+    last_time_s: float = 0.0  # When its first sample was taken, in the sender's clock
+    samples: bytearray = field(default_factory=bytearray)
+    newtons: bytearray = field(default_factory=bytearray)
+    flags: bytearray = field(default_factory=bytearray)
+
+    def add(self, block: SampleBlock, estimates: EstimateBlock | None) -> bool:
+        """Take a block, if it follows the last one in index and in the sender's time; return whether it did."""
+        late_s = block.time_s - self.time_s - self.rows * self.sample_time_s
+        if block.index != self.index + self.rows or abs(late_s) >= _SAME_TIME * self.sample_time_s:
+            return False
+        if (estimates is None) != (self.model is None):
+            return False
+        self.rows += block.rows
+        self.last_rows, self.last_time_s = block.rows, block.time_s
+        self.samples += block.content
+        if estimates is not None:
+            self.newtons += estimates.newton_bytes
+            self.flags += estimates.flag_bytes
+        return True
+
+    def last(self) -> LastRow:
+        """Return the newest estimate."""
+        newtons, flags = struct.unpack("<3d", self.newtons[-ROW_BYTES:]), self.flags[-FLAG_BYTES:]
+        time_s = self.last_time_s + (self.last_rows - 1) * self.sample_time_s
+        return LastRow(self.index + self.rows - 1, time_s, list(newtons), int.from_bytes(flags, "little"))
+
+    def last_samples(self, rows: int) -> Array:
+        """Return the newest samples."""
+        columns = len(self.inputs)
+        return np.frombuffer(bytes(self.samples[-8 * rows * columns :]), "<f8").reshape(rows, columns)
+
+    def row(self) -> _ChunkRow:
+        """Return what the journal keeps of it."""
+        about = ("time_s", "sample_time_s", "inputs", "model")
+        content = {name: getattr(self, name) for name in about}
+        samples, estimates = bytes(self.samples), bytes(self.newtons + self.flags)
+        return self.name, self.index, self.rows, json.dumps(content), samples, estimates
+
+    def chunk(self) -> Chunk:
+        """Return it as it will be read once it is kept."""
+        return _chunk_of(self.row())
+
+
+def _chunk_of(row: _ChunkRow) -> Chunk:
+    name, index, rows, content, samples, kept = row
+    of = json.loads(content)
+    flags_at, estimates = ROW_BYTES * rows, None
+    if of["model"] is not None:
+        estimates = EstimateBlock(0, index, of["time_s"], kept[:flags_at], kept[flags_at:], of["model"])
+    rows_of_samples = np.frombuffer(samples, "<f8").reshape(rows, -1)
+    return Chunk(name, index, of["time_s"], of["sample_time_s"], tuple(of["inputs"]), rows_of_samples, estimates)
+
+
+class Journal:
+    """Sessions and their latest estimates in one file; all of what is kept together, or nothing, when a kill comes.
+
+    One thread reads while another keeps; those that write wait for each other.
+
+    Args:
+        path: Its file; made where there is none.
+
+    Raises:
+        JournalError: The file is of another version.
+    """
+
+    def __init__(self, path: Path) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        self._writing = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
+        self._turn = threading.Lock()
+        tables = self._writing.execute("SELECT COUNT(*) FROM sqlite_master").fetchone()[0]
+        version = self._writing.execute("PRAGMA user_version").fetchone()[0]
+        if tables and version != _VERSION:
+            self._writing.close()
+            raise JournalError(
+                f"{path}: a journal of version {version}, expected {_VERSION}; let the program that wrote it "
+                "move it into the history (start and stop it once), or move the file away"
+            )
+        self._writing.executescript(
+            f"PRAGMA page_size={_PAGE_BYTES}; PRAGMA journal_mode=WAL; PRAGMA synchronous=NORMAL; "
+            f"PRAGMA wal_autocheckpoint={_LOG_PAGES}; {_TABLES}"
+        )
+        self._reading = sqlite3.connect(path, check_same_thread=False, isolation_level=None)
+        self._files = {each: each.stat().st_ino for each in (path, path.with_name(f"{path.name}-wal"))}
+
+    def close(self) -> None:
+        """Close the file."""
+        self._reading.close()
+        self._writing.close()
+
+    def session(self, name: str) -> SavedSession | None:
+        """Return a session as it was last kept, or None."""
+        row = self._reading.execute("SELECT content, state FROM session WHERE name = ?", (name,)).fetchone()
+        if row is None:
+            return None
+        return SavedSession(name, **json.loads(row[0]), state=row[1])
+
+    def keep(self, sessions: Sequence[SavedSession], chunks: Sequence[Unkept]) -> None:
+        """Keep states and the estimates that led to them, all or nothing.
+
+        Raises:
+            OSError: The file was removed or replaced: what SQLite would write now, nobody could read again.
+        """
+        for path, number in self._files.items():
+            if not path.exists() or path.stat().st_ino != number:
+                raise OSError(f"{path} was removed or replaced while the service ran; start it again")
+        with self._turn:
+            self._writing.execute("BEGIN IMMEDIATE")
+            with self._writing:  # commits, or rolls back
+                self._writing.executemany(
+                    "INSERT OR REPLACE INTO session VALUES (?, ?, ?)", map(_session_row, sessions)
+                )
+                self._writing.executemany(
+                    "INSERT INTO chunk (name, first_index, rows, content, samples, estimates) "
+                    "VALUES (?, ?, ?, ?, ?, ?)",
+                    (each.row() for each in chunks),
+                )
+
+    def last_chunk(self) -> int:
+        """Return the number of the newest chunk; 0 where there is none."""
+        return int(self._reading.execute("SELECT COALESCE(MAX(id), 0) FROM chunk").fetchone()[0])
+
+    def chunks(self, name: str, up_to: int, from_index: int = 0) -> Iterator[Chunk]:
+        """Yield a session's chunks, oldest first, up to a number, from the one that holds or follows an index."""
+        rows = self._reading.execute(
+            "SELECT first_index, rows, content, samples, estimates FROM chunk "
+            "WHERE name = ? AND id <= ? AND first_index + rows > ? ORDER BY id",
+            (name, up_to, from_index),
+        )
+        for row in rows:
+            yield _chunk_of((name, *row))
+
+    def forget(self, up_to: int, but: Collection[str] = ()) -> None:
+        """Drop chunks up to a number, but of no session in ``but``: they lie elsewhere now.
+
+        Some at a time, so that others can write in between.
+        """
+        (first,) = self._reading.execute("SELECT COALESCE(MIN(id), 1) FROM chunk").fetchone()
+        for begin in range(first, up_to + 1, _FORGOTTEN_AT_ONCE):
+            end = min(up_to + 1, begin + _FORGOTTEN_AT_ONCE)
+            with self._turn:
+                self._writing.execute(
+                    "DELETE FROM chunk WHERE id >= ? AND id < ? AND name NOT IN (SELECT value FROM json_each(?))",
+                    (begin, end, json.dumps(list(but))),
+                )
+
+    def with_chunks(self, up_to: int) -> list[str]:
+        """Return the names of the sessions that have chunks up to a number."""
+        rows = self._reading.execute("SELECT DISTINCT name FROM chunk WHERE id <= ? ORDER BY name", (up_to,))
+        return [name for (name,) in rows]
+
+
+def _session_row(session: SavedSession) -> tuple[str, str, bytes]:
+    content = {"next_index": session.next_index, "counts": session.counts, "model": session.model}
+    return session.name, json.dumps(content), session.state

@@ -1,0 +1,121 @@
+"""Sessions and estimates into the journal each second, and from there into the history, while samples come."""
+
+import asyncio
+import logging
+import os
+import sqlite3
+import sys
+import time
+from collections.abc import Callable, Coroutine, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+from cylinder_friction_live.connection import Peers
+from cylinder_friction_live.history import join_past_days, write_session
+from cylinder_friction_live.service import LiveService, LiveSession
+
+KEEP_S, HISTORY_S = 1.0, 60.0
+KEEP_STEPS = 25
+"""In so many steps all sessions are kept: while one is, no estimate waits for more than a few of them."""
+LEFT_S = 10
+"""For so many seconds estimates stay in the journal, for a client that comes back."""
+Job = Callable[[], Coroutine[Any, Any, None]]
+AGAIN_S = 1.0
+"""After so long a job that ended is started again, and counts as running again."""
+_log = logging.getLogger(__name__)
+
+
+async def kept_running(service: LiveService, name: str, job: Job) -> None:
+    """Run a job; where it fails it is started again, and the service is not ready until it has run for a while."""
+    while True:
+        running = asyncio.create_task(job())
+        try:
+            done, _ = await asyncio.wait({running}, timeout=AGAIN_S if name in service.ended_jobs else None)
+            if not done:
+                del service.ended_jobs[name]
+                await asyncio.wait({running})
+        except asyncio.CancelledError:
+            running.cancel()
+            await asyncio.gather(running, return_exceptions=True)
+            raise
+        error = running.exception()
+        if error is None:
+            return  # it had nothing to do
+        _log.error("the job %r of the live service ended and is started again", name, exc_info=error)
+        service.ended_jobs[name] = f"{type(error).__name__}: {error}"
+        await asyncio.sleep(AGAIN_S)
+
+
+async def keep_each_second(service: LiveService, peers: Peers) -> None:
+    """Keep every session once a second, a few at a time, so that none waits long for the others."""
+    while True:
+        sessions, begun_s, kept = list(service.sessions.values()), time.monotonic(), 0
+        count, some = max(1, len(sessions)), -(-len(sessions) // KEEP_STEPS) or 1
+        while kept < count:
+            due = int(count * (time.monotonic() - begun_s) / KEEP_S)  # more than the next few where it is late
+            first, kept = kept, max(kept + some, due)
+            await keep_some(service, peers, sessions[first:kept])
+            await asyncio.sleep(max(0.0, begun_s + KEEP_S * kept / count - time.monotonic()))
+        for name in service.close_idle():
+            peers.events.note("session closed", session=name, why="idle")
+
+
+async def keep_some(service: LiveService, peers: Peers, sessions: Sequence[LiveSession]) -> None:
+    """Keep what is new of some sessions, and acknowledge it."""
+    async with peers.keeping:
+        await _keep_now(service, sessions)
+
+
+async def _keep_now(service: LiveService, sessions: Sequence[LiveSession]) -> None:
+    saved, chunks = service.unkept(sessions)
+    if not saved:
+        return
+    keeping = asyncio.create_task(asyncio.to_thread(service.journal.keep, saved, chunks))
+    try:
+        await asyncio.shield(keeping)
+    except asyncio.CancelledError:
+        await keeping  # what was handed over is kept before the last of all is
+        raise
+    except (sqlite3.Error, OSError) as error:
+        _log.error("nothing is kept or acknowledged: %s; tried again each second", error)
+        service.not_kept(saved, str(error))
+        return
+    service.kept(saved)
+
+
+async def move_each_minute(service: LiveService, history: Path) -> None:
+    """Move the journal into the history each minute, a session at a time, when nothing else is to do."""
+    loop, behind = asyncio.get_running_loop(), ThreadPoolExecutor(1, "history", _give_way)
+    joined = ""  # On which day
+    while True:
+        await asyncio.sleep(HISTORY_S / 2)
+        begun_s, last, failed = time.monotonic(), service.journal.last_chunk(), list[str]()
+        names = service.journal.with_chunks(last)
+        last -= LEFT_S * len(names)
+        for done, name in enumerate(names, 1):
+            try:
+                await loop.run_in_executor(behind, write_session, service.journal, name, last, history)
+                service.not_in_history.pop(name, None)
+            except Exception as error:  # whatever it is, other sessions go on
+                _log.exception("session %s stays in the journal, not in the history", name)
+                service.not_in_history[name] = str(error)
+                failed.append(name)
+            await asyncio.sleep(max(0.0, begun_s + HISTORY_S / 2 * done / len(names) - time.monotonic()))
+        try:
+            await loop.run_in_executor(behind, service.journal.forget, last, failed)
+        except sqlite3.Error as error:
+            _log.error("the journal keeps what lies in the history too: %s", error)
+        today = time.strftime("%F", time.gmtime())
+        if today != joined:
+            try:
+                await loop.run_in_executor(behind, join_past_days, history)
+                joined = today
+            except OSError as error:
+                _log.error("past days of the history stay in parts: %s", error)
+
+
+def _give_way() -> None:
+    """Let other threads go first; Linux alone knows how for one thread."""
+    if sys.platform == "linux":
+        os.nice(10)

@@ -1,0 +1,181 @@
+"""The same frames and JSON by an MQTT 5 broker, and the latest newtons of every session for whoever subscribes.
+
+========================  =========================================================================================
+topic                     content
+========================  =========================================================================================
+PREFIX/CLIENT/in          of a client: frames, or JSON (what begins with a brace)
+PREFIX/CLIENT/out         to it: estimates, acknowledgements and replies
+PREFIX/state              retained: whether the service is there, and since when no message was lost on the way to it
+PREFIX/results/SESSION    retained: the latest newtons as JSON, some times a second
+========================  =========================================================================================
+
+That the broker has taken a message (PUBACK) does not mean that its samples are kept: a frame that acknowledges does.
+"""
+
+import asyncio
+import json
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import ClassVar
+
+from paho.mqtt.client import MQTTMessage
+
+from cylinder_friction.realtime.flags import Flag
+from cylinder_friction_live.connection import ClientGoneError, Connection, Peers
+from cylinder_friction_live.journal import LastRow
+from cylinder_friction_live.links.broker import Broker, Message
+from cylinder_friction_live.links.link import LatestLink, in_background
+from cylinder_friction_live.service import LiveService
+from cylinder_friction_live.settings import MqttSettings
+
+_BEYOND = 4
+"""Messages up to so many times the limit are refused by name; greater ones the broker keeps to itself."""
+
+
+class MqttTransport:
+    """Messages of one client's topics."""
+
+    def __init__(self, broker: Broker, topic: str, idle_s: float) -> None:
+        self._broker, self._topic, self._idle_s = broker, topic, idle_s
+        self.waiting: asyncio.Queue[MQTTMessage] = asyncio.Queue()
+
+    async def receive(self) -> bytes | str:
+        """Return the next message; raises ``ClientGoneError`` when there was none for long."""
+        try:
+            async with asyncio.timeout(self._idle_s):
+                message = await self.waiting.get()
+        except TimeoutError as error:
+            raise ClientGoneError from error
+        self._broker.done(message)
+        payload = bytes(message.payload)
+        return payload.decode(errors="replace") if payload.startswith(b"{") else payload
+
+    def forget(self) -> list[MQTTMessage]:
+        """Return what waits, and leave nothing of it."""
+        return [self.waiting.get_nowait() for _ in range(self.waiting.qsize())]
+
+    async def send(self, message: bytes | str) -> None:
+        """Send a message; returns when more can be taken."""
+        await self._broker.send(f"{self._topic}/out", message)
+
+
+class MqttLink(LatestLink):
+    """Each CLIENT of the topics is a connection as any other; it begins with a text that opens a session."""
+
+    name: ClassVar[str] = "mqtt"
+
+    def __init__(self, settings: MqttSettings) -> None:
+        super().__init__(f"mqtt://{settings.broker.host}:{settings.broker.port}/{settings.prefix}")
+        self._settings = settings
+        self._clients: dict[str, tuple[MqttTransport, asyncio.Task[None]]] = {}
+        self._advised: set[str] = set()  # Topics on which frames came without an open session
+        self._since = ""
+
+    @asynccontextmanager
+    async def running(self, service: LiveService, peers: Peers) -> AsyncIterator[None]:
+        """Serve the broker's clients, whenever it is there."""
+        self._service, self._peers = service, peers
+        settings = self._settings
+        self._broker = broker = Broker(
+            settings.broker, settings.client_id, self._connected, self._take, lambda: self._state(False),
+            settings.session_s, _BEYOND * service.limits.message_bytes,
+        )  # fmt: skip
+        async with broker.running(lambda: self._state(False)), in_background(self._results()):
+            try:
+                yield
+            finally:
+                for _, task in self._clients.values():
+                    task.cancel()
+
+    def _state(self, online: bool) -> Message:
+        content = json.dumps({"online": online, "since": self._since, "model": self._service.engine.model})
+        return Message(f"{self._settings.prefix}/state", content, qos=1, retain=True)
+
+    def _connected(self, nothing_lost: bool) -> None:
+        self.counts["connected"] += 1
+        if nothing_lost:
+            for transport, _ in self._clients.values():
+                transport.forget()  # the broker sends again what it has no acknowledgement of
+        else:
+            self._since = f"{time.time():.6f}"
+            self._broker.subscribe(f"{self._settings.prefix}/+/in")
+        self._broker.publish(self._state(True))
+
+    def _take(self, message: MQTTMessage) -> None:
+        """Hand a message to its client's connection, or refuse it; whatever it is, the link goes on."""
+        topic = message.topic.removesuffix("/in")
+        if topic == f"{self._settings.prefix}/results":  # what is given of a session called "in"
+            self._broker.done(message)
+            return
+        problem = self._problem(topic, message)
+        if not problem:
+            self._clients[topic][0].waiting.put_nowait(message)
+            return
+        self._broker.done(message)
+        self.counts[problem] += 1
+        if problem == "not open":
+            if topic in self._advised:
+                return  # once is enough for a client that sends many such
+            if len(self._advised) >= self._service.limits.sessions:
+                self._advised.clear()
+            self._advised.add(topic)
+        self._broker.publish(Message(f"{topic}/out", json.dumps({"closed": self._advice(problem)}), qos=1))
+
+    def _problem(self, topic: str, message: MQTTMessage) -> str:
+        """Return why a message is refused; empty where its client's connection is to have it."""
+        known = self._clients.get(topic)
+        if len(message.payload) > self._service.limits.message_bytes:
+            return "too large"
+        if known is None:
+            if bytes(message.payload[:1]) != b"{":
+                return "not open"
+            if len(self._clients) >= self._service.limits.sessions:
+                return "too many clients"
+            self._begin(topic)
+        elif known[0].waiting.qsize() >= self._settings.waiting_messages:
+            self._end(topic)
+            return "overflow"
+        return ""
+
+    def _advice(self, problem: str) -> str:
+        settings, limits = self._settings, self._service.limits
+        return {
+            "too large": f"got a message of more than {limits.message_bytes} bytes; send smaller ones",
+            "not open": "got frames without an open session; open it first, here or after the service was away",
+            "too many clients": f"got a client more than {limits.sessions}; try later",
+            "overflow": f"got more than {settings.waiting_messages} messages that wait; open the session again, and "
+            f"send what is not acknowledged, at most {settings.waiting_messages // 2} messages of it at a time",
+        }[problem]
+
+    def _begin(self, topic: str) -> None:
+        transport = MqttTransport(self._broker, topic, self._service.limits.idle_s)
+        task = asyncio.create_task(Connection(transport, self._service, self._peers).run())
+        task.add_done_callback(lambda _: self._forget(topic, task))
+        self._clients[topic] = transport, task
+        self._advised.discard(topic)
+
+    def _forget(self, topic: str, task: asyncio.Task[None]) -> None:
+        if topic in self._clients and self._clients[topic][1] is task:
+            del self._clients[topic]
+
+    def _end(self, topic: str) -> None:
+        """End a connection, so that no later sample can come before one that was refused."""
+        transport, task = self._clients.pop(topic)
+        task.cancel()
+        for message in transport.forget():
+            self._broker.done(message)
+
+    async def _results(self) -> None:
+        while True:
+            await asyncio.sleep(1.0 / self._settings.results_hz)
+            async for session, last in self.changed(self._service.sessions):
+                if self._broker.connected:
+                    topic = f"{self._settings.prefix}/results/{session.name}"
+                    self._broker.publish(Message(topic, _result(last), retain=True))
+
+
+def _result(last: LastRow) -> str:
+    friction_n, lower_n, upper_n = last.newtons
+    named = {"friction_n": friction_n, "lower_n": lower_n, "upper_n": upper_n}
+    return json.dumps({"index": last.index, "time_s": last.time_s, **named, "flags": Flag.names(last.flags)})

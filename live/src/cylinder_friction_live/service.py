@@ -1,0 +1,376 @@
+"""Sessions, their model and the journal put together; knows no network."""
+
+import logging
+import re
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Protocol
+from urllib.parse import quote
+
+import numpy as np
+
+from cylinder_friction.arrays import Array
+from cylinder_friction.realtime.flags import UNKNOWN, unknown_in_words
+from cylinder_friction.signals.noise import times_as_noisy
+from cylinder_friction_live.engine import Engine
+from cylinder_friction_live.frames import LATEST_S, EstimateBlock, SampleBlock
+from cylinder_friction_live.journal import Journal, LastRow, SavedSession, Unkept
+from cylinder_friction_live.noise import ROWS_BETWEEN, NoiseWindow
+from cylinder_friction_live.session import Counts, SessionOrder
+from cylinder_friction_live.settings import LiveLimits, SessionRules
+from cylinder_friction_live.totals import FlagTotals
+
+_NAME = re.compile(r"(?=.*\w)[\w.:/ -]{1,80}")
+LONGEST_NAME = 200
+"""Bytes of a session's name as the name of a folder, in which letters of other scripts take up to twelve."""
+CLOCK_TOLERANCE = 2e-3
+"""How much the stated sample time may differ from the model's; beyond it the model would be wrong."""
+_log = logging.getLogger(__name__)
+
+
+class LiveError(ValueError):
+    """A request that cannot be met; the message states what was got and what is expected."""
+
+
+class BusyError(LiveError):
+    """A request that may be met later."""
+
+
+class Owner(Protocol):
+    """Who opened a session last, and gets what comes of it."""
+
+    client: str
+
+    def put_estimates(self, session: "LiveSession", block: EstimateBlock) -> None:
+        """Queue estimates."""
+
+    def put_acknowledgement(self, session: "LiveSession") -> None:
+        """Queue that samples are kept."""
+
+    def lost(self, session: "LiveSession") -> None:
+        """Note that the session has another owner."""
+
+
+@dataclass(slots=True)
+class LiveSession:
+    """One open session."""
+
+    name: str
+    handle: int
+    engine: Engine
+    slot: int  # Of its state in the engine
+    order: SessionOrder
+    noise: NoiseWindow
+    unkept: list[Unkept] = field(default_factory=list)  # In the order in which they came
+    handed_over: list[Unkept] = field(default_factory=list)  # To the journal; whether it has them is not known yet
+    kept_index: int = 0  # All samples before it are kept
+    last_seen_s: float = 0.0  # On the monotonic clock
+    last_kept: LastRow | None = None  # Since it was opened
+    flagged: Counter[str] = field(default_factory=Counter)  # Rows kept since then with each flag of ``UNKNOWN``
+    owner: "Owner | None" = None
+    begins_anew: str = ""  # Why it does not go on where it was kept, until new estimates are kept; empty if it does
+
+    @property
+    def next_index(self) -> int:
+        """Index of the sample that is stepped next."""
+        return self.order.next_index or 0
+
+    @property
+    def model(self) -> str:
+        """SHA-256 of the model that gives the newtons."""
+        return self.engine.model
+
+    @property
+    def latest(self) -> LastRow | None:
+        """The newest estimate since the session was opened."""
+        chunks = [each for each in (*self.handed_over, *self.unkept) if each.newtons]
+        return chunks[-1].last() if chunks else self.last_kept
+
+    def note_kept(self, next_index: int) -> None:
+        """Note that what was handed over is kept, count its rows by flags, and measure the noise of its pressures."""
+        flags = np.frombuffer(b"".join([each.flags for each in self.handed_over]), "<u4")
+        self.flagged["rows"] += len(flags)
+        for flag in UNKNOWN:
+            self.flagged[str(flag.name)] += int(np.count_nonzero(flags & int(flag)))
+        for each in self.handed_over:
+            if each.newtons:
+                self.noise.take(each.last_samples(each.rows))
+        self.last_kept, self.kept_index, self.handed_over, self.begins_anew = self.latest, next_index, [], ""
+
+    @property
+    def not_known(self) -> str:
+        """Why the estimates are not to be used as they are; empty where they may be."""
+        return unknown_in_words(self.flagged["rows"], self.flagged)
+
+    @property
+    def too_narrow(self) -> str:
+        """Why the bounds hold less than they state; empty if nothing shows that they do."""
+        times = times_as_noisy(self.noise.noise_pa, self.engine.pressure_noise_pa)
+        words = f"pressures are {times:.1f} times as noisy as those that this model knows, and bounds are too narrow"
+        return words if times > 1.0 else ""
+
+    def refuse_others(self, owner: Owner) -> None:
+        """Raise ``LiveError`` where the session is another's."""
+        if self.owner is not owner:
+            raise LiveError(f"session {self.name!r}: another connection has opened it; open it to take it over")
+
+    def saved(self) -> SavedSession:
+        """Return all that a restart needs."""
+        counts = dict(vars(self.order.counts))
+        return SavedSession(self.name, self.next_index, counts, self.model, self.engine.saved(self.slot))
+
+
+Taker = Callable[[LiveSession, EstimateBlock], None]
+
+
+class LiveService:
+    """Friction of many cylinders: samples go in by session and index, estimates come out in order.
+
+    Args:
+        engine: Of the model that all sessions run. A session that was kept by another model begins anew.
+        journal: Where states and estimates are kept.
+        takers: Called with a session and the estimates of successive samples, once its owner has them.
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        journal: Journal,
+        rules: SessionRules | None = None,
+        limits: LiveLimits | None = None,
+        takers: Iterable[Taker] = (),
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.engine, self.journal, self.flags = engine, journal, FlagTotals()
+        self.takers = list(takers)
+        self.rules, self.limits, self._clock = rules or SessionRules(), limits or LiveLimits(), clock
+        self.sessions: dict[str, LiveSession] = {}
+        self._by_handle: dict[int, LiveSession] = {}
+        self._next_handle = 1
+        self.unkept_rows, self._kept_s = 0, clock()
+        self._closed_outcomes = Counter(vars(Counts()))  # Less what open sessions had met before they were opened here
+        self.loop_lag_s = 0.0
+        """How late the event loop was of late, at worst, as its owner states."""
+        self.keeps_not_because = ""
+        """Why nothing could be kept the last time; empty where it could."""
+        self.ended_jobs: dict[str, str] = {}
+        """Why a job in the background ended the last time, by its name, until it runs again."""
+        self.not_in_history: dict[str, str] = {}
+        """Why the estimates of a session stay in the journal, by its name."""
+
+    def open(self, name: str, inputs: Sequence[str], sample_time_s: float) -> LiveSession:
+        """Return the session of that name, where it stood when it was last kept, or a new one.
+
+        Raises:
+            LiveError: The name is not one, there are too many sessions, or columns or sample time are not the model's.
+            BusyError: The session is new, and the service has no time for it.
+        """
+        self._refuse_other_samples(name, inputs, sample_time_s)
+        if name in self.sessions:
+            return self.sessions[name]
+        if len(self.sessions) >= self.limits.sessions:
+            raise LiveError(f"session {name!r}: {len(self.sessions)} sessions are open, all that are taken; try later")
+        order = SessionOrder(self.engine.sample_time_s, len(self.engine.inputs), self.rules)
+        saved = self.journal.session(name)
+        if saved is None and self.loop_lag_s > self.limits.loop_lag_s:
+            raise BusyError(
+                f"session {name!r}: new sessions are refused while the service is {self.loop_lag_s:.2f} s late"
+            )
+        noise = NoiseWindow(self.engine.inputs, self._next_handle * 17 % ROWS_BETWEEN)
+        slot, seen_s = self.engine.add(), self._clock()
+        session = LiveSession(name, self._next_handle, self.engine, slot, order, noise, last_seen_s=seen_s)
+        if saved is not None:
+            self._restore(session, saved)
+        session.kept_index = session.next_index
+        self.sessions[name] = self._by_handle[session.handle] = session
+        self._next_handle += 1
+        return session
+
+    def given_from(self, session: LiveSession, index: int) -> list[EstimateBlock]:
+        """Return the estimates from ``index`` on that have been given already, as far back as the journal goes."""
+        kept = self.journal.chunks(session.name, self.journal.last_chunk(), index)
+        chunks = [*kept, *(each.chunk() for each in session.handed_over + session.unkept)]
+        blocks = []
+        for chunk in chunks:
+            known = max(0, index - chunk.index)
+            if chunk.estimates is not None and known < len(chunk.samples):
+                index = chunk.index + len(chunk.samples)
+                blocks.append(replace(chunk.estimates.after(known, chunk.sample_time_s), handle=session.handle))
+        return blocks
+
+    def recent(self, session: LiveSession, rows: int) -> list[tuple[EstimateBlock, Array]]:
+        """Return the newest estimates and their samples, about so many rows, as far back as the journal goes."""
+        kept = self.journal.chunks(session.name, self.journal.last_chunk(), max(0, session.next_index - rows))
+        chunks = [*kept, *(each.chunk() for each in session.handed_over + session.unkept)]
+        return [(each.estimates, each.samples) for each in chunks if each.estimates is not None]
+
+    @property
+    def now_s(self) -> float:
+        """The clock of ``LiveSession.last_seen_s`` [s]."""
+        return self._clock()
+
+    def session_of(self, block: SampleBlock) -> LiveSession:
+        """Return the session of a block.
+
+        Raises:
+            LiveError: No session has its handle, or its columns are not the model's.
+        """
+        session = self._by_handle.get(block.handle)
+        if session is None:
+            raise LiveError(f"handle {block.handle}: no open session has it; open the session first")
+        if block.columns != len(self.engine.inputs):
+            raise LiveError(
+                f"session {session.name!r}: got {block.columns} columns; expected {list(self.engine.inputs)}"
+            )
+        if not 0.0 <= block.time_s < LATEST_S:
+            raise LiveError(
+                f"session {session.name!r}: got time {block.time_s}; expected seconds since 1970, before the year 2242"
+            )
+        return session
+
+    def receive(self, blocks: Sequence[SampleBlock], owner: Owner | None = None) -> None:
+        """Step through all that can be stepped now, of all blocks in one call.
+
+        Raises:
+            LiveError: As ``session_of``, or a session has another owner than the one stated; no block is used.
+        """
+        sessions = [self.session_of(block) for block in blocks]
+        if owner is not None:
+            for session in sessions:
+                if session.owner is not owner:
+                    session.refuse_others(owner)
+        now_s = self._clock()
+        pieces: list[tuple[LiveSession, SampleBlock]] = []
+        for session, block in zip(sessions, blocks, strict=True):
+            session.last_seen_s = now_s
+            for piece in session.order.receive(block, now_s):
+                pieces.append((session, piece))  # noqa: PERF401 - one piece nearly always
+            if session.order.late:
+                self._keep_late(session)
+        self._step(pieces)
+
+    def overdue(self) -> None:
+        """Step over gaps that have been waited for long enough."""
+        now_s = self._clock()
+        self._step([(each, piece) for each in self.sessions.values() for piece in each.order.overdue(now_s)])
+
+    @property
+    def kept_age_s(self) -> float:
+        """How long ago something was kept last, where estimates wait for that [s]; else 0."""
+        return self._clock() - self._kept_s if self.unkept_rows else 0.0
+
+    def outcomes(self) -> Counter[str]:
+        """Return how many samples met which outcome since the start, those of closed sessions included."""
+        outcomes = self._closed_outcomes.copy()
+        for session in self.sessions.values():
+            outcomes.update(vars(session.order.counts))
+        return outcomes
+
+    def load(self) -> dict[str, int]:
+        """Return what the service holds just now, as counts."""
+        held = sum(each.order.held_rows for each in self.sessions.values())
+        noisy = sum(each.too_narrow != "" for each in self.sessions.values())
+        waits = {"held_rows": held, "unkept_rows": self.unkept_rows}
+        return {"sessions": len(self.sessions), "noisy_sessions": noisy, **waits}
+
+    def unkept(self, sessions: Iterable[LiveSession]) -> tuple[list[SavedSession], list[Unkept]]:
+        """Return what ``Journal.keep`` is to keep of some sessions; from now on it counts as handed over."""
+        saved, chunks = [], []
+        for session in sessions:
+            if session.unkept:
+                saved.append(session.saved())
+                self.unkept_rows -= sum(each.rows for each in session.unkept)
+                chunks += session.unkept
+                session.handed_over, session.unkept = session.unkept, []
+        return saved, chunks
+
+    def not_kept(self, saved: Sequence[SavedSession], reason: str) -> None:
+        """Take back what could not be kept; it is handed over again the next time."""
+        self.keeps_not_because = reason
+        for session in (self.sessions[each.name] for each in saved):
+            self.unkept_rows += sum(each.rows for each in session.handed_over)
+            session.handed_over, session.unkept = [], session.handed_over + session.unkept
+
+    def kept(self, saved: Sequence[SavedSession]) -> None:
+        """Note what has been kept, and acknowledge it."""
+        self.keeps_not_because, self._kept_s = "", self._clock()
+        known = [(self.sessions[each.name], each) for each in saved if each.name in self.sessions]
+        for session, each in known:
+            session.note_kept(each.next_index)
+            if session.owner is not None:
+                session.owner.put_acknowledgement(session)
+
+    def keep(self) -> None:
+        """Keep and acknowledge everything now."""
+        saved, chunks = self.unkept(self.sessions.values())
+        self.journal.keep(saved, chunks)
+        self.kept(saved)
+
+    def close_idle(self) -> list[str]:
+        """Close sessions that have rested for long, all of whose samples are kept; return their names."""
+        now_s = self._clock()
+        idle = [
+            each
+            for each in self.sessions.values()
+            if now_s - each.last_seen_s > self.limits.idle_s and not each.unkept and each.kept_index == each.next_index
+        ]
+        for session in idle:
+            self.engine.remove(session.slot)
+            self._closed_outcomes.update(vars(session.order.counts))
+            del self.sessions[session.name], self._by_handle[session.handle]
+        return [session.name for session in idle]
+
+    def _restore(self, session: LiveSession, saved: SavedSession) -> None:
+        """Put a session where it stood when it was last kept; let it begin anew if another model kept it."""
+        session.order.next_index, session.order.counts = saved.next_index, Counts.from_dict(saved.counts)
+        self._closed_outcomes.subtract(vars(session.order.counts))
+        if saved.model == self.engine.model:
+            self.engine.restore(session.slot, saved.state)
+            return
+        session.order.counts.resets += 1
+        session.begins_anew = (
+            f"the session was kept by model {saved.model[:12]}, and the service runs {self.engine.model[:12]}"
+        )
+        _log.warning("session %r begins anew at sample %d: %s", session.name, saved.next_index, session.begins_anew)
+
+    def _step(self, pieces: Sequence[tuple[LiveSession, SampleBlock]]) -> None:
+        if not pieces:
+            return
+        results = self.engine.run([(session.slot, piece) for session, piece in pieces])
+        for (session, piece), (newtons, bits) in zip(pieces, results, strict=True):
+            given = EstimateBlock(session.handle, piece.index, piece.time_s, newtons, bits, self.engine.model)
+            self._add(session, piece, given)
+            if session.owner is not None:
+                session.owner.put_estimates(session, given)
+            for take in self.takers:
+                take(session, given)
+        self.flags.note([bits for _, bits in results])
+
+    def _keep_late(self, session: LiveSession) -> None:
+        for piece in session.order.late:
+            self._add(session, piece, None)
+        session.order.late.clear()
+
+    def _add(self, session: LiveSession, piece: SampleBlock, estimates: EstimateBlock | None) -> None:
+        if not (session.unkept and session.unkept[-1].add(piece, estimates)):
+            step_s, inputs = self.engine.sample_time_s, self.engine.inputs
+            model = None if estimates is None else estimates.model
+            session.unkept.append(Unkept(session.name, piece.index, piece.time_s, step_s, inputs, model))
+            session.unkept[-1].add(piece, estimates)
+        self.unkept_rows += piece.rows
+
+    def _refuse_other_samples(self, name: str, inputs: Sequence[str], sample_time_s: float) -> None:
+        if not _NAME.fullmatch(name) or len(quote(name, safe="")) > LONGEST_NAME:
+            raise LiveError(
+                f"session {name[:80]!r}: expected 1 to 80 letters, digits, spaces and _ . : / - as a session's name, a "
+                f"letter or digit among them, and at most {LONGEST_NAME} bytes as the name of a folder"
+            )
+        if tuple(inputs) != self.engine.inputs:
+            raise LiveError(f"session {name!r}: got columns {list(inputs)}; the model takes {list(self.engine.inputs)}")
+        if not abs(sample_time_s / self.engine.sample_time_s - 1.0) <= CLOCK_TOLERANCE:
+            raise LiveError(
+                f"session {name!r}: got a sample time of {sample_time_s} s; the model was trained at "
+                f"{self.engine.sample_time_s} s; resample, or train a model at that rate"
+            )

@@ -1,0 +1,1 @@
+"""A fleet each night: indicators of every session, their trends, and alarms that can be believed."""

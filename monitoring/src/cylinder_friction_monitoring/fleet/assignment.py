@@ -1,0 +1,99 @@
+"""Which cylinder of a fleet a log belongs to: exactly one, or the log is refused."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections import defaultdict
+from collections.abc import Mapping
+from fnmatch import fnmatchcase
+from pathlib import Path, PurePosixPath
+
+from cylinder_friction_monitoring.errors import MonitoringError
+from cylinder_friction_monitoring.fleet.plan import Assignment, Fleet
+from cylinder_friction_monitoring.refused import Refused
+
+HEAD_BYTES = 1 << 16
+
+
+def assigned(files: Mapping[str, Path], fleet: Fleet) -> tuple[dict[str, list[Path]], list[Refused]]:
+    """Return each cylinder's logs, and the logs that name no cylinder or several.
+
+    Args:
+        files: The logs by their paths below the folder that was read, with ``/``.
+        fleet: Its cylinders, and how a log names one.
+
+    Raises:
+        MonitoringError: The table cannot be read.
+    """
+    rule = fleet.assign
+    table = read_table(rule.table) if rule.table is not None else {}
+    own: dict[str, list[Path]] = defaultdict(list)
+    refused = []
+    for name, path in files.items():
+        if rule.table is not None and path.absolute() == rule.table.absolute():
+            continue
+        found = sorted(_named(name, path, rule, table, fleet))
+        known = [each for each in found if each in fleet.cylinders]
+        if len(known) == 1 and len(found) == 1:
+            own[known[0]].append(path)
+        else:
+            refused.append(Refused(name, _reason(found, known, rule)))
+    return dict(own), refused
+
+
+def _named(name: str, path: Path, rule: Assignment, table: Mapping[str, str], fleet: Fleet) -> set[str]:
+    """Return the cylinders that a log names."""
+    if rule.by == "folder":
+        return set(PurePosixPath(name).parts[:-1]) & set(fleet.cylinders)
+    if rule.by == "table":
+        return {table[name]} if name in table else {own for glob, own in table.items() if fnmatchcase(name, glob)}
+    text = name
+    if rule.by == "field":
+        with path.open("rb") as file:
+            text = file.read(HEAD_BYTES).replace(b"\0", b"").decode("utf-8", errors="replace")
+    matches = re.finditer(rule.pattern or "", text)
+    return {match["cylinder"].strip() for match in matches if match["cylinder"]}
+
+
+def _reason(found: list[str], known: list[str], rule: Assignment) -> str:
+    where = {
+        "folder": "the folders on its path",
+        "pattern": f"the pattern {rule.pattern!r} in its path",
+        "table": f"{rule.table and rule.table.name}",
+        "field": f"the pattern {rule.pattern!r} in its first {HEAD_BYTES >> 10} KiB",
+    }[rule.by]
+    if len(found) > 1:
+        return f"belongs to {len(found)} cylinders, {', '.join(found)}, by {where}; expected one"
+    if found and not known:
+        return f"belongs to the cylinder {found[0]!r} by {where}, which fleet.yaml does not list; add it, or correct it"
+    return f"belongs to no cylinder by {where}; move the log, or correct `assign` in fleet.yaml"
+
+
+def read_table(path: Path) -> dict[str, str]:
+    """Return the cylinder of each path or glob of a CSV file with the columns ``file`` and ``cylinder``.
+
+    Raises:
+        MonitoringError: It cannot be read, lacks a column or a cell, or names a file twice.
+    """
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise MonitoringError(f"{path}: cannot be read ({error}); expected CSV in UTF-8") from None
+    delimiter = max(",;\t", key=(lines[0] if lines else "").count)
+    rows = csv.DictReader(lines, delimiter=delimiter)
+    if not {"file", "cylinder"} <= set(rows.fieldnames or ()):
+        raise MonitoringError(
+            f"{path}: expected the columns file and cylinder, but got {lines[0] if lines else 'none'}"
+        )
+    table: dict[str, str] = {}
+    for number, row in enumerate(rows, start=2):
+        file, cylinder = (
+            (row["file"] or "").strip().replace("\\", "/").removeprefix("./"),
+            (row["cylinder"] or "").strip(),
+        )
+        if not file or not cylinder:
+            raise MonitoringError(f"{path}, line {number}: expected a file and its cylinder, but got {row}")
+        if table.setdefault(file, cylinder) != cylinder:
+            raise MonitoringError(f"{path}, line {number}: {file!r} belongs to {table[file]!r} already; keep one line")
+    return table

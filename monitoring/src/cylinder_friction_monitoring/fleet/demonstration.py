@@ -1,0 +1,58 @@
+"""A simulated fleet to try monitoring with: one cylinder per fate, its logs, and the files that name them."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import cast
+
+import yaml
+
+from cylinder_friction import Cylinder
+from cylinder_friction.recordings.files import whole_file, write_text
+from cylinder_friction.rig.bench import DECIMALS
+from cylinder_friction_monitoring.errors import MonitoringError
+from cylinder_friction_monitoring.fleet.processes import Died, done_in_order
+from cylinder_friction_monitoring.lives import FATES, Fate, LifePlan, life
+
+DIMENSIONS = {"bore_diameter_m": 0.063, "rod_diameter_m": 0.028, "stroke_m": 0.25, "moving_mass_kg": 6.0}
+PLAN = LifePlan(sessions=70, begins=40, takes=20)
+BASELINE_SESSIONS, FALSE_ALARMS_PER_YEAR = 36, 0.2
+"""A short demonstration: a plant takes more sessions, and fewer false alarms."""
+CHANNELS = {
+    "defaults": ["rig", "_self_"],
+    "name_pattern": None,
+    "start": {"zone": "UTC", "pattern": r"(?P<year>\d{4})-(?P<month>\d\d)-(?P<day>\d\d)T(?P<hour>\d\d)"},
+}
+
+
+def write_demonstration(folder: Path, plan: LifePlan = PLAN, processes: int = 1) -> Path:
+    """Simulate a fleet into ``logs``, with ``channels.yaml`` and ``fleet.yaml``, and return the path of the latter.
+
+    Logs that are there already are not simulated again.
+    """
+    jobs = [partial(write_life, folder / "logs" / fate, number, fate, plan) for number, fate in enumerate(FATES)]
+    for fate, done in zip(FATES, done_in_order(jobs, processes), strict=True):
+        if isinstance(done, Died):
+            raise MonitoringError(f"{fate}: {done.reason}; run the same command again")
+    fleet = {
+        "defaults": {
+            "dimensions": DIMENSIONS,
+            "channels": "channels.yaml",
+            "baseline_sessions": BASELINE_SESSIONS,
+            "false_alarms_per_year": FALSE_ALARMS_PER_YEAR,
+        },
+        "cylinders": {fate: {} for fate in FATES},
+    }
+    write_text(folder / "channels.yaml", yaml.safe_dump(CHANNELS, sort_keys=False))
+    write_text(folder / "fleet.yaml", yaml.safe_dump(fleet, sort_keys=False))
+    return folder / "fleet.yaml"
+
+
+def write_life(folder: Path, number: int, fate: str, plan: LifePlan) -> None:
+    """Write the log of each session of one cylinder, named by its start."""
+    if len(list(folder.glob("*.csv"))) == plan.sessions:
+        return
+    for recording in life(Cylinder(name=fate, **DIMENSIONS), plan, number, cast("Fate", fate)):
+        with whole_file(folder / f"{recording.metadata.start[:13]}.csv") as draft:
+            recording.logger.to_csv(draft, index=False, float_format=f"%.{DECIMALS}f", lineterminator="\n")

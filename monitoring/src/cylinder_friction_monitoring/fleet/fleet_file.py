@@ -1,0 +1,92 @@
+"""The fleet file: which cylinders there are, and how a log names its own."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from cylinder_friction.recordings.files import read_yaml
+from cylinder_friction_monitoring.errors import MonitoringError
+from cylinder_friction_monitoring.fleet.plan import Assignment, Fleet, FleetCylinder
+
+GUIDE = "docs/monitoring.md"
+REGISTERED = "models:/"
+"""How the name of a registered model begins."""
+EXAMPLE = """\
+assign: {by: folder}
+cylinders:
+  press-1:
+    dimensions: {bore_diameter_m: 0.063, rod_diameter_m: 0.028, stroke_m: 0.25, moving_mass_kg: 6.0}
+    channels: channels.yaml"""
+
+
+class FleetFile(BaseModel):
+    """``fleet.yaml``.
+
+    Attributes:
+        assign: How a log names its cylinder.
+        database: Where the tables go beside Parquet: ``postgresql://...``; empty: an SQLite file in the results.
+        defaults: What all cylinders have in common; each may state it otherwise.
+        cylinders: By name.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
+
+    assign: Assignment = Assignment()
+    database: str = ""
+    cylinders: dict[str, FleetCylinder] = Field(min_length=1)
+
+
+def load_fleet(path: Path) -> Fleet:
+    """Read and check a fleet file; paths in it are relative to its folder.
+
+    Raises:
+        MonitoringError: It is not there, a key is unknown or missing, or a value impossible.
+    """
+    if not path.is_file():
+        raise MonitoringError(f"{path}: no such file; write one that names your cylinders, for example\n{EXAMPLE}")
+    content = read_yaml(path)
+    defaults, cylinders = content.pop("defaults", None) or {}, content.get("cylinders")
+    if isinstance(cylinders, dict) and isinstance(defaults, dict):
+        content["cylinders"] = {str(name): _merged(defaults, own, path.parent) for name, own in cylinders.items()}
+    if isinstance(content.get("assign"), dict):
+        content["assign"] = _placed(content["assign"], "table", path.parent)
+    params = _checked(content, path)
+    try:
+        return Fleet(params.cylinders, params.assign, params.database)
+    except ValueError as error:
+        raise MonitoringError(f"{path}: {error}") from None
+
+
+def _merged(defaults: dict[str, Any], own: Any, folder: Path) -> Any:
+    if own is not None and not isinstance(own, dict):
+        return own
+    placed = _placed({**defaults, **(own or {})}, "channels", folder)
+    model = str(placed.get("model", ""))
+    return _placed(placed, "model", folder) if model and not model.startswith(REGISTERED) else placed
+
+
+def _placed(content: dict[str, Any], key: str, folder: Path) -> dict[str, Any]:
+    return content | ({key: str(folder / content[key])} if isinstance(content.get(key), str) else {})
+
+
+def _checked(content: Any, path: Path) -> FleetFile:
+    try:
+        # As JSON, so that in strict mode a mapping may be a dataclass, and a list a tuple.
+        return FleetFile.model_validate_json(json.dumps(content, default=str))
+    except ValidationError as error:
+        lines = [_explained(dict(problem)) for problem in error.errors()]
+        raise MonitoringError(f"{path}: refused, nothing was run\n  " + "\n  ".join(lines)) from None
+
+
+def _explained(problem: dict[str, Any]) -> str:
+    key = ".".join(str(part) for part in problem["loc"]) or "(whole file)"
+    if problem["type"] in ("extra_forbidden", "unexpected_keyword_argument"):
+        return f"{key}: unknown key; check its spelling against {GUIDE}"
+    if problem["type"] == "missing":
+        return f"{key}: missing; see {GUIDE}"
+    got = "" if isinstance(problem["input"], dict) else f", but got {problem['input']!r}"
+    return f"{key}: {problem['msg'].removeprefix('Value error, ')}{got}"

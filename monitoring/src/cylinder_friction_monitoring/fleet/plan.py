@@ -1,0 +1,152 @@
+"""A fleet as its owner describes it: the cylinders, and how a log names the one that it belongs to."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+from cylinder_friction import Cylinder
+from cylinder_friction_monitoring.trends.moments import utc_time
+from cylinder_friction_monitoring.trends.plan import IndicatorPlan, LoadMode, MonitorPlan
+
+_NAME = re.compile(r"[^\W_][\w .+-]{0,79}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Dimensions:
+    """Dimensions of a cylinder, as in ``Cylinder``."""
+
+    bore_diameter_m: float
+    rod_diameter_m: float
+    stroke_m: float
+    moving_mass_kg: float
+
+
+@dataclass(frozen=True)
+class ServiceDay:
+    """A day on which somebody changed seals or oil."""
+
+    time: str
+    words: str = ""
+
+    def __post_init__(self) -> None:
+        utc_time(self.time, "time")
+
+
+@dataclass(frozen=True)
+class FleetCylinder:
+    """What the fleet's owner states about one cylinder.
+
+    Attributes:
+        dimensions: Its bore, rod, stroke and moving mass.
+        channels: The mapping of its logs; None: guessed.
+        model: Folder of a saved estimator whose bounds are tested against later labels, or models:/NAME@ALIAS; empty:
+            none.
+        load: What it carries; None: as mapped.
+        names: Regular expression on a log's path with the groups ``condition`` and ``session``; None: each log is a
+            session.
+        units: Of quantities that its logs do not state, where no mapping is given.
+        sensor_class: Accuracy of the pressure sensors where none is stated, ± percent of full scale.
+        bulk_modulus_pa: Of its oil, for the leak [Pa]. The leak is proportional to its inverse.
+        dead_volume_m3: Oil beside each chamber's stroke, hose included, for the leak [m³].
+        limit_percent: By indicator, how far it may move from its baseline, in percent.
+        baseline_sessions: How many sessions the baseline is made of.
+        false_alarms_per_year: How many the cylinder may give.
+        acknowledged_days: An acknowledged alarm returns after this time, unless its entry states another [days].
+        services: When seals or oil were changed.
+        starts: By session, when it began, where its logs state a wrong time or none.
+    """
+
+    dimensions: Dimensions
+    channels: Path | None = None
+    model: str = ""
+    load: LoadMode | None = None
+    names: str | None = None
+    units: Mapping[str, str] = field(default_factory=dict)
+    sensor_class: float | None = None
+    bulk_modulus_pa: float = IndicatorPlan.bulk_modulus_pa
+    dead_volume_m3: float = IndicatorPlan.dead_volume_m3
+    limit_percent: Mapping[str, float] = field(default_factory=dict)
+    baseline_sessions: int = 90
+    false_alarms_per_year: float = 0.02
+    acknowledged_days: float = MonitorPlan.acknowledged_days
+    services: tuple[ServiceDay, ...] = ()
+    starts: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.cylinder("this")  # refuses dimensions that no cylinder has
+        self.monitor_plan()
+        self.indicator_plan("none")
+        for session, time in self.starts.items():
+            utc_time(time, f"starts: {session}")
+
+    def indicator_plan(self, load: LoadMode) -> IndicatorPlan:
+        """Return how a session's indicators are made."""
+        return IndicatorPlan(load=load, bulk_modulus_pa=self.bulk_modulus_pa, dead_volume_m3=self.dead_volume_m3)
+
+    def monitor_plan(self) -> MonitorPlan:
+        """Return how its indicators are tested."""
+        return MonitorPlan(
+            baseline_sessions=self.baseline_sessions,
+            false_alarms_per_year=self.false_alarms_per_year,
+            limit_percent=dict(self.limit_percent),
+            acknowledged_days=self.acknowledged_days,
+        )
+
+    def cylinder(self, name: str) -> Cylinder:
+        """Return its geometry under its name in the fleet."""
+        return Cylinder(name=name, **vars(self.dimensions))
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """How a log names its cylinder.
+
+    Attributes:
+        by: ``folder``: a folder on the log's path has the cylinder's name. ``pattern``: ``pattern`` is searched in the
+            log's path. ``table``: a CSV file with the columns ``file`` and ``cylinder``. ``field``: ``pattern`` is
+            searched in the log's first 64 KiB.
+        pattern: Regular expression with the group ``cylinder``.
+        table: The CSV file.
+    """
+
+    by: Literal["folder", "pattern", "table", "field"] = "folder"
+    pattern: str | None = None
+    table: Path | None = None
+
+    def __post_init__(self) -> None:
+        needs = {"pattern": "pattern", "field": "pattern", "table": "table"}.get(self.by)
+        for name in ("pattern", "table"):
+            if (getattr(self, name) is not None) != (name == needs):
+                raise ValueError(f"by: {self.by} {'needs' if name == needs else 'takes no'} {name}")
+        if self.pattern is not None:
+            try:
+                groups = re.compile(self.pattern).groupindex
+            except re.error as error:
+                raise ValueError(f"pattern: {self.pattern!r} is not a regular expression: {error}") from None
+            if "cylinder" not in groups:
+                raise ValueError(f"pattern: {self.pattern!r} has no group (?P<cylinder>...)")
+
+
+@dataclass(frozen=True)
+class Fleet:
+    """All cylinders of a fleet, by name."""
+
+    cylinders: Mapping[str, FleetCylinder]
+    assign: Assignment = Assignment()
+    database: str = ""  # postgresql://...; empty: an SQLite file in the folder of results
+
+    def __post_init__(self) -> None:
+        if wrong := [name for name in self.cylinders if not _NAME.fullmatch(name)]:
+            raise ValueError(
+                f"cylinders: got the name {wrong[0]!r}, expected letters, digits, blanks and . _ + -, at most 80, "
+                "beginning with a letter or digit: files are named after it"
+            )
+        lower = [name.casefold() for name in self.cylinders]
+        if same := [name for name in self.cylinders if lower.count(name.casefold()) > 1]:
+            raise ValueError(f"cylinders: {' and '.join(same)} differ by case alone; their files would be one")
+        if not self.cylinders:
+            raise ValueError("cylinders: expected at least one")

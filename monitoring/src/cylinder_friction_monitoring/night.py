@@ -1,0 +1,110 @@
+"""One night of ``cylinder-friction monitor``: entries, the run over the fleet, database and MLflow, what is printed."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+
+from cylinder_friction_monitoring.errors import MonitoringError
+from cylinder_friction_monitoring.fleet.database import update_database
+from cylinder_friction_monitoring.fleet.demonstration import write_demonstration
+from cylinder_friction_monitoring.fleet.entries import add_entry, entries_of, refuse_far
+from cylinder_friction_monitoring.fleet.files import session_file, state_file
+from cylinder_friction_monitoring.fleet.fleet_file import REGISTERED, load_fleet
+from cylinder_friction_monitoring.fleet.nightly import PAGE_FILE, FleetHealth, monitor_fleet
+from cylinder_friction_monitoring.fleet.plan import Fleet
+from cylinder_friction_monitoring.fleet.processes import cores
+from cylinder_friction_monitoring.fleet.sessions import session_starts
+from cylinder_friction_monitoring.trends.assessment import Entry
+
+MANY_CYLINDERS = 8
+"""With fewer cylinders other processes do not pay."""
+
+
+def run_night(options: argparse.Namespace) -> int:
+    """Run the command ``monitor`` and return its exit status."""
+    if options.demo:
+        options.fleet = write_demonstration(options.demo, processes=options.workers or cores())
+        options.logs, options.into = [options.demo / "logs"], options.demo / "health"
+    fleet, now = load_fleet(options.fleet), datetime.now(UTC)
+    _enter(options, fleet, now)
+    few = len(fleet.cylinders) < MANY_CYLINDERS
+    with tempfile.TemporaryDirectory() as scratch:
+        fleet = _with_model_folders(fleet, Path(scratch))
+        health = monitor_fleet(options.logs, fleet, options.into, now, options.workers or (1 if few else cores()))
+    problems = _copied(health, fleet, options)
+    _print(health, options.json)
+    print("".join(f"cylinder-friction monitor: {each}\n" for each in problems), end="", file=sys.stderr)
+    health.announced()
+    return health.status or int(bool(problems))
+
+
+def _enter(options: argparse.Namespace, fleet: Fleet, now: datetime) -> None:
+    """Add the entry that the options state, if any."""
+    if not options.entry:
+        if any((options.name, options.words, options.time, options.until, options.of, options.confirm)):
+            given = "--name, --words, --time, --until, --of and --confirm"
+            raise ValueError(f"{given} belong to an entry; give --entry CYLINDER KIND as well")
+        return
+    cylinder, kind = options.entry
+    time = options.time or now.isoformat(timespec="seconds").replace("+00:00", "Z")
+    of = " ".join(options.of or ())
+    entry = Entry(cylinder, time, options.name, kind, options.words, options.until or "", of)
+    if cylinder in fleet.cylinders and not options.confirm:
+        refuse_far(entry, session_starts(options.into / session_file(cylinder)), now)
+    add_entry(options.into, entry, fleet)
+
+
+def _with_model_folders(fleet: Fleet, scratch: Path) -> Fleet:
+    """Return a fleet whose registered models are folders below ``scratch``."""
+    names = sorted({each.model for each in fleet.cylinders.values() if each.model})
+    folders = {name: str(_model_folder(name, scratch / str(number))) for number, name in enumerate(names)}
+    cylinders = {name: replace(each, model=folders.get(each.model, "")) for name, each in fleet.cylinders.items()}
+    return replace(fleet, cylinders=cylinders)
+
+
+def _model_folder(name: str, scratch: Path) -> Path:
+    """Return the folder of a saved model; a registered one is copied below ``scratch``."""
+    if not name.startswith(REGISTERED):
+        return Path(name)
+    from cylinder_friction.tracking.model_folder import estimator_folder  # MLflow: only for registered models
+
+    return estimator_folder(name, Path(), scratch)[0]
+
+
+def _copied(health: FleetHealth, fleet: Fleet, options: argparse.Namespace) -> list[str]:
+    """Bring database and MLflow up to the files; return why they are not, which costs neither page nor alarm."""
+    problems, into = list[str](), options.into
+    try:
+        update_database(fleet.database, into, health.lines, entries_of(into, fleet))
+    except MonitoringError as error:
+        problems.append(str(error))
+    if options.track:
+        from cylinder_friction_monitoring.tracking import track_health  # MLflow: only if it is asked for
+
+        names = [(each.cylinder, each.state) for each in health.lines]
+        files = [(name, state, into / session_file(name), into / state_file(name)) for name, state in names]
+        try:
+            track_health(Path.cwd(), files)
+        except RuntimeError as error:  # the store cannot be reached
+            problems.append(str(error))
+    return problems
+
+
+def _print(health: FleetHealth, as_json: bool) -> None:
+    if as_json:
+        print(json.dumps(health.to_dict() | {"new_alarms": health.new_alarms, "notes": health.notes}, indent=2))
+        return
+    lines = [f"note     {note}" for note in health.notes]
+    lines += [f"{each.where}: refused: {each.reason}" for each in health.refused]
+    lines += [*health.news, ""]
+    shown = [each for each in health.lines if each.answer != "fine" or each.look]
+    lines += [f"{each.answer:<10}{each.cylinder}: {each.words}{each.look and f' Look: {each.look}.'}" for each in shown]
+    lines += [f"{'fine':<10}{len(health.lines) - len(shown)} of {len(health.lines)} cylinders"]
+    lines += [f"{'ALARM':<10}new: {', '.join(health.new_alarms)}"] if health.new_alarms else []
+    print("\n".join([*lines, "", f"page     {health.folder / PAGE_FILE}"]))

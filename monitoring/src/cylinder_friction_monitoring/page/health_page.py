@@ -1,0 +1,181 @@
+"""The pages of a fleet's health: all cylinders on one screen, and one cylinder over its life."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from cylinder_friction.recordings.files import write_text
+from cylinder_friction.reporting.frame import NONE, Cell, Table, packed, page_html
+from cylinder_friction_monitoring.page.health_figures import life_figure, strokes_figure, trend_picture
+from cylinder_friction_monitoring.refused import Refused
+from cylinder_friction_monitoring.trends.assessment import NE107, Answer, Assessment, Change, Entry
+from cylinder_friction_monitoring.trends.cylinder_line import NAMES, CylinderLine
+from cylinder_friction_monitoring.trends.session_row import INDICATORS, SessionRow
+
+BADGES: Mapping[Answer, str] = {
+    "alarm": "refused",
+    "undecided": "noted",
+    "watch": "repaired",
+    "not yet": "quiet",
+    "fine": "ok",
+}
+"""The colour of each answer, which stands beside it in words."""
+LISTED = 200
+"""At most so many refused logs and news stand on the page; health.json holds all."""
+
+
+def write_health_page(
+    path: Path, lines: Sequence[CylinderLine], refused: Sequence[Refused], news: Sequence[str]
+) -> None:
+    """Write the page of a fleet whole, beside which the panes of its cylinders lie; equal input makes equal bytes.
+
+    ``lines`` begin with what needs a person; ``refused`` are logs that were not taken, and sessions that are not
+    assessed.
+    """
+    counts = Counter[str](each.answer for each in lines)
+    html = page_html(
+        "templates/health.html.j2",
+        package=__package__,
+        title="Health of the fleet",
+        lines=lines,
+        answers=[(answer, counts[answer], BADGES[answer]) for answer in BADGES if counts[answer]],
+        badges=BADGES,
+        picture=trend_picture,
+        newest=max((each.last_start for each in lines), default="")[:10],
+        refused=[(each.where, each.reason) for each in refused[:LISTED]],
+        more_refused=max(len(refused) - LISTED, 0),
+        news=news[:LISTED],
+        more_news=max(len(news) - LISTED, 0),
+    )
+    write_text(path, html)
+
+
+def health_pane(
+    found: Assessment, rows: Sequence[SessionRow], entries: Sequence[Entry], left_out: Mapping[str, str]
+) -> str:
+    """Return the pane of one cylinder, a script that hands it to the page; equal input makes equal text.
+
+    ``rows`` are all its sessions in the order of time; ``left_out`` states why sessions are not assessed.
+    """
+    used = [row for row in rows if row.session not in left_out]
+    then, now = _two(found, used)
+    html = page_html(
+        "templates/health_pane.html.j2",
+        package=__package__,
+        title=found.cylinder,
+        found=found,
+        badge=BADGES[found.answer],
+        ne107=NE107[found.answer],
+        facts=[fact for change in found.changes[:1] for fact in _facts(change, used)],
+        changes=_changes(found.changes) if found.changes else None,
+        life=life_figure(found, used, entries) if used else None,
+        strokes=None if then is None or now is None else strokes_figure(then, now),
+        undetermined=_undetermined(used),
+        baselines=_baselines(found),
+        entries=_entries(entries) if entries else None,
+        left_out=list(left_out.items()),
+    )
+    return f"pane({json.dumps(found.cylinder)}, {json.dumps(packed(html, 6))});\n"
+
+
+def _two(found: Assessment, rows: Sequence[SessionRow]) -> tuple[SessionRow | None, SessionRow | None]:
+    """Return a session of the baseline, or the first, and the newest; of those that hold a stroke each way."""
+    drawn = [row for row in rows if len(row.stroke) == 2]
+    if len(drawn) < 2:
+        return None, None
+    trend = found.trends.get(found.changes[0].indicator if found.changes else "friction_n")
+    last = trend.baseline.last if trend and trend.baseline else drawn[0].session
+    names = [row.session for row in drawn]
+    return drawn[names.index(last) if last in names else 0], drawn[-1]
+
+
+def _facts(change: Change, rows: Sequence[SessionRow]) -> list[tuple[str, str]]:
+    unit = INDICATORS[change.indicator][0]
+    starts = {row.session: row.start[:10] or row.session for row in rows}
+
+    def day(session: str) -> str:
+        return starts.get(session, session)
+
+    facts = [(f"change of {NAMES[change.indicator]}", _with_interval(change.change, change.interval, unit))]
+    if change.percent is not None:
+        facts.insert(0, ("change", _with_interval(change.percent, change.percent_interval, "%")))
+    facts.append(("since", f"{day(change.since)} ({' to '.join(map(day, change.since_interval))})"))
+    facts.append(("alarm at", day(change.alarm_session)))
+    if change.per_year is not None:
+        facts.append(("rate now", _with_interval(change.per_year, change.per_year_interval, f"{unit} a year")))
+    if change.limit_reached:
+        ends = [each or "open" for each in change.limit_interval or ()]
+        facts.append(("limit reached", f"{change.limit_reached}{ends and ' (' + ' to '.join(ends) + ')'}"))
+    if change.beside:
+        facts.append(("beside it", "; ".join(change.beside)))
+    return facts
+
+
+def _with_interval(value: float, interval: tuple[float, float] | None, unit: str) -> str:
+    def digits(number: float) -> str:
+        return f"{number:+.0f}" if 100.0 <= abs(number) < 1e6 else f"{number:+.3g}"
+
+    words = f"{digits(value)} {unit}"
+    return words if interval is None else f"{words} ({digits(interval[0])} to {digits(interval[1])})"
+
+
+def _changes(changes: Sequence[Change]) -> Table:
+    rows: list[list[str | Cell]] = [
+        [
+            NAMES[each.indicator],
+            _with_interval(each.change, each.interval, INDICATORS[each.indicator][0]),
+            "–" if each.percent is None else _with_interval(each.percent, each.percent_interval, "%"),
+            each.since,
+            each.alarm_session,
+        ]
+        for each in changes
+    ]
+    head = ("indicator", "change (95 %)", "of the baseline", "since session", "alarm at")
+    return Table(head, rows, words=(1, 2, 3, 4))
+
+
+def _baselines(found: Assessment) -> Table:
+    rows: list[list[str | Cell]] = []
+    for name, trend in found.trends.items():
+        base = trend.baseline
+        if base is None:
+            rows.append([NAMES[name], *[NONE] * 7, Cell(trend.why, style="words")])
+            continue
+        cells = [f"{base.sessions} of {base.needed}", f"{base.level:.4g}", f"{base.scatter:.3g}"]
+        cells += [
+            f"{base.smallest:.3g}",
+            f"{base.autocorrelation:.2f}",
+            f"{base.threshold:.3g}",
+            f"{base.false_alarms_per_year:.2g}",
+        ]
+        where = f"{base.first} to {base.last}{trend.why and '; '}{trend.why}"
+        rows.append([NAMES[name], *cells, Cell(where, style="words")])
+    head = (
+        "indicator",
+        Cell("sessions", tip="of which the baseline is made, and how many an alarm needs"),
+        Cell("level", tip="at the reference oil, pressure, speed and load, in the indicator's unit"),
+        Cell("scatter", tip="standard deviation of single sessions about it"),
+        Cell("smallest", tip="lasting change that the test can find, in the indicator's unit"),
+        Cell("autocorrelation", tip="of neighbouring sessions"),
+        Cell("threshold", tip="of the cumulative sums, in standard deviations"),
+        Cell("false alarms a year", tip="that this threshold gives with this baseline"),
+        "baseline",
+    )
+    return Table(head, rows, words=(8,))
+
+
+def _entries(entries: Sequence[Entry]) -> Table:
+    rows: list[list[str | Cell]] = [
+        [each.time[:16].replace("T", " "), each.kind, each.name, Cell(each.stated, style="words")] for each in entries
+    ]
+    return Table(("time (UTC)", "kind", "name", "words"), rows, words=(1, 2, 3))
+
+
+def _undetermined(rows: Sequence[SessionRow]) -> list[tuple[str, str]]:
+    """Return what the newest session does not determine, and why."""
+    known: dict[str, Any] = dict(rows[-1].indicators) if rows else {}
+    return [(NAMES[name], each.why) for name, each in known.items() if each.why]

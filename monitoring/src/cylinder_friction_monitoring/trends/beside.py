@@ -1,0 +1,82 @@
+"""What else changed when an indicator did: oil, pressure, speed, load, travel and the sensors' zeros."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from cylinder_friction_monitoring.arrays import Array
+from cylinder_friction_monitoring.trends.session_row import COVARIATES, SessionRow
+
+AROUND = 20
+"""Sessions before and after the change that are compared."""
+TIMES = 2.0
+"""A covariate has changed if its means differ by so many standard deviations of a session."""
+LEAST = {
+    "oil_temperature_c": 3.0,
+    "pressure_1_bar": 1.0,
+    "pressure_2_bar": 1.0,
+    "speed_m_s": 0.001,
+    "load_n": 20.0,
+    "travel_m": 0.0,
+}
+"""Smaller changes are not named, in the covariate's unit."""
+TITLES = {
+    "oil_temperature_c": "oil temperature",
+    "pressure_1_bar": "pressure on the piston side",
+    "pressure_2_bar": "pressure on the rod side",
+    "speed_m_s": "speed of the strokes",
+    "load_n": "load",
+    "travel_m": "travel in a session",
+    "pressure_bar": "mean pressure",
+}
+
+
+def changed_beside(rows: Sequence[SessionRow], begins: int, zero: tuple[float, float] | None) -> tuple[str, ...]:
+    """Return in words what changed around session ``begins``.
+
+    ``zero`` is the change of the half sum at that time and its uncertainty, if it alarmed [N].
+    """
+    found = []
+    for name, unit in COVARIATES.items():
+        before, after = (
+            _known(rows[part], name)
+            for part in (slice(max(begins - AROUND, 0), begins), slice(begins, begins + AROUND))
+        )
+        if min(len(before), len(after)) < 3:
+            continue
+        difference = float(after.mean() - before.mean())
+        scatter = float(np.sqrt(0.5 * (before.var(ddof=1) + after.var(ddof=1))))
+        if abs(difference) > max(TIMES * scatter, LEAST[name]):
+            found.append(f"{TITLES[name]} {difference:+.3g} {unit}")
+    if zero is not None:
+        found.append(f"half sum of the strokes {zero[0]:+.0f} ± {zero[1]:.0f} N (a sensor's zero, or the load)")
+    return tuple(found)
+
+
+def farthest(names: Mapping[str, float], design: Array, covariance: Array, row: SessionRow) -> str:
+    """Return which covariate makes a session differ most from the baseline, in words."""
+    if not np.isfinite(design).all():
+        missing = [name for name, value in zip(names, design[1:], strict=True) if not np.isfinite(value)]
+        return f"{TITLES[missing[0]]} is not known"
+    parts = design[1:] ** 2 * np.diag(covariance)[1:]
+    name = list(names)[int(np.argmax(parts))]
+    values = (
+        (row.covariates[each] for each in ("pressure_1_bar", "pressure_2_bar"))
+        if name == "pressure_bar"
+        else (row.covariates[name],)
+    )
+    now = float(np.mean([value for value in values if value is not None]))
+    unit = COVARIATES.get(name, "bar")
+    return f"{TITLES[name]} is {_digits(now)} {unit}, in the baseline {_digits(names[name])} {unit} on average"
+
+
+def _digits(value: float) -> str:
+    """Return a number with four digits and no power of ten in between."""
+    return f"{float(f'{value:.4g}'):g}"
+
+
+def _known(rows: Sequence[SessionRow], name: str) -> Array:
+    values = (row.covariates.get(name) for row in rows)
+    return np.array([value for value in values if value is not None], dtype=np.float64)

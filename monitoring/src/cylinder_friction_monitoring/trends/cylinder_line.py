@@ -1,0 +1,152 @@
+"""One cylinder in one line: the answer, why, its trend, and how much it needs a person."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import timedelta
+
+from cylinder_friction_monitoring.trends.assessment import NE107, Answer, Assessment
+from cylinder_friction_monitoring.trends.moments import moment
+from cylinder_friction_monitoring.trends.session_row import INDICATORS, SessionRow
+
+POINTS = 90
+"""A trend is drawn with at most so many points."""
+SILENT_D = 30.0
+"""A cylinder without a session for so long, while others of the fleet have some, needs a look [days]."""
+NAMES: Mapping[str, str] = {
+    "friction_n": "friction",
+    "breakaway_n": "breakaway",
+    "viscous_n_s_m": "viscous slope",
+    "half_sum_n": "half sum",
+    "leak_m3_s_pa": "leak",
+    "profile_n": "profile",
+}
+"""Short name of each indicator."""
+RANKS: Mapping[Answer, int] = {"alarm": 0, "undecided": 1, "watch": 2, "not yet": 5, "fine": 6}
+ACKNOWLEDGED, LOOK = 4, 3
+"""Rank of an alarm that somebody has acknowledged, and of a cylinder whose logs need a look."""
+
+
+@dataclass(frozen=True)
+class Trend:
+    """What a line draws: an indicator over the sessions, beside its baseline."""
+
+    indicator: str
+    values: tuple[float | None, ...]  # Compensated, in the indicator's unit, evenly thinned
+    level: float | None = None  # Of the baseline; None while there is none
+    scatter: float | None = None  # Of single sessions about it
+    baseline: int = 0  # So many values belong to the baseline
+    since: int | None = None  # Value at which the change began
+
+
+@dataclass(frozen=True)
+class CylinderLine:
+    """One cylinder, as the fleet's page, JSON and database show it."""
+
+    cylinder: str
+    answer: Answer
+    ne107: str
+    headline: str  # What changed, how much, since when; empty where nothing did
+    words: str
+    rank: int  # 0 needs a person most
+    trend: Trend
+    sessions: int  # That are assessed
+    left_out: int  # That are kept, but not assessed
+    last_session: str
+    last_start: str
+    acknowledged: str = ""  # By whom and when
+    look: str = ""  # What else needs a look, in words
+    alarms: tuple[str, ...] = ()  # Of indicators, each named by direction and baseline
+    state: str = ""  # SHA-256 of all that it rests on
+
+
+def line_of(
+    assessment: Assessment,
+    rows: Sequence[SessionRow],
+    left_out: Mapping[str, str],
+    state: str,
+) -> CylinderLine:
+    """Return a cylinder's line; ``rows`` are all its sessions in the order of time."""
+    used = [row for row in rows if row.session not in left_out]
+    last = used[-1] if used else None
+    starts = {row.session: row.start for row in rows}
+    looks = []
+    late = [row for row in rows[-3:] if row.session in left_out]
+    if len(late) == min(len(rows), 3) and late:
+        looks.append(
+            f"its last {len(late)} sessions are not assessed" if len(late) > 1 else "its session is not assessed"
+        )
+    if assessment.model and assessment.model.lost:
+        looks.append(assessment.model.words.rstrip("."))
+    rank = ACKNOWLEDGED if assessment.acknowledged else RANKS[assessment.answer]
+    return CylinderLine(
+        cylinder=assessment.cylinder,
+        answer=assessment.answer,
+        ne107=NE107[assessment.answer],
+        headline=_headline(assessment, starts),
+        words=assessment.words,
+        rank=min(rank, LOOK) if looks else rank,
+        trend=_trend(assessment),
+        sessions=len(used),
+        left_out=len(left_out),
+        last_session=last.session if last else "",
+        last_start=last.start if last else "",
+        acknowledged=assessment.acknowledged,
+        look="; ".join(looks),
+        alarms=_alarms(assessment),
+        state=state,
+    )
+
+
+def in_order(lines: Sequence[CylinderLine]) -> tuple[CylinderLine, ...]:
+    """Return lines by how much they need a person; a cylinder that is silent while others are not needs a look."""
+    newest = max((moment(each.last_start) for each in lines if each.last_start), default=None)
+    seen = []
+    for each in lines:
+        if newest is not None and each.last_start and newest - moment(each.last_start) > timedelta(days=SILENT_D):
+            silent = f"no session since {each.last_start[:10]}"
+            each = replace(each, look=f"{each.look}; {silent}" if each.look else silent, rank=min(each.rank, LOOK))
+        seen.append(each)
+    return tuple(sorted(seen, key=lambda each: (each.rank, each.cylinder)))
+
+
+def _headline(assessment: Assessment, starts: Mapping[str, str]) -> str:
+    if not assessment.changes:
+        return ""
+    change = assessment.changes[0]
+    unit, name = INDICATORS[change.indicator][0], NAMES[change.indicator]
+    size = f"{change.change:+.0f} {unit}" if change.percent is None else f"{change.percent:+.0f} %"
+    return f"{name} {size} since {starts.get(change.since, '')[:10] or change.since}"
+
+
+def _alarms(assessment: Assessment) -> tuple[str, ...]:
+    if assessment.answer != "alarm":
+        return ()
+    names = []
+    for each in assessment.changes:
+        trend = assessment.trends.get(each.indicator)
+        first = trend.baseline.first if trend and trend.baseline else ""
+        names.append(f"{each.indicator} {'up' if each.change > 0.0 else 'down'} from {first}")
+    return tuple(names)
+
+
+def _trend(assessment: Assessment) -> Trend:
+    indicator = assessment.changes[0].indicator if assessment.changes else "friction_n"
+    trend = assessment.trends.get(indicator)
+    if trend is None:
+        return Trend(indicator, ())
+    step = -(-len(trend.sessions) // POINTS) or 1
+    places = range((len(trend.sessions) - 1) % step, len(trend.sessions), step)  # the last session is among them
+    sessions = [trend.sessions[place] for place in places]
+    values = tuple(trend.compensated[place] for place in places)
+    since = None
+    if assessment.changes and assessment.changes[0].since in trend.sessions:
+        since = sum(place < trend.sessions.index(assessment.changes[0].since) for place in places)
+        since = min(since, len(values) - 1)
+    base = trend.baseline
+    if base is None:
+        return Trend(indicator, values)
+    last = trend.sessions.index(base.last) if base.last in trend.sessions else len(sessions) - 1
+    count = sum(place <= last for place in places)
+    return Trend(indicator, values, base.level, base.scatter, count, since)

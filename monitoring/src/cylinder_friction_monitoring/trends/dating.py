@@ -1,0 +1,123 @@
+"""When a change began, by a step or a ramp fitted after the alarm; and what it is by now, from the latest sessions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from cylinder_friction_monitoring.arrays import Array
+from cylinder_friction_monitoring.trends.reference import Reference
+
+Z95 = 1.96
+LIKELY = 4.0
+"""A beginning is possible if its log-likelihood is at most so much below the best one's."""
+LEAST_RAMP = 5
+POWERS = (0.0, 1.0, 2.0, 3.0)
+"""Shapes of a change: a step, a ramp, and growth that accelerates."""
+WINDOWS = (0, 7, 15, 30, 60)
+"""A change is dated by the sessions until at most the last of these numbers after its alarm: then its date stays."""
+UNUSUAL = 1.0
+"""A window is left out if its sessions differ from every shape by more than so many standard deviations."""
+LATEST, LEAST_TREND = 60, 10
+"""What it is by now, and how fast it goes on, are seen in at most and at least so many sessions."""
+
+
+@dataclass(frozen=True)
+class Dated:
+    """A change of residuals, in the indicator's unit."""
+
+    begins: int  # Session from which residuals differ
+    interval: tuple[int, int]  # First and last session at which it may have begun
+    step: bool  # Whether a step explains it better than a ramp
+    change: float  # By now
+    change_interval: tuple[float, float]  # 95 %, the uncertainty of what was expected included
+    slope: float | None  # By now, per session; None if no trend is seen
+    slope_interval: tuple[float, float] | None  # 95 %
+
+
+def dated(reference: Reference, residuals: Array, expected: Array, design: Array, first: int, alarm: int) -> Dated:
+    """Return when residuals began to differ, and by how much they do.
+
+    Args:
+        reference: What was expected.
+        residuals: Of all sessions that have a value, shape ``(sessions,)``.
+        expected: Standard uncertainty of what was expected of each, shape ``(sessions,)``.
+        design: Regressors, shape ``(sessions, coefficients)``: later sessions add to what is known of their effects,
+            and so to the date.
+        first: Session from which the change may have begun: the baseline's end.
+        alarm: Session of the alarm.
+    """
+    begins, interval, step = _begins(reference, residuals, design, first, alarm)
+    latest = residuals[max(begins, len(residuals) - LATEST) :]
+    sessions = np.arange(len(latest)) - len(latest) + 1.0
+    level, spread = _regression(reference, np.ones((len(latest), 1)), latest)
+    slope = slopes = None
+    if len(latest) >= LEAST_TREND:
+        line, spreads = _regression(reference, np.column_stack([np.ones(len(latest)), sessions]), latest)
+        if abs(line[1]) > Z95 * spreads[1]:
+            level, spread, slope = line, spreads, float(line[1])
+            slopes = (slope - Z95 * float(spreads[1]), slope + Z95 * float(spreads[1]))
+    wide = Z95 * float(np.hypot(spread[0], expected[-1]))
+    now = float(level[0])
+    return Dated(begins, interval, step, now, (now - wide, now + wide), slope, slopes)
+
+
+def _begins(
+    reference: Reference, residuals: Array, design: Array, first: int, alarm: int
+) -> tuple[int, tuple[int, int], bool]:
+    """Return at which session the change begins that explains residuals best, its interval, and whether it is a step.
+
+    If the change goes on otherwise than any shape does, only sessions nearer to the alarm are explained.
+    """
+    usual = 1.0
+    for window in WINDOWS:
+        rows = slice(alarm + 1 + window)
+        losses, unexplained = _losses(reference, residuals[rows], design[rows], first, alarm)
+        if window == WINDOWS[0]:
+            usual = max(unexplained, 1.0)
+        elif unexplained > usual * (1.0 + UNUSUAL * np.sqrt(2.0 / len(residuals[rows]))):
+            break
+        best = losses
+    loss = best.min(axis=0)
+    possible = first + np.flatnonzero(loss <= loss.min() + LIKELY)
+    step = bool(best[0].min() <= best[1:].min())
+    return first + int(np.argmin(loss)), (int(possible[0]), int(possible[-1])), step
+
+
+def _losses(reference: Reference, residuals: Array, design: Array, first: int, alarm: int) -> tuple[Array, float]:
+    """Return how badly each shape explains residuals, by its beginning, and what the best one leaves unexplained.
+
+    Returns:
+        losses: Negative log-likelihoods less a constant, shape ``(shapes, alarm + 1 - first)``.
+        unexplained: Mean square of what is left, in those of an innovation.
+    """
+    begins, sessions = np.arange(first, alarm + 1)[:, None], np.arange(len(residuals))
+    parts, sizes, _ = np.linalg.svd(_less_before(reference, design.T).T, full_matrices=False)
+    explained = parts[:, sizes > 1e-9 * sizes[0]]
+    y = _less_before(reference, residuals)
+    y = y - explained @ (explained.T @ y)
+    since, losses = np.maximum(sessions - begins + 1.0, 0.0), []
+    for power in POWERS:
+        x = _less_before(reference, np.where(since > 0.0, since**power, 0.0))
+        x = x - (x @ explained) @ explained.T
+        loss = -((x @ y) ** 2) / np.maximum((x**2).sum(axis=1), 1e-12) / (2.0 * reference.innovation**2)
+        short = len(residuals) - begins[:, 0] < LEAST_RAMP * power
+        losses.append(np.where(short, np.inf, loss))
+    left = float(y @ y) / reference.innovation**2 + 2.0 * min(float(each.min()) for each in losses)
+    return np.array(losses), left / len(y)
+
+
+def _regression(reference: Reference, x: Array, y: Array) -> tuple[Array, Array]:
+    """Return coefficients and their standard uncertainties, of residuals with the baseline's autocorrelation."""
+    phi = reference.autocorrelation
+    first = np.sqrt(1.0 - phi**2)
+    x = np.vstack([first * x[:1], _less_before(reference, x.T).T])
+    y = np.append(first * y[:1], _less_before(reference, y))
+    covariance = np.linalg.inv(x.T @ x)
+    return covariance @ x.T @ y, reference.innovation * np.sqrt(np.diag(covariance))
+
+
+def _less_before(reference: Reference, values: Array) -> Array:
+    """Return values less what the session before explains, along the last axis, the first session left out."""
+    return values[..., 1:] - reference.autocorrelation * values[..., :-1]

@@ -1,0 +1,187 @@
+"""A session's row: indicators with uncertainties, and what they depend on beside wear."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from cylinder_friction import Cylinder, Recording
+from cylinder_friction_monitoring.arrays import Array
+from cylinder_friction_monitoring.errors import MonitoringError
+from cylinder_friction_monitoring.trends.blocks import Blocks, session_blocks
+from cylinder_friction_monitoring.trends.breakaway import breakaway
+from cylinder_friction_monitoring.trends.leak import leak
+from cylinder_friction_monitoring.trends.matched_strokes import TENTHS, Matched, matched_strokes
+from cylinder_friction_monitoring.trends.plan import IndicatorPlan
+from cylinder_friction_monitoring.trends.session_row import Indicator, SessionRow
+
+LEAST_TENTHS = 3
+"""A profile needs friction in so many tenths of the stroke."""
+LEAST_SPREAD = 1.5
+"""The viscous slope needs speeds whose 90 % quantile is so many times the 10 % quantile."""
+LEAST_VARIATION = 0.3
+"""A resample of strokes counts if its speeds vary by so much of what they do in all strokes, as variances."""
+STROKE_POINTS = 60
+OTHER_PRESSURES = "pressures differ between the directions: a change of a transmitter's gain would look like friction"
+
+
+def session_row(
+    recordings: Sequence[Recording], cylinder: Cylinder, plan: IndicatorPlan | None = None, name: str = ""
+) -> SessionRow:
+    """Return the row of one session.
+
+    Args:
+        recordings: All recordings of the session, as ``estimate`` writes them: with ``velocity_m_s`` and ``usable``.
+        cylinder: Its areas, stroke and mass.
+        plan: How indicators are made; None: the defaults.
+        name: Of the cylinder in its fleet; empty: the cylinder's own.
+
+    Raises:
+        MonitoringError: The recordings are of several sessions, there is none, or a column is missing.
+    """
+    plan = plan or IndicatorPlan()
+    sessions = sorted({each.metadata.session or each.name for each in recordings})
+    if len(sessions) != 1:
+        raise MonitoringError(
+            f"expected recordings of one session, but got {len(sessions)} ({', '.join(sessions) or 'none'}); make one "
+            "row per session"
+        )
+    blocks = session_blocks(recordings, cylinder, plan)
+    matched = matched_strokes(blocks, cylinder, plan)
+    profile = _profile(matched, cylinder)
+    first = min(recordings, key=lambda each: (each.metadata.start == "", each.metadata.start))
+    return SessionRow(
+        cylinder=name or cylinder.name,
+        session=sessions[0],
+        start=first.metadata.start,
+        start_source=first.metadata.start_source,
+        duration_s=sum(len(each) * each.sample_time_s for each in recordings),
+        files={each.metadata.source_file: each.metadata.source_sha256 for each in recordings},
+        indicators={
+            **_of_matched(matched, plan, profile),
+            "breakaway_n": breakaway(recordings, cylinder, plan),
+            "leak_m3_s_pa": leak(recordings, cylinder, plan),
+        },
+        covariates=_covariates(matched, recordings),
+        profile_n=tuple(_number(value) for value in profile[:, 0]) if len(matched) else (),
+        stroke=_strokes(blocks),
+    )
+
+
+def _of_matched(matched: Matched, plan: IndicatorPlan, profile: Array) -> dict[str, Indicator]:
+    names = ("friction_n", "half_sum_n", "viscous_n_s_m", "profile_n")
+    why = ""
+    if len(matched) < plan.least_blocks:
+        why = (
+            f"{len(matched)} blocks of strokes out and back match in speed, position and pressure, where "
+            f"{plan.least_blocks} are needed; record slow strokes over the same travel in both directions"
+        )
+    elif min(matched.strokes) < plan.least_strokes:
+        why = (
+            f"{matched.strokes[0]} strokes out and {matched.strokes[1]} back match, where {plan.least_strokes} each "
+            "way are needed"
+        )
+    if why:
+        return {name: Indicator(None, why=why) for name in names}
+    level, _ = _line(np.log(matched.means["speed_m_s"]), matched.half_difference_n, matched.weight)
+    note = "" if matched.at_pressure else OTHER_PRESSURES
+    friction = replace(_spread(level), why=note)
+    half_sum = _spread(_mean(matched.half_sum_n, matched.weight))
+    return dict(zip(names, (friction, half_sum, _viscous(matched, plan), _range(profile)), strict=True))
+
+
+def _mean(values: Array, weight: Array) -> Array:
+    """Return the weighted mean of each column; NaN where a resample left nothing."""
+    total = weight.sum(axis=0)
+    return np.asarray((values * weight).sum(axis=0) / np.where(total > 0.0, total, np.nan))
+
+
+def _line(at: Array, values: Array, weight: Array) -> tuple[Array, Array]:
+    """Return level at the mean of all strokes, and slope, of each column; NaN if a resample varies too little."""
+    about = at - np.average(at, weights=weight[:, 0])
+    means = _mean(np.broadcast_to(about[:, None], weight.shape), weight)
+    centred = about[:, None] - means
+    spread = (weight * centred**2).sum(axis=0) / np.maximum(weight.sum(axis=0), 1.0)
+    enough = spread >= LEAST_VARIATION * spread[0]
+    slope = np.where(enough, _mean(centred * values, weight) / np.where(spread > 0.0, spread, np.inf), np.nan)
+    return _mean(values, weight) - slope * means, slope
+
+
+def _spread(values: Array) -> Indicator:
+    drawn = values[1:][np.isfinite(values[1:])]
+    return Indicator(float(values[0]), float(drawn.std(ddof=1)) if len(drawn) > 1 else None)
+
+
+def _viscous(matched: Matched, plan: IndicatorPlan) -> Indicator:
+    """Return the slope of friction over speed, above the Stribeck curve."""
+    speed = matched.means["speed_m_s"]
+    fast = speed >= plan.viscous_from_m_s
+    low, high = np.quantile(speed[fast], (0.1, 0.9)) if fast.any() else (1.0, 1.0)
+    if fast.sum() < plan.least_blocks or high < LEAST_SPREAD * low:
+        return Indicator(
+            None,
+            why=f"matched strokes at {1e3 * low:.0f} to {1e3 * high:.0f} mm/s do not show a slope; record strokes at "
+            f"two speeds above {1e3 * plan.viscous_from_m_s:g} mm/s, one {LEAST_SPREAD:g} times the other",
+        )
+    return _spread(_line(speed[fast], matched.half_difference_n[fast], matched.weight[fast])[1])
+
+
+def _profile(matched: Matched, cylinder: Cylinder) -> Array:
+    """Return friction by tenth of the stroke at one speed [N], ``(TENTHS, 1 + bootstrap)``; NaN if nothing matched."""
+    if not len(matched):
+        return np.full((TENTHS, 1), np.nan)
+    logs = np.log(matched.means["speed_m_s"])
+    slope = np.nan_to_num(_line(logs, matched.half_difference_n, matched.weight)[1])
+    at_one_speed = (
+        matched.half_difference_n - slope[0] * (logs - np.average(logs, weights=matched.weight[:, 0]))[:, None]
+    )
+    tenth = np.clip((TENTHS * matched.extending.position_m / cylinder.stroke_m).astype(np.int64), 0, TENTHS - 1)
+    return np.array([_mean(at_one_speed[tenth == n], matched.weight[tenth == n]) for n in range(TENTHS)])
+
+
+def _range(profile: Array) -> Indicator:
+    known = np.isfinite(profile[:, 0])
+    if known.sum() < LEAST_TENTHS:
+        return Indicator(None, why=f"friction is known in {known.sum()} tenths of the stroke, {LEAST_TENTHS} needed")
+    own = profile[known]
+    complete = own[:, np.isfinite(own).all(axis=0)]
+    uncertainty = float((complete.max(axis=0) - complete.min(axis=0)).std(ddof=1)) if complete.shape[1] > 20 else None
+    return Indicator(float(own[:, 0].max() - own[:, 0].min()), uncertainty)
+
+
+def _covariates(matched: Matched, recordings: Sequence[Recording]) -> dict[str, float | None]:
+    weight = matched.weight[:, 0]
+
+    def mean(name: str, scale: float = 1.0) -> float | None:
+        return _number(scale * float(np.average(matched.means[name], weights=weight))) if len(matched) else None
+
+    return {
+        "oil_temperature_c": mean("oil_temperature_c"),
+        "pressure_1_bar": mean("pressure_1_pa", 1e-5),
+        "pressure_2_bar": mean("pressure_2_pa", 1e-5),
+        "speed_m_s": float(np.exp(np.average(np.log(matched.means["speed_m_s"]), weights=weight)))
+        if len(matched)
+        else None,
+        "load_n": mean("load_n"),
+        "travel_m": sum(float(np.abs(each.column("velocity_m_s")).sum()) * each.sample_time_s for each in recordings),
+    }
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _strokes(blocks: Blocks) -> dict[str, tuple[tuple[float, float], ...]]:
+    """Return the longest stroke each way as points of position and force."""
+    found: dict[str, tuple[tuple[float, float], ...]] = {}
+    for way, sign in (("extend", 1.0), ("retract", -1.0)):
+        own = blocks.where(np.sign(blocks.velocity_m_s) == sign)
+        if not len(own.stroke):
+            continue
+        spans = [np.ptp(own.position_m[own.stroke == each]) for each in np.unique(own.stroke)]
+        longest = own.where(own.stroke == np.unique(own.stroke)[int(np.argmax(spans))])
+        rows = slice(None, None, -(-len(longest.stroke) // STROKE_POINTS))
+        found[way] = tuple(zip(longest.position_m[rows].tolist(), longest.force_n[rows].tolist(), strict=True))
+    return found

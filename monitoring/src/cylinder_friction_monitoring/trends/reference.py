@@ -1,0 +1,159 @@
+"""The reference of an indicator: what the baseline's sessions expect of it, given oil, pressure, speed and load.
+
+Sessions are a regression with autocorrelated errors, y = level + Σ coefficient·covariate + error, the error AR(1). The
+coefficients have a prior, which states how much of friction a kelvin or a bar may reasonably change. A covariate that
+did not vary in the baseline keeps its prior, so that a session outside what the baseline holds is expected with a wide
+uncertainty.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cylinder_friction.recordings.columns import OIL_TEMPERATURE
+from cylinder_friction_monitoring.arrays import Array
+from cylinder_friction_monitoring.trends.plan import MonitorPlan
+from cylinder_friction_monitoring.trends.session_row import SessionRow
+
+VISCOSITY_1_K = 0.033
+"""Relative fall of the oil's viscosity per kelvin, near 40 °C."""
+STRONGER = {"viscous_n_s_m": 4.0, "leak_m3_s_pa": 4.0}
+"""Indicators that follow viscosity itself: by how much more than friction they may change with every covariate."""
+THIN_OIL = ("leak_m3_s_pa",)
+"""Indicators that follow the inverse of viscosity: the flow through a gap."""
+BENT_1_K = 0.01
+"""The effect of viscosity need not be a straight line: after 1 / this in kelvins it may be off by what its prior is."""
+LEAST_KNOWN = 0.9
+"""A covariate is used if so many of the baseline's sessions have it."""
+LARGEST_AUTOCORRELATION = 0.9
+_PASSES = 4
+
+
+@dataclass(frozen=True)
+class Reference:
+    """What an indicator is expected to be."""
+
+    level: float  # At the baseline's mean covariates, in the indicator's unit
+    scatter: float  # Standard deviation of sessions about what is expected, in the indicator's unit
+    autocorrelation: float  # Of neighbouring sessions, corrected for the bias of a short baseline
+    noise: float  # Mean uncertainty of a session by itself, from its strokes, in the indicator's unit
+    centre: Mapping[str, float]  # Mean of each covariate in use
+    scale: Array  # Of each design column, so that its coefficient has a prior of 1
+    coefficients: Array  # Level first, in the indicator's unit
+    covariance: Array  # Of the coefficients
+    viscosity_power: float = 1.0  # Of the response to oil temperature: 1, or -1 for what rises as the oil thins
+
+    @property
+    def innovation(self) -> float:
+        """Standard deviation of a session given the one before, in the indicator's unit."""
+        return float(self.scatter * np.sqrt(1.0 - self.autocorrelation**2))
+
+    def design(self, covariates: Mapping[str, Array]) -> Array:
+        """Return the regressors of sessions, shape ``(sessions, 1 + covariates)``; NaN if one is not known."""
+        count = len(next(iter(covariates.values())))
+        columns = [self._response(name, covariates[name]) for name in self.centre]
+        bent = [BENT_1_K * columns[0] ** 2] if OIL_TEMPERATURE in self.centre else []
+        return np.column_stack([np.ones(count), *columns, *bent]) * self.scale
+
+    def _response(self, name: str, values: Array) -> Array:
+        """Return how far a covariate is from its mean; oil temperature through viscosity, in kelvins of cooling."""
+        if name == OIL_TEMPERATURE:
+            power = self.viscosity_power * VISCOSITY_1_K
+            return np.asarray(np.expm1(-power * (values - self.centre[name])) / power)
+        return np.asarray(values - self.centre[name])
+
+    def effect(self, design: Array) -> Array:
+        """Return what the covariates change, shape ``(sessions,)``, in the indicator's unit."""
+        return np.asarray(design[:, 1:] @ self.coefficients[1:])
+
+    def uncertainty(self, design: Array) -> Array:
+        """Return the standard uncertainty of what is expected, shape ``(sessions,)``, in the indicator's unit."""
+        return np.sqrt(np.einsum("si,ij,sj->s", design, self.covariance, design))
+
+
+def covariates_of(rows: Sequence[SessionRow]) -> dict[str, Array]:
+    """Return what friction depends on beside wear, by name, shape ``(sessions,)``; NaN if it is not known.
+
+    The mean of both pressures stands for them: their difference is friction itself.
+    """
+
+    def column(name: str) -> Array:
+        values = [row.covariates.get(name) for row in rows]
+        return np.array([np.nan if value is None else value for value in values], dtype=np.float64)
+
+    return {
+        OIL_TEMPERATURE: column(OIL_TEMPERATURE),
+        "pressure_bar": 0.5 * (column("pressure_1_bar") + column("pressure_2_bar")),
+        "speed_m_s": column("speed_m_s"),
+        "load_n": column("load_n"),
+    }
+
+
+def fitted(
+    indicator: str,
+    values: Array,
+    uncertainties: Array,
+    covariates: Mapping[str, Array],
+    level: float,
+    plan: MonitorPlan,
+) -> Reference:
+    """Return the reference of the baseline's sessions, all of which have a value, shape ``(sessions,)``.
+
+    ``level`` is the friction that the prior's shares are of, in the indicator's unit.
+    """
+    usual = {
+        OIL_TEMPERATURE: plan.per_kelvin,
+        "pressure_bar": plan.per_bar,
+        "speed_m_s": 1e3 * plan.per_mm_s,
+        "load_n": 1e-3 * plan.per_kn,
+    }
+    used = [name for name in usual if np.isfinite(covariates[name]).mean() >= LEAST_KNOWN]
+    centre = {name: float(np.nanmean(covariates[name])) for name in used}
+    unit = max(abs(level), float(values.std())) or 1.0
+    size = unit * STRONGER.get(indicator, 1.0)
+    bent = [size * usual[OIL_TEMPERATURE]] if OIL_TEMPERATURE in used else []
+    scale = np.array([1.0, *(size * usual[name] for name in used), *bent])
+    power = -1.0 if indicator in THIN_OIL else 1.0
+    unfitted = Reference(level, 0.0, 0.0, 0.0, centre, scale, np.zeros(0), np.zeros((0, 0)), power)
+    units = np.array([1.0] + [unit] * (len(scale) - 1))
+    design, values = np.nan_to_num(unfitted.design(covariates)) / units, values / unit
+    prior = np.diag([0.0] + [1.0] * (len(scale) - 1))
+    autocorrelation, variance = 0.0, max(float(values.var()), 1e-30)
+    for _ in range(_PASSES):
+        x, y = _whitened(design, autocorrelation), _whitened(values[:, None], autocorrelation)[:, 0]
+        covariance = np.linalg.inv(x.T @ x / variance + prior)
+        coefficients = covariance @ x.T @ y / variance
+        used_up = float(np.trace(covariance @ x.T @ x) / variance)
+        variance = max(float(np.sum((y - x @ coefficients) ** 2) / (len(y) - used_up)), 1e-30)
+        autocorrelation = _autocorrelation(values - design @ coefficients, used_up)
+    return Reference(
+        level=unit * float(coefficients[0]),
+        scatter=unit * float(np.sqrt(variance / (1.0 - autocorrelation**2))),
+        autocorrelation=autocorrelation,
+        noise=float(np.sqrt(np.mean(uncertainties**2))),
+        centre=centre,
+        scale=scale,
+        coefficients=coefficients * unit / units,
+        covariance=np.asarray(covariance * np.outer(unit / units, unit / units)),
+        viscosity_power=power,
+    )
+
+
+def _whitened(values: Array, autocorrelation: float) -> Array:
+    """Return the values less what the session before explains, the first one weighted alike; shape as given."""
+    whitened = values.copy()
+    whitened[1:] -= autocorrelation * values[:-1]
+    whitened[0] *= np.sqrt(1.0 - autocorrelation**2)
+    return whitened
+
+
+def _autocorrelation(residuals: Array, used_up: float) -> float:
+    """Return the correlation of neighbours, which a fitted regression makes look smaller than it is."""
+    count = len(residuals)
+    total = float(residuals @ residuals)
+    found = float(residuals[1:] @ residuals[:-1]) / total if total > 0.0 else 0.0
+    found += (used_up + 3.0 * max(found, 0.0)) / count + np.sqrt((1.0 - min(found**2, 1.0)) / count)
+    return float(np.clip(found, 0.0, LARGEST_AUTOCORRELATION))

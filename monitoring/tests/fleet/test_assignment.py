@@ -1,0 +1,104 @@
+"""Each log belongs to one cylinder, by folder, path, table or a field, or is refused with the reason."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from cylinder_friction_monitoring.errors import MonitoringError
+from cylinder_friction_monitoring.fleet.assignment import assigned
+from cylinder_friction_monitoring.fleet.fleet_file import load_fleet
+from cylinder_friction_monitoring.fleet.plan import Assignment, Fleet
+from fleet_samples import write_fleet
+
+
+@pytest.fixture
+def fleet(tmp_path: Path) -> Fleet:
+    return write_fleet(tmp_path, "press-1", "press-2")
+
+
+Outcome = tuple[dict[str, list[str]], list[str]]
+
+
+def of(fleet: Fleet, rule: Assignment, *names: str, folder: Path = Path("logs")) -> Outcome:
+    files = {name: folder / name for name in names}
+    own, refused = assigned(files, Fleet(fleet.cylinders, rule))
+    return {name: [path.name for path in paths] for name, paths in own.items()}, [
+        f"{each.file}: {each.reason}" for each in refused
+    ]
+
+
+def test_a_folder_names_the_cylinder(fleet: Fleet) -> None:
+    own, refused = of(fleet, Assignment(), "press-1/2026/a.csv", "press-2/b.csv", "c.csv", "press-1/press-2/d.csv")
+    assert own == {"press-1": ["a.csv"], "press-2": ["b.csv"]}
+    assert refused == [
+        "c.csv: belongs to no cylinder by the folders on its path; move the log, or correct `assign` in fleet.yaml",
+        "press-1/press-2/d.csv: belongs to 2 cylinders, press-1, press-2, by the folders on its path; expected one",
+    ]
+
+
+def test_a_pattern_finds_it_in_the_path(fleet: Fleet) -> None:
+    rule = Assignment("pattern", r"_(?P<cylinder>press-\d)_")
+    own, refused = of(fleet, rule, "x_press-1_1.csv", "x_press-9_1.csv", "x_press-1_press-2_.csv")
+    assert own == {"press-1": ["x_press-1_1.csv", "x_press-1_press-2_.csv"]}, "matches do not overlap"
+    assert refused == [
+        "x_press-9_1.csv: belongs to the cylinder 'press-9' by the pattern '_(?P<cylinder>press-\\\\d)_' in its path, "
+        "which fleet.yaml does not list; add it, or correct it"
+    ]
+
+
+def test_a_table_lists_it(fleet: Fleet, tmp_path: Path) -> None:
+    table = tmp_path / "which.csv"
+    table.write_text("file;cylinder\na.csv;press-1\nold/*;press-2\n*/b.csv;press-1\n")
+    own, refused = of(fleet, Assignment("table", table=table), "a.csv", "old/c.csv", "old/b.csv")
+    assert own == {"press-1": ["a.csv"], "press-2": ["c.csv"]}
+    assert refused == ["old/b.csv: belongs to 2 cylinders, press-1, press-2, by which.csv; expected one"]
+    table.write_text("file,cylinder\na.csv,press-1\na.csv,press-2\n")
+    with pytest.raises(MonitoringError, match=r"which.csv, line 3: .a.csv. belongs to .press-1. already; keep one"):
+        of(fleet, Assignment("table", table=table), "a.csv")
+    table.write_text("log,cylinder\n")
+    with pytest.raises(MonitoringError, match="expected the columns file and cylinder, but got log,cylinder"):
+        of(fleet, Assignment("table", table=table), "a.csv")
+
+
+def test_a_field_of_the_log_states_it(fleet: Fleet, tmp_path: Path) -> None:
+    (tmp_path / "a.csv").write_text("Machine: press-2\nt;p1\n0;1\n")
+    (tmp_path / "b.csv").write_text("t;p1\n0;1\n")
+    rule = Assignment("field", r"Machine:\s*(?P<cylinder>.+)")
+    own, refused = of(fleet, rule, "a.csv", "b.csv", folder=tmp_path)
+    assert own == {"press-2": ["a.csv"]}
+    assert refused[0].startswith("b.csv: belongs to no cylinder by the pattern 'Machine")
+    assert "in its first 64 KiB" in refused[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("cylinders: {a: {dimension: 1}}", "cylinders.a.dimension: unknown key; check its spelling against docs/"),
+        ("cylinders: {a: {}}", "cylinders.a.dimensions: missing; see docs/monitoring.md"),
+        ("cylinders: {}", "cylinders: Dictionary should have at least 1 item"),
+        ("assign: {by: table}\ncylinders: {a: {}}", "assign: by: table needs table"),
+        ("assign: {by: pattern, pattern: x}\ncylinders: {a: {}}", "has no group (?P<cylinder>...)"),
+    ],
+)
+def test_a_wrong_fleet_file_is_refused(tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "fleet.yaml").write_text(text)
+    with pytest.raises(MonitoringError) as refused:
+        load_fleet(tmp_path / "fleet.yaml")
+    assert words in str(refused.value)
+
+
+def test_wrong_names_services_and_limits_are_refused(tmp_path: Path) -> None:
+    for names, own, words in (
+        (("../x",), {}, "got the name '../x', expected letters"),
+        (("a", "A"), {}, "A and a differ by case alone"),
+        (("a",), {"services": [{"time": "March"}]}, "got 'March', expected a time such as 2026-03-01"),
+        (("a",), {"limit_percent": {"wear": 3.0}}, "got indicator 'wear'"),
+        (("a",), {"dimensions": {"bore_diameter_m": 63.0}}, "cylinders.a.dimensions.rod_diameter_m: missing"),
+    ):
+        with pytest.raises(MonitoringError) as refused:
+            write_fleet(tmp_path, *names, own={"a": own})
+        assert words in str(refused.value)
+    with pytest.raises(MonitoringError, match="no such file; write one that names your cylinders, for example"):
+        load_fleet(tmp_path / "none.yaml")

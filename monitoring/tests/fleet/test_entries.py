@@ -1,0 +1,74 @@
+"""Entries are added by name and time, and never changed."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from cylinder_friction_monitoring.errors import MonitoringError
+from cylinder_friction_monitoring.fleet.entries import ENTRIES_FILE, add_entry, entries_of
+from cylinder_friction_monitoring.trends.assessment import Entry
+from fleet_samples import write_fleet
+
+
+def test_entries_are_kept_in_the_order_of_time_beside_services(tmp_path: Path) -> None:
+    fleet = write_fleet(tmp_path, "a", "b", own={"a": {"services": [{"time": "2026-02-01", "words": "oil"}]}})
+    add_entry(tmp_path, Entry("a", "2026-03-01T12:00+02:00", "Kim", "comment", "a scratch, ü"), fleet)
+    first = (tmp_path / ENTRIES_FILE).read_bytes()
+    add_entry(tmp_path, Entry("a", "2026-01-01", "Lee", "acknowledge"), fleet)
+    assert (tmp_path / ENTRIES_FILE).read_bytes().startswith(first)
+    found = entries_of(tmp_path, fleet)
+    assert [(each.time, each.name, each.kind) for each in found["a"]] == [
+        ("2026-01-01T00:00:00.000Z", "Lee", "acknowledge"),
+        ("2026-02-01T00:00:00.000Z", "fleet.yaml", "service"),
+        ("2026-03-01T10:00:00.000Z", "Kim", "comment"),
+    ]
+    assert found["b"] == []
+
+
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        (Entry("c", "2026-01-01", "Kim", "comment"), "entry: unknown cylinder 'c'; expected one of a"),
+        (Entry("a", "yesterday", "Kim", "comment"), "entry: time: got 'yesterday', expected a time such as"),
+        (Entry("a", "2026-01-01", " ", "comment"), "entry: no name; state who makes it, with --name"),
+        (
+            Entry("a", "2026-01-01", "Kim", "reset", until="2026-02-01"),
+            "entry: --until belongs to acknowledge, but got",
+        ),
+        (Entry("a", "2026-01-01", "Kim", "acknowledge", until="May"), "entry: until: got 'May', expected a time such"),
+        (Entry("a", "2026-01-01", "Kim", "reset", withdraws="x"), "entry: --of belongs to withdraw, but got reset"),
+        (Entry("a", "2026-01-01", "Kim", "note"), "entry: got the kind 'note', expected one of service, reset"),  # type: ignore[arg-type]
+    ],
+)
+def test_what_is_no_entry_is_refused(tmp_path: Path, entry: Entry, words: str) -> None:
+    fleet = write_fleet(tmp_path, "a")
+    with pytest.raises(MonitoringError, match=re.escape(words)):
+        add_entry(tmp_path, entry, fleet)
+    assert not (tmp_path / ENTRIES_FILE).exists()
+
+
+def test_a_damaged_line_is_named(tmp_path: Path) -> None:
+    fleet = write_fleet(tmp_path, "a")
+    (tmp_path / ENTRIES_FILE).write_text('{"cylinder": "a"}\n')
+    with pytest.raises(MonitoringError, match=r"entries.jsonl, line 1: is no entry"):
+        entries_of(tmp_path, fleet)
+
+
+def test_an_entry_is_withdrawn_by_a_later_one_and_so_is_a_withdrawal(tmp_path: Path) -> None:
+    fleet = write_fleet(tmp_path, "a", own={"a": {"services": [{"time": "2027-03-01"}]}})
+
+    def add(time: str, kind: str, of: str = "") -> list[tuple[str, bool]]:
+        add_entry(tmp_path, Entry("a", time, "Kim", kind, "why", withdraws=of), fleet)  # type: ignore[arg-type]
+        return [(f"{each.kind} {each.time[:10]}", bool(each.withdrawn)) for each in entries_of(tmp_path, fleet)["a"]]
+
+    add("2026-03-01", "reset")
+    assert add("2026-03-02", "withdraw", "service 2027-03-01")[-1] == ("service 2027-03-01", True)
+    found = add("2026-03-03", "withdraw", "reset 2026-03-01T00:00Z")
+    assert [name for name, withdrawn in found if withdrawn] == ["reset 2026-03-01", "service 2027-03-01"]
+    found = add("2026-03-04", "withdraw", "withdraw 2026-03-03")
+    assert [name for name, withdrawn in found if withdrawn] == ["withdraw 2026-03-03", "service 2027-03-01"]
+    add("2026-03-05", "withdraw", "reset 2026-03-01")
+    assert ("reset 2026-03-01", False) in add("2026-03-01", "reset"), "entered again"

@@ -1,0 +1,361 @@
+"""Runs over a fleet: only what is new, nothing twice, nothing lost, whatever ends a run."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sqlite3
+import subprocess
+import sys
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+import pytest
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.linear import RidgeEstimator
+from cylinder_friction.recordings.locks import locked
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction_monitoring.errors import MonitoringError
+from cylinder_friction_monitoring.fleet import one_cylinder
+from cylinder_friction_monitoring.fleet.database import SQLITE_FILE, TABLES, update_database
+from cylinder_friction_monitoring.fleet.entries import add_entry, entries_of
+from cylinder_friction_monitoring.fleet.nightly import HEALTH_FILE, FleetHealth, monitor_fleet
+from cylinder_friction_monitoring.fleet.plan import Fleet
+from cylinder_friction_monitoring.trends.assessment import Assessment, Baseline, Change, Entry, IndicatorTrend
+from fleet_samples import NOW, write_fleet, write_kept, write_session
+from health_rows import changed
+from health_rows import sessions as health_sessions
+from packed_pages import unpacked_pane
+
+
+@pytest.fixture
+def folder(tmp_path: Path, labelled_recordings: list[Recording]) -> Path:
+    """A folder with the logs of two cylinders, three and two sessions."""
+    for day, recording in enumerate(labelled_recordings[:5], start=1):
+        write_session(tmp_path / f"logs/{'a' if day < 4 else 'b'}/2026-03-0{day}.csv", recording)
+    return tmp_path
+
+
+@pytest.fixture
+def fleet(folder: Path) -> Fleet:
+    return write_fleet(folder, "a", "b")
+
+
+def run(folder: Path, fleet: Fleet) -> FleetHealth:
+    return monitor_fleet([folder / "logs"], fleet, folder / "health", NOW)
+
+
+def sessions(folder: Path, name: str) -> list[dict[str, Any]]:
+    return pq.read_table(folder / f"health/sessions/{name}.parquet").to_pylist()
+
+
+def files(folder: Path) -> dict[str, bytes]:
+    """Return what the runs wrote, without the friction of single recordings."""
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for path in sorted((folder / "health").rglob("*"))
+        if path.is_file() and "friction/" not in path.as_posix()
+    }
+
+
+def reasons(health: FleetHealth) -> list[str]:
+    return [f"{each.where}: {each.reason}" for each in health.refused]
+
+
+def test_each_night_only_what_is_new(folder: Path, fleet: Fleet, labelled_recordings: list[Recording]) -> None:
+    health = run(folder, fleet)
+    assert (health.status, health.refused, health.new_alarms) == (0, (), ())
+    assert [each["session"] for each in sessions(folder, "a")] == ["a-2026-03-01", "a-2026-03-02", "a-2026-03-03"]
+    assert sessions(folder, "a")[0]["friction_n"] == pytest.approx(300.0, rel=0.2)
+    assert health.news[0] == "a: 3 new sessions"
+    content = json.loads((folder / "health" / HEALTH_FILE).read_text())
+    assert [(each["cylinder"], each["answer"], each["ne107"]) for each in content["cylinders"]] == [
+        (name, "not yet", "NORMAL") for name in ("a", "b")
+    ]
+    before = files(folder)
+    again = run(folder, fleet)
+    assert (again.news, files(folder)) == ((), before)
+    write_session(folder / "logs/b/2026-03-06.csv", labelled_recordings[5])
+    third = run(folder, fleet)
+    assert third.news == ("b: 1 new session",)
+    changed = {name for name, content in files(folder).items() if before.get(name) != content}
+    assert changed == {"health/health.json", "health/health.html", "health/sessions/b.parquet"} | {
+        "health/cylinders/b.json",
+        "health/panes/b.js",
+    }
+    shutil.rmtree(folder / "logs/a")  # the logger's disk was emptied: nothing is lost
+    (folder / "logs/a").mkdir()
+    run(folder, fleet)
+    assert len(sessions(folder, "a")) == 3
+
+
+def test_a_killed_run_is_finished_by_the_next(folder: Path, fleet: Fleet, monkeypatch: pytest.MonkeyPatch) -> None:
+    run(folder, fleet)
+    expected = files(folder)
+    for place in ("estimate_logs", "assess", "write_rows"):
+        shutil.rmtree(folder / "health")
+        real, calls = getattr(one_cylinder, place), []
+
+        def killed(*given: Any, real: Any = real, calls: list[int] = calls, **more: Any) -> Any:
+            calls.append(1)
+            if len(calls) == 2:
+                raise KeyboardInterrupt
+            return real(*given, **more)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(one_cylinder, place, killed)
+            with pytest.raises(KeyboardInterrupt):
+                run(folder, fleet)
+        run(folder, fleet)
+        assert files(folder) == expected, place
+
+
+@pytest.mark.extended
+@pytest.mark.parametrize(
+    "seen", ["health/friction/a/summary.json", "health/friction/.b.draft", ".health.draft/whole", "health/panes/a.js"]
+)
+def test_a_process_that_is_killed_loses_nothing(folder: Path, fleet: Fleet, seen: str) -> None:
+    run(folder, fleet)
+    expected = files(folder)
+    shutil.rmtree(folder / "health")
+    program = [sys.executable, "-m", "cylinder_friction.commands.cli", "monitor", "logs", "--workers", "1"]
+    with subprocess.Popen(program, cwd=folder, stdout=subprocess.DEVNULL) as process:
+        while not (folder / seen).exists() and process.poll() is None:
+            pass
+        process.kill()
+    run(folder, fleet)
+    own = {name: content for name, content in files(folder).items() if name in expected}
+    assert own["health/health.json"].decode() == expected["health/health.json"].decode()
+    assert own == expected
+
+
+def test_two_runs_at_once_and_foreign_folders_are_refused(folder: Path, fleet: Fleet) -> None:
+    run(folder, fleet)
+    with locked(folder / ".health.draft/lock"), pytest.raises(FileExistsError, match="another run is writing this"):
+        run(folder, fleet)
+    (folder / "other").mkdir()
+    (folder / "other/mine.txt").write_text("mine")
+    with pytest.raises(FileExistsError, match=r"holds no health\.json of an earlier run"):
+        monitor_fleet([folder / "logs"], fleet, folder / "other", NOW)
+    with pytest.raises(FileExistsError, match="lies in the input"):
+        monitor_fleet([folder / "logs"], fleet, folder / "logs/health", NOW)
+
+
+def test_logs_of_nobody_copies_and_moved_logs_are_named_and_count_once(folder: Path, fleet: Fleet) -> None:
+    run(folder, fleet)
+    shutil.copy2(folder / "logs/a/2026-03-01.csv", folder / "logs/b/copy 2026-03-01.csv")
+    shutil.copy2(folder / "logs/a/2026-03-02.csv", folder / "logs/a/again 2026-03-02.csv")
+    shutil.copy2(folder / "logs/a/2026-03-01.csv", folder / "logs/2026-03-01.csv")
+    health = run(folder, fleet)
+    assert health.status == 1
+    assert reasons(health) == [
+        "logs/2026-03-01.csv: belongs to no cylinder by the folders on its path; move the log, or correct `assign` in "
+        "fleet.yaml",
+        reasons(health)[1],
+        "a: a-2026-03-01: the same log lies with b; keep it with the cylinder that it is of",
+        "b: b-copy 2026-03-01: the same log lies with a; keep it with the cylinder that it is of",
+    ]
+    assert "again 2026-03-02.csv" in reasons(health)[1] or "2026-03-02.csv" in reasons(health)[1]
+    assert [each.sessions for each in health.lines] == [2, 2]
+    for wrong in ("logs/a/2026-03-01.csv", "logs/a/again 2026-03-02.csv", "logs/2026-03-01.csv"):
+        (folder / wrong).unlink()
+    health = run(folder, fleet)
+    assert reasons(health) == ["a: a-2026-03-01: its log was moved to b, where it counts"]
+    assert {each.cylinder: each.sessions for each in health.lines} == {"a": 2, "b": 3}
+
+
+def test_a_bad_log_costs_no_other(folder: Path, fleet: Fleet) -> None:
+    (folder / "logs/a/2026-03-09.csv").write_text("t,p1\n1,2\n")
+    (folder / "logs/b/2026-03-04.csv").write_bytes(b"\0\1")
+    (folder / "logs/b/2026-03-05.csv").write_bytes(b"\0\2")
+    for path in (folder / "logs").rglob("*.csv"):
+        os.utime(path, (1e9, 1e9))
+    health = run(folder, fleet)
+    assert health.status == 1
+    assert {each.cylinder: each.sessions for each in health.lines} == {"a": 3, "b": 0}
+    refused = [each.where.partition(" (")[0] for each in health.refused]
+    assert refused == ["a: a/2026-03-09.csv", "b: b/2026-03-04.csv", "b: b/2026-03-05.csv"]
+
+
+def test_a_changed_bore_is_named_and_processed_anew(folder: Path, fleet: Fleet) -> None:
+    run(folder, fleet)
+    before = sessions(folder, "a")
+    wider = replace(fleet.cylinders["a"].dimensions, bore_diameter_m=0.064)
+    changed = Fleet({**fleet.cylinders, "a": replace(fleet.cylinders["a"], dimensions=wider)})
+    (folder / "logs/a/2026-03-01.csv").unlink()
+    health = run(folder, changed)
+    assert health.news[0].startswith("a: fleet.yaml changes bore_diameter_m from 0.063 to 0.064: all its logs were")
+    (reason,) = reasons(health)
+    assert reason.startswith("a: a-2026-03-01: its log is gone, and its friction was computed with other dimensions;")
+    after = sessions(folder, "a")
+    assert [each["session"] for each in after] == [each["session"] for each in before]
+    assert after[0]["half_sum_n"] == before[0]["half_sum_n"]
+    assert after[1]["half_sum_n"] != before[1]["half_sum_n"]
+
+
+def test_the_leak_follows_oil_and_hoses_of_the_fleet_file(folder: Path, fleet: Fleet) -> None:
+    run(folder, fleet)
+    before = sessions(folder, "a")
+    run(folder, Fleet({**fleet.cylinders, "a": replace(fleet.cylinders["a"], bulk_modulus_pa=2.0e9)}))
+    for was, now in zip(before, sessions(folder, "a"), strict=True):
+        assert now["friction_n"] == was["friction_n"]
+        if was["leak_m3_s_pa"] is not None:
+            assert now["leak_m3_s_pa"] == pytest.approx(0.5 * was["leak_m3_s_pa"])
+    with pytest.raises(ValueError, match="bulk_modulus_pa must be a positive number, but got -1"):
+        replace(fleet.cylinders["a"], bulk_modulus_pa=-1.0)
+
+
+def test_the_fleet_file_corrects_a_start(folder: Path, fleet: Fleet, labelled_recordings: list[Recording]) -> None:
+    write_session(folder / "logs/b/2027-03-06.csv", labelled_recordings[5])
+    health = run(folder, fleet)
+    assert [each.partition(", at")[0] for each in reasons(health)] == ["b: b-2027-03-06: begins in the future"]
+    corrected = replace(fleet.cylinders["b"], starts={"b-2027-03-06": "2026-03-06T00:00Z"})
+    health = run(folder, Fleet({**fleet.cylinders, "b": corrected}))
+    assert health.refused == ()
+    last = sessions(folder, "b")[-1]
+    assert (last["start"][:10], last["start_source"]) == ("2026-03-06", "fleet.yaml")
+
+
+def test_a_model_is_held_to_the_label(folder: Path, labelled_recordings: list[Recording], cylinder: Cylinder) -> None:
+    ridge = RidgeEstimator().fit(labelled_recordings[:3])
+    ridge.calibrate(labelled_recordings[:3], labelled_recordings[3:], cylinder)
+    ridge.save(folder / "model")
+    health = run(folder, write_fleet(folder, "a", "b", own={"a": {"model": "model"}}))
+    assert health.refused == ()
+
+    def held(name: str) -> list[dict[str, Any] | None]:
+        return [json.loads(each["detail"])["row"]["held"] for each in sessions(folder, name)]
+
+    assert held("b") == [None, None]
+    assert all(each and each["stated"] == 0.9 and each["share"] > 0.5 for each in held("a"))
+    state = folder / "health/cylinders/a.json"
+    words = "The model has estimated 3 of the 90 sessions after which its bounds are tested."
+    assert json.loads(state.read_text())["assessment"]["model"]["words"] == words
+    assert words in unpacked_pane(folder / "health/panes/a.js")
+    run(folder, write_fleet(folder, "a", "b"))
+    assert held("a") == [None, None, None]
+    assert json.loads(state.read_text())["assessment"]["model"] is None
+
+
+def test_a_model_of_another_bore_is_refused(
+    folder: Path, labelled_recordings: list[Recording], cylinder: Cylinder
+) -> None:
+    other = replace(cylinder, bore_diameter_m=0.1)
+    ridge = RidgeEstimator().fit(labelled_recordings[:3])
+    ridge.calibrate(labelled_recordings[:3], labelled_recordings[3:], other)
+    ridge.save(folder / "model")
+    health = run(folder, write_fleet(folder, "a", own={"a": {"model": "model"}}))
+    assert reasons(health)[-1] == (
+        "a: the model was trained for a cylinder of 100 mm bore and 28 mm rod, but the one given has 63 mm and 28 mm; "
+        "correct `model` or `dimensions` in fleet.yaml"
+    )
+
+
+@pytest.fixture
+def worn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every cylinder with three sessions has an alarm."""
+
+    def found(cylinder: str, rows: Any, entries: Any, plan: Any, now: Any) -> Assessment:
+        if len(rows) < 3:
+            return Assessment(cylinder, "not yet", "not yet")
+        names = tuple(row.session for row in rows)
+        base = Baseline(2, 2, names[0], names[1], 300.0, 5.0, 0.4, 9.0, 0.02, 12.0)
+        values = tuple(row.indicators["friction_n"].value for row in rows)
+        between = names[1:3]
+        change = Change("friction_n", -30.0, (-40.0, -20.0), -10.0, (-13.0, -7.0), names[2], between, names[2])
+        nothing = (None,) * len(names)
+        trend = IndicatorTrend(base, names, values, nothing, nothing)
+        return Assessment(cylinder, "alarm", "Friction fell.", (change,), {"friction_n": trend})
+
+    monkeypatch.setattr(one_cylinder, "assess", found)
+
+
+def test_an_alarm_is_new_until_it_was_announced(folder: Path, fleet: Fleet, worn: None) -> None:
+    health = run(folder, fleet)
+    assert (health.status, health.new_alarms) == (3, ("a",))
+    assert run(folder, fleet).status == 3, "the first run ended before it could say so"
+    health.announced()
+    assert run(folder, fleet).status == 0
+    assert health.lines[0].headline == "friction -10 % since 2026-03-03"
+
+
+def worn_in_may(tmp_path: Path, **own: Any) -> tuple[Path, Fleet]:
+    """Write a cylinder whose friction falls by a fifth in May, as an earlier run keeps it."""
+    fleet = write_fleet(tmp_path, "press", own={"press": own})
+    rows = changed(health_sessions(200), 150, times={"friction_n": 0.8, "breakaway_n": 0.8})
+    write_kept(tmp_path / "health", fleet, rows)
+    return tmp_path / "health", fleet
+
+
+def test_a_service_in_the_future_hides_no_alarm_until_it_comes(tmp_path: Path) -> None:
+    into, fleet = worn_in_may(tmp_path, services=[{"time": "2027-03-01", "words": "a mistyped year"}])
+    health = monitor_fleet([], fleet, into, NOW)
+    assert (health.status, health.lines[0].answer) == (3, "alarm")
+    pane = unpacked_pane(into / "panes/press.js")
+    assert "is the date right? the service of 2027-03-01 (entered by fleet.yaml) has not come" in pane
+    assert monitor_fleet([], fleet, into, datetime(2027, 3, 2, tzinfo=UTC)).lines[0].answer == "alarm", "far away"
+    planned = write_fleet(tmp_path, "press", own={"press": {"services": [{"time": "2025-08-01"}]}})
+    assert monitor_fleet([], planned, into, datetime(2025, 7, 31, tzinfo=UTC)).lines[0].answer == "alarm"
+    assert monitor_fleet([], planned, into, datetime(2025, 8, 2, tzinfo=UTC)).lines[0].answer == "not yet"
+
+
+def test_an_acknowledged_alarm_leaves_the_top_and_returns_as_a_new_one(tmp_path: Path) -> None:
+    into, fleet = worn_in_may(tmp_path)
+
+    def night(month: int, day: int) -> FleetHealth:
+        health = monitor_fleet([], fleet, into, datetime(2025, month, day, tzinfo=UTC))
+        health.announced()
+        return health
+
+    assert night(7, 20).new_alarms == ("press",)
+    add_entry(into, Entry("press", "2025-07-20", "Kim", "acknowledge", "seal is ordered"), fleet)
+    line = night(7, 21).lines[0]
+    assert (line.answer, line.rank, line.acknowledged) == ("watch", 4, "Kim, 2025-07-20: seal is ordered")
+    assert "Acknowledged by Kim" in (into / "health.html").read_text()
+    assert night(10, 17).new_alarms == ()
+    assert night(10, 19).new_alarms == ("press",), "90 days later"
+    assert night(10, 20).new_alarms == ()
+
+
+def test_the_tables_follow_the_files(folder: Path, fleet: Fleet, worn: None) -> None:
+    health = run(folder, fleet)
+    into = folder / "health"
+    assert update_database("", into, health.lines, entries_of(into, fleet)) == 2
+    assert update_database("", into, health.lines, entries_of(into, fleet)) == 0
+    with sqlite3.connect(into / SQLITE_FILE) as tables:
+        ask = tables.execute
+        answers = ask("SELECT cylinder, answer, needs FROM health_cylinder ORDER BY needs").fetchall()
+        assert answers == [("a", "alarm", 0), ("b", "not yet", 5)]
+        assert ask("SELECT indicator, change, percent_low, since FROM health_change").fetchall() == [
+            ("friction_n", -30.0, -13.0, "a-2026-03-03")
+        ]
+        assert ask("SELECT count(*), count(friction_n_compensated) FROM health_session").fetchone() == (5, 3)
+        assert ask("SELECT threshold FROM health_baseline").fetchall() == [(9.0,)]
+        for table, columns in TABLES.items():
+            assert [row[1] for row in ask(f"PRAGMA table_info({table})")] == list(columns)
+    only_b = tuple(each for each in health.lines if each.cylinder == "b")
+    assert update_database("", into, only_b, {}) == 1
+    with sqlite3.connect(into / SQLITE_FILE) as tables:
+        assert tables.execute("SELECT DISTINCT cylinder FROM health_session").fetchall() == [("b",)]
+    (into / SQLITE_FILE).write_bytes(b"no database at all, but long enough to be looked at" * 4)
+    with pytest.raises(MonitoringError, match=r"health.sqlite are not up to date: .*; the page and the files are"):
+        update_database("", into, health.lines, {})
+
+
+def test_a_damaged_table_is_named_and_made_anew(folder: Path, fleet: Fleet) -> None:
+    run(folder, fleet)
+    expected = files(folder)
+    path = folder / "health/sessions/a.parquet"
+    path.write_bytes(b"damaged")
+    with pytest.raises(MonitoringError, match=r"a.parquet: is damaged .*remove it, and it is made anew"):
+        run(folder, fleet)
+    path.unlink()
+    (folder / "health/cylinders/a.json").unlink()
+    run(folder, fleet)
+    assert files(folder).keys() == expected.keys()
+    assert path.read_bytes() == expected["health/sessions/a.parquet"]

@@ -1,1 +1,0 @@
-"""The cost of one estimate, sample by sample on one core, in every runtime and in one run."""

@@ -1,1 +1,0 @@
-"""Everything asked over a network: HTTP scoring, live sessions, links, access, metrics."""

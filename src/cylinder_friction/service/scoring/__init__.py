@@ -1,1 +1,0 @@
-"""The served model behind HTTP: an ASGI application with limits, tokens, metrics and reloading."""
