@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 import math
-import time
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
+from cylinder_friction.execution.measuring import Took
 from cylinder_friction.recordings.files import json_hash
 
 Scalar = str | int | float | bool
@@ -49,11 +49,6 @@ def records_in(root: Path) -> dict[str, RunRecord]:
     return records
 
 
-def now_ms() -> int:
-    """Return the time of day [ms since 1970]."""
-    return time.time_ns() // 1_000_000
-
-
 def by_columns(rows: Iterable[Mapping[str, Any]]) -> Table:
     """Turn rows into a table; a missing or non-finite value becomes None."""
     rows = list(rows)
@@ -63,17 +58,6 @@ def by_columns(rows: Iterable[Mapping[str, Any]]) -> Table:
 
 def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
-
-
-@dataclass(frozen=True)
-class Took:
-    """When a run began and ended [ms since 1970], and what it cost the machine."""
-
-    started_ms: int
-    ended_ms: int
-    processor_s: float = 0.0  # Processor time of the process and its children
-    peak_memory_mb: float = 0.0  # Most memory that they had together
-    samples: list[dict[str, float]] = field(default_factory=list)  # Over time: ``time_ms``, ``memory_mb``, ...
 
 
 @dataclass(frozen=True)

@@ -15,9 +15,9 @@ from mlflow import MlflowClient
 from mlflow.entities import Run
 
 from cylinder_friction.dvc_hashes import dvc_hash
-from cylinder_friction.execution.measuring import MOST_SAMPLES, measured
+from cylinder_friction.execution.measuring import MOST_SAMPLES, Took, measured
 from cylinder_friction.recordings.storage import read_stored
-from cylinder_friction.run_record import Dataset, RunRecord, Took
+from cylinder_friction.run_record import Dataset, RunRecord
 from cylinder_friction.stages._stage import datasets
 from cylinder_friction.tracking import log_run as module
 from cylinder_friction.tracking.log_run import dataset_input, log_run, track_or_warn

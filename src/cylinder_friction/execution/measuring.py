@@ -1,14 +1,30 @@
 """What a run costs the machine: processor time, peak memory, and at most 40 samples over time."""
 
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 
 import psutil
 
-from cylinder_friction.run_record import Took, now_ms
-
 MOST_SAMPLES = 40
+
+
+@dataclass(frozen=True)
+class Took:
+    """When a run began and ended [ms since 1970], and what it cost the machine."""
+
+    started_ms: int
+    ended_ms: int
+    processor_s: float = 0.0  # Processor time of the process and its children
+    peak_memory_mb: float = 0.0  # Most memory that they had together
+    samples: list[dict[str, float]] = field(default_factory=list)  # Over time: ``time_ms``, ``memory_mb``, ...
+
+
+def now_ms() -> int:
+    """Return the time of day [ms since 1970]."""
+    return time.time_ns() // 1_000_000
 
 
 @contextmanager
