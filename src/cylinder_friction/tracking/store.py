@@ -106,6 +106,7 @@ def open_store(root: Path, *, create: bool = True) -> Iterator[Store]:
             stack.enter_context(_turn(root / LOCAL_FOLDER, uri))
         stack.callback(os.environ.update, {_VARIABLE: given} if given else {})
         stack.callback(mlflow.set_tracking_uri, None)  # type: ignore[arg-type]  # "ask the environment"
+        _quiet()
         mlflow.set_tracking_uri(uri)  # MLflow's registry asks its own global for the store of models
         try:
             if uri == _own_uri(root):
@@ -117,8 +118,7 @@ def open_store(root: Path, *, create: bool = True) -> Iterator[Store]:
         except Exception as error:  # of the server, of its database's driver, of a file
             advice = _CORRECT if given else "move it away, and `cylinder-friction track` makes one from the results"
             raise TrackingError(f"{uri} is no MLflow store that can be opened ({in_brief(error)}); {advice}") from error
-        for name in ("mlflow", "alembic", "sqlalchemy"):  # creating the schema sets its own levels
-            logging.getLogger(name).setLevel(logging.WARNING)
+        _quiet()  # creating the schema sets its own levels
         try:
             yield Store(uri, root, client, str(experiment_id or ""))
         except MlflowException as error:
@@ -214,3 +214,8 @@ def _refuse_what_is_no_store(uri: str, *, create: bool) -> None:
             f"({in_brief(error)}); start the tracking server, correct the variable, or unset it to use the "
             "repository's own store"
         ) from error
+
+
+def _quiet() -> None:
+    for name in ("mlflow", "alembic", "sqlalchemy"):
+        logging.getLogger(name).setLevel(logging.WARNING)
