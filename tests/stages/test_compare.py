@@ -19,6 +19,7 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.params.checking import Params
+from cylinder_friction.evaluation.known_notes import notes_of
 from cylinder_friction.recordings.files import write_json
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import write_recording
@@ -177,7 +178,7 @@ def test_without_truth_there_is_no_truth_anywhere_and_figures_are_of_the_estimat
 def test_notes_state_what_is_known_of_label_design_and_load(cylinder, labelled_recordings):
     lugre, everywhere, hybrid = LugreEstimator(cylinder, "1"), AnalyticalEstimator(cylinder, LuGre()), HybridEstimator()
     estimators: dict[str, FrictionEstimator] = {"lugre": lugre, "pressure_lugre_all": everywhere, "hybrid": hybrid}
-    notes = partial(compare.notes_of, estimators)
+    notes = partial(notes_of, estimators)
     assert notes(labelled_recordings, "rts") == {
         "label": "off line, looks ahead",
         "lugre": "identified in condition 1",

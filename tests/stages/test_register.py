@@ -13,6 +13,7 @@ from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.evaluation.measured_errors import errors_by_condition
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_stored
@@ -70,7 +71,8 @@ def test_an_incumbent_from_other_recordings_is_measured_on_the_present_ones(
     path.write_text(path.read_text(encoding="utf-8").replace('"friction_n"', '"friction_n" '), encoding="utf-8")
     register.run(shipped())
     measured = json.loads(registered(repository))["incumbent"]["errors_percent"]
-    assert measured == register.measured_errors("label", "", repository / "models/hybrid")
+    hybrid, recordings = load_estimator(repository / "models/hybrid"), read_stored(repository / "data/processed/test")
+    assert measured == errors_by_condition(hybrid, recordings, "label", "")
     assert set(measured) == {"1", "2", "3", "4"}
 
 
@@ -99,7 +101,8 @@ def test_errors_against_truth_are_measured_on_the_recordings_whose_truth_is_know
     estimate_n = load_estimator(repository / "models/hybrid").estimate(known)
     truth = known.table[["time_s", "velocity_m_s"]].assign(friction_n=estimate_n / 1.25)
     truth.to_parquet(tmp_path / f"{known.name}.parquet")
-    measured = register.measured_errors("truth", str(tmp_path), repository / "models/hybrid")
+    hybrid = load_estimator(repository / "models/hybrid")
+    measured = errors_by_condition(hybrid, test, "truth", str(tmp_path))
     assert measured == {known.metadata.condition: pytest.approx(25.0)}
 
 

@@ -2,29 +2,26 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, fields, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
 from tqdm import tqdm
 
 import cylinder_friction.estimators  # noqa: F401 - makes every kind of estimator known to `load`
-from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.estimators.base import FrictionEstimator
-from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.evaluation.analysis import Analysis, analyse
-from cylinder_friction.evaluation.comparison import LABEL_ITSELF, ComparisonSettings, compare
+from cylinder_friction.evaluation.comparison import ComparisonSettings, compare
 from cylinder_friction.evaluation.coverage import Coverage, coverage, coverage_metrics
+from cylinder_friction.evaluation.headline import headline
+from cylinder_friction.evaluation.known_notes import notes_of
 from cylinder_friction.evaluation.metric_tree import MetricTree, metric_rows, metric_tree
 from cylinder_friction.evaluation.reported import error_metrics, reported_errors
 from cylinder_friction.evaluation.starts import Starts, starts
 from cylinder_friction.evaluation.timing import StepTime, time_steps
 from cylinder_friction.evaluation.views import LearningCurve
 from cylinder_friction.realtime.model import Bounds
-from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.files import read_json, whole_folder, write_json, write_text
 from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.recordings.truth import known_truth
@@ -59,7 +56,6 @@ from cylinder_friction.stages._stage import (
 
 if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
-    from cylinder_friction.recordings.recording import Recording
 
 TIMINGS_FILE = REPORTS_FOLDER / "timings.json"
 STARTS_FILE = REPORTS_FOLDER / "starts.json"
@@ -72,12 +68,6 @@ WRITTEN = (*FILES, FIGURES_FOLDER, PLOTS_FOLDER)
 COMPARED_BY = {field.name for field in fields(ComparisonSettings)}
 LEARNING_CURVE_FILE = "learning_curve.json"
 RIVAL = "lugre"
-HEADLINERS = {"paper_hybrid": "paper", "ridge": "ridge", "force_balance_low_pass": "low_pass", "lugre": "lugre"}
-"""Estimators whose errors stand beside the main one's in ``metrics.json``, and their names there: short, for DVC prints
-all of them in one line."""
-LABEL_NOTES = {"moving_average": "off line, late: causal moving averages"}  # Every other method looks ahead
-DESIGNED = ("hybrid", "lstm")
-DESIGN_NOTES = {"force_balance": "corrects the force balance", "paper": "of the published design"}
 
 
 def run(params: Params) -> RunRecord:
@@ -119,51 +109,6 @@ def run(params: Params) -> RunRecord:
         artifacts=artifacts(*WRITTEN),
         datasets=datasets({"test": PROCESSED_FOLDERS["test"]}),
     )
-
-
-def headline(
-    tree: Mapping[str, Mapping[str, Mapping[str, float]]], held: Sequence[Coverage], main: str
-) -> dict[str, float | str]:
-    """Return about ten figures of a comparison, for DVC: percentages, means over the conditions.
-
-    ``against`` states what errors and bounds are measured against: ``truth``, or ``label`` if truth is not known.
-    """
-    reference, errors = reported_errors(tree[main])
-    shown = {main: main} | {name: short for name, short in HEADLINERS.items() if name in tree and name != main}
-    own = [each for each in held if each.reference == reference]
-    content = {
-        **{short: float(np.mean(list(reported_errors(tree[name])[1].values()))) for name, short in shown.items()},
-        f"{main}_worst": max(errors.values()),
-        f"{main}_label": float(np.mean([each["label_percent"] for each in tree[main].values()])),
-        "bounds": float(np.mean([each.held_percent for each in own])) if own else math.nan,
-        "bounds_worst": min((each.worst_session_percent for each in own), default=math.nan),
-    }
-    known = {name: round(value, 3) for name, value in content.items() if math.isfinite(value)}
-    return {"against": reference, **known}
-
-
-def notes_of(
-    estimators: Mapping[str, FrictionEstimator], recordings: Sequence[Recording], method: str
-) -> dict[str, str]:
-    """Return what is known of estimators and of the label beside their errors: the words behind their titles."""
-    notes = {LABEL_ITSELF: LABEL_NOTES.get(method, "off line, looks ahead")}
-    for name, estimator in estimators.items():
-        if isinstance(estimator, HybridEstimator) and name in DESIGNED:
-            notes[name] = DESIGN_NOTES[estimator.design]
-        elif isinstance(estimator, AnalyticalEstimator) and estimator.condition is not None:
-            own = [each for each in recordings if each.metadata.condition == estimator.condition]
-            notes[name] = f"identified in condition {estimator.condition}{_load_in_words(own)}"
-    return notes
-
-
-def _load_in_words(recordings: Sequence[Recording]) -> str:
-    """Return what is known of the load on the rod: measured or identified, else as names state it; else nothing."""
-    forces_n = [each.column(LOAD_FORCE)[each.usable()] for each in recordings if LOAD_FORCE in each.columns]
-    if forces_n:
-        all_n = np.concatenate(forces_n)
-        return f", under a load of {all_n.min():.0f} to {all_n.max():.0f} N"
-    stated = sorted({each.metadata.load for each in recordings} - {""})
-    return f", load: {', '.join(stated)}" if stated else ""
 
 
 def load_estimators() -> dict[str, FrictionEstimator]:

@@ -3,22 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from cylinder_friction.arrays import Array
 from cylinder_friction.dvc_hashes import data_hashes, known_hash
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.saved_folder import DESCRIPTION_FILE
-from cylinder_friction.evaluation.metrics import errors
-from cylinder_friction.evaluation.reported import Reference, error_metrics, reported_errors
+from cylinder_friction.evaluation.measured_errors import errors_by_condition
+from cylinder_friction.evaluation.reported import error_metrics, reported_errors
 from cylinder_friction.recordings.files import read_json, read_yaml, write_json
 from cylinder_friction.recordings.storage import iterate_recordings
-from cylinder_friction.recordings.truth import known_truth
 from cylinder_friction.reporting.model_card import model_card
 from cylinder_friction.run_record import RunRecord, by_columns
 from cylinder_friction.stages._stage import (
@@ -75,7 +69,12 @@ def run(params: Params) -> RunRecord:
         + "\n\n"
         + "\n".join(["**Made from**", "", *(f"- `{k}` {v}" for k, v in data.items())]),
     )
-    registered = register(candidate, Path(), partial(measured_errors, reference, ingested["truth"]))
+
+    def measure(saved: Path) -> dict[str, float]:
+        recordings = iterate_recordings(PROCESSED_FOLDERS["test"])
+        return errors_by_condition(load_estimator(saved), recordings, reference, ingested["truth"])
+
+    registered = register(candidate, Path(), measure)
     write_json(REGISTERED_FILE, registered.to_dict())
     return RunRecord(
         name="register",
@@ -101,22 +100,6 @@ def candidate_folder(name: str) -> Path:
             f"register.candidate is {name!r}, which has no real-time step to serve; name one of {', '.join(stepped)}"
         )
     return folders[name]
-
-
-def measured_errors(reference: Reference, truth_folder: str, folder: Path) -> dict[str, float]:
-    """Return the error by condition [percent of mean |friction|] of a saved estimator on the held-out recordings."""
-    estimator = load_estimator(folder)
-    known: defaultdict[str, list[Array]] = defaultdict(list)
-    for recording in iterate_recordings(PROCESSED_FOLDERS["test"]):
-        truth_n = {recording.name: recording.column("friction_n")}
-        if reference == "truth":
-            truth_n = known_truth(truth_folder, [recording])
-        if recording.name in truth_n:
-            both = np.stack([truth_n[recording.name], estimator.estimate(recording)])
-            known[recording.metadata.condition].append(both[:, recording.usable()])
-    joined = {condition: np.concatenate(known[condition], axis=1) for condition in sorted(known)}
-    every = {condition: np.ones(both.shape[1], dtype=np.bool_) for condition, both in joined.items()}
-    return {name: errors(both[0], both[1], every[name]).percent for name, both in joined.items()}
 
 
 def _card(params: Params, folder: Path) -> str:
