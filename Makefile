@@ -40,6 +40,8 @@ reproduce: install ## run the whole pipeline, then print the result and what to 
 	dvc repro
 	cylinder-friction track
 	cylinder-friction summary
+	@echo 'commit   git add dvc.lock metrics.json params.yaml && git commit --message "Results"'
+	@echo '         Commit before an experiment: the way back from one leads to the last commit.'
 
 LANE = dvc --wait-for-lock repro --single-item
 lane-train: # dvc runs one stage at a time; side by side, none of the lanes may look at the stages before it

@@ -7,15 +7,16 @@ from pathlib import Path
 from mlflow import MlflowClient
 from mlflow.entities.model_registry import ModelVersion
 
+from cylinder_friction.dvc_hashes import dvc_hash, hashes_in
 from cylinder_friction.estimators.saved_folder import read_description, write_description
 from cylinder_friction.evaluation.reported import error_metrics
-from cylinder_friction.recordings.files import hash_of
+from cylinder_friction.recordings.files import read_yaml
 from cylinder_friction.run_record import Dataset, RunRecord
 from cylinder_friction.tracking.gate import Candidate, Registered
+from cylinder_friction.tracking.lineage import shaping_params
 from cylinder_friction.tracking.log_run import log_run
 from cylinder_friction.tracking.registry import REGISTERED_FILE, register
 from cylinder_friction.tracking.store import tracking_uri
-from cylinder_friction.tracking.versions import origin_of
 
 NAME = "friction-estimator"
 
@@ -23,38 +24,39 @@ NAME = "friction-estimator"
 _MEASURED: dict[str, dict[str, float]] = {}  # What a model of that hash would be measured to have
 
 
-def candidate_in(root: Path, errors: dict[str, float] | None = None) -> Candidate:
-    processed = [f"data/processed/{role}" for role in ("train", "validation", "test")]
-    origin = origin_of(root, "data/raw/rig", processed)
+def candidate_in(root: Path, errors: dict[str, float] | None = None, tolerance_percent: float = 0.1) -> Candidate:
+    folders = ("data/raw/rig", *(f"data/processed/{role}" for role in ("train", "validation", "test")))
     candidate = Candidate(
         NAME,
         "models/hybrid",
-        hash_of(root / "models/hybrid"),
+        dvc_hash(root / "models/hybrid"),
         errors or {"1": 2.0, "2": 2.0},
-        origin.data["data/processed/test"],
-        origin,
+        "label",
+        tolerance_percent,
+        {folder: hashes_in(root)[folder] for folder in folders},
+        shaping_params(read_yaml(root / "params.yaml")),
         {"pressure_1_pa": [1e6, 1.1e6], "pressure_2_pa": [9e5, 9e5], "position_m": [0.12, 0.121]},
-        tolerance_percent=0.1,
     )
-    _MEASURED[candidate.model_key] = candidate.errors_percent
+    _MEASURED[candidate.model_md5] = candidate.errors_percent
     return candidate
 
 
 def measured(folder: Path) -> dict[str, float]:
     """Return the errors that the model in ``folder`` had as a candidate."""
-    return _MEASURED[hash_of(folder)]
+    return _MEASURED[dvc_hash(folder)]
 
 
-def registered_in(root: Path, errors: dict[str, float] | None = None) -> Registered:
+def registered_in(root: Path, errors: dict[str, float] | None = None, tolerance_percent: float = 0.1) -> Registered:
     """Register the model that lies there as the stage does: its file, its record and its run included."""
-    candidate = candidate_in(root, errors)
+    candidate = candidate_in(root, errors, tolerance_percent)
     registered = register(candidate, root, measured)
     (root / REGISTERED_FILE).write_text(json.dumps(registered.to_dict()), encoding="utf-8")
     record = RunRecord(
         "register",
-        metrics=error_metrics(candidate.errors_percent),
-        tags={"gate_reason": registered.reason, "candidate_key": candidate.key()},
-        datasets={"test": Dataset("data/processed/test", hash_of(root / "data/processed/test"), {}, 1)},
+        {"tolerance_percent": tolerance_percent},
+        metrics=error_metrics(candidate.errors_percent, "label"),
+        artifacts=(REGISTERED_FILE.as_posix(),),
+        datasets={"test": Dataset("data/processed/test", dvc_hash(root / "data/processed/test"), {}, 1)},
     )
     (root / "reports/runs/register.json").write_text(json.dumps(record.to_dict()), encoding="utf-8")
     log_run(record, root)
@@ -64,7 +66,7 @@ def registered_in(root: Path, errors: dict[str, float] | None = None) -> Registe
 def register_together(root: Path, errors_of: dict[str, dict[str, float]], barrier: Barrier) -> None:
     """Register the model that lies there at the same moment as others do; errors are by the hash of a model."""
     _MEASURED.update(errors_of)
-    candidate = candidate_in(root, errors_of[hash_of(root / "models/hybrid")])
+    candidate = candidate_in(root, errors_of[dvc_hash(root / "models/hybrid")])
     barrier.wait()
     register(candidate, root, measured)
 
@@ -75,15 +77,6 @@ def other_model(root: Path) -> None:
     content = read_description(folder)
     content["parameters"]["target_mean_n"] += 1.0
     write_description(folder, content, ["network.onnx", "forest.onnx"])
-    record_model(root)
-
-
-def record_model(root: Path) -> None:
-    """State in the record of the training that it wrote the model that lies there."""
-    path = root / "reports/runs/train.json"
-    content = json.loads(path.read_text(encoding="utf-8"))
-    content["artifacts"] = {"models/hybrid": hash_of(root / "models/hybrid")}
-    path.write_text(json.dumps(content), encoding="utf-8")
 
 
 def versions(root: Path) -> list[ModelVersion]:

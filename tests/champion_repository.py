@@ -5,11 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from cylinder_friction.recordings.files import hash_of
+from cylinder_friction.dvc_hashes import dvc_hash, hashes_in
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.tracking.gate import Candidate
 from cylinder_friction.tracking.registry import register
-from cylinder_friction.tracking.versions import origin_of
 
 
 @pytest.fixture(scope="session")
@@ -23,12 +22,13 @@ def champion_root(
     candidate = Candidate(
         "friction-estimator",
         "models/hybrid",
-        hash_of(root / "models/hybrid"),
+        dvc_hash(root / "models/hybrid"),
         {"1": 2.0},
-        "md5",
-        origin_of(root, "data/raw/rig", ["data/processed/test"]),
+        "label",
+        0.1,
+        hashes_in(root),
+        {"train": {"seed": 2}},
         {name: first.column(name)[:800].tolist() for name in ("pressure_1_pa", "pressure_2_pa", "position_m")},
-        tolerance_percent=0.1,
     )
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)

@@ -175,8 +175,8 @@ MUTANTS = (
     Mutant(
         "model that was rolled back promoted again",
         "tracking/registry.py",
-        "ROLLED_BACK in each.tags and each.tags.get(MODEL_KEY) == candidate.model_key",
-        "ROLLED_BACK in each.tags and each.tags.get(MODEL_KEY) != candidate.model_key",
+        "if any(ROLLED_BACK in each.tags for each in same):",
+        "if any(ROLLED_BACK not in each.tags for each in same):",
         ("tracking/test_registry.py",),
     ),
     Mutant(

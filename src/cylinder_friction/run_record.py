@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import math
-import time
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Self
+
+from cylinder_friction.execution.measuring import Took
+from cylinder_friction.recordings.files import json_hash
 
 Scalar = str | int | float | bool
 Table = dict[str, list[Any]]
@@ -32,21 +33,12 @@ STAGES = (
 """The stages of the pipeline, in its order."""
 RUNS_FOLDER = Path("reports/runs")
 """One ``<stage>.json`` each: the stage's ``RunRecord``."""
-
-_ADDED_LATER = ("tables", "note", "experiment", "code", "times")
-_BRANCHES = {"search": "hybrid", "train": "hybrid", "baselines": "baselines", "lugre": "lugre"}
-
-
-def comes_after(later: str, earlier: str) -> bool:
-    """Return whether a stage depends on another one, be it through stages between."""
-    if earlier not in STAGES or later not in STAGES or STAGES.index(later) <= STAGES.index(earlier):
-        return False
-    branches = _BRANCHES.get(later), _BRANCHES.get(earlier)
-    return None in branches or branches[0] == branches[1]
+_CIRCUMSTANCES = ("took", "commit", "pipeline")
+"""Fields of a record that do not count when two records are compared."""
 
 
 def records_in(root: Path) -> dict[str, RunRecord]:
-    """Return the records of the stages that lie in a repository, by stage; one that cannot be read is left out."""
+    """Read the records of the stages in a repository, by stage; leave out those that cannot be read."""
     records = {}
     for stage in STAGES:
         try:
@@ -57,13 +49,8 @@ def records_in(root: Path) -> dict[str, RunRecord]:
     return records
 
 
-def now_ms() -> int:
-    """Return the time of day [ms since 1970]."""
-    return time.time_ns() // 1_000_000
-
-
 def by_columns(rows: Iterable[Mapping[str, Any]]) -> Table:
-    """Return rows as a table; None where a row lacks a column or has no finite number in it."""
+    """Turn rows into a table; a missing or non-finite value becomes None."""
     rows = list(rows)
     names = dict.fromkeys(name for row in rows for name in row)
     return {name: [_finite(row.get(name)) for row in rows] for name in names}
@@ -74,28 +61,18 @@ def _finite(value: Any) -> Any:
 
 
 @dataclass(frozen=True)
-class Times:
-    """When a run went on [ms since 1970]."""
-
-    started_ms: int
-    ended_ms: int
-    steps_ms: dict[str, list[int]] = field(default_factory=dict)  # Of the last values of a curve, by its name
-
-
-@dataclass(frozen=True)
 class Dataset:
-    """A folder of recordings that a stage read or wrote."""
+    """A folder of recordings that a stage read."""
 
     path: str  # Relative to the repository's root
-    sha256: str  # Of all its bytes
+    md5: str  # DVC's hash of it
     columns: dict[str, str]  # Type of each column, as Arrow names it
     rows: int
-    written: bool = False
 
 
 @dataclass(frozen=True)
 class RunRecord:
-    """What a stage did. It holds no time of day and no absolute path: equal work gives an equal record.
+    """What a stage did. Equal work gives records with equal keys.
 
     Attributes:
         name: The stage, or the trial of a search.
@@ -105,13 +82,15 @@ class RunRecord:
         tables: What came out by condition, estimator, ...
         note: What came out in words, as Markdown.
         tags: Further words about it.
-        artifacts: Files and folders to log, relative to the repository root, each with the hash of its bytes.
-        datasets: Recordings it read or wrote, by role (train, validation, test).
+        artifacts: Files and folders to log, relative to the repository root.
+        datasets: Recordings that it read, by role (train, validation, test).
         children: Runs below it, for example the trials of a search.
-        code: Hash of the code that ran, of the stage's module and all that it imports; empty where it is not known.
-        experiment: Which of the project's MLflow experiments it lies in, empty for the main one; children lie with
-            their parent in any case.
-        times: When it went on, which is no part of the record: neither of its file nor of its key.
+        code: Hash of the code that ran, of the stage's module and all that it imports; empty if it is not known.
+        experiment: Which of the project's MLflow experiments it lies in: the recipe's, empty for the default.
+        took: When it ran and what it cost. It is not part of the key, nor are the next two.
+        commit: The commit that it ran at, as tags of its run.
+        pipeline: Parameters of the pipeline's run, which ``compare`` and ``register`` state: recipe, seeds, what
+            differs from the default recipe.
     """
 
     name: str
@@ -121,24 +100,33 @@ class RunRecord:
     tables: dict[str, Table] = field(default_factory=dict)
     note: str = ""
     tags: dict[str, str] = field(default_factory=dict)
-    artifacts: dict[str, str] = field(default_factory=dict)
+    artifacts: tuple[str, ...] = ()
     datasets: dict[str, Dataset] = field(default_factory=dict)
     children: tuple[RunRecord, ...] = ()
     experiment: str = ""
     code: str = ""
-    times: Times | None = field(default=None, compare=False)
+    took: Took | None = None
+    commit: dict[str, str] = field(default_factory=dict)
+    pipeline: dict[str, Scalar] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content of its file; of what was added later, what is empty is left out."""
-        content = {**asdict(replace(self, times=None)), "children": [child.to_dict() for child in self.children]}
-        return {key: value for key, value in content.items() if value or key not in _ADDED_LATER}
+        """Return the content of its file; empty fields are left out."""
+        content = {**asdict(self), "children": [child.to_dict() for child in self.children]}
+        return {key: value for key, value in content.items() if value}
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Self:
-        children = tuple(cls.from_dict(child) for child in content.get("children", ()))
-        datasets = {role: Dataset(**each) for role, each in content.get("datasets", {}).items()}
-        return cls(**{**content, "children": children, "datasets": datasets})
+        given = dict(content)
+        given["children"] = tuple(cls.from_dict(child) for child in given.get("children", ()))
+        given["datasets"] = {role: Dataset(**each) for role, each in given.get("datasets", {}).items()}
+        given["artifacts"] = tuple(given.get("artifacts", ()))
+        given["took"] = Took(**given["took"]) if given.get("took") else None
+        return cls(**given)
 
     def key(self) -> str:
-        """Return the hash of the content: two records with one key are one run."""
-        return hashlib.sha256(json.dumps(self.to_dict(), sort_keys=True).encode()).hexdigest()
+        """Return the hash of what was done: two records with one key are one run."""
+        return json_hash(self._compared())
+
+    def _compared(self) -> dict[str, Any]:
+        content = {key: value for key, value in self.to_dict().items() if key not in _CIRCUMSTANCES}
+        return {**content, "children": [child._compared() for child in self.children]}

@@ -16,7 +16,7 @@ import pytest
 from pipeline_workspace import MAKE, PROJECT, copy_of, environment, run, run_here
 
 RUN_IN_A_FINISHED_PIPELINE = {
-    "make readme": "",
+    "make readme": "README.md now shows the recipe 'smoke', not the default",
     "cylinder-friction estimate data/raw/rig/condition1_session01_recording01.csv": "friction/friction.html",
     "cylinder-friction ingest init data/raw/rig/condition1_session01_recording01.csv": 'channel: "P1 [bar]", unit: bar',
     "cylinder-friction inspect data/raw/rig/condition1_session01_recording01.csv": "1 file: 1 ok",
@@ -27,9 +27,9 @@ RUN_IN_A_FINISHED_PIPELINE = {
     "cylinder-friction export c models/hybrid --output press": "press/friction.h",
     "cylinder-friction export fmu models/hybrid --output press.fmu": "press.fmu",
     "dvc metrics diff": "",
-    "dvc plots show": "index.html",
+    "dvc plots diff HEAD": "index.html",
     "cylinder-friction track": "0 runs logged",
-    "cylinder-friction rollback --to 1": "friction-estimator-smoke version 1 is the champion already",
+    "cylinder-friction promote 1": "friction-estimator-smoke version 1 is the champion already",
     "cylinder-friction lineage": "links hold",
 }
 RUN_ELSEWHERE = {

@@ -14,14 +14,15 @@ from cylinder_friction.run_record import STAGES
 from pipeline_workspace import MAKE, PROJECT, commit, copy_of, run, run_here
 
 MODEL = "friction-estimator-smoke"
-TIMED = {"reports/timings.json", "reports/report.html", "reports/runs/compare.json"}
+GUIDE = PROJECT / "docs/configuration.md"
+TIMED = {"reports/timings.json", "reports/report.html", *(f"reports/runs/{stage}.json" for stage in STAGES)}
 
 
 def client_of(folder: Path) -> mlflow.MlflowClient:
     return mlflow.MlflowClient(f"sqlite:///{folder / 'mlflow.db'}")
 
 
-def runs_of(folder: Path, name: str = "cylinder-friction") -> list[mlflow.entities.Run]:
+def runs_of(folder: Path, name: str = "cylinder-friction-smoke") -> list[mlflow.entities.Run]:
     client = client_of(folder)
     experiment = client.get_experiment_by_name(name)
     return list(client.search_runs([experiment.experiment_id], max_results=1000))
@@ -89,19 +90,53 @@ def test_every_stage_has_its_run_and_every_trial_its_child_run(finished_pipeline
     parent = named["search"].info.run_id
     children = [run for run in runs if run.data.tags.get("mlflow.parentRunId") == parent]
     assert len(children) == 3
-    execution = named["pipeline 1"].info
+    execution = named["smoke"].info
     for stage in STAGES:
         ran = named[stage]
         assert ran.data.tags["mlflow.parentRunId"] == execution.run_id
         assert execution.start_time <= ran.info.start_time < ran.info.end_time <= execution.end_time
         assert len([name for name in ran.data.metrics if not name.startswith("system/")]) <= 20
     assert named["train"].info.end_time <= named["compare"].info.start_time
+    assert runs_of(finished_pipeline, "cylinder-friction") == [], "a recipe has an experiment of its own"
+
+
+def test_the_table_of_runs_is_enough_to_decide_from(finished_pipeline: Path) -> None:
+    (run,) = (each for each in runs_of(finished_pipeline) if each.data.tags.get("stage") == "pipeline")
+    assert (run.data.params["recipe"], run.data.params["changes"]) == ("smoke", "none")
+    assert run.data.params["train.training.epochs"] == "3", "what differs from the default recipe"
+    assert "train.lag_s" not in run.data.params
+    assert (run.data.params["sessions.test"], run.data.params["rows.test"]) == ("4", "12800")
+    metrics = json.loads(metrics_of(finished_pipeline))["hybrid"]
+    for condition, numbers in metrics.items():
+        assert run.data.metrics[f"truth_error_percent/condition_{condition}"] == numbers["truth_percent"]
+    assert "truth_error_percent/mean" in run.data.metrics
+    version = client_of(finished_pipeline).get_model_version_by_alias(MODEL, "champion")
+    assert version.run_id == run.info.run_id, "comparing versions compares these"
+
+
+@pytest.mark.extended
+def test_the_way_back_from_an_experiment_leads_to_ones_own_results(finished_pipeline: Path, tmp_path: Path) -> None:
+    folder = copy_of(finished_pipeline, tmp_path)
+    steps = dict(re.findall(r"```bash step=(\S+)\n(.*?)```", GUIDE.read_text(encoding="utf-8"), re.DOTALL))
+    who = {f"GIT_{role}_{what}": "t@localhost" for role in ("AUTHOR", "COMMITTER") for what in ("NAME", "EMAIL")}
+    run(folder, "bash", "-euc", steps["commit-results"], given=who)
+    run(folder, "dvc", "exp", "run", "-S", "experiment=smoke", "-S", "compare.timing_repeats=7")
+    drawn = json.loads(run(folder, "dvc", "plots", "diff", "HEAD", "--json").stdout)["data"]
+    assert len(drawn) == 5
+    for plots in drawn.values():
+        revisions = {each["rev"] for plot in plots for each in plot["content"]["data"]["values"]}
+        assert revisions == {"workspace", "HEAD"}, "overlaid"
+    run(folder, "bash", "-euc", steps["way-back"])
+    assert metrics_of(folder) == metrics_of(finished_pipeline)
+    for result in ("models/hybrid", "reports/report.html", "data/processed/train"):
+        assert hash_of(folder / result) == hash_of(finished_pipeline / result), result
+    assert re.findall(r"^(\w+):", run(folder, "dvc", "status").stdout, re.MULTILINE) == ["code"]
 
 
 def test_the_champion_is_registered_with_its_way_back(finished_pipeline: Path) -> None:
     version = client_of(finished_pipeline).get_model_version_by_alias(MODEL, "champion")
     head = run(finished_pipeline, "git", "rev-parse", "HEAD").stdout.strip()
-    assert json.loads(version.tags["lineage"])["git_commit"] == head
+    assert version.tags["commit"] == head
     shown = run_here(finished_pipeline, "cylinder-friction", "lineage")
     assert head[:12] in shown.stdout
     assert "links hold" in shown.stdout
@@ -125,7 +160,7 @@ def test_track_fills_an_empty_store_from_a_pulled_clone_without_duplicates(
         versions = client_of(clone).search_model_versions(f"name='{MODEL}'")
         assert len(versions) == 1
     assert versions[0].aliases == [], "only register and a person promote"
-    shown = run_here(clone, "cylinder-friction", "rollback", "--to", str(versions[0].version))
+    shown = run_here(clone, "cylinder-friction", "promote", str(versions[0].version))
     assert shown.stdout == f"{MODEL}: champion was none, is version {versions[0].version}\n"
     assert "links hold" in run_here(clone, "cylinder-friction", "lineage").stdout
 

@@ -41,7 +41,7 @@ def test_with_one_session_in_each_condition_nothing_is_clear(strokes):
         "With one held-out session in each condition chance is not known and no difference is clear: hold out two "
         "(split.test_sessions)."
     )
-    assert leaders(comparison.label, "1") == ["hybrid", "lugre"]
+    assert leaders(comparison.label, "1") == ["hybrid"], "not a star for everybody"
     assert difference_table(comparison, "hybrid").cells[0][1].small == "not known"
     assert not [name for name in metric_tree(comparison)["hybrid"]["1"] if name.endswith(("_low", "_high"))]
 

@@ -4,14 +4,21 @@ import json
 import shutil
 from pathlib import Path
 
+import mlflow
 import pytest
 from mlflow import MlflowClient
 
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.evaluation.measured_errors import errors_by_condition
+from cylinder_friction.friction_models.lugre import LuGre
+from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.stages import register
-from cylinder_friction.tracking.repository import LineageError, TrackingError
+from cylinder_friction.tracking.repository import TrackingError
 from cylinder_friction.tracking.store import tracking_uri
 from shipped_params import shipped
 
@@ -36,19 +43,18 @@ def test_the_candidate_is_registered_and_the_file_says_on_what_grounds(repositor
     content = json.loads(registered(repository))
     assert content["promote"] is True
     assert content["candidate"]["errors_percent"] == {"1": 2.1, "2": 2.2, "3": 2.3, "4": 2.4}
-    assert list(content["candidate"]["origin"]["data"]) == sorted(content["candidate"]["origin"]["data"])
-    assert content["candidate"]["origin"]["raw"] == "data/raw/rig"
+    assert list(content["candidate"]["data"]) == sorted(content["candidate"]["data"])
     assert str(repository) not in registered(repository), "no absolute path in a file that DVC tracks"
-    assert record.metrics["error_percent/mean"] == pytest.approx(2.25)
+    assert record.metrics["label_error_percent/mean"] == pytest.approx(2.25)
     card = content["candidate"]["card"]
     assert "- Trained on: 2 recordings" in card
     (version,) = MlflowClient(tracking_uri(repository)).search_model_versions(f"name = '{NAME}'")
     assert version.description.startswith("**Promoted: there is no incumbent")
     assert card in version.description
-    assert content["candidate"]["origin"]["data"]["data/raw/rig"] in version.description
-    assert f"`cylinder-friction lineage models:/{NAME}/1` checks every link." in version.description
+    assert content["candidate"]["data"]["data/raw/rig"] in version.description
+    assert f"`cylinder-friction lineage models:/{NAME}/1` checks it." in version.description
     client, first = MlflowClient(tracking_uri(repository)), registered(repository)
-    assert client.get_model_version_by_alias(NAME, "champion").tags["model_key"] == content["candidate"]["model_key"]
+    assert client.get_model_version_by_alias(NAME, "champion").tags["hash_model"] == content["candidate"]["model_md5"]
     assert register.run(shipped()) == record
     assert registered(repository) == first, "running it again changes no byte"
     assert len(client.search_model_versions(f"name = '{NAME}'")) == 1
@@ -59,13 +65,14 @@ def test_an_incumbent_from_other_recordings_is_measured_on_the_present_ones(
 ) -> None:
     register.run(shipped())
     lock = repository / "dvc.lock"
-    test_data = json.loads(registered(repository))["candidate"]["test_data_md5"]
+    test_data = json.loads(registered(repository))["candidate"]["data"]["data/processed/test"]
     lock.write_text(lock.read_text(encoding="utf-8").replace(test_data, "0" * 32 + ".dir"), encoding="utf-8")
     path = repository / "models/hybrid/estimator.json"
     path.write_text(path.read_text(encoding="utf-8").replace('"friction_n"', '"friction_n" '), encoding="utf-8")
     register.run(shipped())
     measured = json.loads(registered(repository))["incumbent"]["errors_percent"]
-    assert measured == register.measured_errors("label", "", repository / "models/hybrid")
+    hybrid, recordings = load_estimator(repository / "models/hybrid"), read_stored(repository / "data/processed/test")
+    assert measured == errors_by_condition(hybrid, recordings, "label", "")
     assert set(measured) == {"1", "2", "3", "4"}
 
 
@@ -79,7 +86,7 @@ def test_the_gate_goes_by_true_friction_where_it_is_known(repository: Path) -> N
     content = json.loads(registered(repository))["candidate"]
     assert content["reference"] == "truth"
     assert content["errors_percent"] == {"1": 1.1, "2": 1.2, "3": 1.3, "4": 1.4}
-    assert record.metrics["error_percent/condition_1"] == 1.1
+    assert record.metrics["truth_error_percent/condition_1"] == 1.1
     del metrics["hybrid"]["3"]["truth_percent"]
     path.write_text(json.dumps(metrics), encoding="utf-8")
     register.run(shipped())
@@ -94,7 +101,8 @@ def test_errors_against_truth_are_measured_on_the_recordings_whose_truth_is_know
     estimate_n = load_estimator(repository / "models/hybrid").estimate(known)
     truth = known.table[["time_s", "velocity_m_s"]].assign(friction_n=estimate_n / 1.25)
     truth.to_parquet(tmp_path / f"{known.name}.parquet")
-    measured = register.measured_errors("truth", str(tmp_path), repository / "models/hybrid")
+    hybrid = load_estimator(repository / "models/hybrid")
+    measured = errors_by_condition(hybrid, test, "truth", str(tmp_path))
     assert measured == {known.metadata.condition: pytest.approx(25.0)}
 
 
@@ -106,11 +114,32 @@ def test_without_a_registry_nothing_is_decided(repository: Path, monkeypatch: py
 
 
 def test_what_was_not_compared_or_has_no_way_back_is_not_registered(repository: Path) -> None:
-    shutil.copytree(repository / "models/hybrid", repository / "models/paper_hybrid")
     with pytest.raises(
         TrackingError, match=r"metrics.json: has no estimator 'paper_hybrid', but \['hybrid'\]; run the"
     ):
         register.run(shipped(register={"candidate": "paper_hybrid"}))
     (repository / "dvc.lock").unlink()
-    with pytest.raises(LineageError, match="run the pipeline with `dvc repro`"):
+    with pytest.raises(RecordingError, match="run the pipeline with `dvc repro`"):
         register.run(shipped())
+
+
+def test_any_estimator_of_the_comparison_with_a_real_time_step_is_registered(
+    repository: Path, labelled_recordings: list[Recording], cylinder: Cylinder
+) -> None:
+    path = repository / "reports/metrics.json"
+    numbers = json.loads(path.read_text(encoding="utf-8"))["hybrid"]
+    path.write_text(json.dumps(dict.fromkeys(("hybrid", "ridge", "lugre"), numbers)), encoding="utf-8")
+    ridge = RidgeEstimator().fit(labelled_recordings)
+    ridge.calibrate(labelled_recordings, labelled_recordings, cylinder)
+    ridge.save(repository / "models/baselines/ridge")
+    register.run(shipped(register={"candidate": "ridge"}))
+    (version,) = MlflowClient(tracking_uri(repository)).search_model_versions(f"name = '{NAME}'")
+    assert version.description.count("Ridge") + version.description.count("ridge")
+    assert json.loads(registered(repository))["candidate"]["folder"] == "models/baselines/ridge"
+    served = mlflow.pyfunc.load_model(f"models:/{NAME}@champion")
+    assert len(served.predict(served.input_example)) == len(served.input_example)
+    AnalyticalEstimator(cylinder, LuGre()).fit(labelled_recordings).save(repository / "models/lugre/lugre")
+    with pytest.raises(
+        TrackingError, match=r"register.candidate is 'lugre', which has no real-time step to serve; name"
+    ):
+        register.run(shipped(register={"candidate": "lugre"}))

@@ -35,3 +35,7 @@ def test_every_recording_has_one_role_and_too_few_sessions_are_refused(
         assert record.metrics[f"recordings/{role}"] == record.metrics[f"sessions/{role}"] == len(names) == 2
     written = sorted(path.stem for path in recording_paths(LABELLED_FOLDER))
     assert sorted(name for names in roles.values() for name in names) == written
+    with pytest.raises(
+        RecordingError, match=r"no recording of condition '9'; got conditions \['1', '2'\]; name one of th"
+    ):
+        split.run(shipped(split={"test_sessions": 1}, lugre={"condition": "9"}))

@@ -10,17 +10,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from cylinder_friction.tracking.gate import Candidate, Incumbent, Registered, decide
-from cylinder_friction.tracking.versions import Origin
 
 CANDIDATE = Candidate(
     "friction-estimator",
     "models/hybrid",
-    "ab" * 32,
+    "ab" * 16 + ".dir",
     {"1": 2.0, "2": 1.5},
-    "cd" * 16,
-    Origin({"data/raw/rig": "ef.dir"}, "data/raw/rig", {"train": {"layers": 2}}),
+    "truth",
+    0.1,
+    {"data/raw/rig": "ef.dir"},
+    {"train": {"layers": 2}},
     {"pressure_1_pa": [1e6], "pressure_2_pa": [9e5], "position_m": [0.12]},
-    tolerance_percent=0.1,
 )
 ERROR = st.floats(0.0, 1e3)
 FIGURES = st.dictionaries(st.sampled_from(["1", "2", "3", "4"]), ERROR, min_size=1)

@@ -46,20 +46,18 @@ def test_the_logged_model_appears_as_registered_with_its_errors_and_what_they_we
     model = client.get_logged_model(str(version.source).removeprefix("models:/"))
     assert json.loads(model.tags["mlflow.modelVersions"]) == [{"name": version.name, "version": str(version.version)}]
     assert model.params == {"seed": "2"}, "of the training"
-    (found,) = client.search_runs([model.experiment_id], "attributes.run_name = 'register'")
-    run = client.get_run(found.info.run_id)
-    assert [each.model_id for each in run.inputs.model_inputs] == [model.model_id]
-    (test,) = (each.dataset for each in run.inputs.dataset_inputs)
+    run = client.get_run(version.run_id or "")
+    assert run.data.tags["stage"] == "pipeline"
+    test = next(each.dataset for each in run.inputs.dataset_inputs if each.dataset.name == "test")
     metrics = {metric.key: metric for metric in model.metrics or []}
-    assert metrics["error_percent/condition_1"].value == 2.0
+    assert metrics["label_error_percent/condition_1"].value == 2.0
     for metric in metrics.values():
         assert (metric.dataset_name, metric.dataset_digest) == (test.name, test.digest)
-    execution = client.get_run(run.data.tags["mlflow.parentRunId"])
-    assert [each.model_id for each in execution.outputs.model_outputs] == [model.model_id]
+    assert [each.model_id for each in run.outputs.model_outputs] == [model.model_id]
 
 
 def test_a_model_that_is_not_the_measured_one_is_refused(pipeline: Path) -> None:
     candidate = candidate_in(pipeline)
     other_model(pipeline)
-    with pytest.raises(TrackingError, match=r"models/hybrid: its content hash is .*… was measured; run `dvc checkout`"):
+    with pytest.raises(TrackingError, match=r"models/hybrid: its hash is .*… was measured; run `dvc checkout`"):
         register(candidate, pipeline, measured)

@@ -1,7 +1,6 @@
 """The registry: a candidate once, the champion only through the gate, the same end whenever a kill comes."""
 
 import getpass
-import json
 import math
 import shutil
 from contextlib import nullcontext
@@ -13,12 +12,12 @@ from typing import Any
 import pytest
 from mlflow import MlflowClient
 
-from candidates import NAME, candidate_in, champion, measured, other_model, record_model, versions
+from candidates import NAME, candidate_in, champion, measured, other_model, versions
 from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.tracking import model_version, registry
 from cylinder_friction.tracking.gate import Incumbent, Registered
 from cylinder_friction.tracking.model_version import ensure_version
-from cylinder_friction.tracking.registry import register, rollback
+from cylinder_friction.tracking.registry import move_champion, register
 from cylinder_friction.tracking.repository import LineageError, TrackingError
 from cylinder_friction.tracking.store import open_store, tracking_uri
 
@@ -30,17 +29,15 @@ def test_the_first_candidate_is_promoted_and_tagged_with_the_way_back(pipeline: 
     (version,) = versions(pipeline)
     assert champion(pipeline) == str(version.version)
     tags = version.tags
-    assert tags["model_key"] == candidate.model_key
-    origin = json.loads(tags["lineage"])
-    assert origin["git_dirty"] is False
-    assert len(origin["git_commit"]) == 40
-    assert origin["data"] == candidate.origin.data
-    assert origin["params_sha256"] == candidate.origin.params_sha256
-    assert tags["gate_decision"] == "promoted"
+    assert list(tags)[:5] == ["decision", "error_percent", "recipe", "commit", "reason"], "what people read comes first"
+    assert (tags["decision"], tags["error_percent"], tags["recipe"]) == ("promoted", "2.000 against label", "default")
+    assert len(tags["commit"]) == 40
+    assert tags["hash_model"] == candidate.model_md5
     assert tags["promoted"].startswith(f"from none by {getpass.getuser()} at 20")
-    assert len(tags) == 9, "a page that one reads"
+    assert len(tags) == 10, "a page that one reads"
     run = MlflowClient(tracking_uri(pipeline)).get_run(version.run_id or "")
-    assert run.info.run_name == "train"
+    assert run.info.run_name == "default", "the pipeline's, which has the errors that the gate went by"
+    assert run.data.metrics["label_error_percent/mean"] == 2.0
     assert f"models:/{run.outputs.model_outputs[0].model_id}" == version.source
     assert register(candidate_in(pipeline), pipeline, measured) == registered
     assert len(versions(pipeline)) == 1, "it is registered once and decided once"
@@ -54,14 +51,14 @@ def test_a_refused_candidate_is_a_version_that_says_why_and_a_better_one_takes_t
     assert not refused.promote
     first, second = versions(pipeline)
     assert champion(pipeline) == str(first.version)
-    assert second.tags["gate_decision"] == "refused"
-    assert "worse in condition 2: 2.500 % against 2.000 %" in second.tags["gate_reason"]
+    assert second.tags["decision"] == "refused"
+    assert "worse in condition 2: 2.500 % against 2.000 %" in second.tags["reason"]
     assert (second.description or "").startswith("**Refused: worse in condition 2: 2.500 % against 2.000 %")
     assert "promoted" not in second.tags
     other_model(pipeline)
     better = register(candidate_in(pipeline, {"1": 1.0, "2": 1.0}), pipeline, measured)
     assert better.incumbent is not None
-    assert better.incumbent.model_key == old.model_key
+    assert better.incumbent.model_md5 == old.model_md5
     assert champion(pipeline) == "3"
     assert versions(pipeline)[2].tags["promoted"].split(" by ")[0] == "from version 1"
 
@@ -69,11 +66,11 @@ def test_a_refused_candidate_is_a_version_that_says_why_and_a_better_one_takes_t
 def test_the_incumbents_figures_are_measured_whatever_its_tags_say(pipeline: Path) -> None:
     first = register(candidate_in(pipeline), pipeline, measured).candidate
     client = MlflowClient(tracking_uri(pipeline))
-    client.set_model_version_tag(NAME, "1", "gate", '{"errors_percent": {"1": 9.0, "2": 9.0}}')
+    client.set_model_version_tag(NAME, "1", "error_percent", "9.0 against label")
     other_model(pipeline)
     refused = register(candidate_in(pipeline, {"1": 3.0, "2": 3.0}), pipeline, measured)
     assert not refused.promote
-    assert refused.incumbent == Incumbent(first.model_key, {"1": 2.0, "2": 2.0})
+    assert refused.incumbent == Incumbent(first.model_md5, {"1": 2.0, "2": 2.0})
 
 
 @pytest.mark.parametrize("incumbent", [False, True])
@@ -95,7 +92,7 @@ def test_a_rollback_is_recorded_and_lasts_until_a_better_candidate(pipeline: Pat
     other_model(pipeline)
     second = candidate_in(pipeline, {"1": 1.0, "2": 1.0})
     register(second, pipeline, measured)
-    assert rollback(pipeline, NAME) == "friction-estimator: champion was version 2, is version 1"
+    assert move_champion(pipeline, NAME) == "friction-estimator: champion was version 2, is version 1"
     withdrawn = versions(pipeline)[1].tags["rolled_back"]
     assert withdrawn.startswith(f"to version 1 by {getpass.getuser()} at 20")
     whole = MlflowClient(tracking_uri(pipeline)).get_registered_model(NAME).tags["rolled_back"]
@@ -104,43 +101,48 @@ def test_a_rollback_is_recorded_and_lasts_until_a_better_candidate(pipeline: Pat
     assert champion(pipeline) == "1", "it is decided already"
     again = register(replace(second, tolerance_percent=0.2), pipeline, measured)
     assert (again.promote, champion(pipeline)) == (False, "1")
-    assert "was rolled back; `cylinder-friction rollback --to` promotes it" in again.reason
+    assert "was rolled back; `cylinder-friction promote` promotes it" in again.reason
     other_model(pipeline)
     assert not register(candidate_in(pipeline, {"1": 3.0, "2": 3.0}), pipeline, measured).promote
     assert champion(pipeline) == "1"
     other_model(pipeline)
     assert register(candidate_in(pipeline, {"1": 1.5, "2": 1.5}), pipeline, measured).promote
-    assert champion(pipeline) == "5"
-    assert rollback(pipeline, NAME).endswith("champion was version 5, is version 1")
+    assert champion(pipeline) == "4"
+    assert move_champion(pipeline, NAME).endswith("champion was version 4, is version 1")
 
 
 def test_a_rollback_goes_to_any_version_and_back(pipeline: Path) -> None:
     for errors in (3.0, 2.0, 1.0):
         register(candidate_in(pipeline, {"1": errors, "2": errors}), pipeline, measured)
         other_model(pipeline)
-    rollback(pipeline, NAME)
-    assert rollback(pipeline, NAME).endswith("is version 1")
+    move_champion(pipeline, NAME)
+    assert move_champion(pipeline, NAME).endswith("is version 1")
     with pytest.raises(
-        LineageError, match="no previous champion is known; name one of its versions with --to: 1, 2, 3"
+        LineageError,
+        match="no previous champion is known; name one of its versions, `cylinder-friction promote VERSION`: 1, 2, 3",
     ):
-        rollback(pipeline, NAME)
-    assert rollback(pipeline, NAME, 3).endswith("champion was version 1, is version 3")
-    assert rollback(pipeline, NAME, 3) == "friction-estimator version 3 is the champion already"
+        move_champion(pipeline, NAME)
+    assert move_champion(pipeline, NAME, 3).endswith("champion was version 1, is version 3")
+    assert move_champion(pipeline, NAME, 3) == "friction-estimator version 3 is the champion already"
     assert "rolled_back" not in versions(pipeline)[2].tags
-    assert rollback(pipeline, NAME).endswith("champion was version 3, is version 1")
+    assert move_champion(pipeline, NAME).endswith("champion was version 3, is version 1")
 
 
 @pytest.mark.parametrize(
     ("name", "to", "message"),
     [
         ("other", None, "other: the registry at .* has no version of it; expected a registered model"),
-        (NAME, 7, "friction-estimator: there is no version 7; name one of its versions with --to: 1"),
+        (
+            NAME,
+            7,
+            "friction-estimator: there is no version 7; name one of its versions, `cylinder-friction promote VER",
+        ),
     ],
 )
 def test_a_rollback_to_nothing_is_refused(pipeline: Path, name: str, to: int | None, message: str) -> None:
     register(candidate_in(pipeline), pipeline, measured)
     with pytest.raises(LineageError, match=message):
-        rollback(pipeline, name, to)
+        move_champion(pipeline, name, to)
 
 
 def test_a_version_waits_for_an_earlier_one_and_then_goes_by_its_outcome(
@@ -192,19 +194,18 @@ def test_a_version_whose_machine_stopped_holds_nobody_up_for_ever_and_does_not_p
             registry._wait_for_earlier(store, version, 0.0)
 
     monkeypatch.setattr(registry, "_write_decision", overtaken)
-    monkeypatch.setattr("cylinder_friction.tracking.store.locked", lambda _: nullcontext())
+    monkeypatch.setattr("cylinder_friction.tracking.store.locked", lambda *_, **__: nullcontext(True))
     with pytest.raises(
         TrackingError, match="another machine went on without it, and nothing was promoted; run `dvc rep"
     ):
         register(slow, pipeline, measured)
-    assert versions(pipeline)[0].tags["gate_decision"] == "abandoned"
+    assert versions(pipeline)[0].tags["decision"] == "abandoned"
     register(candidate_in(pipeline, {"1": 1.0, "2": 1.0}), pipeline, measured)
     assert champion(pipeline) == "2"
     shutil.rmtree(pipeline / "models/hybrid")
     shutil.move(kept, pipeline / "models/hybrid")
-    record_model(pipeline)
     assert "not better overall" in register(slow, pipeline, measured).reason, "it may ask again"
-    assert [one.tags["gate_decision"] for one in versions(pipeline)] == ["abandoned", "promoted", "refused"]
+    assert [one.tags["decision"] for one in versions(pipeline)] == ["refused", "promoted"]
 
 
 @pytest.mark.extended
@@ -213,7 +214,6 @@ def test_a_version_whose_machine_stopped_holds_nobody_up_for_ever_and_does_not_p
     [
         "save_model_folder",
         "_write_decision",
-        "_write_promotion",
         "set_registered_model_alias",
         "create_model_version",
         "finalize_logged_model",
@@ -238,4 +238,4 @@ def test_a_kill_at_any_moment_changes_nothing_in_the_end(
     experiment = client.get_experiment_by_name("cylinder-friction")
     assert experiment is not None
     assert len(client.search_logged_models([experiment.experiment_id])) == 1
-    assert len(client.search_runs([experiment.experiment_id], "attributes.run_name = 'train'")) == 1
+    assert len(client.search_runs([experiment.experiment_id], "tags.stage = 'pipeline'")) == 1

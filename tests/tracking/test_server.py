@@ -11,9 +11,9 @@ import pytest
 from mlflow import MlflowClient
 
 from candidates import NAME, other_model, register_together, registered_in, versions
-from cylinder_friction.recordings.files import hash_of
+from cylinder_friction.dvc_hashes import dvc_hash
 from cylinder_friction.tracking.lineage import lineage
-from cylinder_friction.tracking.replay import replay
+from cylinder_friction.tracking.track import track
 from team_servers import postgresql_programs, server_on
 
 pytestmark = pytest.mark.extended
@@ -31,8 +31,8 @@ def server(pipeline: Path, tmp_path: Path, empty_store: Path, monkeypatch: pytes
 
 
 def test_runs_registry_and_lineage_work_over_http(server: str, pipeline: Path) -> None:
-    assert replay(pipeline).logged == ("record", "search", "train", "compare")
-    assert replay(pipeline).present == ("record", "search", "train", "compare")
+    assert track(pipeline).logged == ("record", "search", "train", "compare")
+    assert track(pipeline).present == ("record", "search", "train", "compare")
     first = registered_in(pipeline)
     assert first.promote
     assert registered_in(pipeline) == first
@@ -52,14 +52,14 @@ def test_two_machines_promote_on_postgresql_while_one_is_killed(
     with server_on("postgresql", server_folder) as url:
         monkeypatch.setenv("MLFLOW_TRACKING_URI", url)
         registered_in(pipeline, {"1": 9.0, "2": 9.0})
-        errors_of = {hash_of(pipeline / "models/hybrid"): {"1": 9.0, "2": 9.0}}
+        errors_of = {dvc_hash(pipeline / "models/hybrid"): {"1": 9.0, "2": 9.0}}
         for number, killed_first in enumerate((0, 1, 1)):
             clones = []
             for better in (False, True):
                 other_model(pipeline)
                 clones.append(shutil.copytree(pipeline, tmp_path / f"{number}{better}"))
                 percent = 8.0 - number - 0.5 * better
-                errors_of[hash_of(pipeline / "models/hybrid")] = {"1": percent, "2": percent}
+                errors_of[dvc_hash(pipeline / "models/hybrid")] = {"1": percent, "2": percent}
             barrier, alone = spawn.Barrier(3), spawn.Barrier(1)
             machines = [spawn.Process(target=register_together, args=(each, errors_of, barrier)) for each in clones]
             for machine in machines:
@@ -73,6 +73,6 @@ def test_two_machines_promote_on_postgresql_while_one_is_killed(
                 machine.join()
                 assert machine.exitcode == 0
             champion = MlflowClient(url).get_model_version_by_alias(NAME, "champion")
-            assert errors_of[champion.tags["model_key"]] == {"1": 7.5 - number, "2": 7.5 - number}
-            assert {one.tags["gate_decision"] for one in versions(pipeline)} <= {"promoted", "refused"}
+            assert errors_of[champion.tags["hash_model"]] == {"1": 7.5 - number, "2": 7.5 - number}
+            assert {one.tags["decision"] for one in versions(pipeline)} <= {"promoted", "refused"}
             assert len(versions(pipeline)) == 3 + 2 * number

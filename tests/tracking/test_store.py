@@ -7,7 +7,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from threading import Thread
+from threading import Thread, Timer
 
 import pytest
 
@@ -60,7 +60,7 @@ def test_a_repository_that_was_moved_or_copied_reads_its_own_artifacts(
     found = lineage("models:/friction-estimator@champion", there)
     assert found.holds, found.text()
     with open_store(there) as store:
-        run = store.client.get_run(found.links[0].found.split()[1])
+        run = store.client.get_run(found.links[1].found.split()[1])
         version = store.client.get_model_version("friction-estimator", "1")
         locations = [run.info.artifact_uri, store.client.get_model_version_download_uri(version.name, "1")]
         locations.append(store.client.get_experiment(store.experiment_id).artifact_location)
@@ -125,9 +125,8 @@ def test_many_processes_share_a_store_that_none_has_made_yet(tmp_path: Path, mon
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     assert subprocess.run([sys.executable, "-c", WRITERS, str(tmp_path)], timeout=600, check=False).returncode == 0
     with open_store(tmp_path) as store:
-        for what in ("label", "pipeline"):
-            runs = store.client.search_runs([store.experiment_id], f"tags.stage = '{what}'")
-            assert len(runs) == 3, "both wrote the same three records"
+        runs = store.client.search_runs([store.experiment_id], "tags.stage = 'label'")
+        assert len(runs) == 3, "both wrote the same three records"
 
 
 @pytest.mark.extended
@@ -148,12 +147,65 @@ def test_a_store_is_made_whole_or_not_at_all_when_its_maker_is_killed(
     assert [path.name for path in tmp_path.glob(".mlflow*")] == []
 
 
-def test_only_changes_that_shape_a_result_make_a_commit_dirty(pipeline: Path) -> None:
+def test_only_changes_of_sources_make_a_commit_dirty(pipeline: Path) -> None:
     clean = commit_of(pipeline)
-    assert len(clean.sha) == 40
-    assert not clean.dirty
-    (pipeline / "dvc.lock").write_text("{}", encoding="utf-8")
-    (pipeline / "notes.txt").write_text("a note", encoding="utf-8")
-    assert not commit_of(pipeline).dirty
-    (pipeline / "params.yaml").write_text("{}", encoding="utf-8")
-    assert commit_of(pipeline).dirty
+    assert len(clean["git_commit"]) == 40
+    assert clean["git_dirty"] == "false"
+    for written in ("dvc.lock", "metrics.json", "params.yaml", "code.yaml", "notes.txt"):
+        (pipeline / written).write_text("{}", encoding="utf-8")
+    assert commit_of(pipeline) == clean
+    (pipeline / "src/train.py").write_text("NAME = 'other'", encoding="utf-8")
+    assert commit_of(pipeline) == {**clean, "git_dirty": "true"}
+
+
+def test_a_git_that_refuses_is_named_as_that(pipeline: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("GIT_TEST_ASSUME_DIFFERENT_OWNER", "1")
+    monkeypatch.setenv("GIT_CONFIG_GLOBAL", "/dev/null")
+    monkeypatch.setenv("GIT_CONFIG_SYSTEM", "/dev/null")
+    found = commit_of(pipeline)
+    assert found["git_commit"] == "unknown"
+    assert "dubious ownership" in found["git_problem"]
+    assert "safe.directory" in found["git_problem"]
+
+
+HOLDS = """
+import sys, time
+from pathlib import Path
+from cylinder_friction.tracking.store import open_store
+
+with open_store(Path(sys.argv[1])):
+    print("held", flush=True)
+    time.sleep(60)
+"""
+
+
+def test_who_waits_says_for_whom_and_who_looks_or_writes_elsewhere_waits_for_nobody(
+    root: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    holder = subprocess.Popen([sys.executable, "-c", HOLDS, str(root)], stdout=subprocess.PIPE, text=True)
+    assert holder.stdout is not None
+    assert holder.stdout.readline() == "held\n"
+    with open_store(root, create=False):
+        assert not caplog.records, "looking"
+    with monkeypatch.context() as patch:
+        patch.setenv("MLFLOW_TRACKING_URI", f"sqlite:///{tmp_path / 'other.db'}")
+        with open_store(root):
+            assert not caplog.records, "another store"
+    Timer(2.0, holder.kill).start()
+    with open_store(root):
+        (warning,) = caplog.records
+    assert warning.getMessage() == f"waiting for process {holder.pid} (-c {root}), which writes to {tracking_uri(root)}"
+    holder.wait()
+    holder.stdout.close()
+
+
+def test_a_damaged_own_store_is_not_blamed_on_a_variable(root: Path) -> None:
+    (root / "mlflow.db").write_text("no database " * 100, encoding="utf-8")
+    with (
+        pytest.raises(
+            TrackingError, match="move it away, and `cylinder-friction track` makes one from the res"
+        ) as found,
+        open_store(root),
+    ):
+        pass
+    assert "MLFLOW_TRACKING_URI" not in str(found.value)

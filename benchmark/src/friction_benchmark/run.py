@@ -1,16 +1,16 @@
 """One benchmark from configuration to page: results, report and MLflow runs, below the folder ``benchmark/``."""
 
 import time
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
+from cylinder_friction.execution.measuring import measured
 from cylinder_friction.import_graph import relative_to_source, used_files
 from cylinder_friction.recordings.files import hash_of, read_json, write_json
 from cylinder_friction.run_record import Dataset, RunRecord, Scalar
 from cylinder_friction.stages._stage import artifacts, datasets, flat
 from cylinder_friction.tracking.log_run import log_run, track_or_warn
-from cylinder_friction.tracking.measurement import measured
-from cylinder_friction.tracking.repository import TrackingError, repository_root
+from cylinder_friction.tracking.repository import TrackingError, commit_of, repository_root
 from friction_benchmark.cache import Cache
 from friction_benchmark.campaigns import INGEST
 from friction_benchmark.conclusions import findings_of
@@ -39,10 +39,10 @@ def run(params: BenchmarkParams, *, prune: bool = False) -> str:
     """
     root, started_s = Path.cwd(), time.time()
     runner = runner_from(params)
-    with measured() as measurement:
+    with measured() as took:
         record = evaluate(params, runner)
+    record = replace(record, took=took(), commit=commit_of(repository_root(root)))
     write_json(RECORD_FILE, record.to_dict())
-    measurement.keep(record, root)
     track_or_warn(record, root)
     counts = ", ".join(f"{count} {kind}" for kind, count in runner.computed.items())
     words = f"computed: {counts}; everything else was in {runner.cache}"

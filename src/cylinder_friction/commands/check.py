@@ -1,9 +1,68 @@
-"""The command ``check``: check ``params.yaml``."""
+"""The command ``check``: refuse what ``dvc repro`` would fail at, be it after hours."""
+
+from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from cylinder_friction.params.file import PARAMS_FILE, ParamsError
+
+if TYPE_CHECKING:
+    from cylinder_friction.params.checking import Params
 
 
 def run(_options: argparse.Namespace) -> None:
     from cylinder_friction.params.checking import load_params
 
-    load_params()
+    if problems := [*problems_of(load_params())]:
+        raise ParamsError(f"{PARAMS_FILE}: refused, nothing was run\n  " + "\n  ".join(problems))
+
+
+def problems_of(params: Params) -> Iterator[str]:
+    """Yield what parameters, each valid by itself, cannot do on this machine and in this folder."""
+    from cylinder_friction.recordings.storage import read_metadata, recording_paths
+    from cylinder_friction.stages._stage import LABELLED_FOLDER, RIG_FOLDER
+
+    yield from _git()
+    yield from _candidate(params.register_.candidate)
+    for name, device in (("search", params.search.device), ("train", params.train.device)):
+        if device == "cuda":
+            import torch  # slow, and only asked for here
+
+            if not torch.cuda.is_available():
+                yield f"{name}.device: is 'cuda', but PyTorch finds no CUDA device; use 'auto' or 'cpu'"
+    source, pattern = params.ingest.source, params.ingest.pattern
+    made = Path(source).is_relative_to(RIG_FOLDER) and params.record.recordings
+    if not made and not any(path.is_file() for path in Path(source).glob(pattern)):
+        yield f"ingest.source: {source} holds no file that matches {pattern!r} (ingest.pattern); put your logs there"
+    if LABELLED_FOLDER.is_dir():  # else `split` looks, once recordings are there
+        there = {read_metadata(path).condition for path in recording_paths(LABELLED_FOLDER)}
+        if params.lugre.condition not in there:
+            yield f"lugre.condition: expected one of {sorted(there)}, but got {params.lugre.condition!r}"
+
+
+def _candidate(name: str) -> Iterator[str]:
+    from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.estimators.entry_points import own_class, own_kinds
+    from cylinder_friction.stages._stage import SERVABLE
+
+    own = {kind: own_class(entry) for kind, entry in own_kinds().items()}
+    stepped = [*SERVABLE, *(kind for kind, each in own.items() if each.step_model is not FrictionEstimator.step_model)]
+    if name not in stepped:
+        yield (
+            f"register.candidate: expected an estimator with a real-time step ({', '.join(stepped)}), but got {name!r}"
+        )
+
+
+def _git() -> Iterator[str]:
+    from cylinder_friction.tracking.repository import asked_git
+
+    root, problem = asked_git(Path.cwd(), "rev-parse", "--show-toplevel")
+    config = Path(".dvc/config")
+    if root is None and not (config.is_file() and "no_scm = true" in config.read_text(encoding="utf-8")):
+        yield (
+            f"this folder: DVC needs Git, which refuses ({problem}); in a folder without a repository run `git init`, "
+            "or write `no_scm = true` below [core] in .dvc/config: lineage then names no commit"
+        )

@@ -18,7 +18,7 @@ COMMANDS = {
     "stage": "run one stage of the pipeline (dvc.yaml calls this)",
     "code": "write code.yaml, the hashes of the code that the stages run (dvc.yaml calls this)",
     "params": "compose conf/ into params.yaml, with Hydra overrides",
-    "check": "check params.yaml",
+    "check": "check params.yaml and this folder for what would fail later",
     "ingest": "write a first mapping for a logger's file: ingest init FILE",
     "estimate": "estimate friction from log files: a result per recording and a page",
     "identify": "identify friction models from log files: Stribeck curve, LuGre, files for Modelica and MATLAB",
@@ -28,7 +28,8 @@ COMMANDS = {
     "summary": "print the comparison table and where its files are",
     "readme": "put the latest table and picture into README.md",
     "lineage": "print and check where a model came from",
-    "rollback": "make the previous champion, or the version --to, the champion",
+    "promote": "make a version the champion",
+    "rollback": "make the previous champion the champion again",
     "ui": "open the MLflow UI on the runs",
     "serve": "serve the champion and print a curl to try",
     "export": "export a trained estimator to C or an FMU",
@@ -38,7 +39,7 @@ COMPLETION_HELP = "print the completion script of a shell"
 EXTRAS = {
     "serve": "serve",
     "ui": "serve",
-    **dict.fromkeys(("stage", "params", "track", "lineage", "rollback"), "pipeline"),
+    **dict.fromkeys(("stage", "params", "track", "lineage", "promote", "rollback"), "pipeline"),
 }
 """Command to the extra that brings all it needs; the others need the core."""
 LOOK = "check the path"

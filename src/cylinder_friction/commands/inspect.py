@@ -133,8 +133,8 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _params(path: Path, overrides: Sequence[str]) -> Params:
-    from cylinder_friction.commands.params import CONF, composed
     from cylinder_friction.params.checking import check_params, load_params
+    from cylinder_friction.params.composing import CONF, composed
 
     if not overrides:
         return load_params()

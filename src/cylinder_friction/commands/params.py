@@ -7,10 +7,10 @@ from typing import Any
 
 import yaml
 
-from cylinder_friction.params.checking import IN_A_PROJECT, PARAMS_FILE, ParamsError, check_params
+from cylinder_friction.params.checking import PARAMS_FILE, check_params
+from cylinder_friction.params.composing import CONF, composed
 from cylinder_friction.recordings.files import write_text
 
-CONF = Path("conf")
 HEADER = "# Composed from conf/ by `cylinder-friction params`; change it there, or here for one run.\n"
 
 
@@ -23,30 +23,6 @@ def compose_params(conf: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
     content = composed(conf, overrides)
     check_params(content, f"{conf} with {list(overrides)}" if overrides else str(conf))
     return content
-
-
-def composed(conf: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
-    """Return what ``conf`` and Hydra overrides make, not yet checked.
-
-    Raises:
-        ParamsError: There is no such folder, or Hydra knows no such group or key.
-    """
-    from hydra import compose, initialize_config_dir
-    from hydra.core.global_hydra import GlobalHydra
-    from hydra.errors import HydraException
-    from omegaconf import OmegaConf
-    from omegaconf.errors import OmegaConfBaseException
-
-    if not conf.is_dir():
-        raise ParamsError(f"{conf.absolute()}: no such folder; {IN_A_PROJECT}")
-    GlobalHydra.instance().clear()
-    try:
-        with initialize_config_dir(config_dir=str(conf.resolve()), version_base="1.3"):
-            content = OmegaConf.to_container(compose("config", list(overrides)), resolve=True)
-    except (HydraException, OmegaConfBaseException) as error:
-        raise ParamsError(f"{conf}: {error}") from error
-    assert isinstance(content, dict)
-    return {str(key): value for key, value in content.items()}
 
 
 def write_params(conf: Path, overrides: Sequence[str] = (), path: Path = PARAMS_FILE) -> None:

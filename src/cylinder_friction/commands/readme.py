@@ -1,10 +1,10 @@
 """The command ``readme``: put the pipeline's latest table and picture into ``README.md``."""
 
 import argparse
-import shutil
 from pathlib import Path
 
-from cylinder_friction.recordings.files import write_text
+from cylinder_friction.recordings.files import write_bytes, write_text
+from cylinder_friction.run_record import records_in
 
 BEGIN, END = "<!-- result: begin (make readme) -->", "<!-- result: end -->"
 EXPECTED = (ValueError,)
@@ -25,11 +25,16 @@ def update_readme(readme: Path, reports: Path) -> None:
     if BEGIN not in text or END not in text:
         raise ValueError(f"{readme}: the markers {BEGIN!r} and {END!r} are not both there; put them back")
     for source, target in PICTURES.items():
-        (readme.parent / target).parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(reports / "figures" / source, readme.parent / target)
+        write_bytes(readme.parent / target, (reports / "figures" / source).read_bytes())
     before, after = text.split(BEGIN)[0], text.split(END)[1]
     write_text(readme, f"{before}{BEGIN}\n\n{table.read_text(encoding='utf-8').strip()}\n\n{END}{after}")
 
 
 def run(_options: argparse.Namespace) -> None:
     update_readme(Path("README.md"), Path("reports"))
+    compared = records_in(Path()).get("compare")
+    if compared is not None and compared.experiment:
+        print(
+            f"README.md now shows the recipe {compared.experiment!r}, not the default; if that is not what you meant, "
+            "run `make params`, `dvc repro` and this command again"
+        )

@@ -11,6 +11,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> None:
     from cylinder_friction.params.checking import load_params
-    from cylinder_friction.tracking.registry import rollback
+    from cylinder_friction.tracking.registry import move_champion
 
-    print(rollback(Path.cwd(), options.model_name or load_params().registered_name, options.to))
+    print(move_champion(Path.cwd(), options.model_name or load_params().registered_name, options.to))

@@ -5,11 +5,11 @@ from pathlib import Path
 
 
 def run(_options: argparse.Namespace) -> int:
-    from cylinder_friction.tracking.replay import replay
+    from cylinder_friction.tracking.track import track
 
-    replayed = replay(Path.cwd())
-    print(replayed.summary())
-    return 1 if replayed.problems else 0
+    tracked = track(Path.cwd())
+    print(tracked.summary())
+    return 1 if tracked.problems else 0
 
 
 def kept(_options: argparse.Namespace) -> str:

@@ -6,8 +6,6 @@ import math
 from collections.abc import Mapping
 from typing import Literal
 
-ERROR_PERCENT = "error_percent/"
-"""Group of the errors among a run's metrics."""
 Reference = Literal["label", "truth"]
 """What errors are measured against."""
 
@@ -24,8 +22,12 @@ def reported_errors(conditions: Mapping[str, Mapping[str, float]]) -> tuple[Refe
     }
 
 
-def error_metrics(errors_percent: Mapping[str, float]) -> dict[str, float]:
-    """Return errors by condition, and their mean, as metrics of a run; those that are no number are left out."""
-    metrics = {f"{ERROR_PERCENT}condition_{name}": value for name, value in errors_percent.items()}
-    metrics[f"{ERROR_PERCENT}mean"] = math.fsum(errors_percent.values()) / max(len(errors_percent), 1)
+def error_metrics(errors_percent: Mapping[str, float], reference: Reference) -> dict[str, float]:
+    """Return errors by condition, and their mean, as metrics of a run, named after what they are measured against.
+
+    Errors that are no number are left out.
+    """
+    group = f"{reference}_error_percent"
+    metrics = {f"{group}/mean": math.fsum(errors_percent.values()) / max(len(errors_percent), 1)}
+    metrics |= {f"{group}/condition_{name}": value for name, value in errors_percent.items()}
     return {name: value for name, value in metrics.items() if math.isfinite(value)}

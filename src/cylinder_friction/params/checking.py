@@ -44,8 +44,9 @@ REFERENCE_CYLINDER = "Bosch H160CA 63x28"
 
 
 class Params(Section):
-    """The whole configuration, one section a stage."""
+    """The whole configuration, one section a stage; ``recipe`` names the experiment in MLflow that its runs lie in."""
 
+    recipe: str = Field(default="default", pattern=r"^[\w-]+$")
     cylinder: Cylinder
     record: CampaignPlan
     ingest: IngestParams

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from cylinder_friction.params.section import Count, Fraction, NotNegative, Positive, Section, Seed
 from cylinder_friction.tuning.space import SearchSpace
@@ -97,8 +98,15 @@ class CompareParams(Section):
 
 
 class RegisterParams(Section):
-    """The promotion gate."""
+    """The promotion gate; ``candidate`` is any estimator of the comparison that has a real-time step."""
 
     model_name: str
-    candidate: Literal["hybrid", "paper_hybrid"]
+    candidate: str
     tolerance_percent: NotNegative
+
+    @field_validator("model_name")
+    @classmethod
+    def _mlflow_takes_the_name(cls, name: str) -> str:
+        if not re.fullmatch(r"[\w.-]+", name):
+            raise ValueError("expected letters, digits, '_', '-' and '.', which is what MLflow and its URIs take")
+        return name

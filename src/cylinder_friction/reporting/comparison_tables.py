@@ -279,7 +279,10 @@ def markdown_tables(comparison: Comparison, published: bool = False) -> str:
     count = f"{comparison.sessions} held-out session{'s' if comparison.sessions > 1 else ''}"
     bold = "Bold: the smallest error of a condition, and those that it is not clearly better than."
     if all(len(score.sessions.percent) < 2 for score in comparison.label[comparison.estimators[0]].values()):
-        bold = "No condition has two, so that nothing shows how much sessions differ, and all errors are bold."
+        bold = (
+            "Bold: the smallest error of a condition. No condition has two held-out sessions, so that nothing shows "
+            "whether it is clearly the smallest."
+        )
     parts = [f"{count}. {bold}\n"]
     if comparison.truth:
         against_truth = error_table(comparison.truth, comparison.truth_conditions, "true friction", notes).markdown()

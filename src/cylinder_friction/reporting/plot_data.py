@@ -1,53 +1,63 @@
-"""The data of ``dvc plots``: small CSV files."""
+"""The data of ``dvc plots``: small CSV files, whose names and columns are the same in every project."""
 
 import math
-import re
 
 import pandas as pd
 
 from cylinder_friction.evaluation.analysis import Analysis
-from cylinder_friction.evaluation.comparison import mean_percent
+from cylinder_friction.evaluation.comparison import Scores
+from cylinder_friction.evaluation.views import LearningCurve
 
 
 def plot_tables(analysis: Analysis) -> dict[str, str]:
-    """Return CSV text by file name: learning curves, friction over time, errors by condition, residual histograms."""
-    tables = {"errors_by_condition.csv": _errors(analysis)}
-    for name, curve in analysis.curves.items():
-        columns = {key: getattr(curve, key) for key in ("epoch", "train_mae_n", "validation_mae_n")}
-        tables[f"learning_curve_{name}.csv"] = pd.DataFrame(columns)
+    """Return CSV text by file name; ``main`` is the estimator that the comparison is about.
+
+    Errors of every estimator by condition, those of ``main`` by session, its learning curve and residuals, and friction
+    over time, the conditions' excerpts one after the other.
+    """
+    comparison, main = analysis.comparison, analysis.main
+    curve = analysis.curves.get(main, LearningCurve([], [], [], 0))
+    counted = analysis.histograms[main]
+    scores, reference = (comparison.truth, "truth") if comparison.truth else (comparison.label, "label")
+    frames = {
+        "errors_by_condition": pd.DataFrame(_errors(scores)).assign(against=reference),
+        "errors_by_session": pd.DataFrame(
+            {"session": session, "condition": condition, "error_percent": percent}
+            for condition, score in scores[main].items()
+            for session, percent in score.sessions.percent.items()
+        ).assign(against=reference),
+        "learning_curve": pd.DataFrame(
+            {key: getattr(curve, key) for key in ("epoch", "train_mae_n", "validation_mae_n")}
+        ),
+        "residuals": pd.DataFrame({"residual_n": counted.centres_n, "density_per_n": counted.density}),
+        "friction_over_time": _excerpts(analysis),
+    }
+    return {
+        f"{name}.csv": frame.to_csv(index=False, float_format="%.6g", lineterminator="\n")
+        for name, frame in frames.items()
+    }
+
+
+def _errors(scores: Scores) -> list[dict[str, str | float]]:
+    return [
+        {
+            "case": f"{name} · {condition}",
+            "estimator": name,
+            "condition": condition,
+            "error_percent": score.errors.percent,
+            "mae_n": score.errors.mae_n,
+        }
+        for name, by_condition in scores.items()
+        for condition, score in by_condition.items()
+    ]
+
+
+def _excerpts(analysis: Analysis) -> pd.DataFrame:
+    names = {"label": "label_n", "truth": "truth_n", analysis.rival: "rival_n", analysis.main: "estimate_n"}
+    pieces, begins_s = [], 0.0
     for part in analysis.excerpts:
-        lines = {"time_s": part.time_s} | {f"{name}_n": values for name, values in part.lines_n.items()}
-        in_a_file_name = re.sub(r"[^A-Za-z0-9.-]+", "_", part.condition)
-        tables[f"friction_over_time_condition_{in_a_file_name}.csv"] = pd.DataFrame(lines).dropna()
-    for name, counted in analysis.histograms.items():
-        tables[f"residuals_{name}.csv"] = pd.DataFrame(
-            {
-                "residual_n": counted.centres_n,
-                "density_per_n": counted.density,
-                "normal_density_per_n": counted.normal_density,
-            }
-        )
-    return {name: table.to_csv(index=False, float_format="%.6g", lineterminator="\n") for name, table in tables.items()}
-
-
-def _errors(analysis: Analysis) -> pd.DataFrame:
-    comparison = analysis.comparison
-    rows = []
-    for name in comparison.estimators:
-        for condition in comparison.conditions:
-            score = comparison.label[name][condition]
-            _, low, high = mean_percent(comparison.label[name], [condition])
-            true = comparison.truth.get(name, {}).get(condition)
-            rows.append(
-                {
-                    "case": f"{name} · {condition}",
-                    "estimator": name,
-                    "condition": condition,
-                    "label_percent": score.errors.percent,
-                    "label_percent_low": low,
-                    "label_percent_high": high,
-                    "label_mae_n": score.errors.mae_n,
-                    "truth_percent": true.errors.percent if true else math.nan,
-                }
-            )
-    return pd.DataFrame(rows)
+        lines = {column: part.lines_n.get(name, math.nan) for name, column in names.items()}
+        piece = pd.DataFrame({"time_s": part.time_s - part.time_s[0] + begins_s, "condition": part.condition, **lines})
+        pieces.append(piece[piece["estimate_n"].notna()])
+        begins_s += float(part.time_s[-1] - part.time_s[0])
+    return pd.concat(pieces)

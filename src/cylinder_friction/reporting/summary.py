@@ -1,5 +1,6 @@
 """The result in three sentences, written from the numbers alone, and what counts as a clear difference."""
 
+import math
 from collections.abc import Iterable, Sequence
 
 from cylinder_friction.evaluation.comparison import LABEL_ITSELF, Comparison, Scores, equal_to_label, points_ahead
@@ -35,8 +36,10 @@ def verdict(scores: Scores, one: str, other: str, condition: str) -> str:
 
 
 def leaders(scores: Scores, condition: str) -> list[str]:
-    """Return the best estimator of a condition and those that it is not clearly better than."""
+    """Return the best estimator of a condition and those that it is not clearly better than, if chance is known."""
     best = winner(scores, condition)
+    if not math.isfinite(points_ahead(scores, best, best, condition)[2]):  # of one session each
+        return [best]
     names = [name for name in ranked(scores) if condition in scores[name]]
     return [name for name in names if name == best or verdict(scores, best, name, condition) != "better"]
 

@@ -6,7 +6,8 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from cylinder_friction.recordings.files import hash_of
+from cylinder_friction.dvc_hashes import known_hash
+from cylinder_friction.estimators.saved_folder import DESCRIPTION_FILE
 from cylinder_friction.recordings.storage import columns_and_rows
 from cylinder_friction.run_record import Dataset, Scalar
 
@@ -68,18 +69,49 @@ def flat(section: Any, prefix: str = "", *, exclude_defaults: bool = False) -> d
     return result
 
 
-def artifacts(*paths: Path) -> dict[str, str]:
-    """Return ``{path: hash}`` for a run record."""
-    return {path.as_posix(): hash_of(path) for path in paths}
+def artifacts(*paths: Path) -> tuple[str, ...]:
+    """Return paths for a run record."""
+    return tuple(path.as_posix() for path in paths)
 
 
-def datasets(folders: Mapping[str, Path], *, written: bool = False) -> dict[str, Dataset]:
-    """Return folders of recordings for a run record, by role; ``written`` if the stage made them.
+def datasets(folders: Mapping[str, Path]) -> dict[str, Dataset]:
+    """Return folders of recordings that a stage reads, by role, for its run record.
 
     Raises:
         FileNotFoundError: A folder is not there.
     """
     return {
-        role: Dataset(folder.as_posix(), hash_of(folder), *columns_and_rows(folder), written)
+        role: Dataset(folder.as_posix(), known_hash(folder), *columns_and_rows(folder))
         for role, folder in folders.items()
     }
+
+
+def estimator_folders() -> dict[str, Path]:
+    """Return the folder of every estimator that the pipeline made, by name: LuGre, baselines, hybrids.
+
+    Raises:
+        FileNotFoundError: The folder of baselines is not there.
+    """
+    if not BASELINES_FOLDER.is_dir():
+        raise FileNotFoundError(f"{BASELINES_FOLDER}: no such folder of baselines; run `dvc repro` to make it")
+    known = [folder.name for folder in BASELINES_FOLDER.iterdir() if (folder / DESCRIPTION_FILE).is_file()]
+    folders = {name: LUGRE_FOLDER / name for name in ("lugre", "pressure_lugre", "pressure_lugre_all")}
+    folders |= {name: BASELINES_FOLDER / name for name in sorted(known, key=_place)}
+    return folders | {folder.name: folder for folder in (LSTM_FOLDER, PAPER_HYBRID_FOLDER, HYBRID_FOLDER)}
+
+
+_ORDER = (
+    "force_balance_unfiltered",
+    "force_balance_paper",
+    "force_balance_low_pass",
+    "ridge",
+    "random_forest",
+    "paper_lstm",
+)
+SERVABLE = (*_ORDER, LSTM_FOLDER.name, PAPER_HYBRID_FOLDER.name, HYBRID_FOLDER.name)
+"""The pipeline's own estimators that have a real-time step, which the served model runs."""
+
+
+def _place(name: str) -> tuple[int, str]:
+    """From simple to elaborate; a baseline the project does not know comes after those it does, by name."""
+    return (_ORDER.index(name) if name in _ORDER else len(_ORDER), name)

@@ -21,7 +21,7 @@ from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
 from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.recordings.storage import read_stored
-from cylinder_friction.run_record import RunRecord, Times, now_ms
+from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import (
     CHOSEN_FILE,
     ESTIMATORS_FILE,
@@ -78,7 +78,7 @@ class LearningData:
     @property
     def hashes(self) -> dict[str, str]:
         """The content hash of each folder read, by role."""
-        return {role: each.sha256 for role, each in self.datasets.items()}
+        return {role: each.md5 for role, each in self.datasets.items()}
 
     @property
     def calibrating(self) -> list[Recording]:
@@ -130,22 +130,19 @@ def device_from(choice: str) -> str:
 
 def train_hybrid(
     stage: str, hybrid: HybridEstimator, chosen: Mapping[str, Any], settings: LearningParams, data: LearningData
-) -> list[int]:
-    """Train a hybrid of ``hybrid_from``; a killed training goes on. Return when each epoch ended [ms since 1970]."""
+) -> None:
+    """Train a hybrid of ``hybrid_from``; a killed training goes on."""
     assert hybrid.cylinder is not None
     own = {"design": hybrid.design, "seed": settings.seed, "lag_s": hybrid.lag_s}
     depends_on = (flat(hybrid.cylinder), chosen, settings.training.model_dump(), data.hashes, own)
     checkpoint = Checkpoint(resume_folder(stage, RESUMED_CODE, *depends_on))
-    ended_ms: list[int] = []
     with tqdm(total=settings.training.epochs, desc=f"train {hybrid.design} hybrid", unit="epoch", disable=None) as bar:
 
         def after_epoch(epoch: int, train_mae_n: float, validation_mae_n: float) -> None:
-            ended_ms.append(now_ms())
             bar.set_postfix_str(f"training {train_mae_n:.2f} N, validation {validation_mae_n:.2f} N")
             bar.update(epoch - bar.n)
 
         hybrid.fit(data.train, data.validation, data.calibration, checkpoint, after_epoch)
-    return ended_ms
 
 
 def write_hybrid(folder: Path, estimator: HybridEstimator, data: LearningData, chosen: Mapping[str, Any]) -> None:
@@ -172,7 +169,6 @@ def training_record(
     settings: TrainParams | BaselinesParams,
     found: Mapping[str, Scalar],
     hybrid: HybridEstimator,
-    epochs_ms: list[int],
     estimators: Mapping[str, FrictionEstimator],
     data: LearningData,
     folders: Sequence[Path],
@@ -194,7 +190,6 @@ def training_record(
         curves=curves,
         artifacts=artifacts(*folders),
         datasets=data.datasets,
-        times=Times(0, 0, dict.fromkeys(curves, epochs_ms)),
     )
 
 

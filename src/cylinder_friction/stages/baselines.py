@@ -23,16 +23,13 @@ if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
     from cylinder_friction.run_record import RunRecord
 
-REAL_TIME = ("random_forest", "paper_lstm")
-"""What can be exported to other runtimes beside the hybrids, and so needs guard and bounds."""
-
 
 def run(params: Params) -> RunRecord:
     """Read the training and validation recordings, write the paper's hybrid and every baseline."""
     settings, cylinder, data = params.baselines, params.cylinder, LearningData.read()
     chosen = settings.hybrid.model_dump()
     paper = hybrid_from(cylinder, "paper", chosen, settings, data)
-    epochs_ms = train_hybrid("baselines", paper, chosen, settings, data)
+    train_hybrid("baselines", paper, chosen, settings, data)
     trees = forest_plan(chosen, settings.training)
     named: dict[str, FrictionEstimator] = dict(
         baselines(cylinder, data.inputs, trees, settings.seed, data.position_load)
@@ -42,12 +39,13 @@ def run(params: Params) -> RunRecord:
         if estimator.has_step:  # which is what learns the offset; an estimator of another package may have none
             estimator.offset = data.tracker
     named["paper_lstm"] = paper.without_forest()
-    for name in REAL_TIME:
-        named[name].calibrate(data.train, data.calibrating, cylinder)
+    for estimator in named.values():
+        if estimator.has_step:  # it may be registered and exported, and so needs guard and bounds
+            estimator.calibrate(data.train, data.calibrating, cylinder)
     with whole_folder(PAPER_HYBRID_FOLDER) as draft:
         write_hybrid(draft, paper, data, chosen)
     with whole_folder(BASELINES_FOLDER) as draft:
         for name, baseline in named.items():
             baseline.save(draft / name)
     estimators, folders = {"paper_hybrid": paper, **named}, (PAPER_HYBRID_FOLDER, BASELINES_FOLDER)
-    return training_record("baselines", settings, {}, paper, epochs_ms, estimators, data, folders)
+    return training_record("baselines", settings, {}, paper, estimators, data, folders)

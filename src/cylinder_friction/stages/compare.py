@@ -2,30 +2,26 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, fields, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
 from tqdm import tqdm
 
 import cylinder_friction.estimators  # noqa: F401 - makes every kind of estimator known to `load`
-from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.estimators.base import FrictionEstimator
-from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.estimators.saved_folder import DESCRIPTION_FILE
 from cylinder_friction.evaluation.analysis import Analysis, analyse
-from cylinder_friction.evaluation.comparison import LABEL_ITSELF, ComparisonSettings, compare
+from cylinder_friction.evaluation.comparison import ComparisonSettings, compare
 from cylinder_friction.evaluation.coverage import Coverage, coverage, coverage_metrics
+from cylinder_friction.evaluation.headline import headline
+from cylinder_friction.evaluation.known_notes import notes_of
 from cylinder_friction.evaluation.metric_tree import MetricTree, metric_rows, metric_tree
 from cylinder_friction.evaluation.reported import error_metrics, reported_errors
 from cylinder_friction.evaluation.starts import Starts, starts
 from cylinder_friction.evaluation.timing import StepTime, time_steps
 from cylinder_friction.evaluation.views import LearningCurve
 from cylinder_friction.realtime.model import Bounds
-from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.files import read_json, whole_folder, write_json, write_text
 from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.recordings.truth import known_truth
@@ -38,7 +34,6 @@ from cylinder_friction.reporting.summary import summary
 from cylinder_friction.run_record import RunRecord, by_columns
 from cylinder_friction.stages._stage import (
     AUDIT_FILE,
-    BASELINES_FOLDER,
     BEST_FILE,
     CHOSEN_FILE,
     COVERAGE_FILE,
@@ -47,8 +42,6 @@ from cylinder_friction.stages._stage import (
     HEADLINE_FILE,
     HYBRID_FOLDER,
     INGESTED_FILE,
-    LSTM_FOLDER,
-    LUGRE_FOLDER,
     METRICS_FILE,
     OFFSET_FILE,
     PAPER_HYBRID_FOLDER,
@@ -57,12 +50,12 @@ from cylinder_friction.stages._stage import (
     SPACE_FILE,
     artifacts,
     datasets,
+    estimator_folders,
     flat,
 )
 
 if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
-    from cylinder_friction.recordings.recording import Recording
 
 TIMINGS_FILE = REPORTS_FOLDER / "timings.json"
 STARTS_FILE = REPORTS_FOLDER / "starts.json"
@@ -75,12 +68,6 @@ WRITTEN = (*FILES, FIGURES_FOLDER, PLOTS_FOLDER)
 COMPARED_BY = {field.name for field in fields(ComparisonSettings)}
 LEARNING_CURVE_FILE = "learning_curve.json"
 RIVAL = "lugre"
-HEADLINERS = {"paper_hybrid": "paper", "ridge": "ridge", "force_balance_low_pass": "low_pass", "lugre": "lugre"}
-"""Estimators whose errors stand beside the main one's in ``metrics.json``, and their names there: short, for DVC prints
-all of them in one line."""
-LABEL_NOTES = {"moving_average": "off line, late: causal moving averages"}  # Every other method looks ahead
-DESIGNED = ("hybrid", "lstm")
-DESIGN_NOTES = {"force_balance": "corrects the force balance", "paper": "of the published design"}
 
 
 def run(params: Params) -> RunRecord:
@@ -116,7 +103,7 @@ def run(params: Params) -> RunRecord:
     return RunRecord(
         name="compare",
         params=flat(settings) | {"reference": reference},
-        metrics=error_metrics(errors_percent) | coverage_metrics(held, reference),
+        metrics=error_metrics(errors_percent, reference) | coverage_metrics(held, reference),
         tables={"errors_by_condition": by_columns(metric_rows(tree)), "bounds": by_columns(map(asdict, held))},
         note="\n".join(f"- {finding}" for finding in summary(comparison, main)),
         artifacts=artifacts(*WRITTEN),
@@ -124,79 +111,13 @@ def run(params: Params) -> RunRecord:
     )
 
 
-def headline(
-    tree: Mapping[str, Mapping[str, Mapping[str, float]]], held: Sequence[Coverage], main: str
-) -> dict[str, float | str]:
-    """Return about ten figures of a comparison, for DVC: percentages, means over the conditions.
-
-    ``against`` states what errors and bounds are measured against: ``truth``, or ``label`` if truth is not known.
-    """
-    reference, errors = reported_errors(tree[main])
-    shown = {main: main} | {name: short for name, short in HEADLINERS.items() if name in tree and name != main}
-    own = [each for each in held if each.reference == reference]
-    content = {
-        **{short: float(np.mean(list(reported_errors(tree[name])[1].values()))) for name, short in shown.items()},
-        f"{main}_worst": max(errors.values()),
-        f"{main}_label": float(np.mean([each["label_percent"] for each in tree[main].values()])),
-        "bounds": float(np.mean([each.held_percent for each in own])) if own else math.nan,
-        "bounds_worst": min((each.worst_session_percent for each in own), default=math.nan),
-    }
-    known = {name: round(value, 3) for name, value in content.items() if math.isfinite(value)}
-    return {"against": reference, **known}
-
-
-def notes_of(
-    estimators: Mapping[str, FrictionEstimator], recordings: Sequence[Recording], method: str
-) -> dict[str, str]:
-    """Return what is known of estimators and of the label beside their errors: the words behind their titles."""
-    notes = {LABEL_ITSELF: LABEL_NOTES.get(method, "off line, looks ahead")}
-    for name, estimator in estimators.items():
-        if isinstance(estimator, HybridEstimator) and name in DESIGNED:
-            notes[name] = DESIGN_NOTES[estimator.design]
-        elif isinstance(estimator, AnalyticalEstimator) and estimator.condition is not None:
-            own = [each for each in recordings if each.metadata.condition == estimator.condition]
-            notes[name] = f"identified in condition {estimator.condition}{_load_in_words(own)}"
-    return notes
-
-
-def _load_in_words(recordings: Sequence[Recording]) -> str:
-    """Return what is known of the load on the rod: measured or identified, else as names state it; else nothing."""
-    forces_n = [each.column(LOAD_FORCE)[each.usable()] for each in recordings if LOAD_FORCE in each.columns]
-    if forces_n:
-        all_n = np.concatenate(forces_n)
-        return f", under a load of {all_n.min():.0f} to {all_n.max():.0f} N"
-    stated = sorted({each.metadata.load for each in recordings} - {""})
-    return f", load: {', '.join(stated)}" if stated else ""
-
-
 def load_estimators() -> dict[str, FrictionEstimator]:
-    """Return every estimator that the pipeline made, by name: LuGre, baselines, hybrids.
+    """Return every estimator that the pipeline made, by name.
 
     Raises:
-        FileNotFoundError: One of them, or the folder of baselines, is not there.
+        FileNotFoundError: One of them is not there.
     """
-    if not BASELINES_FOLDER.is_dir():
-        raise FileNotFoundError(f"{BASELINES_FOLDER}: no such folder of baselines; run `dvc repro` to make it")
-    known = [folder.name for folder in BASELINES_FOLDER.iterdir() if (folder / DESCRIPTION_FILE).is_file()]
-    folders = {name: LUGRE_FOLDER / name for name in ("lugre", "pressure_lugre", "pressure_lugre_all")}
-    folders |= {name: BASELINES_FOLDER / name for name in sorted(known, key=_place)}
-    folders |= {folder.name: folder for folder in (LSTM_FOLDER, PAPER_HYBRID_FOLDER, HYBRID_FOLDER)}
-    return {name: load_estimator(folder) for name, folder in folders.items()}
-
-
-_ORDER = (
-    "force_balance_unfiltered",
-    "force_balance_paper",
-    "force_balance_low_pass",
-    "ridge",
-    "random_forest",
-    "paper_lstm",
-)
-
-
-def _place(name: str) -> tuple[int, str]:
-    """From simple to elaborate; a baseline the project does not know comes after those it does, by name."""
-    return (_ORDER.index(name) if name in _ORDER else len(_ORDER), name)
+    return {name: load_estimator(folder) for name, folder in estimator_folders().items()}
 
 
 def _write(
@@ -233,5 +154,5 @@ def _write(
     write_text(TABLE_FILE, markdown_tables(analysis.comparison, published=analysis.main == PAPER_HYBRID_FOLDER.name))
     write_json(TIMINGS_FILE, {name: asdict(time) for name, time in times.items()})
     write_json(STARTS_FILE, [asdict(each) for each in begun])
-    write_json(COVERAGE_FILE, [asdict(each) for each in held])
+    write_json(COVERAGE_FILE, [{"estimator": analysis.main, **asdict(each)} for each in held])
     write_json(METRICS_FILE, tree)

@@ -42,7 +42,7 @@ def run(params: Params) -> RunRecord:
         name="filter",
         params=flat(settings),
         metrics={"recordings": float(len(paths)), "rows": float(sum(rows for rows, _ in written))},
-        datasets=datasets({"recordings": RECORDINGS_FOLDER}) | datasets({"signals": SIGNALS_FOLDER}, written=True),
+        datasets=datasets({"recordings": RECORDINGS_FOLDER}),
     )
 
 

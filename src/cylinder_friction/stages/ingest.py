@@ -16,7 +16,7 @@ from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_fold
 from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.run_record import RunRecord
-from cylinder_friction.stages._stage import INGESTED_FILE, RECORDINGS_FOLDER, artifacts, datasets, flat
+from cylinder_friction.stages._stage import INGESTED_FILE, RECORDINGS_FOLDER, artifacts, flat
 
 if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
@@ -48,7 +48,6 @@ def run(params: Params) -> RunRecord:
         params=flat(params.ingest, exclude_defaults=True),
         metrics=_metrics(ingested),
         artifacts=artifacts(QUARANTINE_FILE, INGESTED_FILE),
-        datasets=datasets({"recordings": RECORDINGS_FOLDER}, written=True),
     )
 
 

@@ -94,7 +94,7 @@ def run(params: Params) -> RunRecord:
             **_audit_metrics(audit.rows(), method),
         },
         artifacts=artifacts(AUDIT_FOLDER, IDENTIFIED_FILE),
-        datasets=datasets({"signals": SIGNALS_FOLDER}) | datasets({"labelled": LABELLED_FOLDER}, written=True),
+        datasets=datasets({"signals": SIGNALS_FOLDER}),
     )
 
 

@@ -13,7 +13,7 @@ from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.recordings.files import whole_folder, write_json
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_stored
-from cylinder_friction.run_record import RunRecord, Table, Times, by_columns, now_ms
+from cylinder_friction.run_record import RunRecord, Table, by_columns
 from cylinder_friction.stages._stage import LUGRE_FOLDER, PROCESSED_FOLDERS, artifacts, datasets, flat
 
 if TYPE_CHECKING:
@@ -48,13 +48,12 @@ def run(params: Params) -> RunRecord:
         ),
     }
     identified: dict[str, Identification] = {}
-    ended_ms: dict[str, int] = {}
     with whole_folder(LUGRE_FOLDER) as folder:
         for name, estimator in estimators.items():
             estimator.fit(recordings)
             estimator.save(folder / name)
             assert estimator.identification is not None
-            identified[name], ended_ms[name] = estimator.identification, now_ms()
+            identified[name] = estimator.identification
         write_json(folder / STRIBECK_FILE, _stribeck_content(identified["lugre"], settings.condition))
     return RunRecord(
         name="lugre",
@@ -64,9 +63,6 @@ def run(params: Params) -> RunRecord:
         tables={"parameters": _parameters(identified)},
         artifacts=artifacts(LUGRE_FOLDER),
         datasets=datasets({"train": PROCESSED_FOLDERS["train"]}),
-        times=Times(
-            0, 0, {f"search_mae_n/{name}": [ended_ms[name]] * len(found.history) for name, found in identified.items()}
-        ),
     )
 
 

@@ -16,7 +16,7 @@ from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros
 from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan, zero_uncertainty_n
 from cylinder_friction.realtime.position_load import channel_names
 from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, PRESSURE_1, SAMPLE_COLUMNS
-from cylinder_friction.recordings.files import read_json, whole_folder, write_json
+from cylinder_friction.recordings.files import read_json, whole_folder, write_json, write_text
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recording, write_recording
 from cylinder_friction.run_record import RunRecord
@@ -78,6 +78,8 @@ def run(params: Params) -> RunRecord:
         with whole_folder(folder) as written:
             for recording in recordings[role]:
                 write_recording(written, recording)
+            if not recordings[role]:  # DVC would warn of an empty folder with every command
+                write_text(written / "README.txt", f"No session has the role {role}.\n")
     write_json(
         ESTIMATORS_FILE,
         {
@@ -93,7 +95,7 @@ def run(params: Params) -> RunRecord:
         metrics=_metrics(sessions),
         tags={"offsets": reason or "identified"},
         artifacts=artifacts(OFFSET_FILE, ESTIMATORS_FILE),
-        datasets=datasets({"labelled": LABELLED_FOLDER}) | datasets(PROCESSED_FOLDERS, written=True),
+        datasets=datasets({"labelled": LABELLED_FOLDER}),
     )
 
 

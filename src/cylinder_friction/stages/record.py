@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from cylinder_friction.recordings.files import hash_of, whole_folder, write_text
+from cylinder_friction.recordings.files import whole_folder, write_text
 from cylinder_friction.rig.campaign import campaign
 from cylinder_friction.rig.sensors import DECIMALS
-from cylinder_friction.run_record import Dataset, RunRecord
+from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import RIG_FOLDER, RIG_TRUTH_FOLDER, flat
 
 if TYPE_CHECKING:
@@ -33,7 +33,6 @@ def run(params: Params) -> RunRecord:
     """
     plan = params.record
     recordings = campaign(params.cylinder, plan)
-    columns: dict[Path, dict[str, str]] = {RIG_FOLDER: {}, RIG_TRUTH_FOLDER: {}}
     rows = 0
     magnitudes_n: defaultdict[str, list[float]] = defaultdict(list)
     with whole_folder(RIG_FOLDER) as logger_folder, whole_folder(RIG_TRUTH_FOLDER) as truth_folder:
@@ -43,8 +42,6 @@ def run(params: Params) -> RunRecord:
         for recording in tqdm(recordings, "record", plan.recordings, unit="recording", disable=None):
             write_logger_csv(logger_folder / f"{recording.metadata.name}.csv", recording.logger)
             recording.truth.to_parquet(truth_folder / f"{recording.metadata.name}.parquet", index=False)
-            columns[RIG_FOLDER] = dict.fromkeys(recording.logger.columns, "double")
-            columns[RIG_TRUTH_FOLDER] = dict.fromkeys(recording.truth.columns, "double")
             rows += len(recording.truth)
             magnitudes_n[recording.metadata.condition].append(float(recording.truth["friction_n"].abs().mean()))
     return RunRecord(
@@ -53,11 +50,8 @@ def run(params: Params) -> RunRecord:
         metrics={
             "recordings": float(plan.recordings),
             "seconds": plan.recordings * plan.duration_s,
+            "rows": float(rows),
             **{f"mean_friction_n/condition_{name}": float(np.mean(values)) for name, values in magnitudes_n.items()},
-        },
-        datasets={
-            folder.name: Dataset(folder.as_posix(), hash_of(folder), columns[folder], rows, written=True)
-            for folder in columns
         },
     )
 

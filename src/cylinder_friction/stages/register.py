@@ -1,42 +1,37 @@
-"""Stage ``register``: the trained hybrid becomes a version in the registry, and the champion if the gate lets it."""
+"""Stage ``register``: the candidate becomes a version in the registry, and the champion if the gate lets it."""
 
 from __future__ import annotations
 
 import math
-from collections import defaultdict
-from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from cylinder_friction.arrays import Array
+from cylinder_friction.dvc_hashes import data_hashes, known_hash
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.saved_folder import DESCRIPTION_FILE
-from cylinder_friction.evaluation.metrics import errors
-from cylinder_friction.evaluation.reported import Reference, error_metrics, reported_errors
-from cylinder_friction.recordings.files import hash_of, read_json, write_json
+from cylinder_friction.evaluation.measured_errors import errors_by_condition
+from cylinder_friction.evaluation.reported import error_metrics, reported_errors
+from cylinder_friction.recordings.files import read_json, read_yaml, write_json
 from cylinder_friction.recordings.storage import iterate_recordings
-from cylinder_friction.recordings.truth import known_truth
 from cylinder_friction.reporting.model_card import model_card
-from cylinder_friction.run_record import RUNS_FOLDER, RunRecord, by_columns
+from cylinder_friction.run_record import RunRecord, by_columns
 from cylinder_friction.stages._stage import (
     CHOSEN_FILE,
     COVERAGE_FILE,
     HYBRID_FOLDER,
     INGESTED_FILE,
     METRICS_FILE,
-    PAPER_HYBRID_FOLDER,
     PROCESSED_FOLDERS,
     TRAINING_DATA_FILE,
     artifacts,
     datasets,
+    estimator_folders,
     flat,
 )
 from cylinder_friction.tracking.gate import Candidate
+from cylinder_friction.tracking.lineage import PARAMS_FILE, shaping_params
 from cylinder_friction.tracking.registry import REGISTERED_FILE, register
 from cylinder_friction.tracking.repository import TrackingError
-from cylinder_friction.tracking.versions import origin_of
 
 if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
@@ -44,76 +39,81 @@ if TYPE_CHECKING:
 
 EXAMPLE_S = 4.0
 """So long that the last rows of the example are no longer flagged as settling."""
-COMPARE_RECORD = RUNS_FOLDER / "compare.json"
-_FOLDERS = {"hybrid": HYBRID_FOLDER, "paper_hybrid": PAPER_HYBRID_FOLDER}
 
 
 def run(params: Params) -> RunRecord:
     """Register the candidate and write ``models/registered.json``: the decision and what it was made on.
 
     Raises:
-        TrackingError: The registry cannot be reached: without it nobody knows the incumbent, so nothing is decided.
-        LineageError: ``dvc.lock`` does not state which data the candidate was made from.
+        TrackingError: The candidate was not compared or has no real-time step; or the registry cannot be reached:
+            without it nobody knows the incumbent, so nothing is decided.
+        RecordingError: ``dvc.lock`` does not state which data the candidate was made from.
     """
     settings = params.register_
-    folder, ingested = _FOLDERS[settings.candidate], read_json(INGESTED_FILE)
-    test_folder = PROCESSED_FOLDERS["test"]
     reference, errors_percent = reported_errors(_reported(settings.candidate))
-    origin = origin_of(Path(), ingested["source"], [path.as_posix() for path in PROCESSED_FOLDERS.values()])
+    folder, ingested = candidate_folder(settings.candidate), read_json(INGESTED_FILE)
+    data = data_hashes([ingested["source"], *(path.as_posix() for path in PROCESSED_FOLDERS.values())])
     candidate = Candidate(
         model_name=params.registered_name,
         folder=folder.as_posix(),
-        model_key=hash_of(folder),
+        model_md5=known_hash(folder),
         errors_percent=errors_percent,
-        test_data_md5=origin.data[test_folder.as_posix()],
-        origin=origin,
-        example=_example(folder),
-        tolerance_percent=settings.tolerance_percent,
         reference=reference,
-        card=_card(params, folder),
+        tolerance_percent=settings.tolerance_percent,
+        data=data,
+        params=shaping_params(read_yaml(Path(PARAMS_FILE))),
+        example=_example(folder),
+        recipe=params.recipe,
+        card=_card(params, folder)
+        + "\n\n"
+        + "\n".join(["**Made from**", "", *(f"- `{k}` {v}" for k, v in data.items())]),
     )
-    registered = register(candidate, Path(), partial(measured_errors, reference, ingested["truth"]))
+
+    def measure(saved: Path) -> dict[str, float]:
+        recordings = iterate_recordings(PROCESSED_FOLDERS["test"])
+        return errors_by_condition(load_estimator(saved), recordings, reference, ingested["truth"])
+
+    registered = register(candidate, Path(), measure)
     write_json(REGISTERED_FILE, registered.to_dict())
     return RunRecord(
         name="register",
         params=flat(settings) | {"reference": reference},
-        metrics=error_metrics(errors_percent) | {"promoted": float(registered.promote)},
+        metrics=error_metrics(errors_percent, reference) | {"promoted": float(registered.promote)},
         tables={"decision": by_columns(_decision(registered))},
         note=registered.reason,
-        tags={"gate_reason": registered.reason, "model_key": candidate.model_key, "candidate_key": candidate.key()},
         artifacts=artifacts(REGISTERED_FILE, METRICS_FILE),
-        datasets=datasets({"test": test_folder}),
+        datasets=datasets({"test": PROCESSED_FOLDERS["test"]}),
     )
 
 
-def measured_errors(reference: Reference, truth_folder: str, folder: Path) -> dict[str, float]:
-    """Return the error by condition [percent of mean |friction|] of a saved estimator on the held-out recordings."""
-    estimator = load_estimator(folder)
-    known: defaultdict[str, list[Array]] = defaultdict(list)
-    for recording in iterate_recordings(PROCESSED_FOLDERS["test"]):
-        truth_n = {recording.name: recording.column("friction_n")}
-        if reference == "truth":
-            truth_n = known_truth(truth_folder, [recording])
-        if recording.name in truth_n:
-            both = np.stack([truth_n[recording.name], estimator.estimate(recording)])
-            known[recording.metadata.condition].append(both[:, recording.usable()])
-    joined = {condition: np.concatenate(known[condition], axis=1) for condition in sorted(known)}
-    every = {condition: np.ones(both.shape[1], dtype=np.bool_) for condition, both in joined.items()}
-    return {name: errors(both[0], both[1], every[name]).percent for name, both in joined.items()}
+def candidate_folder(name: str) -> Path:
+    """Return the folder of the estimator that asks to be registered.
+
+    Raises:
+        TrackingError: It has no real-time step, which the served model runs.
+    """
+    folders = estimator_folders()
+    if not load_estimator(folders[name]).has_step:
+        stepped = [other for other, folder in folders.items() if folder.is_dir() and load_estimator(folder).has_step]
+        raise TrackingError(
+            f"register.candidate is {name!r}, which has no real-time step to serve; name one of {', '.join(stepped)}"
+        )
+    return folders[name]
 
 
 def _card(params: Params, folder: Path) -> str:
     """Return the candidate's model card; bounds are counted for the estimator alone that the comparison is about."""
     candidate = params.register_.candidate
-    sources = read_json(folder / TRAINING_DATA_FILE)
+    own = (folder / TRAINING_DATA_FILE).is_file()  # what is no hybrid learned from the same recordings for training
+    sources = read_json((folder if own else HYBRID_FOLDER) / TRAINING_DATA_FILE)
     return model_card(
         candidate,
         params.cylinder,
         read_json(folder / DESCRIPTION_FILE),
-        read_json(folder / CHOSEN_FILE),
-        {role: len(recordings) for role, recordings in sources.items()},
+        read_json(folder / CHOSEN_FILE) if own else {},
+        {role: len(recordings) for role, recordings in sources.items() if own or role == "train"},
         _reported(candidate),
-        read_json(COVERAGE_FILE) if candidate == read_json(COMPARE_RECORD)["params"]["main"] else [],
+        [each for each in read_json(COVERAGE_FILE) if each["estimator"] == candidate],
     )
 
 

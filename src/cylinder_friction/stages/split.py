@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from cylinder_friction.recordings.files import write_json
+from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.splits import split_sessions
 from cylinder_friction.recordings.storage import read_metadata, recording_paths
 from cylinder_friction.run_record import RunRecord
@@ -18,11 +19,18 @@ def run(params: Params) -> RunRecord:
     """Write the role of each recording of ``data/processed/labelled`` into ``data/processed/split.json``.
 
     Raises:
-        RecordingError: A condition has too few sessions, or a session spans two conditions.
+        RecordingError: A condition has too few sessions, a session spans two conditions, or no recording is of the
+            condition that ``lugre.condition`` names.
     """
     metadata = [read_metadata(path) for path in recording_paths(LABELLED_FOLDER)]
     roles = split_sessions(metadata, **params.split.model_dump())
     sessions = {entry.name: entry.session for entry in metadata}
+    trained = {entry.condition for entry in metadata if entry.name in roles["train"]}
+    if params.lugre.condition not in trained:  # before hours of training: ``lugre`` may come after it
+        raise RecordingError(
+            f"{LABELLED_FOLDER}: no recording of condition {params.lugre.condition!r}; got conditions "
+            f"{sorted(trained)}; name one of them as lugre.condition in params.yaml"
+        )
     write_json(SPLIT_FILE, {role: list(names) for role, names in roles.items()})
     return RunRecord(
         name="split",

@@ -20,7 +20,7 @@ def run(params: Params) -> RunRecord:
     settings, data = params.train, LearningData.read()
     design, chosen = chosen_hybrid(settings)
     hybrid = hybrid_from(params.cylinder, design, chosen, settings, data, settings.lag_s)
-    epochs_ms = train_hybrid("train", hybrid, chosen, settings, data)
+    train_hybrid("train", hybrid, chosen, settings, data)
     alone = hybrid.without_forest()
     alone.calibrate(data.train, data.calibrating, params.cylinder)
     with whole_folder(HYBRID_FOLDER) as draft:
@@ -29,7 +29,7 @@ def run(params: Params) -> RunRecord:
         alone.save(draft)
     found: dict[str, Scalar] = {"design": design} | {f"hybrid.{key}": value for key, value in chosen.items()}
     estimators = {"hybrid": hybrid, "lstm": alone}
-    return training_record("train", settings, found, hybrid, epochs_ms, estimators, data, (HYBRID_FOLDER, LSTM_FOLDER))
+    return training_record("train", settings, found, hybrid, estimators, data, (HYBRID_FOLDER, LSTM_FOLDER))
 
 
 def chosen_hybrid(settings: TrainParams) -> tuple[Design, dict[str, Any]]:

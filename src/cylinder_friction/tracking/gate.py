@@ -3,12 +3,12 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Self
 
 from pydantic import BeforeValidator, PlainSerializer, TypeAdapter
 
+from cylinder_friction.evaluation.reported import Reference
 from cylinder_friction.recordings.files import json_hash
-from cylinder_friction.tracking.versions import Origin
 
 _Error = Annotated[
     float,
@@ -26,34 +26,30 @@ class Candidate:
 
     model_name: str  # Name in the registry
     folder: str  # Folder of the saved estimator, relative to the repository's root
-    model_key: str  # Hash of that folder's content
+    model_md5: str  # DVC's hash of that folder
     errors_percent: Errors  # Its error in each condition on the held-out recordings
-    test_data_md5: str  # Hash of these recordings
-    origin: Origin  # What it was made from
-    example: dict[str, list[float]]  # A few rows of raw samples, by column
+    reference: Reference  # What its errors are measured against
     tolerance_percent: float  # Of the gate: how many percentage points worse in one condition count as not worse
-    reference: Literal["label", "truth"] = "label"  # What its errors are measured against
+    data: dict[str, str]  # DVC's hash of each folder of its data, from the raw one to the held-out one
+    params: dict[str, Any]  # The parameters that shaped it
+    example: dict[str, list[float]]  # A few rows of raw samples, by column
+    recipe: str = "default"
     card: str = ""  # What a user of the model has to know, as Markdown
 
-    def gate(self) -> dict[str, Any]:
-        """Return what the gate is asked."""
-        return {
-            "errors_percent": self.errors_percent,
-            "test_data_md5": self.test_data_md5,
-            "reference": self.reference,
-            "tolerance_percent": self.tolerance_percent,
-        }
-
     def key(self) -> str:
-        """Return the hash by which a candidate is recognised: of the model and of what the gate is asked."""
-        return json_hash([self.model_key, self.gate()])
+        """Return the hash by which a candidate's version is recognised: of the model, its errors and its data."""
+        return json_hash([self.model_md5, self.reference, self.errors_percent, self.data])
+
+    def error_words(self) -> str:
+        """Return the mean error and what it is measured against."""
+        return f"{_mean(self.errors_percent):.3f} against {self.reference}"
 
 
 @dataclass(frozen=True)
 class Incumbent:
     """The model in use when the gate decided."""
 
-    model_key: str
+    model_md5: str
     errors_percent: Errors
 
 

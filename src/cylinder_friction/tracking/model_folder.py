@@ -1,10 +1,8 @@
 """The estimator as an MLflow model: a folder with code, ONNX and JSON, signature, example and origin."""
 
-import json
 import re
-import shutil
 import warnings
-from importlib import import_module, metadata
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -15,33 +13,22 @@ from mlflow.exceptions import MlflowException
 from mlflow.models import Model, ModelSignature
 from mlflow.types import ColSpec, DataType, Schema
 
-from cylinder_friction.deployment.descriptions import described_inputs
+from cylinder_friction.deployment.brought_code import MODEL_CODE, copy_package, described, requirements_of
 from cylinder_friction.deployment.golden_recording import recorded
 from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE
 from cylinder_friction.deployment.scoring import RECORDING_COLUMN, TIME_COLUMN
 from cylinder_friction.estimators.loading import load_estimator
-from cylinder_friction.import_graph import SOURCE, imported_modules, used_files
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.files import write_json
 from cylinder_friction.tracking.repository import LineageError, TrackingError
 from cylinder_friction.tracking.store import Store, open_store
 
-PACKAGE = SOURCE / "cylinder_friction"
-MODEL_CODE = PACKAGE / "deployment/scoring_model.py"
-SERVED_MODULES = (
-    "cylinder_friction.deployment.golden_trajectory",
-    "cylinder_friction.deployment.scoring",
-    "cylinder_friction.estimators.loading",
-)
-"""What the served model's code imports; the model brings these modules along, and whatever they import."""
 # The names that the served model's code asks for
 ESTIMATOR_ARTIFACT = "estimator"
 GOLDEN_ARTIFACT = "golden"
 LINEAGE_ARTIFACT = "lineage"
 LINEAGE_FILE = "lineage.json"
-REQUIREMENTS = ("mlflow", "numba", "numpy", "onnx", "pandas", "pyarrow", "pyyaml", "scipy", "tqdm")
-"""What loading the served model and estimating with it imports; neither torch nor scikit-learn."""
 
 _URI = re.compile(r"models:/(?P<name>[^/@]+)(@(?P<alias>[^/@]+)|/(?P<version>\d+))$")
 
@@ -68,31 +55,6 @@ def input_schema(model: StepModel) -> Schema:
     return Schema([*required, *(each for each in optional if each.name not in model.inputs)])
 
 
-def described(model: StepModel) -> dict[str, Any]:
-    """Return the metadata of the logged model: what it takes, how often, and what its bounds hold."""
-    optional = {
-        RECORDING_COLUMN: "optional: the name of each row's recording, whose rows follow each other",
-        TIME_COLUMN: "optional: each row's time, to be checked [s]",
-    }
-    return {
-        "inputs": {each.column: each.meaning for each in described_inputs(model.inputs)} | optional,
-        "sample_time_s": float(model.sample_time_s),
-        "bounds": model.bounds.in_words(),
-        **({} if model.trained_for is None else {"trained_for": model.trained_for.in_words()}),
-    }
-
-
-def copy_package(folder: Path) -> Path:
-    """Copy the modules of the package that inference needs into a folder; return the package's folder there."""
-    used = {*used_files(*SERVED_MODULES, *imported_modules(PACKAGE.name))}
-    packages = {parent / "__init__.py" for path in used for parent in path.parents if parent.is_relative_to(PACKAGE)}
-    for path in used | packages:
-        target = folder / path.relative_to(SOURCE)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(path, target)
-    return folder / PACKAGE.name
-
-
 def save_model_folder(
     path: Path, estimator: Path, lineage: dict[str, Any], example: pd.DataFrame, mlflow_model: Model
 ) -> None:
@@ -102,11 +64,12 @@ def save_model_folder(
     the ids that MLflow gave the model.
     """
     lineage_path, golden = path.with_name(LINEAGE_FILE), path.with_name(GOLDEN_FILE)
-    lineage_path.write_text(json.dumps(lineage, indent=2, sort_keys=True) + "\n", encoding="utf-8")
+    write_json(lineage_path, lineage)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # MLflow's pyfunc warns of its own type hints when imported
         pyfunc = import_module("mlflow.pyfunc")
-    model = load_estimator(estimator).step_model()
+    loaded = load_estimator(estimator)
+    model = loaded.step_model()
     write_json(golden, recorded(model))
     pyfunc.save_model(
         path=str(path),
@@ -120,7 +83,7 @@ def save_model_folder(
         signature=ModelSignature(input_schema(model), OUTPUTS),
         metadata=described(model),
         input_example=example,
-        pip_requirements=[f"{name}=={metadata.version(name)}" for name in REQUIREMENTS],
+        pip_requirements=requirements_of(loaded.kind),
         mlflow_model=mlflow_model,
     )
 
@@ -143,7 +106,7 @@ def version_of(store: Store, uri: str) -> ModelVersion:
     except MlflowException as error:
         raise LineageError(
             f"{uri}: the registry at {store.uri} has no such version ({error.message}); run `dvc repro`, or "
-            "`cylinder-friction track` where the results came from DVC, and `cylinder-friction rollback --to VERSION`"
+            "`cylinder-friction track` if the results came from DVC, and `cylinder-friction promote VERSION`"
         ) from error
 
 

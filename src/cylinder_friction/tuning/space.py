@@ -10,6 +10,7 @@ RANGES = ("learning_rate", "forest_trees", "forest_depth")
 """What is searched between a lowest and a highest value; of everything else, choices are listed."""
 
 _Count = Annotated[int, Field(ge=1)]
+_Some = Field(min_length=1)
 _Rate = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 
 
@@ -21,9 +22,9 @@ class SearchSpace:
         ValueError: A range's lowest value is above its highest.
     """
 
-    layers: Sequence[_Count]
-    nodes: Sequence[_Count]
-    dropout: Sequence[Annotated[float, Field(ge=0.0, lt=1.0)]]
+    layers: Annotated[Sequence[_Count], _Some]
+    nodes: Annotated[Sequence[_Count], _Some]
+    dropout: Annotated[Sequence[Annotated[float, Field(ge=0.0, lt=1.0)]], _Some]
     learning_rate: tuple[_Rate, _Rate]
     forest_trees: tuple[_Count, _Count]
     forest_depth: tuple[_Count, _Count]

@@ -8,13 +8,13 @@ import yaml
 from mlflow import MlflowClient
 
 from candidates import NAME, champion, other_model, registered_in, versions
-from cylinder_friction.tracking.registry import REGISTERED_FILE, rollback
-from cylinder_friction.tracking.replay import replay
+from cylinder_friction.dvc_hashes import dvc_hash
+from cylinder_friction.tracking.registry import ALREADY, REGISTERED_FILE, move_champion
 from cylinder_friction.tracking.repository import TrackingError
 from cylinder_friction.tracking.store import tracking_uri
-from cylinder_friction.tracking.versions import dvc_hash
+from cylinder_friction.tracking.track import track
 
-NOT_CHAMPION = "(not champion; `cylinder-friction rollback friction-estimator --to 1` makes it champion)"
+NOT_CHAMPION = "(not champion; `cylinder-friction promote 1 friction-estimator` makes it champion)"
 
 
 @pytest.fixture
@@ -23,24 +23,24 @@ def registered_pipeline(pipeline: Path) -> Path:
     return pipeline
 
 
-def test_a_replay_fills_an_empty_store_once_and_promotes_nothing(
+def test_tracking_fills_an_empty_store_once_and_promotes_nothing(
     registered_pipeline: Path, empty_store: Path, tmp_path: Path
 ) -> None:
     root = tmp_path / "clone"
     shutil.copytree(registered_pipeline, root, ignore=shutil.ignore_patterns("mlflow.db*", "mlartifacts"))
     shutil.copy(empty_store, root / "mlflow.db")
-    first = replay(root)
+    first = track(root)
     assert first.logged == ("record", "search", "train", "compare", "register")
     assert (first.present, first.problems) == ((), ())
     assert first.version == f"friction-estimator version 1 {NOT_CHAMPION}"
-    assert rollback(root, NAME, 1) == "friction-estimator: champion was none, is version 1"
-    again = replay(root)
+    assert move_champion(root, NAME, 1) == "friction-estimator: champion was none, is version 1"
+    again = track(root)
     assert (again.logged, again.present) == ((), ("record", "search", "train", "compare", "register"))
     assert (
         again.summary() == "0 runs logged, 5 already there\nregistered model: friction-estimator version 1 (champion)"
     )
     assert len(versions(root)) == 1
-    assert versions(root)[0].tags["gate_decision"] == "promoted", "the decision is recorded as it was made"
+    assert versions(root)[0].tags["decision"] == "promoted", "the decision is recorded as it was made"
     client = MlflowClient(tracking_uri(root))
     experiment = client.get_experiment_by_name("cylinder-friction")
     assert experiment is not None
@@ -54,43 +54,41 @@ def test_records_and_registrations_that_are_not_what_dvc_lock_states_are_left_ou
     lock = yaml.safe_load((root / "dvc.lock").read_text())
     lock["stages"]["last"] = {"outs": [{"path": path, "md5": dvc_hash(root / path)} for path in forged]}
     (root / "dvc.lock").write_text(yaml.safe_dump(lock))
-    assert replay(root).problems == ()
+    assert track(root).problems == ()
     for path, figure in zip(forged, ("2.1", "2.0"), strict=True):
         (root / path).write_text((root / path).read_text().replace(figure, "0.1"))
     shutil.copy(empty_store, root / "mlflow.db")
-    problems = " ".join(replay(root).problems)
+    problems = " ".join(track(root).problems)
     assert "compare.json is not what dvc.lock states; `dvc checkout` brings that back" in problems
     assert "models/registered.json is not what dvc.lock states" in problems
     assert versions(root) == []
     (root / "dvc.lock").write_text("{[")
     with pytest.raises(TrackingError, match=r"dvc.lock: is not as DVC writes it .*`git checkout dvc.lock`"):
-        replay(root)
+        track(root)
 
 
-def test_a_replay_leaves_what_a_person_did_to_the_registry(registered_pipeline: Path) -> None:
+def test_tracking_leaves_what_a_person_did_to_the_registry(registered_pipeline: Path) -> None:
     root = registered_pipeline
     other_model(root)
     registered_in(root, {"1": 1.0, "2": 1.0})
     client = MlflowClient(tracking_uri(root))
     client.set_registered_model_alias(NAME, "champion", "1")
-    assert replay(root).version == f"friction-estimator version 2 {NOT_CHAMPION.replace('--to 1', '--to 2')}"
+    assert track(root).version == f"friction-estimator version 2 {NOT_CHAMPION.replace('promote 1', 'promote 2')}"
     assert champion(root) == "1"
     client.delete_registered_model_alias(NAME, "champion")
-    replay(root)
+    track(root)
     assert client.get_registered_model(NAME).aliases == {}
     client.delete_model_version(NAME, "2")
-    assert (
-        replay(root).version == "friction-estimator has no version of models/hybrid: it was removed from the registry"
-    )
+    assert track(root).version == "friction-estimator has no version of models/hybrid: it was removed from the registry"
     assert [one.version for one in versions(root)] == [1]
 
 
-def test_a_replay_goes_on_past_what_is_missing_and_names_it(pipeline: Path) -> None:
+def test_tracking_goes_on_past_what_is_missing_and_names_it(pipeline: Path) -> None:
     runs = pipeline / "reports/runs"
     (pipeline / "reports/report.html").unlink()
     shutil.copy(runs / "compare.json", runs / "compare2.json")
     (runs / "zz.json").write_text("{", encoding="utf-8")
-    done = replay(pipeline)
+    done = track(pipeline)
     assert done.logged == ("record", "search", "train")
     assert done.version is None
     assert "not logged: compare.json: run 'compare': reports/report.html is not there; run `dvc pull`" in done.summary()
@@ -98,6 +96,28 @@ def test_a_replay_goes_on_past_what_is_missing_and_names_it(pipeline: Path) -> N
     assert "not logged: zz.json" in done.summary()
 
 
-def test_a_replay_of_nothing_says_what_to_do(root: Path) -> None:
+def test_tracking_of_nothing_says_what_to_do(root: Path) -> None:
     with pytest.raises(TrackingError, match="holds no run; run `dvc pull` or `dvc repro` first"):
-        replay(root)
+        track(root)
+
+
+def test_a_model_that_is_champion_is_found_whatever_tolerance_it_asked_with(registered_pipeline: Path) -> None:
+    root = registered_pipeline
+    again = registered_in(root, tolerance_percent=0.2)
+    assert (again.promote, again.reason) == (True, ALREADY), "not the decision made at another tolerance as its own"
+    assert track(root).version == "friction-estimator version 1 (champion)"
+    other_model(root)
+    assert not registered_in(root, {"1": 1.0, "2": 2.15}, tolerance_percent=0.1).promote
+    looser = registered_in(root, {"1": 1.0, "2": 2.15}, tolerance_percent=0.2)
+    assert looser.promote
+    assert "within the tolerance of 0.2" in looser.reason
+    assert (champion(root), len(versions(root))) == ("2", 2), "one version, asked again"
+    assert track(root).version == "friction-estimator version 2 (champion)"
+
+
+def test_artifacts_that_are_gone_are_named(registered_pipeline: Path) -> None:
+    root = registered_pipeline
+    shutil.rmtree(root / "mlartifacts/models")
+    assert "version 1 (champion): its files are not at file:///" in str(track(root).version)
+    with pytest.raises(TrackingError, match="restore them from a backup, or delete the version and run"):
+        registered_in(root)

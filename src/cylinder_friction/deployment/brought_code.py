@@ -1,0 +1,55 @@
+"""What a served model brings along: the code of the package that it runs, and words about it."""
+
+import shutil
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from cylinder_friction.deployment.descriptions import described_inputs
+from cylinder_friction.deployment.scoring import RECORDING_COLUMN, TIME_COLUMN
+from cylinder_friction.estimators.entry_points import own_kinds
+from cylinder_friction.import_graph import SOURCE, imported_modules, used_files
+from cylinder_friction.realtime.model import StepModel
+
+PACKAGE = SOURCE / "cylinder_friction"
+MODEL_CODE = PACKAGE / "deployment/scoring_model.py"
+SERVED_MODULES = (
+    "cylinder_friction.deployment.golden_trajectory",
+    "cylinder_friction.deployment.scoring",
+    "cylinder_friction.estimators.loading",
+)
+"""What the served model's code imports; the model brings these modules along, and whatever they import."""
+REQUIREMENTS = ("mlflow", "numba", "numpy", "onnx", "pandas", "pyarrow", "pyyaml", "scipy", "tqdm")
+"""What loading the served model and estimating with it imports; neither torch nor scikit-learn."""
+
+
+def copy_package(folder: Path) -> Path:
+    """Copy the modules of the package that inference needs into a folder; return the package's folder there."""
+    used = {*used_files(*SERVED_MODULES, *imported_modules(PACKAGE.name))}
+    packages = {parent / "__init__.py" for path in used for parent in path.parents if parent.is_relative_to(PACKAGE)}
+    for path in used | packages:
+        target = folder / path.relative_to(SOURCE)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(path, target)
+    return folder / PACKAGE.name
+
+
+def requirements_of(kind: str) -> list[str]:
+    """Return what has to be installed for a model; an estimator of another package needs that package too."""
+    own = own_kinds()[kind].dist if kind in own_kinds() else None
+    named = [f"{name}=={version(name)}" for name in REQUIREMENTS]
+    return named if own is None else [*named, f"{own.name}=={own.version}"]
+
+
+def described(model: StepModel) -> dict[str, Any]:
+    """Return the metadata of the logged model: what it takes, how often, and what its bounds hold."""
+    optional = {
+        RECORDING_COLUMN: "optional: the name of each row's recording, whose rows follow each other",
+        TIME_COLUMN: "optional: each row's time, to be checked [s]",
+    }
+    return {
+        "inputs": {each.column: each.meaning for each in described_inputs(model.inputs)} | optional,
+        "sample_time_s": float(model.sample_time_s),
+        "bounds": model.bounds.in_words(),
+        **({} if model.trained_for is None else {"trained_for": model.trained_for.in_words()}),
+    }

@@ -1,0 +1,73 @@
+"""DVC's hashes of data: those that ``dvc.lock`` states, and of what lies on disk."""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from cylinder_friction.recordings.recording import RecordingError
+
+LOCK_FILE = "dvc.lock"
+
+
+def locked_hashes(text: str) -> dict[str, str]:
+    """Return ``{path: md5}`` of every output and dependency in a ``dvc.lock``; outputs have the last word.
+
+    Raises:
+        ValueError: It is not as DVC writes it.
+    """
+    result: dict[str, str] = {}
+    try:
+        stages = (yaml.safe_load(text) or {}).get("stages", {})
+        for kind in ("deps", "outs"):
+            for stage in stages.values():
+                result |= {entry["path"].rstrip("/"): entry["md5"] for entry in stage.get(kind, ()) if "md5" in entry}
+    except (yaml.YAMLError, AttributeError, KeyError, TypeError) as error:
+        raise ValueError(
+            f"{LOCK_FILE}: is not as DVC writes it ({type(error).__name__}); `git checkout {LOCK_FILE}` brings it back"
+        ) from error
+    return result
+
+
+def hashes_in(root: Path) -> dict[str, str]:
+    """Return what the ``dvc.lock`` of a folder states, nothing if there is none; see ``locked_hashes``."""
+    path = root / LOCK_FILE
+    return locked_hashes(path.read_bytes().decode(errors="replace")) if path.is_file() else {}
+
+
+def dvc_hash(path: Path) -> str:
+    """Hash a file or a folder (``.dir`` at the hash's end) as DVC does; reads every byte."""
+    from dvc_data.hashfile.build import build
+    from dvc_data.hashfile.db import HashFileDB
+    from dvc_objects.fs.local import LocalFileSystem
+
+    files: Any = LocalFileSystem()
+    _, _, found = build(HashFileDB(files, str(path.parent)), str(path), files, "md5", dry_run=True)
+    return str(found.hash_info.value)
+
+
+def known_hash(path: Path) -> str:
+    """Return DVC's hash of a path relative to the current directory.
+
+    While DVC runs a stage, ``dvc.lock`` states the hash of everything that earlier stages wrote, so nothing is read.
+    Otherwise the files are hashed.
+    """
+    stated = hashes_in(Path()) if "DVC_STAGE" in os.environ else {}
+    return stated.get(path.as_posix()) or dvc_hash(path)
+
+
+def data_hashes(folders: Sequence[str]) -> dict[str, str]:
+    """Return the hashes of folders of data that ``dvc.lock`` states.
+
+    Raises:
+        RecordingError: ``dvc.lock`` is not there or does not know one of the folders.
+    """
+    known, names = hashes_in(Path()), [folder.rstrip("/") for folder in folders]
+    if missing := [name for name in names if name not in known]:
+        raise RecordingError(
+            f"{Path(LOCK_FILE).absolute()}: knows no output or dependency {missing[0]!r}, but has {sorted(known)}; run "
+            "the pipeline with `dvc repro`, which writes down the version of the data"
+        )
+    return {name: known[name] for name in names}

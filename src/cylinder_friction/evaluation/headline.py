@@ -1,0 +1,39 @@
+"""The ten figures of a comparison that DVC shows and compares."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from cylinder_friction.evaluation.reported import reported_errors
+
+if TYPE_CHECKING:
+    from cylinder_friction.evaluation.coverage import Coverage
+
+HEADLINERS = {"paper_hybrid": "paper", "ridge": "ridge", "force_balance_low_pass": "low_pass", "lugre": "lugre"}
+"""Estimators whose errors stand beside the main one's in ``metrics.json``, and their names there: short, for DVC prints
+all of them in one line."""
+
+
+def headline(
+    tree: Mapping[str, Mapping[str, Mapping[str, float]]], held: Sequence[Coverage], main: str
+) -> dict[str, float | str]:
+    """Return about ten figures of a comparison, for DVC: percentages, means over the conditions.
+
+    ``against`` states what errors and bounds are measured against: ``truth``, or ``label`` if truth is not known.
+    """
+    reference, errors = reported_errors(tree[main])
+    shown = {main: main} | {name: short for name, short in HEADLINERS.items() if name in tree and name != main}
+    own = [each for each in held if each.reference == reference]
+    content = {
+        **{short: float(np.mean(list(reported_errors(tree[name])[1].values()))) for name, short in shown.items()},
+        f"{main}_worst": max(errors.values()),
+        f"{main}_label": float(np.mean([each["label_percent"] for each in tree[main].values()])),
+        "bounds": float(np.mean([each.held_percent for each in own])) if own else math.nan,
+        "bounds_worst": min((each.worst_session_percent for each in own), default=math.nan),
+    }
+    known = {name: round(value, 3) for name, value in content.items() if math.isfinite(value)}
+    return {"against": reference, **known}

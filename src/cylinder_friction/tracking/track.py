@@ -1,0 +1,69 @@
+"""Runs again from files: whatever store is in use, ``track`` fills it from what the pipeline wrote."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from cylinder_friction.dvc_hashes import LOCK_FILE, dvc_hash, hashes_in
+from cylinder_friction.recordings.files import read_json
+from cylinder_friction.run_record import RUNS_FOLDER, STAGES, RunRecord
+from cylinder_friction.tracking.gate import Registered
+from cylinder_friction.tracking.log_run import find_run, log_in
+from cylinder_friction.tracking.registry import REGISTERED_FILE, recorded_version
+from cylinder_friction.tracking.repository import TrackingError
+from cylinder_friction.tracking.store import open_store
+
+
+@dataclass(frozen=True)
+class Tracked:
+    """What ``track`` did."""
+
+    logged: tuple[str, ...]  # Stages whose run was logged now
+    present: tuple[str, ...]  # Stages whose run was there already
+    problems: tuple[str, ...]  # What could not be logged, in words
+    version: str | None  # Version of the registered model; None if the pipeline has registered none
+
+    def summary(self) -> str:
+        lines = [f"{len(self.logged)} runs logged, {len(self.present)} already there"]
+        lines += [f"registered model: {self.version}"] if self.version else ["no model is registered yet"]
+        return "\n".join([*lines, *(f"not logged: {problem}" for problem in self.problems)])
+
+
+def track(root: Path) -> Tracked:
+    """Log every ``reports/runs/<stage>.json`` that the store lacks.
+
+    With the run of ``register`` goes the version that it made, but never the champion's alias: only ``register``,
+    ``promote`` and ``rollback`` move it. A version that a person deleted is not made again while that run is there.
+
+    Raises:
+        TrackingError: The store cannot be reached, there is nothing to log, or ``dvc.lock`` is damaged.
+    """
+    paths = sorted((root / RUNS_FOLDER).glob("*.json"), key=lambda path: ([*STAGES, path.stem].index(path.stem), path))
+    if not paths:
+        raise TrackingError(f"{root / RUNS_FOLDER}: holds no run; run `dvc pull` or `dvc repro` first")
+    try:
+        locked = hashes_in(root)
+    except ValueError as error:
+        raise TrackingError(str(error)) from error
+    done: dict[str, list[str]] = {"logged": [], "present": [], "problems": []}
+    version: str | None = None
+    with open_store(root) as store:
+        for path in paths:
+            try:
+                record = RunRecord.from_dict(read_json(path))
+                if record.name != path.stem:
+                    raise TrackingError(f"holds a record of {record.name!r}; remove it")
+                known, own = find_run(store, record) is not None, [path.relative_to(root).as_posix(), *record.artifacts]
+                for name in () if known else own:
+                    if (root / name).exists() and locked.get(name) not in (None, dvc_hash(root / name)):
+                        raise TrackingError(
+                            f"{name} is not what {LOCK_FILE} states; `dvc checkout` brings that back, `dvc repro` "
+                            "makes it anew"
+                        )
+                if record.name == "register" and (root / REGISTERED_FILE).is_file():
+                    registered = Registered.from_dict(read_json(root / REGISTERED_FILE))
+                    version = recorded_version(store, registered, root, make=not known)
+                log_in(store, record, root)
+                done["present" if known else "logged"].append(record.name)
+            except (RuntimeError, ValueError, TypeError, AttributeError, KeyError, OSError) as error:  # of a file
+                done["problems"].append(f"{path.name}: {error}")
+    return Tracked(tuple(done["logged"]), tuple(done["present"]), tuple(done["problems"]), version)
