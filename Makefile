@@ -80,6 +80,7 @@ lint: install-dev ## check style, types and imports
 	python tools/import_cycles.py
 	python tools/architecture.py
 	python tools/mutants.py --look
+	@$(MAKE) --no-print-directory -C live lint VENV=$(abspath $(VENV))
 	@$(MAKE) --no-print-directory -C monitoring lint VENV=$(abspath $(VENV))
 
 format: install-dev ## rewrite style
@@ -93,7 +94,7 @@ ui: | $(BIN)/cylinder-friction ## open the MLflow UI on the runs
 	cylinder-friction ui
 
 serve: | $(BIN)/cylinder-friction ## serve the champion and print a curl to try
-	cylinder-friction serve
+	cylinder-friction serve $(ARGS)
 
 live: install ## friction of the rig's recordings as if they happened now, on a web page
 	@$(MAKE) --no-print-directory -C live run VENV=$(abspath $(VENV)) ARGS="$(ARGS)"

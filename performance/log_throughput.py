@@ -1,14 +1,15 @@
-"""The command ``estimate`` on logger files of every size, beside pandas that only reads the same files.
+"""The command ``estimate`` on logger files of every size, beside a script as a user would write it for the same files.
 
     python performance/log_throughput.py [--gigabytes 2] [--logs data/raw/rig] [--model models/hybrid] [--folder FOLDER]
 
-One file, 1,000 small ones, and one large one at two sizes, made of the rig's recordings, as CSV. Every run is a process
-of its own, on one core but for the sides named `cores`: rows per second are rows over its seconds of CPU, imports
-included; memory is its peak. Ratios are those of CPU time, time on the clock and memory to pandas. Of the 1,000 files
-it prints the time of a second run with nothing new and of one with ten new files as well, and the size of the page;
-before all, that of `--help` beside the import of NumPy. The two large files show whether memory grows with the file;
-the larger one's time and memory are extrapolated to ten times its size. Large files are removed at the end; needs a
-finished `dvc repro`.
+One file, 200 files of 12,000 rows, 600 of 2,400, and one large one at two sizes, made of the rig's recordings, as CSV.
+The script (``PEER``) reads each with pandas, smooths with SciPy, computes the force balance and its medians, and writes
+Parquet and a summary; it draws nothing. Every run is a process of its own, on one core but for the sides named
+`cores`: rows per second are rows over its seconds of CPU, imports included; memory is its peak. Ratios are those of CPU
+time, time on the clock and memory to the script. Of many files it prints the time of a second run with nothing new and
+of one with ten new files as well, and the size of the page; before all, that of `--help` beside the import of NumPy.
+The two large files show whether memory grows with the file; the larger one's time and memory are extrapolated to ten
+times its size. Large files are removed at the end; needs a finished `dvc repro`, or `--no-model` and the rig's logs.
 """
 
 from __future__ import annotations
@@ -35,9 +36,41 @@ import cylinder_friction
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 TIME, PRESSURES = "Time [s]", ["P1 [bar]", "P2 [bar]"]
 RATE_HZ, NOISE_BAR = 200.0, 0.05
-SMALL_FILES, SMALL_ROWS = 1000, 6000
+MANY = {"200 files": (200, 12_000), "600 files": (600, 2_400)}
+"""Number of files, and rows of each."""
 NAMES = r"(?P<session>(?P<condition>[a-z]+)[0-9]*)"
-READ = "import sys, pathlib, pandas\nfor each in pathlib.Path(sys.argv[1]).glob('*'):\n    pandas.read_csv(each)"
+PEER = """
+import json, pathlib, sys
+import numpy as np
+import pandas as pd
+from scipy.signal import savgol_filter
+
+BORE, ROD, MASS, RATE = 0.063, 0.028, 6.0, 200.0
+A1 = np.pi / 4 * BORE**2
+A2 = A1 - np.pi / 4 * ROD**2
+logs, out = pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2])
+out.mkdir(exist_ok=True)
+summary = []
+for path in sorted(logs.glob("*.csv")):
+    log = pd.read_csv(path)
+    t, p1, p2, x = (log[name].to_numpy() for name in ("Time [s]", "P1 [bar]", "P2 [bar]", "Position [mm]"))
+    p1, p2, x = p1 * 1e5, p2 * 1e5, x * 1e-3
+    v = savgol_filter(x, 21, 3, deriv=1, delta=1 / RATE)
+    a = savgol_filter(x, 31, 3, deriv=2, delta=1 / RATE)
+    friction = savgol_filter(p1, 11, 2) * A1 - savgol_filter(p2, 11, 2) * A2 - MASS * a
+    usable = (x > 0.003) & (x < 0.247)
+    usable[:20] = usable[-20:] = False
+    moving = usable & (np.abs(v) > 6e-3)
+    out_n, back_n = friction[moving & (v > 0)], friction[moving & (v < 0)]
+    result = pd.DataFrame({"time_s": t, "pressure_1_pa": p1, "pressure_2_pa": p2, "position_m": x, "velocity_m_s": v})
+    result = result.assign(friction_n=friction, usable=usable)
+    result.to_parquet(out / f"{path.stem}.parquet")
+    half = 0.5 * (np.median(out_n) - np.median(back_n)) if len(out_n) and len(back_n) else None
+    summary.append({"name": path.stem, "rows": len(log), "friction_n": half, "usable": float(usable.mean())})
+(out / "friction.html").write_text(pd.DataFrame(summary).to_html())
+(out / "summary.json").write_text(json.dumps(summary, default=float))
+"""
+"""What ``estimate`` is compared with: friction of each file, without checks, bounds, offsets, figures or repairs."""
 NEW_FILES = 10
 FLAT = 1.05
 """Memory is flat if it grows by no more than this from a quarter of the file to the whole."""
@@ -58,6 +91,7 @@ def main() -> int:
     parser.add_argument("--gigabytes", type=float, default=2.0, help="of the large file")
     parser.add_argument("--logs", type=Path, default=Path("data/raw/rig"), help="folder of the rig's recordings")
     parser.add_argument("--model", type=Path, default=Path("models/hybrid"))
+    parser.add_argument("--no-model", action="store_true", help="leave the model out")
     parser.add_argument("--no-large", action="store_true", help="leave the large files out")
     parser.add_argument("--folder", type=Path, help="where to put a folder to work in; it is removed at the end")
     arguments = parser.parse_args()
@@ -74,27 +108,29 @@ def main() -> int:
     peaks: dict[tuple[str, str], Cost] = {}
     with tempfile.TemporaryDirectory(prefix="log-throughput-", dir=arguments.folder) as name:
         work = Path(name)
-        for case in ("one file", f"{SMALL_FILES} files", *sizes):
+        for case in ("one file", *MANY, *sizes):
             folder = work / "logs"
             folder.mkdir()
             rows = written(case, folder, recordings, sizes)
             size_mb = sum(path.stat().st_size for path in folder.iterdir()) / 1e6
-            pandas = peaks[case, "pandas"] = cost("pandas", folder, work / "out", arguments.model)
-            sys.stdout.write(line(case, rows, size_mb, "pandas", pandas, pandas))
-            many = case not in ("one file", *sizes)
-            for side in ("label", "label, cores", "model", "model, cores") if many else ("label", "model"):
+            script = peaks[case, "script"] = cost("script", folder, work / "out", arguments.model)
+            sys.stdout.write(line(case, rows, size_mb, "script", script, script))
+            many = case in MANY
+            sides = ["label", *(["label, cores"] if many else [])]
+            sides += [] if arguments.no_model else ["model", *(["model, cores"] if many else [])]
+            for side in sides:
                 shutil.rmtree(work / "out", ignore_errors=True)
                 peaks[case, side] = cost(side, folder, work / "out", arguments.model)
-                sys.stdout.write(line(case, rows, size_mb, side, peaks[case, side], pandas))
+                sys.stdout.write(line(case, rows, size_mb, side, peaks[case, side], script))
             if many:
-                again(folder, work, arguments.model, pandas)
+                again(folder, work, arguments.model, script)
             shutil.rmtree(folder)
             shutil.rmtree(work / "out")
     flat = True
-    for side in ("pandas", "label", "model") if sizes else ():
+    for side in ("script", "label", *([] if arguments.no_model else ["model"])) if sizes else ():
         small, large = peaks["a quarter", side], peaks["large", side]
         grows = large.peak_mb / small.peak_mb
-        flat &= side == "pandas" or grows <= FLAT
+        flat &= side == "script" or grows <= FLAT
         mb = large.peak_mb + 12.0 * (large.peak_mb - small.peak_mb) if grows > FLAT else large.peak_mb
         sys.stdout.write(
             f"{side}: memory of the large file over that of a quarter {grows:.2f}; a file of "
@@ -109,12 +145,16 @@ def written(case: str, folder: Path, recordings: list[pd.DataFrame], sizes: dict
         recordings[0].to_csv(folder / "one1.csv", index=False)
         return len(recordings[0])
     if case not in sizes:
-        for number in range(SMALL_FILES):
-            seen = recordings[number % len(recordings)].iloc[:SMALL_ROWS].copy()
+        count, rows = MANY[case]
+        long = pd.concat(map(glided, recordings, [*recordings[1:], recordings[0]]), ignore_index=True)
+        for number in range(count):
+            first = number * rows % (len(long) - rows)
+            seen = long.iloc[first : first + rows].copy()
+            seen[TIME] = np.round(np.arange(rows) / RATE_HZ, 3)
             noise_bar = np.random.default_rng(number).normal(0.0, NOISE_BAR, (len(seen), 2))  # no two are alike
             seen[PRESSURES] = (seen[PRESSURES] + noise_bar).clip(lower=0.0).round(3)
             seen.to_csv(folder / f"small{number:04d}.csv", index=False)
-        return SMALL_FILES * SMALL_ROWS
+        return count * rows
     joined = map(glided, recordings, [*recordings[1:], recordings[0]])
     table = pa.Table.from_pandas(pd.concat(joined), preserve_index=False)
     rows, path = 0, folder / "large1.csv"
@@ -136,7 +176,7 @@ def glided(recording: pd.DataFrame, following: pd.DataFrame) -> pd.DataFrame:
     return pd.concat([recording, between])
 
 
-def again(folder: Path, work: Path, model: Path, pandas: Cost) -> None:
+def again(folder: Path, work: Path, model: Path, script: Cost) -> None:
     """Print what further runs over the same files cost, and the size of the page."""
     later = sorted(folder.iterdir())[:NEW_FILES]
     (work / "later").mkdir()
@@ -149,14 +189,14 @@ def again(folder: Path, work: Path, model: Path, pandas: Cost) -> None:
         (work / "later" / path.name).rename(path)
     ten = cost("label", folder, work / "out", model)
     for words, each in (("nothing new", nothing), (f"{NEW_FILES} new files", ten)):
-        sys.stdout.write(f"{words}: {each.clock_s:.1f} s, {each.clock_s / pandas.clock_s:.2f} of pandas' time\n")
+        sys.stdout.write(f"{words}: {each.clock_s:.1f} s, {each.clock_s / script.clock_s:.2f} of the script's time\n")
     sys.stdout.write(f"page: {(work / 'out/friction.html').stat().st_size / 1e6:.2f} MB\n")
 
 
 def cost(side: str, folder: Path, out: Path, model: Path) -> Cost:
     """Run one side over a folder in a process of its own, for the second time where something is compiled first."""
-    if side == "pandas":
-        return timed([sys.executable, "-c", READ, str(folder)])
+    if side == "script":
+        return timed([sys.executable, "-c", PEER, str(folder), str(out)])
     given = ["--channels", "conf/ingest/rig.yaml", "--names", NAMES, "--output", str(out)]
     given += ["--model", str(model)] if side.startswith("model") else []
     given += [] if side.endswith("cores") else ["--workers", "1"]
@@ -180,10 +220,10 @@ def timed(command: list[str], *allowed: int) -> Cost:
     return Cost(used.ru_utime + used.ru_stime, clock_s, used.ru_maxrss / 1024.0)
 
 
-def line(case: str, rows: int, size_mb: float, side: str, own: Cost, pandas: Cost) -> str:
+def line(case: str, rows: int, size_mb: float, side: str, own: Cost, script: Cost) -> str:
     """Return a line of the table."""
-    about = f"{case:16}{rows:12d}{size_mb:8.0f}" if side == "pandas" else " " * 36
-    cpu, clock, memory = own.cpu_s / pandas.cpu_s, own.clock_s / pandas.clock_s, own.peak_mb / pandas.peak_mb
+    about = f"{case:16}{rows:12d}{size_mb:8.0f}" if side == "script" else " " * 36
+    cpu, clock, memory = own.cpu_s / script.cpu_s, own.clock_s / script.clock_s, own.peak_mb / script.peak_mb
     return f"{about}  {side:14}{rows / own.cpu_s:12.0f}{cpu:7.2f}{clock:7.2f}{own.peak_mb:8.0f}{memory:8.2f}\n"
 
 

@@ -27,7 +27,7 @@ import numpy as np
 import psutil
 
 from cylinder_friction.deployment.child_server import child_server
-from cylinder_friction.deployment.golden_trajectory import recorded
+from cylinder_friction.deployment.golden_recording import recorded
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.execution.ports import free_port
 

@@ -84,6 +84,12 @@ def test_the_pipeline_runs_in_a_project_and_an_upgrade_runs_again_what_changed(
     assert "links hold" in call(project, "cylinder-friction", "lineage").stdout
     assert call(project, "dvc", "status").stdout.split() == ["code:", "always", "changed"]
 
+    (example,) = project.glob("mlartifacts/**/serving_input_example.json")
+    served = ("-m", "models:/friction-estimator-smoke@champion", "--env-manager", "local", "-i", str(example))
+    predicted = call(project, str(installed / "bin/python"), "-m", "mlflow", "models", "predict", *served)
+    assert "WARMING" not in predicted.stdout[-300:]
+    assert '"friction_n"' in predicted.stdout[-300:]
+
     (changed,) = installed.glob("lib/python*/site-packages/cylinder_friction/stages/lugre.py")
     changed.write_text(changed.read_text(encoding="utf-8") + "# another release\n", encoding="utf-8")
     call(project, "dvc", "repro", "code")

@@ -122,8 +122,8 @@ MUTANTS = (
     Mutant(
         "a jump of the clock does not begin another segment",
         "recordings/timeline/stamp_repair.py",
-        'segments = np.searchsorted(self.restarts, np.arange(len(self.time_s)), side="right")',
-        'segments = np.searchsorted(self.restarts, np.arange(len(self.time_s)), side="left")',
+        'segments = np.searchsorted(restarts, np.arange(len(stamps)), side="right")',
+        'segments = np.searchsorted(restarts, np.arange(len(stamps)), side="left")',
         ("recordings/timeline",),
     ),
     # Detection of motion

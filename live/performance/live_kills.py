@@ -31,6 +31,8 @@ from cylinder_friction_live.client import Client
 from live_service import arguments, running
 
 PORT, BLOCK_S, POLL_S = free_port(), 0.05, 0.005
+PATIENT = {"limits": {"loop_lag_s": 60.0}}
+"""Settings of a service that refuses no session because the machine is busy."""
 
 
 @dataclass
@@ -61,7 +63,7 @@ def main() -> int:
     stop = threading.Event()
     with tempfile.TemporaryDirectory() as name, ExitStack() as services:
         folder = Path(name)
-        start = partial(running, given.model, folder, PORT, poll_s=POLL_S)
+        start = partial(running, given.model, folder, PORT, PATIENT, poll_s=POLL_S)
         service = services.enter_context(start())
         threads = [
             threading.Thread(target=send, args=(each, recorded, tuple(estimator.inputs), step_s, rows, stop))

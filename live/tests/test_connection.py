@@ -2,7 +2,7 @@
 
 import asyncio
 import json
-from contextlib import suppress
+from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,17 +19,18 @@ from cylinder_friction_live.settings import LiveLimits
 
 
 class Wire:
-    """A client's end: gives the messages it is made of, then leaves; ``stalled`` it reads nothing."""
+    """A client's end: gives the messages it is made of, then leaves, or ``stays``; ``stalled`` it reads nothing."""
 
-    def __init__(self, *messages: bytes | str, stalled: bool = False) -> None:
-        self.messages, self.stalled = list(messages), stalled
+    def __init__(self, *messages: bytes | str, stalled: bool = False, stays: bool = False) -> None:
+        self.messages, self.stalled, self.stays = list(messages), stalled, stays
+        self.leaving = asyncio.Event()
         self.got: list[bytes | str] = []
         self.reading = asyncio.Event()
 
     async def receive(self) -> bytes | str:
         await asyncio.sleep(0)
         if not self.messages:
-            await asyncio.sleep(0.05)
+            await (self.leaving.wait() if self.stays else asyncio.sleep(0.05))
             raise ClientGoneError
         return self.messages.pop(0)
 
@@ -74,10 +75,12 @@ def test_one_client_too_many_is_sent_away_until_another_leaves(service: LiveServ
 
     async def scenario() -> tuple[Wire, Wire]:
         peers = Peers()
-        first = asyncio.create_task(Connection(Wire(opening()), service, peers).run())
+        one = Wire(opening(), stays=True)
+        first = asyncio.create_task(Connection(one, service, peers).run())
         await asyncio.sleep(0.01)
         second, third = Wire(opening()), Wire(opening())
         await Connection(second, service, peers).run()
+        one.leaving.set()
         await first
         await Connection(third, service, peers).run()
         assert peers.refused["connections"] == 1
@@ -170,7 +173,8 @@ def test_a_client_learns_why_its_session_begins_anew(service: LiveService, sampl
     service.journal.keep([replace(saved, model="f" * 64)], [])
     after, path = LiveService(service.engine, service.journal), tmp_path / "log"
     wire = Wire(opening())
-    asyncio.run(Connection(wire, after, Peers(Events(path))).run())
+    with closing(Events(path)) as events:
+        asyncio.run(Connection(wire, after, Peers(events)).run())
     words = f"the session was kept by model ffffffffffff, and the service runs {service.engine.model[:12]}"
     opened = json.loads(wire.got[0])["opened"]
     assert (opened["next_index"], opened["begins_anew"]) == (10, words)
@@ -179,9 +183,9 @@ def test_a_client_learns_why_its_session_begins_anew(service: LiveService, sampl
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no /dev/full")
 def test_a_full_disk_ends_no_log_and_is_named_once(caplog: pytest.LogCaptureFixture) -> None:
-    events = Events(Path("/dev/full"))
-    for _ in range(3):
-        events.note("session opened", session="press")
+    with closing(Events(Path("/dev/full"))) as events:
+        for _ in range(3):
+            events.note("session opened", session="press")
     assert [record.message for record in caplog.records] == ["/dev/full: nothing is logged"]
 
 
@@ -191,9 +195,11 @@ def test_what_happens_is_written_down(service: LiveService, samples: Array, tmp_
 
     async def scenario() -> None:
         peers = Peers(Events(path))
-        first = asyncio.create_task(Connection(Wire(opening(), frame), service, peers, "one").run())
+        one = Wire(opening(), frame, stays=True)
+        first = asyncio.create_task(Connection(one, service, peers, "one").run())
         await asyncio.sleep(0.01)
         await Connection(Wire(opening()), service, peers, "two").run()
+        one.leaving.set()
         await first
         session, service.loop_lag_s = service.sessions["press"], 0.5
         watching = asyncio.create_task(peers.events.watch(service))
@@ -203,6 +209,7 @@ def test_what_happens_is_written_down(service: LiveService, samples: Array, tmp_
         watching.cancel()
         with suppress(asyncio.CancelledError):
             await watching
+        peers.events.close()
 
     asyncio.run(scenario())
     lines = [json.loads(line) for line in path.read_text("utf-8").splitlines()]

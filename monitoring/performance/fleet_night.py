@@ -1,4 +1,4 @@
-"""The nightly run over a large fleet: ``python performance/fleet_night.py --cylinders 200 --sessions 365``.
+"""The nightly run over a large fleet: ``python monitoring/performance/fleet_night.py --cylinders 200 --sessions 365``.
 
 Some sessions of one cylinder are simulated and processed. Copies of its results, under other names, dates and hashes,
 fill up its life and the other cylinders', so that a night finds what it would find after a year. Then each cylinder
@@ -24,8 +24,10 @@ import pandas as pd
 import yaml
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.earlier import PROCESSED_FILE, Earlier, read_earlier, write_earlier
+from cylinder_friction.estimation.new_logs import read_results
+from cylinder_friction.estimation.result_file import Result
 from cylinder_friction.recordings.files import read_json, write_json
+from cylinder_friction.recordings.storage import read_recording, write_recording
 from cylinder_friction_monitoring.fleet.demonstration import CHANNELS, DIMENSIONS
 from cylinder_friction_monitoring.fleet.files import RESULTS, session_file
 from cylinder_friction_monitoring.fleet.fleet_file import load_fleet
@@ -69,29 +71,28 @@ def write_fleet(folder: Path, names: list[str]) -> None:
 
 
 def copy_results(
-    health: Path, name: str, sessions: int, earlier: Earlier, rows: dict[str, KeptRow], made_by: str
+    health: Path, name: str, sessions: int, results: list[Result], rows: dict[str, KeptRow], made_by: str
 ) -> None:
     """Give a cylinder a life of results of the first one, under its own name, dates and hashes."""
     own, base = health / RESULTS / name, health / RESULTS / FIRST
     made_with = hashlib.sha256(repr(Cylinder(name=name, **DIMENSIONS)).encode()).hexdigest()
     own.mkdir(parents=True)
-    recordings, kept = [], {}
+    about, kept = [], {}
     for number in range(sessions):
-        each = earlier.recordings[number % len(earlier.recordings)]
+        each = results[number % len(results)]
         before = rows[each.entry.session].row
         new, digest = f"{name}-{day(number)}", hashlib.sha256(f"{name}{number}".encode()).hexdigest()
-        os.link(base / f"{each.entry.name}.parquet", own / f"{new}.parquet")
         start = f"{DAY + timedelta(days=number):%Y-%m-%dT%H:%M:%S}Z"
         file = f"{name}/{day(number)}.csv"
         entry = replace(each.entry, source_sha256=digest, name=new, session=new, source_file=file, start=start)
-        recordings.append(replace(each, entry=entry))
+        depends_on = {**each.depends_on, "cylinder": made_with}
+        texts = replace(each, entry=entry, depends_on=depends_on, beside=()).texts()
+        write_recording(own, read_recording(base / each.file), new, texts)
+        about.append(asdict(entry))
         row = replace(before, cylinder=name, session=new, start=start, files={file: digest})
         kept[new] = KeptRow(row, key_of([asdict(entry)], made_by), made_with)
-    depends_on = {**earlier.depends_on, "cylinder": made_with}
-    write_earlier(own, Earlier(depends_on, tuple(recordings), earlier.offsets))
     summary = read_json(base / "summary.json")
-    about = [asdict(each.entry) for each in recordings]
-    files = [f"{each.entry.name}.parquet" for each in recordings] + ["summary.json", PROCESSED_FILE]
+    files = [f"{each['name']}.parquet" for each in about] + ["summary.json"]
     write_json(own / "summary.json", summary | {"recordings": about, "files": sorted(files), "depends_on": depends_on})
     write_rows(health / session_file(name), [each.row for each in kept.values()], kept, {}, {})
 
@@ -125,11 +126,10 @@ def main() -> None:
         health = folder / "health"
         owned, code = load_fleet(folder / "fleet.yaml").cylinders[FIRST], code_hash()
         made_by = CylinderRun(FIRST, owned, health, folder, code, DAY).made_by
-        depends_on = read_json(health / RESULTS / FIRST / "summary.json")["depends_on"]
-        earlier, rows = read_earlier(health / RESULTS / FIRST, depends_on), read_rows(health / session_file(FIRST))
+        results, rows = read_results(health / RESULTS / FIRST), read_rows(health / session_file(FIRST))
         shutil.rmtree(folder / "logs")
         for name in names:
-            copy_results(health, name, options.sessions, earlier, rows, made_by)
+            copy_results(health, name, options.sessions, results, rows, made_by)
         marker = read_json(health / "health.json")
         tables = [session_file(name) for name in names]
         write_json(health / "health.json", marker | {"files": sorted({*marker["files"], *tables})})

@@ -1,6 +1,6 @@
 """Whether alarms of monitoring can be believed: false alarms, delays and dates over lives, beside other tests.
 
-    python performance/monitoring.py [--seed 7] [--scratch FOLDER] [--kept] [--servo]
+    python monitoring/performance/monitoring.py [--seed 7] [--scratch FOLDER] [--kept] [--servo]
 
 The rig simulates seven cylinders in full: a year in 96 sessions, and each disturbance; two of them also with faults.
 The scratch folder keeps their rows, so that a second run takes minutes. Longer lives with a session a day, and more of

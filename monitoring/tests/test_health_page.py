@@ -10,9 +10,9 @@ import pytest
 from playwright.sync_api import Page
 
 import packed_pages
+from cylinder_friction_monitoring.errors import Refused
 from cylinder_friction_monitoring.fleet.files import pane_file
 from cylinder_friction_monitoring.page.health_page import health_pane, write_health_page
-from cylinder_friction_monitoring.refused import Refused
 from cylinder_friction_monitoring.trends.assessment import Assessment, Baseline, Change, Entry, IndicatorTrend
 from cylinder_friction_monitoring.trends.cylinder_line import CylinderLine, in_order, line_of
 from cylinder_friction_monitoring.trends.session_row import SessionRow

@@ -1,4 +1,4 @@
-"""Print the table of ``monitoring.cusum``: how the greatest statistic of a healthy year falls off, by simulation."""
+"""Print the table of ``trends.cusum``: how the greatest statistic of a healthy year falls off, by simulation."""
 
 from __future__ import annotations
 

@@ -110,7 +110,8 @@ def test_what_is_no_recording_at_all_has_its_reason_in_the_table(tmp_path: Path,
 def test_windows_that_last_another_time_at_the_logs_rate_are_noted(tmp_path: Path, log: pd.DataFrame) -> None:
     report, refused = inspect_path(write(tmp_path, log.iloc[::2]), params_for(), tmp_path / "page.html")
     assert not refused
-    assert "filter windows are in samples and were chosen for 200 Hz, but recordings come at 100 Hz" in report
+    assert report.count("filter windows are in samples and were chosen for 200 Hz, but recordings come at 100 Hz") == 1
+    assert "bring them to 200 Hz with ingest.time.rate_hz=200, or keep the times with filter." in report
 
 
 def test_every_piece_of_a_file_is_shown(tmp_path: Path, log: pd.DataFrame) -> None:
@@ -119,9 +120,10 @@ def test_every_piece_of_a_file_is_shown(tmp_path: Path, log: pd.DataFrame) -> No
     assert not refused
     page = unpacked((tmp_path / "page.html").read_text(encoding="utf-8"))
     for part in (1, 2, 3):
-        assert f"(part {part}): usable with these repairs: time: split at 2 gaps" in report
+        assert f"(part {part}): usable with these repairs; friction " in report
         assert f'<section id="recording-{part}"' in page
     assert page.count('<div class="plot"') >= 3
+    assert report.count("  repaired  repair  time: split at 2 gaps") == 3
     assert report.endswith("1 file: 1 repaired")
 
 
@@ -208,7 +210,8 @@ def test_inspect_prints_the_checks_and_writes_the_page(
 ) -> None:
     assert main(["inspect", str(write(workplace / "logs", log)), "ingest=rig", "--output", "page.html"]) == 0
     told = capsys.readouterr().out
-    assert told.startswith("condition1_session01_recording01.csv: usable for labelling\n  ok        friction  ")
+    assert told.startswith("condition1_session01_recording01.csv: usable for labelling; friction 334 N, both ways at")
+    assert "  ok  " not in told, "what is in order is on the page"
     assert told.endswith("\n\n1 file: 1 ok\n\npage     page.html\n")
     assert "condition1_session01" in (workplace / "page.html").read_text(encoding="utf-8")
 
@@ -222,7 +225,9 @@ def test_a_refused_file_in_a_folder_is_told_by_the_exit_status(
     assert main(["inspect", "logs", "ingest=rig"]) == 1
     told = capsys.readouterr().out
     assert "3 files: 2 ok, 1 refused" in told
-    assert "condition1_session03_recording01.csv: not usable: position_m moves by 0 m only" in told
+    assert (
+        "condition1_session03_recording01.csv: not usable\n  refused   motion    position_m moves by 0 m only" in told
+    )
     assert 'id="recording-3"' in (workplace / "reports/inspection.html").read_text(encoding="utf-8")
 
 

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from cylinder_friction.deployment.golden_trajectory import GoldenError, difference_n, recorded
+from cylinder_friction.deployment.golden_recording import recorded
+from cylinder_friction.deployment.golden_trajectory import GoldenError, difference_n
 from cylinder_friction.deployment.scoring import ServedModel
 from cylinder_friction.realtime.model import StepModel
 

@@ -173,6 +173,9 @@ def test_the_printed_curl_gives_friction_that_has_settled(server: Served) -> Non
     assert '"friction_n"' in done.stdout
     assert "WARMING" not in done.stdout
     assert "serving friction-estimator version 1 at" in text
+    assert comes_true(lambda: "A new champion is served after a restart" in server.text()), server.text()
+    assert "Bounds: " in server.text()
+    assert "not stated" not in server.text()
 
 
 def test_six_hundred_requests_at_once_are_not_mixed_up(

@@ -97,6 +97,10 @@ FLAGGED: dict[str, tuple[Callable[[pd.DataFrame], Request], ...]] = {
     "a value that no working sensor gives": (
         lambda rows: split(rows.iloc[[0, *[1] * 99]], **{P1: [1e6] + [1e9] * 99}),
     ),
+    "pressures or position of the wrong sign": (
+        lambda rows: scaled(rows, -1.0),
+        lambda rows: scaled(rows, 1.0, -1.0),
+    ),
     "plausible values outside the training range": (
         lambda rows: split(rows, **{X: 1.5 * rows[X].max() - 0.5 * rows[X].min()}),
     ),

@@ -1,4 +1,4 @@
-"""Inference needs no training library: neither loading nor estimating imports one, nor SciPy's slow parts."""
+"""Inference needs no training library: neither loading nor estimating imports one."""
 
 import subprocess
 import sys
@@ -26,7 +26,7 @@ for folder in sorted(Path(sys.argv[1]).glob("model_*")):
     estimator = load_estimator(folder)
     estimator.estimate(recording)
     estimator.stream().step(*recording.samples(estimator.inputs)[0])
-    heavy = {"torch", "sklearn", "mlflow", "scipy.optimize", "scipy.special", "scipy.ndimage"}
+    heavy = {"torch", "sklearn", "mlflow"}
     print(folder.name, *sorted(heavy & set(sys.modules)))
 """
 

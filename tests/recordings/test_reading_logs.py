@@ -170,11 +170,17 @@ def plain(logs: Path, folder: Path, pressure: float = 1.0, position: float = 1.0
 @pytest.mark.parametrize(
     ("scales", "words"),
     [
-        ({"pressure": 1.0}, r"pressure of 'p1' .* and 'p2' .* fits bar or psi or MPa; state .*--unit pressure=bar "),
-        ({"pressure": 100.0}, r"fits kPa or psi or mbar; .* \(in Python units=\{'pressure': 'kPa'\}\)"),
+        (
+            {"pressure": 1.0},
+            r"pressure of 'p1' .* and 'p2' .* fits bar or psi or MPa; .*: --unit pressure=bar or --unit pressure=psi",
+        ),
+        ({"pressure": 100.0}, r"fits kPa or psi or mbar; .* \(in Python units=\{quantity: unit\}\)"),
         ({"pressure": 1e5, "position": 0.1}, r"length of 'x' \(values .*\) fits mm or cm; .*--unit length=mm"),
-        ({"pressure": 1e5, "time": 20.0}, r"time of 't' \(steps of 0.1\) fits s or ms; .*--unit time=s"),
-        ({"pressure": 1e-5}, r"pressure of 'p1' .* fits no usual unit; .*--unit pressure=bar"),
+        (
+            {"pressure": 1e5, "time": 20.0},
+            r"time of 't' \(steps of 0.1\) fits s or ms; .*--unit time=s or --unit time=ms ",
+        ),
+        ({"pressure": 1e-5}, r"pressure of 'p1' .* fits no usual unit; .*--unit pressure=UNIT "),
     ],
 )
 def test_units_that_the_values_leave_open_are_refused(

@@ -9,8 +9,7 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.ingesting import convert_in_parts
-from cylinder_friction.recordings.long_logs import LongRecording
+from cylinder_friction.recordings.ingesting import recordings_of
 from cylinder_friction.recordings.reading_logs import find_logs
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.start import Start, start_in_header
@@ -92,7 +91,7 @@ LOGS: dict[str, tuple[Callable[[pd.DataFrame, Path], Any], str, str, str]] = {
 }
 
 
-@pytest.mark.parametrize("rows", [None, 1000])
+@pytest.mark.parametrize("rows", [None, 1200])
 @pytest.mark.parametrize("kind", LOGS)
 def test_a_recording_knows_when_it_was_made(tmp_path: Path, cylinder: Cylinder, kind: str, rows: int | None) -> None:
     write, zone, text, source = LOGS[kind]
@@ -100,10 +99,18 @@ def test_a_recording_knows_when_it_was_made(tmp_path: Path, cylinder: Cylinder, 
     write(made_log(4000), tmp_path / "log")
     time = {"channel": "t"} | ({} if "dates" in kind or kind == "Parquet" else {"unit": "s"})
     logs = find_logs(tmp_path / "log", {"channels": CHANNELS | {"time_s": time}, "start": rules}, cylinder)
-    (recording,) = convert_in_parts(logs.files, logs.recipe, tmp_path / "parts", rows)
-    assert isinstance(recording, LongRecording if rows else Recording), recording
-    assert recording.metadata.start == text
-    assert recording.metadata.start_source == source
+    found = list(recordings_of(logs.files, logs.recipe, rows))
+    rows_before = 0
+    for recording in found:
+        assert isinstance(recording, Recording), recording
+        start = recording.metadata.start
+        assert (bool(start), start.endswith("Z")) == (bool(text), text.endswith("Z"))
+        if text:
+            since = np.datetime64(start.removesuffix("Z")) - np.datetime64(text.removesuffix("Z"))
+            assert abs(since - np.timedelta64(5 * rows_before, "ms")) <= np.timedelta64(1, "ms")
+        assert recording.metadata.start_source == source
+        rows_before += len(recording)
+    assert len(found) == (1 if rows is None else 3)
 
 
 PATTERN = r"(?P<day>\d\d)(?P<month>\d\d)(?P<year>\d\d)(?:_(?P<hour>\d\d)(?P<minute>\d\d))?"

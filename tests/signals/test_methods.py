@@ -31,12 +31,13 @@ SHIPPED: dict[str, dict[str, Any]] = {"adaptive": {}, "moving_average": {}, "sav
 def test_windows_in_samples_at_another_rate_are_said_in_seconds(cylinder: Cylinder) -> None:
     filters = filters_by_method(cylinder, **SHIPPED)
     assert windows_at(filters["moving_average"], 0.001) == windows_at(filters["moving_average_centred"], 0.001)
-    assert windows_at(filters["moving_average"], 0.001) == (
+    assert windows_at(filters["moving_average"], 0.001, in_pipeline=True) == (
         "filter windows are in samples and were chosen for 200 Hz, but recordings come at 1000 Hz: window 10 lasts "
         "0.01 s in place of 0.05 s, acceleration_window 30 lasts 0.03 s in place of 0.15 s; bring them to 200 Hz "
         "with ingest.time.rate_hz=200, or keep the times with filter.moving_average.window=50 "
         "filter.moving_average.acceleration_window=150"
     )
+    assert windows_at(filters["adaptive"], 0.001).endswith("bring them to 200 Hz with time.rate_hz: 200 in the mapping")
     assert windows_at(filters["rts"], 0.001) == "", "its times are in seconds"
     assert "pressure_window" not in windows_at(filters["adaptive"], 0.001), "and so are the windows of its forces"
     for each in filters.values():

@@ -16,7 +16,7 @@ import yaml
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller
-from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of, pieces_from
+from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of, part_suffix, pieces_from
 from cylinder_friction.recordings.files import whole_folder
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.path_names import NameRules
@@ -142,7 +142,7 @@ def _labelled(logged: RigRecording, recipe: Recipe, labeller: Labeller) -> Itera
     pieces = pieces_from([LoggedTable(as_written(logged.logger))], recipe)
     truth, signal_filter = logged.truth, default_filter(labeller.cylinder)
     for number, piece in enumerate(pieces, start=1):
-        metadata = metadata_of(piece, recipe.names.names(file), number, len(pieces), file, "", recipe)
+        metadata = metadata_of(piece, recipe.names.names(file), part_suffix(number, len(pieces)), file, "", recipe)
         raw = checked(piece, metadata, recipe)
         rows = np.rint(raw.column("time_s") / raw.sample_time_s).astype(np.int64)
         load_n = truth["load_force_n"].to_numpy() if "load_force_n" in truth.columns else np.zeros(len(truth))

@@ -55,7 +55,7 @@ def create_app(
     events, history = events or Events(), folder / HISTORY_FOLDER
     peers, watchers = Peers(events), Watchers(service, history, stribeck)
     guard = AccessControl(access or Access(), host, peers.refused, events)
-    service.takers += [link.note for link in links if type(link).note is not Link.note]
+    service.takers += [link.note for link in links]
 
     async def drain() -> None:
         peers.draining = True
@@ -111,6 +111,7 @@ def create_app(
             yield
         service.keep()
         move_into_history(service.journal, history, within_s=LAST_MOVES_S)
+        events.close()
 
     app = Starlette(
         routes=[

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import logging
+from contextlib import suppress
 from datetime import UTC, datetime
 from logging.handlers import RotatingFileHandler
 from pathlib import Path
@@ -43,6 +44,13 @@ class Events:
             time = datetime.now(UTC).isoformat(timespec="milliseconds")
             line = json.dumps({"time": time, "event": event, **fields}, separators=(",", ":"))
             self._file.handle(logging.LogRecord(__name__, logging.INFO, "", 0, line, None, None))
+
+    def close(self) -> None:
+        """Close the file; nothing is noted from now on."""
+        file, self._file = self._file, None
+        if file is not None:
+            with suppress(OSError):  # a full disk has been named
+                file.close()
 
     async def watch(self, service: LiveService) -> None:
         """Note each second which sessions began anew and how late the loop was."""

@@ -66,7 +66,7 @@ def test_an_entry_is_withdrawn_by_a_later_one_and_so_is_a_withdrawal(tmp_path: P
 
     add("2026-03-01", "reset")
     assert add("2026-03-02", "withdraw", "service 2027-03-01")[-1] == ("service 2027-03-01", True)
-    found = add("2026-03-03", "withdraw", "reset 2026-03-01T00:00Z")
+    found = add("2026-03-03", "withdraw", "reset 2026-03-01T00:00")
     assert [name for name, withdrawn in found if withdrawn] == ["reset 2026-03-01", "service 2027-03-01"]
     found = add("2026-03-04", "withdraw", "withdraw 2026-03-03")
     assert [name for name, withdrawn in found if withdrawn] == ["withdraw 2026-03-03", "service 2027-03-01"]

@@ -26,7 +26,7 @@ from cylinder_friction_monitoring.fleet.database import SQLITE_FILE, TABLES, upd
 from cylinder_friction_monitoring.fleet.entries import add_entry, entries_of
 from cylinder_friction_monitoring.fleet.nightly import HEALTH_FILE, FleetHealth, monitor_fleet
 from cylinder_friction_monitoring.fleet.plan import Fleet
-from cylinder_friction_monitoring.trends.assessment import Assessment, Baseline, Change, Entry, IndicatorTrend
+from cylinder_friction_monitoring.trends.assessment import Entry
 from fleet_samples import NOW, write_fleet, write_kept, write_session
 from health_rows import changed
 from health_rows import sessions as health_sessions
@@ -256,37 +256,9 @@ def test_a_model_of_another_bore_is_refused(
     )
 
 
-@pytest.fixture
-def worn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every cylinder with three sessions has an alarm."""
-
-    def found(cylinder: str, rows: Any, entries: Any, plan: Any, now: Any) -> Assessment:
-        if len(rows) < 3:
-            return Assessment(cylinder, "not yet", "not yet")
-        names = tuple(row.session for row in rows)
-        base = Baseline(2, 2, names[0], names[1], 300.0, 5.0, 0.4, 9.0, 0.02, 12.0)
-        values = tuple(row.indicators["friction_n"].value for row in rows)
-        between = names[1:3]
-        change = Change("friction_n", -30.0, (-40.0, -20.0), -10.0, (-13.0, -7.0), names[2], between, names[2])
-        nothing = (None,) * len(names)
-        trend = IndicatorTrend(base, names, values, nothing, nothing)
-        return Assessment(cylinder, "alarm", "Friction fell.", (change,), {"friction_n": trend})
-
-    monkeypatch.setattr(one_cylinder, "assess", found)
-
-
-def test_an_alarm_is_new_until_it_was_announced(folder: Path, fleet: Fleet, worn: None) -> None:
-    health = run(folder, fleet)
-    assert (health.status, health.new_alarms) == (3, ("a",))
-    assert run(folder, fleet).status == 3, "the first run ended before it could say so"
-    health.announced()
-    assert run(folder, fleet).status == 0
-    assert health.lines[0].headline == "friction -10 % since 2026-03-03"
-
-
 def worn_in_may(tmp_path: Path, **own: Any) -> tuple[Path, Fleet]:
     """Write a cylinder whose friction falls by a fifth in May, as an earlier run keeps it."""
-    fleet = write_fleet(tmp_path, "press", own={"press": own})
+    fleet = write_fleet(tmp_path, "press", "spare", own={"press": own})
     rows = changed(health_sessions(200), 150, times={"friction_n": 0.8, "breakaway_n": 0.8})
     write_kept(tmp_path / "health", fleet, rows)
     return tmp_path / "health", fleet
@@ -299,20 +271,25 @@ def test_a_service_in_the_future_hides_no_alarm_until_it_comes(tmp_path: Path) -
     pane = unpacked_pane(into / "panes/press.js")
     assert "is the date right? the service of 2027-03-01 (entered by fleet.yaml) has not come" in pane
     assert monitor_fleet([], fleet, into, datetime(2027, 3, 2, tzinfo=UTC)).lines[0].answer == "alarm", "far away"
-    planned = write_fleet(tmp_path, "press", own={"press": {"services": [{"time": "2025-08-01"}]}})
+    planned = write_fleet(tmp_path, "press", "spare", own={"press": {"services": [{"time": "2025-08-01"}]}})
     assert monitor_fleet([], planned, into, datetime(2025, 7, 31, tzinfo=UTC)).lines[0].answer == "alarm"
     assert monitor_fleet([], planned, into, datetime(2025, 8, 2, tzinfo=UTC)).lines[0].answer == "not yet"
 
 
-def test_an_acknowledged_alarm_leaves_the_top_and_returns_as_a_new_one(tmp_path: Path) -> None:
+def test_an_alarm_is_new_until_it_was_announced_and_returns_as_a_new_one(tmp_path: Path) -> None:
     into, fleet = worn_in_may(tmp_path)
 
-    def night(month: int, day: int) -> FleetHealth:
+    def night(month: int, day: int, *, announced: bool = True) -> FleetHealth:
         health = monitor_fleet([], fleet, into, datetime(2025, month, day, tzinfo=UTC))
-        health.announced()
+        if announced:
+            health.announced()
         return health
 
-    assert night(7, 20).new_alarms == ("press",)
+    assert night(7, 20, announced=False).status == 3
+    health = night(7, 20)
+    assert (health.status, health.new_alarms) == (3, ("press",)), "the first run ended before it could say so"
+    assert health.lines[0].headline == "friction -20 % since 2025-05-31"
+    assert night(7, 20).status == 0
     add_entry(into, Entry("press", "2025-07-20", "Kim", "acknowledge", "seal is ordered"), fleet)
     line = night(7, 21).lines[0]
     assert (line.answer, line.rank, line.acknowledged) == ("watch", 4, "Kim, 2025-07-20: seal is ordered")
@@ -322,26 +299,25 @@ def test_an_acknowledged_alarm_leaves_the_top_and_returns_as_a_new_one(tmp_path:
     assert night(10, 20).new_alarms == ()
 
 
-def test_the_tables_follow_the_files(folder: Path, fleet: Fleet, worn: None) -> None:
-    health = run(folder, fleet)
-    into = folder / "health"
+def test_the_tables_follow_the_files(tmp_path: Path) -> None:
+    into, fleet = worn_in_may(tmp_path)
+    health = monitor_fleet([], fleet, into, NOW)
     assert update_database("", into, health.lines, entries_of(into, fleet)) == 2
     assert update_database("", into, health.lines, entries_of(into, fleet)) == 0
     with sqlite3.connect(into / SQLITE_FILE) as tables:
         ask = tables.execute
         answers = ask("SELECT cylinder, answer, needs FROM health_cylinder ORDER BY needs").fetchall()
-        assert answers == [("a", "alarm", 0), ("b", "not yet", 5)]
-        assert ask("SELECT indicator, change, percent_low, since FROM health_change").fetchall() == [
-            ("friction_n", -30.0, -13.0, "a-2026-03-03")
-        ]
-        assert ask("SELECT count(*), count(friction_n_compensated) FROM health_session").fetchone() == (5, 3)
-        assert ask("SELECT threshold FROM health_baseline").fetchall() == [(9.0,)]
+        assert answers == [("press", "alarm", 0), ("spare", "not yet", 5)]
+        changes = ask("SELECT indicator, round(percent), since FROM health_change").fetchall()
+        assert changes == [("friction_n", -20.0, "s150"), ("breakaway_n", -20.0, "s150")]
+        assert ask("SELECT count(*), count(friction_n_compensated) FROM health_session").fetchone() == (200, 200)
+        assert ask("SELECT count(*) FROM health_baseline WHERE threshold > 1.0").fetchone() == (5,)
         for table, columns in TABLES.items():
             assert [row[1] for row in ask(f"PRAGMA table_info({table})")] == list(columns)
-    only_b = tuple(each for each in health.lines if each.cylinder == "b")
-    assert update_database("", into, only_b, {}) == 1
+    spare = tuple(each for each in health.lines if each.cylinder == "spare")
+    assert update_database("", into, spare, {}) == 1
     with sqlite3.connect(into / SQLITE_FILE) as tables:
-        assert tables.execute("SELECT DISTINCT cylinder FROM health_session").fetchall() == [("b",)]
+        assert tables.execute("SELECT count(*) FROM health_session").fetchone() == (0,)
     (into / SQLITE_FILE).write_bytes(b"no database at all, but long enough to be looked at" * 4)
     with pytest.raises(MonitoringError, match=r"health.sqlite are not up to date: .*; the page and the files are"):
         update_database("", into, health.lines, {})

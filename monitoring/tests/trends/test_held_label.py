@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.running_estimate import RunningEstimate, label_missed
+from cylinder_friction.estimation.running_estimate import estimated, label_missed
 from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.recordings.recording import Recording
@@ -25,20 +25,20 @@ def test_rows_count_while_bounds_do(cylinder: Cylinder, labelled_recordings: lis
     pressure_pa[2000:2100] = 1e9  # no reading of a working sensor
     metadata = replace(recording.metadata, depends_on={"model": "one"})
     given = replace(recording.with_columns(pressure_1_pa=pressure_pa), metadata=metadata)
-    estimated = RunningEstimate(ridge).estimated(given, slice(0, len(given)))
-    flags = estimated.columns["flags"]
+    found_rows = estimated(given, ridge)
+    flags = found_rows.columns["flags"]
     failed = flags & (Flag.INVALID_PRESSURE_1 | Flag.RECOVERING) != 0
     trusted = flags & (Flag.NOT_READY | Flag.WARMING | Flag.INVALID_PRESSURE_1 | Flag.RECOVERING) == 0
     trusted &= flags & (Flag.FROZEN | Flag.UNMODELLED_FORCE) == 0
-    label_n = np.where(trusted & (rows % 4 > 0), estimated.column("friction_n"), 1e6)
+    label_n = np.where(trusted & (rows % 4 > 0), found_rows.column("friction_n"), 1e6)
     outside = np.where(rows % 2 > 0, Flag.OUTSIDE, 0)
-    estimated = estimated.with_columns(label_n=label_n, flags=flags | outside)
-    assert (failed & estimated.usable()).sum() > 100
-    found = held_label([estimated], 0.9)
+    found_rows = found_rows.with_columns(label_n=label_n, flags=flags | outside)
+    assert (failed & found_rows.usable()).sum() > 100
+    found = held_label([found_rows], 0.9)
     assert found is not None
     assert found.share is not None
     assert found.share == pytest.approx(0.75, abs=0.02)
     assert ridge.bounds is not None
     words = f"bounds hold the label in {100.0 * found.share:.0f} % of the rows, not in 90 %"
     narrow = replace(ridge.bounds, probability=0.99)  # of which a quarter is far too often missed
-    assert label_missed([estimated], narrow) == words.replace("90 %", "99 %")
+    assert label_missed(found_rows, narrow) == words.replace("90 %", "99 %")

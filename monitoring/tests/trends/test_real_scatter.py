@@ -13,7 +13,7 @@ from cylinder_friction_monitoring.trends.indicators import session_row
 from cylinder_friction_monitoring.trends.plan import IndicatorPlan, MonitorPlan
 from cylinder_friction_monitoring.trends.session_row import SessionRow
 
-REPEATS = Path(__file__).parents[3] / "shared" / "data" / "pneumatic-repeats"
+REPEATS = Path(__file__).parents[4] / "shared" / "data" / "pneumatic-repeats"
 CYLINDER = Cylinder(bore_diameter_m=0.0257, rod_diameter_m=0.01, stroke_m=0.045, moving_mass_kg=0.1)
 STEP_S = 0.01
 

@@ -103,6 +103,16 @@ def test_wear_on_its_way_names_the_date_of_the_limit() -> None:
     assert abs(int(change.since[1:]) - 130) <= 15
 
 
+def test_a_limit_that_is_passed_names_since_when() -> None:
+    rows = changed(sessions(330), 130, 100, times=FRICTION | {"friction_n": 1.4})
+    found = assess("press", rows, plan=MonitorPlan(limit_percent={"friction_n": 20.0}))
+    change = found.changes[0]
+    assert change.limit_passed
+    assert "and has passed your limit since about 2025-06" in found.words or "since about 2025-07" in found.words
+    assert change.limit_interval is not None
+    assert str(change.limit_interval[0]) <= str(rows[180].start[:10]) <= str(change.limit_interval[1])
+
+
 @pytest.mark.parametrize("begins", [130, 145])
 def test_other_oil_is_asked_for(begins: int) -> None:
     rows = changed(sessions(200), begins, times=FRICTION)

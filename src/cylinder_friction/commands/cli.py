@@ -5,6 +5,7 @@ import errno
 import importlib
 import os
 import sys
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -95,6 +96,7 @@ def _run(given: Sequence[str]) -> int:
         print(f"cylinder-friction {given[0]}: {error}", file=sys.stderr)
         return 1
     name = " ".join(["cylinder-friction", options.command, *([options.what] if "what" in options else [])])
+    warnings.formatwarning = lambda message, *_, **__: f"{name}: note: {message}\n"  # the line of code helps nobody
     try:
         with explained(extra):
             return int(options.run(options) or 0)

@@ -8,7 +8,7 @@ import yaml
 
 from cylinder_friction.estimators.entry_points import own_code
 from cylinder_friction.import_graph import code_key, remove_stale_machine_code
-from cylinder_friction.params.checking import IN_A_PROJECT, ParamsError
+from cylinder_friction.params.checking import IN_A_PROJECT, ParamsError, load_params
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.run_record import STAGES
 from cylinder_friction.tracking.repository import CODE_FILE
@@ -31,5 +31,17 @@ def run(_options: argparse.Namespace) -> None:
     folder = Path.cwd()
     if not (folder / "dvc.yaml").is_file():
         raise ParamsError(f"{folder / 'dvc.yaml'}: not there; {IN_A_PROJECT}")
+    _refuse_missing_logs()
     remove_stale_machine_code()  # so that what a stage runs is what its hash names
     write_code(folder)
+
+
+def _refuse_missing_logs() -> None:
+    """Refuse a configuration of own logs before they are there: DVC would only name the missing path."""
+    params = load_params()
+    source = Path(params.ingest.source)
+    if params.record.recordings == 0 and not source.exists():
+        raise ParamsError(
+            f"{source} (ingest.source): no such folder; put your logs there, each file where ingest.name_pattern "
+            f"({params.ingest.name_pattern}) finds its condition and session, or name the folder that holds them"
+        )

@@ -17,7 +17,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from cylinder_friction.commands._imports import staying
 from cylinder_friction.commands._model import model_folder
 
 if TYPE_CHECKING:
@@ -59,7 +58,10 @@ def add_reading_arguments(parser: argparse.ArgumentParser) -> None:
     words = f"its YAML file with the same keys, or {EXAMPLE_CYLINDER}; default: params.yaml of a project"
     parser.add_argument("--cylinder", help=words)
     parser.add_argument("--channels", type=Path, help="mapping, as `ingest init` writes it; default: guessed")
-    words = "unit that the files do not state: pressure=bar, length=mm, time=ms, ...; may be repeated"
+    words = (
+        "unit that the files do not state: pressure=bar, length=mm, time=ms, ..., or the rate of the rows: time=200Hz; "
+        "may be repeated"
+    )
     parser.add_argument("--unit", action="append", default=[], metavar="QUANTITY=UNIT", help=words)
     words = "accuracy of pressure sensors that state none, ± %% of full scale; 0.5 is typical; default: unknown"
     parser.add_argument("--sensor-class", type=float, metavar="PERCENT", help=words)
@@ -87,10 +89,9 @@ def units_of(given: Sequence[str]) -> dict[str, str]:
 
 
 def run(options: argparse.Namespace) -> int:
-    with staying():
-        from cylinder_friction.estimation.from_logs import PAGE_FILE, estimate_logs
-        from cylinder_friction.evaluation.friction_levels import in_words
-        from cylinder_friction.execution.selection import workers_from_environment
+    from cylinder_friction.estimation.from_logs import PAGE_FILE, estimate_logs
+    from cylinder_friction.evaluation.friction_levels import in_words
+    from cylinder_friction.execution.selection import workers_from_environment
 
     with ExitStack() as stack:
         if model := options.model:

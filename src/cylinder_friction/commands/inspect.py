@@ -52,7 +52,8 @@ def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
     files = _files(path, params, recipe.names.table)
     labeller, plan = labeller_from(params, params.ingest.load), plan_from(params.offset)
     filters = filters_by_method(labeller.cylinder, **params.filter.model_dump(exclude={"method"}))
-    making = Panes(labeller, filters, params.filter.method, len(files), plan, LOADED.get(params.ingest.load, ""))
+    no_offset = LOADED.get(params.ingest.load, "")
+    making = Panes(labeller, filters, params.filter.method, len(files), plan, no_offset, in_pipeline=True)
     return _inspected(files, recipe, making, page)
 
 

@@ -8,6 +8,8 @@ import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+import yaml
+
 from cylinder_friction.deployment.child_server import child_server, listenable, noted_signals, wait_for_signal
 
 EXAMPLE_FILE, SHOWN = "serving_input_example.json", 300  # MLflow's example of a request; the last bytes of the answer
@@ -38,19 +40,21 @@ def run(options: argparse.Namespace) -> int:
         url = f"http://{_reached_at(options.host)}:{port}"
         received = noted_signals()
         with child_server(command, f"{url}/ping", received, cwd=Path(scratch)) as server:
-            print(_announcement(name, url, folder / EXAMPLE_FILE), flush=True)
+            print(_announcement(name, url, folder), flush=True)
             wait_for_signal(received, server)
     return 0
 
 
 def _found(model: str | None, scratch: Path) -> tuple[str, Path]:
     """Return the name of a model and its folder; the files of a registered one are copied below ``scratch``."""
-    from cylinder_friction.params.checking import load_params
-    from cylinder_friction.tracking.model_folder import download_model, version_of
-    from cylinder_friction.tracking.store import open_store
+    if model is None:
+        from cylinder_friction.params.checking import load_params
 
-    model = model or load_params().champion
+        model = load_params().champion
     if model.startswith("models:/"):
+        from cylinder_friction.tracking.model_folder import download_model, version_of
+        from cylinder_friction.tracking.store import open_store
+
         with open_store(Path.cwd(), create=False) as store:
             version = version_of(store, model)
             return f"{version.name} version {version.version}", download_model(store, version, scratch / "model")
@@ -67,12 +71,14 @@ def _reached_at(host: str) -> str:
     return f"[{host}]" if ":" in host else host
 
 
-def _announcement(name: str, url: str, example: Path) -> str:
+def _announcement(name: str, url: str, folder: Path) -> str:
+    example, described = folder / EXAMPLE_FILE, yaml.safe_load((folder / "MLmodel").read_text("utf-8"))
+    bounds = (described.get("metadata") or {}).get("bounds", "not stated")
     rows = len(json.loads(example.read_text("utf-8"))["dataframe_split"]["data"])
     curl = f"curl -s {url}/invocations -H 'Content-Type: application/json' \\\n  -d {shlex.quote(f'@{example}')}"
     return (
         f"serving {name} at {url} (stop with Ctrl-C)\n\ntry it in another terminal:\n\n{curl} | tail -c {SHOWN}\n\n"
         f"It sends {rows} rows of a recording and shows the last one; rows of the first 3 s are flagged WARMING.\n"
         "friction_n is in newtons, positive when it opposes extension. Send the rows of a recording in order, at the\n"
-        "trained sample time. A new champion is served after a restart."
+        f"trained sample time. Bounds: {bounds}.\nA new champion is served after a restart."
     )

@@ -10,26 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.realtime.model import StepModel
-from cylinder_friction.realtime.stream import RealTimeStream
 
 GOLDEN_FILE = "golden.json"
-ROWS, PERIOD_ROWS = 800, 400
 TOLERANCE_N = 0.1
 """Other processors round single precision otherwise."""
 
 
 class GoldenError(ValueError):
     """A runtime does not give what was recorded with its model."""
-
-
-def recorded(model: StepModel) -> dict[str, Any]:
-    """Return samples that sweep the training range, and the outputs of the compiled step for them."""
-    lower, upper = np.array(model.guard.trained_lower), np.array(model.guard.trained_upper)
-    phases = 2.0 * np.pi * np.arange(ROWS)[:, None] / PERIOD_ROWS + np.arange(len(model.inputs))
-    samples = 0.5 * (lower + upper) + 0.3 * (upper - lower) * np.sin(phases)
-    newtons, flags = RealTimeStream(model).run(samples)
-    return {"samples": samples.tolist(), "newtons": newtons.tolist(), "flags": flags.tolist()}
 
 
 def difference_n(run: Callable[[Array], tuple[Array, NDArray[np.integer[Any]]]], golden: dict[str, Any]) -> float:

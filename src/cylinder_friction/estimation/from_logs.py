@@ -1,42 +1,48 @@
-"""Logger files become files of friction and one page; memory holds one recording, or one part of a long one."""
+"""Logger files become files of friction and one page.
+
+A log goes a straight way: it is read, mapped, aligned, checked, smoothed and labelled. Once all logs of a session are
+labelled, its offset is taken off, and each recording's result is written.
+"""
 
 from __future__ import annotations
 
 import hashlib
+import json
 import math
-import shutil
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.earlier import (
-    Earlier,
-    Processed,
-    read_earlier,
-    result_files,
-    sort_logs,
-    write_earlier,
-)
-from cylinder_friction.estimation.labelled_logs import LabelledLogs, inputs, refused_piece
-from cylinder_friction.estimation.recording_friction import FileFormat
+from cylinder_friction.estimation.labelled_logs import LabelledLogs, inputs
+from cylinder_friction.estimation.new_logs import read_results, sort_logs
+from cylinder_friction.estimation.recording_friction import LabelledRecording, RecordingFriction, refused_piece
+from cylinder_friction.estimation.result_file import FileFormat, Result, packed, write_result
 from cylinder_friction.estimation.results import FrictionOfLogs, table_rows
 from cylinder_friction.estimation.running_estimate import loaded_once
+from cylinder_friction.evaluation.inspection.friction_view import view_of_labelled
 from cylinder_friction.execution.workers import Died, Workers
+from cylinder_friction.labelling.known_offset import KnownOffset
+from cylinder_friction.recordings.checks.duplicates import SeenRecordings
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, PRESSURES
-from cylinder_friction.recordings.files import hash_of, write_json
-from cylinder_friction.recordings.long_logs import ROWS_AT_ONCE
+from cylinder_friction.recordings.files import hash_of, read_json
+from cylinder_friction.recordings.ingesting import digest_of
+from cylinder_friction.recordings.long_log_parts import ROWS_AT_ONCE
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertainty
 from cylinder_friction.recordings.reading_logs import Logs, find_logs
+from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.result_folder import ResultFolder
-from cylinder_friction.reporting.friction_page import pane_file, write_friction_page
+from cylinder_friction.reporting.friction_page import friction_pane, write_friction_page
 from cylinder_friction.reporting.level_tables import level_tables
 from cylinder_friction.reporting.page import PLOTTED
+from cylinder_friction.signals.smooth_signals import smooth_recording
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
@@ -44,6 +50,8 @@ if TYPE_CHECKING:
 TYPICAL_CLASS = 0.5
 """Accuracy of most pressure sensors of machines, ± percent of full scale."""
 SUMMARY_FILE, PAGE_FILE = "summary.json", "friction.html"
+OF_ONE_RUN = ("new", "news")
+"""What the summary states of the last run alone."""
 LABEL_BOUNDS = (
     "friction lies between them in about 95 % of the rows (k = 2: sensors as stated, smoothing, load, sensor offset)"
 )
@@ -66,14 +74,14 @@ def estimate_logs(
     rows_at_once: int = ROWS_AT_ONCE,
     workers: Workers | None = None,
 ) -> FrictionOfLogs:
-    """Write the friction of logger files into a folder: one file per recording, ``summary.json`` and one page.
+    """Write the friction of logger files into a folder: one Parquet file per recording, ``summary.json`` and one page.
 
-    Each file has a row per sample: what was measured, in SI units, ``velocity_m_s`` (extension positive),
+    Each Parquet file has a row per sample: what was measured, in SI units, ``velocity_m_s`` (extension positive),
     ``friction_n`` (positive when it opposes positive velocity), ``lower_n``, ``upper_n``, ``usable``, and
     ``load_force_n`` where a load was taken off. Without a model friction is the off-line label, which looks ahead, less
     the sensors' offset where strokes determine it. With one it is the real-time estimate; its ``flags`` and the label,
-    ``label_n``, stand beside it. Of logs that an earlier call wrote into this folder only those are processed that are
-    new.
+    ``label_n``, stand beside it. Logs whose results lie in the folder already are not processed again, unless they, or
+    what friction depends on (cylinder, mapping, load, model, code), have changed.
 
     Args:
         files, channels, load, names, units, sensor_class: As in ``read_recordings``.
@@ -82,8 +90,10 @@ def estimate_logs(
         into: A new folder, or one that an earlier call wrote. Files that no earlier call wrote stay in it.
         model: An estimator or the folder of a saved one; logs are resampled to its rate. None: the off-line label.
         other_cylinder: Whether a model may be of a cylinder of other areas.
-        file_format: ``parquet``, ``csv`` or ``mdf``: all that a measurement file holds, with the results beside it.
-        rows_at_once: A log of more rows is processed in parts of about so many, so that memory holds one of them.
+        file_format: ``parquet``; or ``csv`` or ``mdf``, a file beside each Parquet file. MDF holds all that a
+            measurement file does, and the results.
+        rows_at_once: A log of more rows is cut into parts of about this many, each a recording of its session, so that
+            memory holds one of them.
         workers: Work on recordings side by side; None: one after the other, here.
 
     Raises:
@@ -103,86 +113,170 @@ def estimate_logs(
     """
     into = Path(into)
     files = files if isinstance(files, str | Path) else list(files)
-    estimator = loaded_once(Path(model)) if isinstance(model, str | Path) else model
+    given_model = Path(model) if isinstance(model, str | Path) else model
+    estimator = loaded_once(given_model) if isinstance(given_model, Path) else given_model
     if estimator is not None and estimator.trained_for is not None and not other_cylinder:
         estimator.trained_for.refuse(cylinder)
     rate_hz = None if estimator is None or estimator.sample_time_s is None else 1.0 / estimator.sample_time_s
     given: dict[str, Any] = {"names": names, "load": load, "rate_hz": rate_hz, "units": units, "database": database}
     logs = find_logs(files, channels, cylinder, **given).with_sensor_class(sensor_class)
     read = inputs(files, channels, model, logs)
-    depends_on = _depends_on(logs, cylinder, estimator, file_format)
-    with ResultFolder(into, SUMMARY_FILE, "cylinder-friction estimate", read).written() as folder:
-        earlier = read_earlier(into, depends_on)
-        found = sort_logs(logs, earlier)
-        scratch = folder / ".scratch"
-        run = LabelledLogs(
-            replace(logs, files=found.new), cylinder, scratch, estimator, rows_at_once, workers, depends_on
+    depends_on = _depends_on(logs, cylinder, given_model, file_format)
+    target = ResultFolder(into, SUMMARY_FILE, "cylinder-friction estimate", read)
+    with target.scratch() as scratch:
+        digests, there = {name: digest_of(path) for name, path in logs.files.items()}, read_results(into)
+        found = sort_logs(logs, digests, into, there, depends_on)
+        work_on = replace(logs, files=found.new)
+        run = LabelledLogs(work_on, cylinder, scratch, given_model, rows_at_once, workers)
+        labelled = _labelled(run, found.kept, digests, depends_on)
+        listed = frozenset(target.listed())
+        if not listed:
+            target.claim()
+        new = _write_results(run, labelled, into, file_format, depends_on, listed)
+        results = sorted([*found.kept, *new], key=lambda each: Path(each.entry.source_file))
+        stale = {each.entry.name: each for each in there}
+        for each in results:
+            stale.pop(each.entry.name, None)
+        target.remove([name for each in stale.values() for name in (each.file, *each.beside)])
+        offsets = {each.offset.session: each.offset for each in results if each.offset is not None} | run.offsets
+        result = FrictionOfLogs(
+            into,
+            _bounds_in_words(run, any(each.bounded for each in results)),
+            [each.entry for each in results],
+            sorted(run.refused, key=lambda each: (each.file, each.piece)),
+            [offsets[name] for name in sorted(offsets)],
+            tuple(each.entry.name for each in results if each in new),
+            found.news,
+            depends_on,
+            logs.guessed,
         )
-        processed = _processed(run, folder, file_format, found.kept)
-        kept = {each.entry.name for each in found.kept}
-        new = tuple(each.entry.name for each in processed if each.entry.name not in kept)
-        offsets = {each.session: each for each in earlier.offsets} | run.offsets
-        sessions = {each.entry.session for each in processed}
-        known = [each for name, each in sorted(offsets.items()) if name in sessions]
-        bounds = _bounds_in_words(run, any(each.bounded for each in processed))
-        shutil.rmtree(scratch, ignore_errors=True)
-        entries = [each.entry for each in processed]
-        result = FrictionOfLogs(into, bounds, entries, run.refused, known, new, found.news, depends_on, logs.guessed)
-        if found.same:
-            return result
-        write_earlier(folder, Earlier(depends_on, tuple(processed), tuple(known)))
-        rows = table_rows(result)
-        tables = level_tables(result.differences, result.levels)
-        write_friction_page(folder / PAGE_FILE, rows, known, bounds, logs.guessed, tables)
-        stays = [[*result_files(into, name), pane_file(name)] for name in sorted(kept)]
-        write_json(folder / SUMMARY_FILE, result.to_dict() | {"kept": list(chain(*stays))})
+        own_files = [name for each in results for name in (each.file, *each.beside)]
+        _write_summary(target, result, own_files)
     return result
 
 
+def _labelled(
+    run: LabelledLogs, kept: Sequence[Result], digests: Mapping[str, str], depends_on: Mapping[str, str]
+) -> list[LabelledRecording]:
+    """Label the new logs, beside what the kept results show."""
+    seen, evidence = SeenRecordings(), []
+    if run.logs.files:
+        compared = [each.of_other_recordings() for each in kept]
+        about = [(each.entry.name, each.entry.source_file, each.entry.source_sha256) for each in kept]
+        seen.remember((*who, samples) for who, (_, samples) in zip(about, compared, strict=True))
+        evidence = [
+            shown
+            for each, (shown, _) in zip(kept, compared, strict=True)
+            if shown is not None and each.depends_on == depends_on
+        ]
+    return run.labelled(seen, evidence, digests)
+
+
+def _write_results(
+    run: LabelledLogs,
+    labelled: Sequence[LabelledRecording],
+    folder: Path,
+    file_format: FileFormat,
+    depends_on: Mapping[str, str],
+    listed: Collection[str],
+) -> list[Result]:
+    """Write the result of each recording; those that cannot be written are ``refused``."""
+    of_file = Counter(each.metadata.source_file for each in labelled)
+    detailed = len(labelled) <= PLOTTED
+    work = [
+        partial(
+            _written,
+            run.friction,
+            each,
+            run.offsets.get(each.metadata.session),
+            of_file[each.metadata.source_file],
+            folder,
+            file_format,
+            depends_on,
+            detailed,
+            run.logs.files[each.metadata.source_file],
+            listed,
+        )
+        for each in labelled
+    ]
+    results = []
+    for each, result in zip(labelled, run.workers.in_order(work), strict=True):
+        if isinstance(result, Died | str):
+            run.refused.append(refused_piece(each.metadata, result))
+        else:
+            results.append(result)
+        each.kept.remove()
+    return results
+
+
+def _written(
+    friction: RecordingFriction,
+    labelled: LabelledRecording,
+    offset: KnownOffset | None,
+    of_file: int,
+    folder: Path,
+    file_format: FileFormat,
+    depends_on: Mapping[str, str],
+    detailed: bool,
+    log: Path,
+    listed: Collection[str],
+) -> Result | str:
+    """Take the offset off a recording's friction and write its result; return why if that fails.
+
+    Args:
+        offset: What is known of the sensors' offset; None with an estimator.
+        of_file: How many recordings its log gave.
+        detailed: Whether the page shows friction against velocity, and the Stribeck curve.
+    """
+    finished = friction.finished(labelled.kept.read(), offset)
+    finished = replace(finished, metadata=replace(finished.metadata, depends_on=depends_on))
+    entry, bounded = friction.entry(finished, labelled.load), bool(np.isfinite(finished.column("lower_n")).any())
+    compared = packed(labelled.evidence, labelled.samples)
+    result = Result.of(entry, depends_on, of_file, file_format, bounded, offset, compared)
+    try:
+        write_result(folder, finished, result, _pane(friction, finished, detailed), log, listed)
+    except RecordingError as error:
+        return f"its results cannot be written as {file_format}: {error}"
+    return result
+
+
+def _pane(friction: RecordingFriction, finished: Recording, detailed: bool) -> str:
+    view = None
+    if detailed:
+        smooth = smooth_recording(finished, friction.filter)
+        view = view_of_labelled(finished, smooth, friction.labeller.cylinder, friction.filter)
+    return friction_pane(finished, view)
+
+
+def _write_summary(target: ResultFolder, result: FrictionOfLogs, files: Sequence[str]) -> None:
+    """Write the summary and the page of all results, unless those that are there state the same."""
+    page, content = target.folder / PAGE_FILE, result.to_dict()
+    stated = json.loads(json.dumps({name: value for name, value in content.items() if name not in OF_ONE_RUN}))
+    there = read_json(target.folder / SUMMARY_FILE)
+    if page.is_file() and {name: there.get(name) for name in stated} == stated:
+        return
+    tables = level_tables(result.differences, result.levels)
+    write_friction_page(page, table_rows(result), result.offsets, result.bounds, result.guessed, tables)
+    target.claim([PAGE_FILE, *files], content)
+
+
 def _depends_on(
-    logs: Logs, cylinder: Cylinder, estimator: FrictionEstimator | None, file_format: FileFormat
+    logs: Logs, cylinder: Cylinder, model: FrictionEstimator | Path | None, file_format: FileFormat
 ) -> dict[str, str]:
-    """Return what results depend on beside the logs: what was used before under another hash makes all of them new."""
+    """Hash what results depend on beside the logs: if something was another one before, all of them are new."""
     table = logs.recipe.names.table
     given = [path for path in (table, logs.recipe.database) if path is not None and path.is_file()]
     mapping = f"{replace(logs.recipe, cylinder='')}{''.join(map(hash_of, given))}"
     contents = {"cylinder": repr(cylinder), "mapping": mapping, "format": file_format}
     hashes = {name: hashlib.sha256(content.encode()).hexdigest() for name, content in contents.items()}
     hashes |= {"version of the code": hash_of(Path(__file__).parents[1]), "model": ""}
-    if estimator is not None:
+    if isinstance(model, Path):
+        hashes["model"] = hash_of(model)
+    elif model is not None:
         with tempfile.TemporaryDirectory() as folder:
-            estimator.save(Path(folder) / "model")
+            model.save(Path(folder) / "model")
             hashes["model"] = hash_of(Path(folder) / "model")
     return hashes
-
-
-def _processed(run: LabelledLogs, folder: Path, file_format: FileFormat, kept: Sequence[Processed]) -> list[Processed]:
-    """Write results and panes of the new recordings into a folder; return them and the kept ones by their files."""
-    labelled = run.labelled(kept)
-    detailed = len(labelled) <= PLOTTED
-    pieces = [
-        partial(
-            run.friction.written,
-            each,
-            run.offsets.get(each.metadata.session),
-            run.loads.get(each.metadata.name, ""),
-            folder,
-            file_format,
-            detailed,
-            run.logs.files[each.metadata.source_file],
-        )
-        for each in labelled
-    ]
-    processed = list(kept)
-    for each, result in zip(labelled, run.workers.in_order(pieces), strict=True):
-        if isinstance(result, Died | str):
-            run.refused.append(refused_piece(each.metadata, result))
-            continue
-        entry, bounded = result
-        name = each.metadata.name
-        processed.append(Processed(entry, bounded, run.seen.hashes[name], tuple(run.evidence.get(name, ()))))
-        each.remove()
-    return sorted(processed, key=lambda each: Path(each.entry.source_file))
 
 
 def _bounds_in_words(run: LabelledLogs, bounded: bool) -> str:

@@ -50,6 +50,8 @@ from cylinder_friction.signals.smooth_signals import has_pressures
 MODELS_FILE, PAGE_FILE = "friction_models.json", "friction_models.html"
 CONFIDENCE, DAMPING_RATIO = 0.95, 0.5
 POPULATION, GENERATIONS = 10, 50
+MOST_ROWS = 1 << 20
+"""Of a longer log only some parts are used, spread evenly over it: memory holds all that is identified from."""
 SIMULATED_RECORDINGS, PIECE_S, POLISHED_PIECE_S = 16, 10.0, 60.0
 """What differential evolution simulates, and the longest piece of each recording in the last local searches."""
 INTERVALS_OF_PARAMETERS = (
@@ -152,12 +154,12 @@ def identify_logs(
     read = inputs(files, channels, None, logs)
     with ResultFolder(into, MODELS_FILE, "cylinder-friction identify", read).written() as folder:
         run = LabelledLogs(logs, cylinder, folder / ".scratch", None)
-        shown = tqdm(run.recordings(), "read and label", len(logs.files), unit="recording", disable=None)
+        shown = tqdm(run.recordings(MOST_ROWS), "read and label", len(logs.files), unit="recording", disable=None)
         labelled = list(shown)
-        shutil.rmtree(run.scratch, ignore_errors=True)
-        others = _loaded(run, labelled) | other_rates([recording.metadata for recording in labelled])
+        shutil.rmtree(run.keeper.folder, ignore_errors=True)
+        others = _loaded(run, labelled) | other_rates([recording.metadata for recording, _ in labelled])
         refused = [*run.refused, *others.values()]
-        recordings = [recording for recording in labelled if recording.name not in others]
+        recordings = [recording for recording, _ in labelled if recording.name not in others]
         if not recordings:
             raise none_usable(logs.root.as_posix(), len(logs.files), refused[0])
         search = ModelSearch(recordings, cylinder, generations, seed, run.offsets)
@@ -265,9 +267,11 @@ class ModelSearch:
         return IdentifiedModel(model.name, model.title, names, "", parameters, found.velocity, found)
 
 
-def _loaded(run: LabelledLogs, recordings: Sequence[Recording]) -> dict[str, Quarantined]:
+def _loaded(run: LabelledLogs, recordings: Sequence[tuple[Recording, str]]) -> dict[str, Quarantined]:
     """Return, by name, the recordings whose friction still holds a load: it would pass for another parameter."""
-    left = {each.name: (each.metadata.source_file, load_left(run.entry([each]))) for each in recordings}
+    left = {
+        each.name: (each.metadata.source_file, load_left(run.friction.entry(each, load))) for each, load in recordings
+    }
     return {name: Quarantined(file, words, name) for name, (file, words) in left.items() if words}
 
 

@@ -40,6 +40,7 @@ from cylinder_friction.estimators.training_plan import (
     TrainingPlan,
 )
 from cylinder_friction.extras import explained
+from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros_are_known
 from cylinder_friction.realtime.forest import Forest
 from cylinder_friction.realtime.lstm import Lstm, LstmState, LstmWeights
 from cylinder_friction.realtime.model import StepModel
@@ -402,9 +403,6 @@ def _tracker_of(recordings: Sequence[Recording], cylinder: Cylinder, inputs: tup
     """Return how the sensors' offset is learned, or None where none was identified surely enough."""
     if not (all(each.metadata.identified_zero for each in recordings) and set(SAMPLE_COLUMNS) <= set(inputs)):
         return None
-    # SciPy's optimisation: only training waits for it
-    from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros_are_known
-
     return fit_offset_tracker(recordings, cylinder, inputs) if zeros_are_known(recordings) else None
 
 

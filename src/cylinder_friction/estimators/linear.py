@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
@@ -185,8 +186,6 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
         """Choose the weight with the smallest mean absolute error on the usable rows."""
-        from scipy.optimize import minimize_scalar  # what only estimates need not wait for it
-
         recordings = self._begin_fit(recordings)
         labels, masks = labelled_rows(recordings)
         forces = [

@@ -124,7 +124,7 @@ def in_words(found: Sequence[RecordingDifference]) -> str:
     if not equal:
         return ""
     friction = [each.friction_n for each in found if each.equal is not None]
-    spread = f"friction in steady sliding is {min(friction):.0f} to {max(friction):.0f} N from recording to recording"
+    spread = f"the mean in steady sliding is {min(friction):.0f} to {max(friction):.0f} N from recording to recording"
     still = sorted((each for each in found if each.differs_still), key=lambda each: -abs(_newtons(each)))
     if not still:
         return f"{spread}; at equal pressures, speed and direction recordings agree within their scatter"

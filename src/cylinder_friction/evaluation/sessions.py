@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import stdtrit
 
 from cylinder_friction.arrays import Array, Mask
 
@@ -63,8 +64,6 @@ def half_width_points(deviations: Mapping[str, Array], of: Collection[str]) -> f
     Returns:
         NaN where no condition has two sessions, because nothing then shows how much they differ.
     """
-    from scipy.special import stdtrit  # what only estimates need not wait for it
-
     freedom = sum(len(each) - 1 for each in deviations.values())
     if freedom < 1:
         return math.nan

@@ -50,6 +50,10 @@ class Workers:
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
         pass
 
+    def stay_here(self, _pieces: int) -> bool:
+        """Return whether this many pieces run in this process, so that they may return what is large."""
+        return True
+
     def do_all(self, pieces: Sequence[Work]) -> Iterator[tuple[int, Any]]:
         """Yield the number of each piece and what it returned, or ``Died``, as they finish.
 
@@ -99,6 +103,9 @@ class ExecutorWorkers(Workers):
         """Explain the death of a piece's worker; return None for an exception that the piece itself raised."""
         raise NotImplementedError
 
+    def stay_here(self, pieces: int) -> bool:
+        return pieces < self.least
+
     def do_all(self, pieces: Sequence[Work]) -> Iterator[tuple[int, Any]]:
         suspects = []
         for number, result in self._round(range(len(pieces)), pieces):
@@ -111,7 +118,7 @@ class ExecutorWorkers(Workers):
 
     def in_order(self, pieces: Iterable[Work]) -> Iterator[Any]:
         pieces = list(pieces)
-        if len(pieces) < self.least:
+        if self.stay_here(len(pieces)):
             yield from super().in_order(pieces)
             return
         finished: dict[int, Any] = {}

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.parameters import RETRACT_RATIO, STRIBECK, STRIBECK_EXPONENT, refuse_impossible
@@ -66,8 +67,6 @@ def fit_stribeck(velocity_m_s: Array, friction_n: Array, weight: Array | None = 
     Raises:
         ValueError: There are fewer points than parameters.
     """
-    from scipy.optimize import least_squares  # what only estimates need not wait for it
-
     velocity, friction = np.asarray(velocity_m_s, dtype=np.float64), np.asarray(friction_n, dtype=np.float64)
     if len(velocity) < CURVE_PARAMETERS:
         raise ValueError(

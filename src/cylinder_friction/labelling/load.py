@@ -20,6 +20,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
+from scipy.ndimage import distance_transform_edt
 
 from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.labelling.robust import (
@@ -332,8 +333,6 @@ def _worst_along(grid: Array, position_m: Array, values: Array) -> Array:
 
 def _pooled_over_several(sessions: Sequence[LoadIdentification]) -> PositionLoad:
     """Return the mean over the sessions that know a place."""
-    from scipy.ndimage import distance_transform_edt  # what a load of one position need not wait for
-
     ranges_m = [(each.coverage.range_m, *(each.around.ranges_m if each.around else ())) for each in sessions]
     axes = []
     for number, column in enumerate(sessions[0].columns):

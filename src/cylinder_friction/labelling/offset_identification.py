@@ -34,6 +34,7 @@ from typing import Any, Self
 
 import numpy as np
 from numpy.polynomial import legendre
+from scipy.optimize import minimize
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
@@ -428,8 +429,6 @@ def _fitted(
     That is its logarithmic standard deviations, which the search begins at ``guess``, expected near ``expected``, and
     the posterior means and standard deviations of the sessions' offsets.
     """
-    from scipy.optimize import minimize  # what only estimates need not wait for it
-
     seen, every = model._seen(sessions), -(-len(sessions) // MOST_SEARCHED)
     searched = seen if every == 1 else model._seen(sessions[::every])
     size, even = len(seen.evidence.common) - 1, len(model.even_places)

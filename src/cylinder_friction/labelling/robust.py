@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.stribeck import HUBER_NOISE_MULTIPLE
@@ -77,8 +78,6 @@ def clustered_half_widths(design: Array, fit: RobustFit, clusters: NDArray[np.in
     if free < 1:
         return np.full(design.shape[1], np.inf)
     covariance = clustered_covariance(design, fit, clusters)
-    from scipy.special import stdtrit  # what only estimates need not wait for it
-
     quantile = float(stdtrit(free, 0.5 + 0.5 * confidence))
     return np.asarray(quantile * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
 

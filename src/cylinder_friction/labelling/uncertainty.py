@@ -19,11 +19,11 @@ def smoothing_deviation(recording: Recording, cylinder: Cylinder, signal_filter:
         (area * recording.column(column) for column, area in sensitivities(recording, cylinder).items()),
         start=np.zeros(len(recording)),
     )
-    step_s, known = recording.sample_time_s, recording.noise
-    variance = np.square(signal_filter.knowing(known.get(DRIVE_FORCE)).deviation(force_n, step_s))
+    step_s = recording.sample_time_s
+    variance = np.square(signal_filter.deviation(force_n, step_s))
     if LOAD_FORCE in recording.columns:
         load_n = recording.column(LOAD_FORCE)
-        variance += np.square(signal_filter.knowing(known.get(LOAD_FORCE)).deviation(load_n, step_s))
+        variance += np.square(signal_filter.deviation(load_n, step_s))
     return np.asarray(np.sqrt(variance))
 
 
@@ -63,8 +63,7 @@ def label_uncertainty(
     for column, area in areas.items():
         stated = recording.metadata.uncertainty[column]
         constant = stated.zero**2
-        noise = recording.noise.get(column)
-        if (noise_deviation(recording.column(column)) if noise is None else noise) < DITHER * stated.resolution:
+        if noise_deviation(recording.column(column)) < DITHER * stated.resolution:
             constant += stated.resolution**2 / 12.0
         variance += area**2 * constant
         if stated.span:

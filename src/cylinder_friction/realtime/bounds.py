@@ -18,6 +18,8 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import brentq
+from scipy.special import ndtr, ndtri, stdtrit
 
 from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.realtime.flags import Flag
@@ -178,8 +180,6 @@ def _further_for_few(errors_n: Array, sessions: Whole, probability: float) -> fl
     count = len(np.unique(sessions))
     if count < 2:
         return 1.0
-    from scipy.special import ndtri, stdtrit
-
     means = np.array([errors_n[sessions == each].mean() for each in np.unique(sessions)])
     share = min(float(np.var(means, ddof=1) / max(np.mean(errors_n**2), 1e-12)), 1.0)
     side = 1.0 - (1.0 - probability) / 2.0
@@ -248,9 +248,6 @@ def _widened(
     """
     if upper >= UNKNOWN_N:
         return lower, upper
-    from scipy.optimize import brentq
-    from scipy.special import ndtr
-
     deviations_n = np.maximum(deviations_n, SMALLEST_DEVIATION_N)
     side = 1.0 - (1.0 - probability) / 2.0
     furthest = float(np.abs(errors_n).max() + 10.0 * deviations_n.max())

@@ -17,6 +17,7 @@ from dataclasses import replace
 
 import numba
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
@@ -139,8 +140,6 @@ def _zero_of(recording: Recording, weights: Array, channels: Sequence[str]) -> f
 
 def _line_above(pressure_pa: Array, force_n: Array, margin_n: float) -> tuple[float, float]:
     """Return constant and slope of the line a margin above all forces whose mean distance from them is smallest."""
-    from scipy.optimize import minimize_scalar  # training alone waits for it
-
     mean_pa, steepest = float(pressure_pa.mean()), float(np.abs(force_n).max() / max(pressure_pa.std(), 1.0))
 
     def above(slope: float) -> float:

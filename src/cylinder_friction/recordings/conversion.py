@@ -18,8 +18,8 @@ from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
 from cylinder_friction.recordings.formats.reading import open_logged_file
 from cylinder_friction.recordings.mapping.calibration import ZeroReading, ZeroRules, apply_zero, find_zero
-from cylinder_friction.recordings.mapping.channel_facts import words_of
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, sensor_limits, wanted_channels
+from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.path_names import NameRules, PathNames
 from cylinder_friction.recordings.recording import Columns, Recording, RecordingMetadata, RecordingPiece
@@ -61,12 +61,14 @@ class Recipe:
             column: entry if isinstance(entry, ChannelMapping) else ChannelMapping.from_dict(entry)
             for column, entry in settings["channels"].items()
         }
+        channels = {column: each.for_stroke(column, cylinder.stroke_m) for column, each in channels.items()}
+        steps = {column: limits.step for column, limits in sensor_limits(channels).items() if limits.step}
         areas_m2 = (cylinder.piston_area_m2, cylinder.annulus_area_m2)
         return cls(
             names=names,
             channels=channels,
             cylinder=cylinder.name,
-            limits=CheckLimits(cylinder.stroke_m, *areas_m2, load, **settings.get("checks", {})),
+            limits=CheckLimits(cylinder.stroke_m, *areas_m2, load, steps, **settings.get("checks", {})),
             file_format=settings.get("format", "auto"),
             csv=CsvOptions(**settings.get("csv", {})),
             screen=ScreenRules(**settings.get("screen", {})),
@@ -79,7 +81,7 @@ class Recipe:
 
 
 def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> LongTable | list[LoggedTable]:
-    """Return the tables of a file with the mapped channels. A table of more ``rows`` is to be read in parts of so many.
+    """Open a file's tables with the mapped channels. A table of more ``rows`` is to be read in parts of so many.
 
     If a stated rate takes the place of time, what is called time is read too, for it must not contradict that rate.
     """
@@ -88,13 +90,13 @@ def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> LongTabl
     tables = read(wanted)
     if recipe.channels["time_s"].rate_hz is None:
         return tables
-    first = [next(tables.spread())] if isinstance(tables, LongTable) else tables
+    first = [next(tables.chunks())] if isinstance(tables, LongTable) else tables
     clocks = {name for table in first for name in table.unread if words_of(name).quantity == "time"}
     return read(wanted | clocks) if clocks else tables
 
 
 def pieces_of(path: Path, recipe: Recipe, *, screened: bool = True) -> list[RecordingPiece]:
-    """Return the unbroken stretches of a file in SI units, each at one constant rate, with all that was repaired.
+    """Read the unbroken stretches of a file in SI units, each at one constant rate, with all that was repaired.
 
     If not ``screened``, bad samples stay where they are, to be looked at, and only repairs of time are stated.
     """
@@ -103,10 +105,20 @@ def pieces_of(path: Path, recipe: Recipe, *, screened: bool = True) -> list[Reco
     return pieces_from(tables, recipe, screened=screened)
 
 
-def pieces_from(tables: Sequence[LoggedTable], recipe: Recipe, *, screened: bool = True) -> list[RecordingPiece]:
-    """Return what ``pieces_of`` does, from tables that are read already."""
+def pieces_from(
+    tables: Sequence[LoggedTable], recipe: Recipe, *, screened: bool = True, rows_before: int = 0
+) -> list[RecordingPiece]:
+    """Map, screen and align tables that are read already; see ``pieces_of``.
+
+    ``rows_before`` counts the rows of the file above the tables, if they are a part of it. A clock that is a stated
+    rate runs on from there.
+    """
     mapped = map_signals(tables, recipe.channels)
     signals, notes = mapped.signals, tuple[str, ...]()
+    rate_hz = recipe.channels[TIME].rate_hz
+    if rows_before and rate_hz is not None:
+        later = {id(each.time_s): each.time_s + rows_before / rate_hz for each in signals.values()}
+        signals = {name: replace(each, time_s=later[id(each.time_s)]) for name, each in signals.items()}
     if screened:
         limits = sensor_limits(recipe.channels)
         signals, bad = screen_signals(signals, limits, recipe.screen, recipe.limits.stroke_m)
@@ -117,10 +129,9 @@ def pieces_from(tables: Sequence[LoggedTable], recipe: Recipe, *, screened: bool
 
 
 def metadata_of(
-    piece: RecordingPiece, names: PathNames, number: int, pieces: int, source_file: str, digest: str, recipe: Recipe
+    piece: RecordingPiece, names: PathNames, suffix: str, source_file: str, digest: str, recipe: Recipe
 ) -> RecordingMetadata:
-    """Return the metadata of one piece. If a file was split, the names of its pieces are numbered from 1."""
-    suffix = f"_part{number}" if pieces > 1 else ""
+    """Return the metadata of one piece. ``suffix`` is what its name has beyond that of its file, such as ``_part2``."""
     stated = piece.start if piece.start is None or piece.segment == 0 or piece.start.dated_rows else None
     start = recipe.start.of(stated, source_file)
     sensors = {column: each.sensor.identity for column, each in recipe.channels.items() if each.sensor is not None}
@@ -139,6 +150,11 @@ def metadata_of(
         sensors={column: known for column, known in sensors.items() if known},
         repairs=piece.repairs,
     )
+
+
+def part_suffix(number: int, parts: int, width: int = 1) -> str:
+    """Return how the name of one of several parts of a file ends; empty if there is only one."""
+    return f"_part{number:0{width}d}" if parts > 1 else ""
 
 
 def zeroed(

@@ -3,29 +3,25 @@
 from __future__ import annotations
 
 import shutil
+import warnings
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 from cylinder_friction.execution.workers import Died, Workers
-from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection, Hashes, window_hashes
-from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of
+from cylinder_friction.recordings.checks.duplicates import Samples, SeenRecordings
+from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of, open_tables
 from cylinder_friction.recordings.files import hash_of, whole_folder, write_json
-from cylinder_friction.recordings.long_logs import (
-    Draft,
-    LongRecording,
-    on_disk,
-    pieces_in_turn,
-    pieces_or_drafts,
-)
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.long_log_parts import file_pieces
 from cylinder_friction.recordings.mapping.calibration import ZeroReading, find_zero, session_zero
 from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
 from cylinder_friction.recordings.progress import shown
-from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, RecordingPiece
+from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 from cylinder_friction.recordings.storage import write_recording
 
 
@@ -64,7 +60,7 @@ class Ingested:
         return [metadata for metadata, _ in self.recordings if metadata.repairs]
 
     def summary(self) -> str:
-        """Return what happened, for a person: one line in all, one a repair and one a refusal."""
+        """Describe for a person what happened: one line in all, one per repair and one per refusal."""
         seconds = sum(rows * metadata.sample_time_s for metadata, rows in self.recordings)
         lines = [
             f"{len(self.recordings)} recordings ({seconds / 3600.0:.3g} h) from {self.files} files; "
@@ -95,18 +91,19 @@ def ingest_folder(source: Source, into: Path, quarantine_file: Path, workers: Wo
         )
     files = {path.relative_to(source.folder).as_posix(): path for path in paths}
     notes = [*source.recipe.names.lines_without_file(files), *_not_read(source, paths)]
-    result = Ingested(len(files), notes)
+    result, workers = Ingested(len(files), notes), workers or Workers()
     with whole_folder(into) as folder:
         elsewhere = folder / ".converted"
-        for outcome in convert_in_parts(files, source.recipe, elsewhere, workers=workers):
+        batch = batch_of(files, source.recipe, workers=workers)
+        work = [partial(_written, file, elsewhere / str(number)) for number, file in enumerate(batch.files)]
+        for outcome in usable(batch, work, workers):
             if isinstance(outcome, Quarantined):
                 result.quarantined.append(outcome)
                 continue
-            if isinstance(outcome, Recording):
-                write_recording(folder, outcome)
-            else:
-                outcome.paths[0].rename(folder / f"{outcome.metadata.name}.parquet")
-            result.recordings.append((outcome.metadata, len(outcome)))
+            path, rows = outcome.result
+            path.rename(folder / f"{outcome.metadata.name}.parquet")
+            result.recordings.append((outcome.metadata, rows))
+        result.notes += [overlaps] if (overlaps := batch.seen.overlaps()) else []
         shutil.rmtree(elsewhere, ignore_errors=True)
         others = other_rates([metadata for metadata, _ in result.recordings])
         for name in others:
@@ -119,126 +116,163 @@ def ingest_folder(source: Source, into: Path, quarantine_file: Path, workers: Wo
     return result
 
 
-def convert_in_parts(
-    files: Mapping[str, Path],
-    recipe: Recipe,
-    folder: Path | None = None,
-    rows: int | None = None,
-    workers: Workers | None = None,
-) -> Iterator[Recording | LongRecording | Quarantined]:
-    """Yield the recordings of each file in turn, those of a long one in parts, and for what is unusable the reason.
-
-    Also refused: a copy of a file already read, the same measurement exported twice, and a second recording of one
-    name.
-
-    Args:
-        files: By their paths below the source, with ``/``, from which condition and session are taken.
-        recipe: Its channels have passed ``check_mapping``.
-        folder: Where the parts of long files are kept, and what workers elsewhere convert.
-        rows: A longer file is processed in parts of about so many rows; None: every file is read whole.
-        workers: Convert files side by side; None: one after the other, here.
-    """
-    for each in worked_on(files, recipe, folder, rows, workers or Workers(), DuplicateDetection(), None):
-        yield each if isinstance(each, Quarantined) else each.result
-
-
-def worked_on(
-    files: Mapping[str, Path],
-    recipe: Recipe,
-    folder: Path | None,
-    rows: int | None,
-    workers: Workers,
-    seen: DuplicateDetection,
-    work: Callable[[Recording | LongRecording], Any] | None,
-) -> Iterator[ConvertedPiece | Quarantined]:
-    """Yield what ``work`` makes of each recording, beside the worker that converts its file.
-
-    Of a recording that is then refused nothing is yielded. ``seen`` is what was converted before, to which these are
-    added; the other arguments are those of ``convert_in_parts``.
-    """
-    zeros = {} if recipe.zero.method == "none" else session_zeros(files, recipe, rows, workers)
-    kept = None if workers.here else folder
-    pieces = [
-        partial(convert_file, relative, path, recipe, _zero_of(relative, recipe, zeros), folder, rows, kept, work)
-        for relative, path in files.items()
-    ]
-    converted = workers.in_order(pieces)
-    for relative, file in zip(files, shown(converted, "ingest", len(files), "file"), strict=True):
-        if isinstance(file, Died):
-            yield Quarantined(relative, file.reason)
-            continue
-        digest, outcomes = file
-        if digest in seen.digests:
-            reason = f"holds the same bytes as {seen.digests[digest]}; a copy would be counted twice"
-            yield Quarantined(relative, reason)
-            continue
-        if digest:
-            seen.digests[digest] = relative
-        for outcome in outcomes:
-            if isinstance(outcome, Quarantined):
-                yield outcome
-                continue
-            try:
-                seen.refuse(outcome.metadata.name, relative, outcome.hashes)
-            except RecordingError as error:
-                yield Quarantined(relative, str(error), outcome.where)
-            else:
-                yield outcome
+def _written(file: LoggedFile, folder: Path) -> list[Converted | Quarantined]:
+    """Write the recordings of a file into a folder; in place of each return its path and its number of rows."""
+    outcomes: list[Converted | Quarantined] = []
+    for each in converted(file):
+        if isinstance(each, Converted):
+            path = write_recording(folder, each.result, str(len(outcomes)))
+            each = replace(each, result=(path, len(each.result)))
+        outcomes.append(each)
+    return outcomes
 
 
 @dataclass(frozen=True)
-class ConvertedPiece:
-    """A piece of a file that is usable as far as the file itself shows."""
+class LoggedFile:
+    """A file to be converted, and all that its conversion depends on.
+
+    ``name`` is its path below the source, with ``/``, from which condition and session are taken.
+    """
+
+    name: str
+    path: Path
+    recipe: Recipe
+    digest: str = ""  # SHA-256 of its bytes
+    zero: ZeroReading | None = None  # What the pressure sensors of its session read while vented
+    rows: int | None = None  # If it has more rows, it is cut into parts of about this many; None: it is read whole
+    tables: tuple[LoggedTable, ...] = ()  # What it holds, if it was read before
+
+
+@dataclass(frozen=True)
+class Converted:
+    """A recording of a file, usable as far as the file itself shows, or what a later step made of it."""
 
     metadata: RecordingMetadata
-    result: Any  # What was made of it; by default the recording
-    hashes: dict[int, Hashes]  # Of its windows, by which a duplicate is known
-    where: str  # Which piece of the file; empty where it is the only one
+    result: Any  # The recording
+    samples: Samples  # By which a copy is known
 
 
-def convert_file(
-    relative: str,
-    path: Path,
+def converted(file: LoggedFile) -> Iterator[Converted | Quarantined]:
+    """Read, map, screen, align, zero and check a file; yield each recording, or why there is none."""
+    piece = ""
+    try:
+        names = file.recipe.names.names(file.name)
+        for each in file_pieces(file.tables or open_tables(file.path, file.recipe, file.rows), file.recipe):
+            piece = each.words
+            if isinstance(each.found, RecordingError):
+                yield Quarantined(file.name, str(each.found), piece)
+                continue
+            metadata = metadata_of(each.found, names, each.suffix, file.name, file.digest, file.recipe)
+            try:
+                recording = checked(each.found, metadata, file.recipe, file.zero)
+            except RecordingError as error:
+                yield Quarantined(file.name, str(error), piece)
+                continue
+            yield Converted(recording.metadata, recording, Samples.of(metadata, each.found.columns))
+    except (RecordingError, OSError) as error:
+        yield Quarantined(file.name, str(error), piece and f"after {piece}")
+
+
+def recordings_of(
+    files: Mapping[str, Path],
     recipe: Recipe,
-    zero: ZeroReading | None,
-    folder: Path | None,
-    rows: int | None,
-    kept: Path | None,
-    work: Callable[[Recording | LongRecording], Any] | None = None,
-) -> tuple[str, list[ConvertedPiece | Quarantined]]:
-    """Return the SHA-256 of a file, empty if it cannot be read, and what became of each piece, whatever others hold.
+    rows: int | None = None,
+    tables: Mapping[str, Sequence[LoggedTable]] | None = None,
+) -> Iterator[Recording | Quarantined]:
+    """Yield the recordings of each file in turn, and for what is unusable the reason; see ``batch_of``."""
+    batch = batch_of(files, recipe, rows, tables=tables)
+    work = [partial(list[Converted | Quarantined], converted(file)) for file in batch.files]
+    for each in usable(batch, work, Workers()):
+        yield each.result if isinstance(each, Converted) else each
+    if overlaps := batch.seen.overlaps():
+        warnings.warn(overlaps, stacklevel=3)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Files to be converted, and those that are copies of others."""
+
+    files: list[LoggedFile]
+    copies: list[Quarantined]
+    seen: SeenRecordings  # Recordings of these files, and of those that were converted before
+
+
+def batch_of(
+    files: Mapping[str, Path],
+    recipe: Recipe,
+    rows: int | None = None,
+    workers: Workers | None = None,
+    seen: SeenRecordings | None = None,
+    digests: Mapping[str, str] | None = None,
+    tables: Mapping[str, Sequence[LoggedTable]] | None = None,
+) -> Batch:
+    """Collect files to be converted by one recipe.
 
     Args:
-        relative, path, recipe, folder, rows: As in ``convert_in_parts``.
-        zero: What the pressure sensors of its session read while vented.
-        kept: Recordings are written there rather than returned; None: they are returned.
-        work: What is made of each recording, instead.
+        files: By their paths below the source, with ``/``.
+        recipe: Its channels have passed ``check_mapping``.
+        rows: As in ``LoggedFile``.
+        workers: Read the zeros of the sensors side by side; None: one after the other, here.
+        seen: What was converted before.
+        digests: SHA-256 of each file, if it is known.
+        tables: What was read of some files already.
     """
-    digest = ""
-    try:
-        digest = hash_of(path)
-        names = recipe.names.names(relative)
-        pieces: Sequence[RecordingPiece | Draft] = pieces_or_drafts(path, recipe, rows, folder)
-    except (RecordingError, OSError) as error:
-        return digest, [Quarantined(relative, str(error))]
-    outcomes: list[ConvertedPiece | Quarantined] = []
-    for number, found in enumerate(pieces, start=1):
-        piece = found.first() if isinstance(found, Draft) else found
-        metadata = metadata_of(piece, names, number, len(pieces), relative, digest, recipe)
-        finish = found.checked if isinstance(found, Draft) else partial(checked, piece)
-        where = f"piece {number} of {len(pieces)}" if len(pieces) > 1 else ""
-        try:
-            recording = finish(metadata, recipe, zero)
-        except RecordingError as error:
-            outcomes.append(Quarantined(relative, str(error), where))
+    zeros = {} if recipe.zero.method == "none" else session_zeros(files, recipe, rows, workers)
+    batch = Batch([], [], seen or SeenRecordings())
+    known = batch.seen.digests
+    for name, path in files.items():
+        digest = digest_of(path) if digests is None else digests[name]
+        if digest in known:
+            reason = f"holds the same bytes as {known[digest]}; a copy would be counted twice"
+            batch.copies.append(Quarantined(name, reason))
             continue
-        result = recording
-        if work is not None:
-            result = work(recording)
-        elif kept is not None and isinstance(recording, Recording):
-            result = on_disk(recording, kept)
-        outcomes.append(ConvertedPiece(recording.metadata, result, window_hashes(piece.columns), where))
-    return digest, outcomes
+        if digest:
+            known[digest] = name
+        own = tuple((tables or {}).get(name, ()))
+        batch.files.append(LoggedFile(name, path, recipe, digest, _zero_of(name, recipe, zeros), rows, own))
+    return batch
+
+
+def digest_of(path: Path) -> str:
+    """Hash a file's bytes (SHA-256); a file that cannot be read gets an empty text, and reading it states why."""
+    try:
+        return hash_of(path)
+    except OSError:
+        return ""
+
+
+class Found(Protocol):
+    """A recording of a file, in whatever form."""
+
+    @property
+    def metadata(self) -> RecordingMetadata: ...
+
+    @property
+    def samples(self) -> Samples: ...
+
+
+OfFile = TypeVar("OfFile", bound=Found)
+
+
+def usable(
+    batch: Batch, work: Sequence[Callable[[], Sequence[OfFile | Quarantined]]], workers: Workers
+) -> Iterator[OfFile | Quarantined]:
+    """Do the ``work`` on each file of a batch; yield what it finds in order, and refuse copies of a recording."""
+    done = workers.in_order(work)
+    for file, outcomes in zip(batch.files, shown(done, "ingest", len(work), "file"), strict=True):
+        if isinstance(outcomes, Died):
+            yield Quarantined(file.name, outcomes.reason)
+            continue
+        for each in outcomes:
+            if not isinstance(each, Quarantined):
+                try:
+                    batch.seen.refuse(each.metadata.name, file.name, each.samples)
+                except RecordingError as error:
+                    where = each.metadata.name if len(outcomes) > 1 else ""
+                    yield Quarantined(file.name, str(error), where)
+                    continue
+            yield each
+    yield from batch.copies
 
 
 def other_rates(metadata: Sequence[RecordingMetadata]) -> dict[str, Quarantined]:
@@ -275,7 +309,7 @@ def _not_read(source: Source, matching: list[Path]) -> list[str]:
 def session_zeros(
     files: Mapping[str, Path], recipe: Recipe, rows: int | None = None, workers: Workers | None = None
 ) -> dict[str, ZeroReading]:
-    """Return what the pressure sensors of each session read while vented, from the recordings that show it.
+    """Read what the pressure sensors of each session show while vented, from the recordings that show it.
 
     A session has one calibration, so that a recording without a vented stretch is zeroed by its neighbours. What
     cannot be read is skipped here; the run over the files reports why. A file of more ``rows`` is read in parts.
@@ -288,19 +322,19 @@ def session_zeros(
     return {session: session_zero(read) for session, read in readings.items()}
 
 
-def _zero_of(relative: str, recipe: Recipe, zeros: Mapping[str, ZeroReading]) -> ZeroReading | None:
+def _zero_of(name: str, recipe: Recipe, zeros: Mapping[str, ZeroReading]) -> ZeroReading | None:
     with suppress(RecordingError):
-        return zeros.get(recipe.names.names(relative).session)
+        return zeros.get(recipe.names.names(name).session)
     return None
 
 
-def zeros_of(relative: str, path: Path, recipe: Recipe, rows: int | None) -> list[tuple[str, ZeroReading]]:
-    """Return the session of one file and what its pressure sensors read while vented, piece by piece."""
+def zeros_of(name: str, path: Path, recipe: Recipe, rows: int | None) -> list[tuple[str, ZeroReading]]:
+    """Read the session of one file and what its pressure sensors show while vented, piece by piece."""
     readings: list[tuple[str, ZeroReading]] = []
     with suppress(RecordingError, OSError):
-        names = recipe.names.names(relative)
-        readings.extend(  # piece by piece, so that those before an error are kept
-            (names.session, find_zero(piece.columns, recipe.zero, recipe.channels, names.name))
-            for piece in pieces_in_turn(path, recipe, rows)
-        )
+        names = recipe.names.names(name)
+        for each in file_pieces(open_tables(path, recipe, rows), recipe):  # those before an error are kept
+            if not isinstance(each.found, RecordingError):
+                reading = find_zero(each.found.columns, recipe.zero, recipe.channels, names.name)
+                readings.append((names.session, reading))
     return readings

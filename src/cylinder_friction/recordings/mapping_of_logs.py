@@ -1,18 +1,18 @@
 """The mapping of logs that came without one: guessed from the first; the others may call its channels differently."""
 
 import warnings
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.columns import QUANTITIES
+from cylinder_friction.recordings.columns import QUANTITIES, TIME
 from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
 from cylinder_friction.recordings.formats.reading import open_logged_file
-from cylinder_friction.recordings.long_logs import ROWS_AT_ONCE
+from cylinder_friction.recordings.long_log_parts import ROWS_AT_ONCE
 from cylinder_friction.recordings.mapping.guessing import GuessedColumn, GuessedMapping, guess_mapping
 from cylinder_friction.recordings.mapping.mapping_text import channel_lines
-from cylinder_friction.recordings.mapping.units import check_unit, electrical, units_agree
+from cylinder_friction.recordings.mapping.units import check_unit, stated_rate, units_agree
 from cylinder_friction.recordings.recording import RecordingError
 
 MOST_LOOKED_INTO = 50
@@ -21,22 +21,31 @@ MOST_LOOKED_INTO = 50
 
 def guessed(
     paths: Sequence[Path], cylinder: Cylinder, units: Mapping[str, str], database: Path | None
-) -> GuessedMapping:
-    """Guess a mapping and warn of every guess. Refuse a column, a sensor's range or a unit that cannot be guessed."""
+) -> tuple[GuessedMapping, list[LoggedTable]]:
+    """Guess a mapping from the first log and warn of every guess; return it, and what that log holds.
+
+    Tables of a log that is read in parts are not returned.
+
+    Raises:
+        RecordingError: A column, a sensor's range or a unit cannot be guessed.
+    """
     for quantity, unit in units.items():
         if quantity not in QUANTITIES.values():
             known = ", ".join(dict.fromkeys(QUANTITIES.values()))
             raise RecordingError(f"units: got {quantity!r}, expected one of {known}, such as pressure=bar")
-        check_unit(next(column for column in QUANTITIES if QUANTITIES[column] == quantity), unit)
+        if quantity != "time" or stated_rate(unit) is None:
+            check_unit(next(column for column in QUANTITIES if QUANTITIES[column] == quantity), unit)
     path = paths[0]
     try:
-        guess = guess_mapping(_first_rows(path, database), path, cylinder, units)
+        tables = open_logged_file(path, ROWS_AT_ONCE, database=database)
+        guess = guess_mapping(_first(tables), path, cylinder, units)
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
-    unknown = [name for name, guessed in guess.columns.items() if guessed.channel is None or electrical(guessed.unit)]
+    unknown = {name: each.checks for name, each in guess.columns.items() if not each.known}
     if unknown:
+        why = "".join(f": {check}" for check in unknown.get(TIME, ()))
         raise RecordingError(
-            f"{path}: no mapping was given, and that of {', '.join(unknown)} cannot be guessed; state channels, "
+            f"{path}: no mapping was given, and that of {', '.join(unknown)} cannot be guessed{why}; state channels, "
             f"starting from\n" + "\n".join(channel_lines(guess))
         )
     _refuse_units(path, guess, units)
@@ -44,11 +53,10 @@ def guessed(
         guess = _with_alternatives(guess, other, cylinder, units, database)
     lines = "\n".join(channel_lines(guess))
     warnings.warn(f"no mapping was given; guessed from {path.name}:\n{lines}", stacklevel=4)
-    return guess
+    return guess, [] if isinstance(tables, LongTable) else tables
 
 
-def _first_rows(path: Path, database: Path | None, wanted: Collection[str] | None = None) -> Sequence[LoggedTable]:
-    tables = open_logged_file(path, ROWS_AT_ONCE, wanted=wanted, database=database)
+def _first(tables: LongTable | Sequence[LoggedTable]) -> Sequence[LoggedTable]:
     return [next(tables.chunks())] if isinstance(tables, LongTable) else tables
 
 
@@ -58,11 +66,12 @@ def _with_alternatives(
     """Return the guess with what another file calls the channels that it lacks, if only one of its own can be meant."""
     names = {column: {each.channel.name, *each.alternatives} for column, each in guess.columns.items() if each.channel}
     try:
-        tables = _first_rows(path, database, set[str]().union(*names.values()))
-        there = {str(name) for table in tables for name in (*table.channels, *table.unread)}
+        named = _first(open_logged_file(path, ROWS_AT_ONCE, wanted=(), database=database))
+        there = {str(name) for table in named for name in (*table.channels, *table.unread)}
         if all(own & there for own in names.values()):
             return guess
-        its_own = guess_mapping(_first_rows(path, database), path, cylinder, units).columns
+        tables = _first(open_logged_file(path, ROWS_AT_ONCE, database=database))
+        its_own = guess_mapping(tables, path, cylinder, units).columns
     except RecordingError:  # is quarantined with its reason later
         return guess
     columns = dict(guess.columns)
@@ -92,11 +101,14 @@ def _refuse_units(path: Path, guess: GuessedMapping, units: Mapping[str, str]) -
             doubtful.setdefault(quantity, []).append(each)
     if doubtful:
         words = "; ".join(f"{quantity} of {_and_their_fit(each)}" for quantity, each in doubtful.items())
-        given = {quantity: (each[0].fitting or [each[0].unit])[0] for quantity, each in doubtful.items()}
-        options = " ".join(f"--unit {quantity}={unit}" for quantity, unit in given.items())
+        unknown = {"time": "200Hz"}  # the rate of the rows
+        options = "; ".join(
+            " or ".join(f"--unit {quantity}={unit}" for unit in each[0].fitting or [unknown.get(quantity, "UNIT")])
+            for quantity, each in doubtful.items()
+        )
         raise RecordingError(
             f"{path}: no mapping was given, and units that the file does not state cannot be guessed: {words}; state "
-            f"them, for example {options} (in Python units={given}), or give a mapping"
+            f"what they are: {options} (in Python units={{quantity: unit}}), or give a mapping"
         )
 
 

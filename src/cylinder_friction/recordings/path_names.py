@@ -2,9 +2,6 @@
 
 import csv
 import re
-import signal
-import sys
-import threading
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from fnmatch import fnmatchcase
@@ -14,7 +11,6 @@ from unicodedata import category
 
 from cylinder_friction.recordings.recording import RecordingError
 
-LONGEST_SEARCH_S = 5.0
 ONE_CONDITION = "1"
 """The condition of files whose names state none."""
 _REQUIRED = ("file", "condition", "session")
@@ -74,7 +70,7 @@ class NameRules:
             )
         name = name_of(relative_path)
         if self._compiled is not None:
-            match = _search(self._compiled, relative_path)
+            match = self._compiled.search(relative_path)
             groups = match.groupdict() if match else {}
             if match and "condition" not in groups:
                 groups["condition"] = ONE_CONDITION
@@ -128,30 +124,6 @@ def compile_name_pattern(pattern: str) -> re.Pattern[str]:
             "names the session"
         )
     return compiled
-
-
-def _search(pattern: re.Pattern[str], path: str) -> re.Match[str] | None:
-    """Search in a path; a pattern that tries for seconds, as ``(a+)+$`` does, is refused where the system can stop it.
-
-    Raises:
-        RecordingError: It took longer than ``LONGEST_SEARCH_S``.
-    """
-    if sys.platform == "win32" or threading.current_thread() is not threading.main_thread():
-        return pattern.search(path)
-
-    def refuse(_number: int, _frame: object) -> None:
-        raise RecordingError(
-            f"name pattern {pattern.pattern!r} took over {LONGEST_SEARCH_S:g} s on path {path!r}; write it without a "
-            "repetition inside a repetition"
-        )
-
-    before = signal.signal(signal.SIGALRM, refuse)
-    signal.setitimer(signal.ITIMER_REAL, LONGEST_SEARCH_S)
-    try:
-        return pattern.search(path)
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
-        signal.signal(signal.SIGALRM, before)
 
 
 def name_of(path: str) -> str:

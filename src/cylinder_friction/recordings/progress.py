@@ -4,6 +4,8 @@ import sys
 from collections.abc import Iterable
 from typing import Any, TypeVar
 
+from tqdm import tqdm
+
 Item = TypeVar("Item")
 
 
@@ -11,6 +13,4 @@ def shown(items: Iterable[Item], words: str, total: int, unit: str, **look: Any)
     """Return the items, with a bar on standard error if that is a terminal; further options are those of tqdm."""
     if not (sys.stderr and sys.stderr.isatty()):
         return items
-    from tqdm import tqdm  # what nobody watches need not wait for it
-
     return tqdm(items, words, total, unit=unit, **look)

@@ -4,19 +4,19 @@ import glob
 import os
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
-
-import yaml
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.files import read_yaml
-from cylinder_friction.recordings.ingesting import Quarantined, convert_in_parts, none_usable, other_rates
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.ingesting import Quarantined, none_usable, other_rates, recordings_of
 from cylinder_friction.recordings.mapping.channel_mapping import SensorScale, check_mapping
+from cylinder_friction.recordings.mapping_of_logs import guessed
 from cylinder_friction.recordings.path_names import ONE_CONDITION, NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
 
@@ -71,7 +71,7 @@ def read_recordings(
     """
     logs = find_logs(files, channels, cylinder, names=names, load=load, units=units, database=database)
     logs = logs.with_sensor_class(sensor_class)
-    outcomes = list(convert_in_parts(logs.files, logs.recipe))
+    outcomes = list(recordings_of(logs.files, logs.recipe, tables=logs.tables))
     refused = [outcome for outcome in outcomes if isinstance(outcome, Quarantined)]
     recordings = [outcome for outcome in outcomes if isinstance(outcome, Recording)]
     others = other_rates([recording.metadata for recording in recordings])
@@ -90,7 +90,8 @@ class Logs:
     files: dict[str, Path]  # By their paths below it, sorted
     recipe: Recipe
     guessed: dict[str, Any] | None = None  # From which file, and each column with its reasons; None if mapped
-    assumed: str = ""  # What was assumed of sensors that nobody stated; empty where nothing was
+    assumed: str = ""  # What was assumed of sensors that nobody stated; empty if nothing was
+    tables: Mapping[str, Sequence[LoggedTable]] = field(default_factory=dict)  # Of files that were read already
 
     def with_sensor_class(self, percent: float | None) -> "Logs":
         """Return the same with pressure sensors of this class where nothing is stated of their accuracy."""
@@ -128,14 +129,11 @@ def find_logs(
     paths = log_paths([files] if isinstance(files, str | Path) else list(files))
     try:
         if channels is None:
-            # What has a mapping need not wait for these
-            from cylinder_friction.recordings.mapping.mapping_text import channel_lines
-            from cylinder_friction.recordings.mapping_of_logs import guessed
-
-            guess = guessed(paths, cylinder, units or {}, None if database is None else Path(database))
-            settings = {"channels": yaml.safe_load("\n".join(channel_lines(guess))), "database": database}
+            guess, tables = guessed(paths, cylinder, units or {}, None if database is None else Path(database))
+            settings = {"channels": {name: guess.mapped(name) for name in guess.columns}, "database": database}
             logs = _logs(paths, settings, cylinder, names, load, rate_hz)
-            return replace(logs, guessed={"from": paths[0].name, "columns": guess.to_dict()})
+            read = {name: tables for name, path in logs.files.items() if path == paths[0]}
+            return replace(logs, guessed={"from": paths[0].name, "columns": guess.to_dict()}, tables=read)
         if units:
             raise RecordingError(
                 f"units: got {dict(units)} beside a mapping; state them in the mapping, or leave it out"

@@ -117,19 +117,14 @@ class Recording:
 
     metadata: RecordingMetadata
     columns: Columns
-    # Standard deviation of a column's white noise, in its unit, where this is a part of what it was found from;
-    # ``drive_force_n`` stands for the force of both pressures too
-    noise: Mapping[str, float]
 
-    def __init__(
-        self, metadata: RecordingMetadata, columns: Columns | pd.DataFrame, noise: Mapping[str, float] | None = None
-    ) -> None:
+    def __init__(self, metadata: RecordingMetadata, columns: Columns | pd.DataFrame) -> None:
         """Check columns, or those of a table, and keep them without a copy.
 
         Raises:
             RecordingError: One is missing or of another shape, or a measured one holds NaN or infinity.
         """
-        self._set(metadata, {str(name): _read_only(values) for name, values in columns.items()}, noise or {})
+        self._set(metadata, {str(name): _read_only(values) for name, values in columns.items()})
         if missing := missing_column(self.columns):
             raise RecordingError(f"recording {self.name!r}: {missing}")
         self._check_shapes()
@@ -141,8 +136,8 @@ class Recording:
                 if not all_finite:
                     refuse_not_finite(self.name, values[:, None], (name,))
 
-    def _set(self, metadata: RecordingMetadata, columns: Columns, noise: Mapping[str, float]) -> None:
-        self.__dict__.update(metadata=metadata, columns=columns, noise=noise)
+    def _set(self, metadata: RecordingMetadata, columns: Columns) -> None:
+        self.__dict__.update(metadata=metadata, columns=columns)
 
     def _check_shapes(self) -> None:
         rows = (len(self),)
@@ -255,7 +250,7 @@ class Recording:
     def _derived(self, columns: Columns) -> Recording:
         """Return a copy with other columns, whose measured ones hold nothing that was not checked before."""
         derived = object.__new__(Recording)
-        derived._set(self.metadata, columns, self.noise)
+        derived._set(self.metadata, columns)
         return derived
 
 
@@ -303,5 +298,4 @@ class RecordingPiece:
     # What was done to get there, one sentence each with its numbers; empty if nothing was
     repairs: tuple[str, ...] = ()
     segment: int = 0  # How often the clock had restarted
-    origin_s: float = 0.0  # Where that clock, and with it the sample grid, started [s]
     start: Start | None = None  # When the file's clock was at 0 s; None if that is not known

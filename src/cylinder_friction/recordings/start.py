@@ -9,8 +9,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-FILETIME_OF_1970 = 116_444_736_000_000_000
-"""Windows' FILETIME, ticks of 100 ns since 1601, of the year 1970."""
+from cylinder_friction.recordings.epochs import FILETIME
 
 _KEY = re.compile(
     r"(?:(?:test|log|logging|recording|measurement|acquisition|mess|aufnahme|aufzeichnungs)?"
@@ -20,7 +19,9 @@ _KEY = re.compile(
 """What precedes a start in a header, in small letters without anything else."""
 _LINE = re.compile(r"^[\s#%;\"*/]*([^\W\d][^\d:=;,\t]*?)[\s\"]*[:=;,\t](.*)$")
 _DATE = re.compile(r"(?<!\d)(?:(\d{4})([-/.])(\d\d?)\2(\d\d?)|(\d\d?)\.(\d\d?)\.(\d{4}))(?!\d)")
-_CLOCK = re.compile(r"(?<!\d)(\d\d?):(\d\d)(?::(\d\d)(?:[.,](\d{1,9})\d*)?)?\s*(Z\b|UTC|[+-]\d\d:?\d\d(?!\d))?")
+_CLOCK = re.compile(
+    r"(?<!\d)(\d\d?):(\d\d)(?::(\d\d)(?:[.,;](\d{1,9})\d*)?)?\s*([AaPp][Mm])?\s*(Z\b|UTC|[+-]\d\d:?\d\d(?!\d))?"
+)
 START_PARTS = ("year", "month", "day", "hour", "minute", "second")
 
 
@@ -36,7 +37,7 @@ class Start:
     @classmethod
     def of_filetime(cls, ticks: int, source: str) -> Start:
         """Return the start that Windows' FILETIME states, which is UTC."""
-        return cls(np.datetime64(100 * (ticks - FILETIME_OF_1970), "ns"), True, source)
+        return cls(FILETIME.stamps(np.array([ticks]))[0], True, source)
 
     @classmethod
     def of_datetime(cls, moment: datetime, source: str) -> Start:
@@ -80,7 +81,10 @@ def start_in_header(lines: list[str], delimiter: str) -> Start | None:
     day, month, year = (day, month, year) if year else others
     parts: dict[str, str | None] = {"year": year, "month": month, "day": day}
     if clock is not None:
-        parts |= dict(zip(START_PARTS[3:], clock.groups()[:3], strict=True)) | {"fraction": clock[4], "zone": clock[5]}
+        hour, minute, second, fraction, half, zone = clock.groups()
+        if half:
+            hour = str(int(hour) % 12 + 12 * (half.casefold() == "pm"))
+        parts |= {"hour": hour, "minute": minute, "second": second, "fraction": fraction, "zone": zone}
     return start_of_parts(parts, where or "")
 
 

@@ -9,6 +9,7 @@ from zoneinfo import ZoneInfo
 
 import numpy as np
 
+from cylinder_friction.recordings.epochs import is_future
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.start import START_PARTS, Start, start_of_parts
 
@@ -62,4 +63,5 @@ class StartRules:
 
     def _named(self, path: str) -> Start | None:
         match = self._pattern.search(path) if self._pattern is not None else None
-        return None if match is None else start_of_parts(match.groupdict(), "file name")
+        start = None if match is None else start_of_parts(match.groupdict(), "file name")
+        return None if start is None or is_future(start.at) else start

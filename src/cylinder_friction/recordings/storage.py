@@ -1,8 +1,9 @@
 """Recordings on disk: one Parquet file each, with the metadata inside it."""
 
-import itertools
 import json
-from collections.abc import Iterable, Iterator, Mapping
+import uuid
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -18,19 +19,26 @@ DRAWN_ROWS = 2048
 SCRATCH = ".arrow"
 
 
-def write_recording(folder: Path, recording: Recording, stem: str = "") -> Path:
-    """Write ``<folder>/<stem or name>.parquet`` and return its path. Equal recordings make equal bytes."""
-    return write_parts(folder / f"{stem or recording.name}.parquet", [recording])
+def write_recording(
+    folder: Path, recording: Recording, stem: str = "", beside: Mapping[str, str] | None = None
+) -> Path:
+    """Write ``<folder>/<stem or name>.parquet`` and return its path. Equal recordings make equal bytes.
 
-
-def write_parts(path: Path, parts: Iterable[Recording]) -> Path:
-    """Write a recording's parts, at least one, into one file and return its path. Memory holds one part at a time."""
-    remaining = map(_arrow_table, parts)
-    first = next(remaining)
-    with whole_file(path) as draft, pa.OSFile(str(draft), "wb") as file, _writer(file, first) as writer:
-        for table in itertools.chain([first], remaining):
-            writer.write_table(table)
+    ``beside`` is kept in the file's metadata: texts by name, which ``read_beside`` reads without the rows.
+    """
+    path, table = folder / f"{stem or recording.name}.parquet", _arrow_table(recording)
+    with whole_file(path) as draft, pa.OSFile(str(draft), "wb") as file, _writer(file, table) as writer:
+        writer.write_table(table)
+        writer.add_key_value_metadata(dict(beside or {}))
     return path
+
+
+def read_beside(path: Path) -> dict[str, str]:
+    """Read the texts that ``write_recording`` kept in a file's metadata; none of a file that is no Parquet."""
+    try:
+        return {name.decode(): text.decode() for name, text in (pq.read_metadata(path).metadata or {}).items()}
+    except (pa.ArrowException, UnicodeDecodeError):
+        return {}
 
 
 def _writer(file: pa.NativeFile, table: pa.Table) -> pq.ParquetWriter:
@@ -81,20 +89,15 @@ def read_metadata(path: Path) -> RecordingMetadata:
     return _metadata(path, pq.read_schema(path))
 
 
-def read_recording(
-    path: Path, metadata: RecordingMetadata | None = None, noise: Mapping[str, float] | None = None
-) -> Recording:
-    """Read one file that ``write_recording`` or ``write_scratch`` wrote, its metadata unless they are given.
-
-    Values are read-only; ``noise`` is that of a ``Recording``.
-    """
+def read_recording(path: Path) -> Recording:
+    """Read one file that ``write_recording`` or ``write_scratch`` wrote. Values are read-only."""
     if path.suffix == SCRATCH:
         found = pa.ipc.open_file(path.read_bytes()).read_all()
     else:
         with pq.ParquetFile(path) as file:
             found = file.read()
     columns = {name: values.to_numpy() for name, values in zip(found.column_names, found.columns, strict=True)}
-    return Recording(metadata or _metadata(path, found.schema), columns, noise)
+    return Recording(_metadata(path, found.schema), columns)
 
 
 def _metadata(path: Path, schema: pa.Schema) -> RecordingMetadata:
@@ -127,3 +130,38 @@ def iterate_recordings(folder: Path) -> Iterator[Recording]:
 def read_stored(folder: Path) -> list[Recording]:
     """Return all recordings of a folder, sorted by name."""
     return list(iterate_recordings(folder))
+
+
+@dataclass(frozen=True)
+class Kept:
+    """A recording between two steps of a run, in memory or on disk."""
+
+    recording: Recording | Path
+
+    def read(self) -> Recording:
+        return read_recording(self.recording) if isinstance(self.recording, Path) else self.recording
+
+    def remove(self) -> None:
+        """Remove it from the disk."""
+        if isinstance(self.recording, Path):
+            self.recording.unlink()
+
+
+@dataclass
+class Keeper:
+    """Keeps recordings between two steps of a run: in memory up to ``rows`` in all, further ones on disk.
+
+    Example:
+        >>> kept = Keeper(tmp_path, rows=0).keep(recordings[0])
+        >>> kept.read().name == recordings[0].name
+        True
+    """
+
+    folder: Path
+    rows: int = 0
+
+    def keep(self, recording: Recording) -> Kept:
+        if len(recording) <= self.rows:
+            self.rows -= len(recording)
+            return Kept(recording)
+        return Kept(write_scratch(self.folder, recording, uuid.uuid4().hex))

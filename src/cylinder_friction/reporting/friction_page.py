@@ -31,12 +31,11 @@ def pane_file(name: str) -> str:
     return f"panes/{name}.js"
 
 
-def friction_pane(recording: Recording, view: FrictionView | None, shown: str) -> str:
+def friction_pane(recording: Recording, view: FrictionView | None) -> str:
     """Return the pane of a recording, a script that hands it to the page; equal input makes equal text.
 
     The recording has raw columns beside ``velocity_m_s``, ``friction_n``, ``lower_n`` and ``upper_n`` [N], and
-    ``label_n`` where friction is an estimator's. Without a view the pane shows friction over time alone. ``shown``
-    states which part of a long recording this is.
+    ``label_n`` where friction is an estimator's. Without a view the pane shows friction over time alone.
     """
     lower_n, friction = _usable(recording, "lower_n"), list[Line]()
     if np.isfinite(lower_n).any():
@@ -50,7 +49,6 @@ def friction_pane(recording: Recording, view: FrictionView | None, shown: str) -
     html = page_html(
         "templates/friction_pane.html.j2",
         title=recording.name,
-        shown=shown,
         origin=_origin(recording.metadata),
         time=over_time(recording.column("time_s"), panels, 2, POINTS),
         velocity=against_velocity(view, POINTS) if view is not None and view.points else None,

@@ -20,7 +20,8 @@ def level_tables(
     tables = []
     if found:
         words = (
-            "Steady sliding against the median of the others: as it is; at equal pressures (their sum, in steps of "
+            "The mean of all steady sliding, which is of other rows than friction at equal position above, against the "
+            "median of the others: as it is; at equal pressures (their sum, in steps of "
             f"{PRESSURE_STEP_BAR:g} bar), at equal speed (within a factor of two) and in equal direction, each by "
             "itself; and at all three together, which is what they do not explain, ± twice its standard error. "
         )
@@ -37,7 +38,7 @@ def level_tables(
             for each in found
         ]
         factors = [f"equal {factor} [N]" for factor in found[0].left_n]
-        head = ("recording", "friction [N]", "differs by [N]", *factors, "all three [N]", "± [N]", "compared [s]")
+        head = ("recording", "steady sliding [N]", "differs by [N]", *factors, "all three [N]", "± [N]", "compared [s]")
         if sentence := in_words(found):
             words += f"{sentence[0].upper()}{sentence[1:]}."
         tables.append(("What differs between recordings", words, Table(head, rows, sortable=True)))

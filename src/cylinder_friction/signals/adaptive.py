@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import ClassVar
 
@@ -39,7 +39,6 @@ class AdaptiveWindow(SignalFilter):
         longest_s: Longest one.
         confidence: Half-width of the intervals in standard deviations; larger ones give longer windows.
         derivatives: Differentiates the position.
-        noise_n: Standard deviation of the force's noise [N]; None: estimated from the force.
 
     Raises:
         ValueError: A length or the confidence is not positive, or the shortest window is longer than the longest.
@@ -53,7 +52,6 @@ class AdaptiveWindow(SignalFilter):
     longest_s: float = 0.2
     confidence: float = 1.2
     derivatives: SavitzkyGolay = field(default_factory=SavitzkyGolay)
-    noise_n: float | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 < self.shortest_s <= self.longest_s:
@@ -63,9 +61,6 @@ class AdaptiveWindow(SignalFilter):
             )
         if not self.confidence > 0.0:
             raise ValueError(f"adaptive window: expected a positive confidence, but got {self.confidence}")
-
-    def knowing(self, noise: float | None) -> AdaptiveWindow:
-        return self if noise is None else replace(self, noise_n=noise)
 
     def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
         force_n = samples[:, P1] * self.piston_area_m2 - samples[:, P2] * self.annulus_area_m2
@@ -99,7 +94,7 @@ class AdaptiveWindow(SignalFilter):
 
     def _chosen(self, force_n: Array, sample_time_s: float) -> Windows:
         lengths = np.array(self._lengths(sample_time_s))
-        noise_n = noise_deviation(force_n) if self.noise_n is None else self.noise_n
+        noise_n = noise_deviation(force_n)
         force_n = np.ascontiguousarray(force_n - force_n[0])
         before = _one_side(force_n[::-1].copy(), lengths, self.confidence * noise_n)[::-1]
         row, after = np.arange(len(force_n)), _one_side(force_n, lengths, self.confidence * noise_n)

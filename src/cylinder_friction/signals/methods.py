@@ -44,17 +44,18 @@ def filters_by_method(
     }
 
 
-def warn_of_rates(signal_filter: SignalFilter, sample_times_s: Iterable[float]) -> None:
+def warn_of_rates(signal_filter: SignalFilter, sample_times_s: Iterable[float], *, in_pipeline: bool = False) -> None:
     """Warn (``UserWarning``) once of each rate for which the filter's windows in samples were not chosen."""
     for sample_time_s in sorted(set(sample_times_s)):
-        if text := windows_at(signal_filter, sample_time_s):
+        if text := windows_at(signal_filter, sample_time_s, in_pipeline=in_pipeline):
             warnings.warn(text, stacklevel=3)
 
 
-def windows_at(signal_filter: SignalFilter, sample_time_s: float) -> str:
-    """Return how long default windows in samples last at a rate that they were not chosen for; empty if all is well.
+def windows_at(signal_filter: SignalFilter, sample_time_s: float, *, in_pipeline: bool = False) -> str:
+    """State how long default windows in samples last at a rate that they were not chosen for; empty if all is well.
 
-    Windows other than the defaults were chosen for the recordings; others still are in seconds.
+    Windows other than the defaults were chosen for the recordings; others still are in seconds. The advice is for the
+    pipeline, whose parameters are at hand, or for commands on logs, where the mapping is.
     """
     adaptive = isinstance(signal_filter, AdaptiveWindow)
     windowed = signal_filter.derivatives if isinstance(signal_filter, AdaptiveWindow) else signal_filter
@@ -72,6 +73,7 @@ def windows_at(signal_filter: SignalFilter, sample_time_s: float) -> str:
         for name, window in used.items()
     )
     odd = section == "savitzky_golay"
+    rate = f"time.rate_hz: {WINDOWS_FOR_HZ:g} in the mapping"
     same = " ".join(
         f"filter.{section}.{name}={2 * round((window * ratio - 1.0) / 2.0) + 1 if odd else round(window * ratio)}"
         for name, window in used.items()
@@ -79,5 +81,5 @@ def windows_at(signal_filter: SignalFilter, sample_time_s: float) -> str:
     return (
         f"filter windows are in samples and were chosen for {WINDOWS_FOR_HZ:g} Hz, but recordings come at "
         f"{1.0 / sample_time_s:.4g} Hz: {times}; bring them to {WINDOWS_FOR_HZ:g} Hz with "
-        f"ingest.time.rate_hz={WINDOWS_FOR_HZ:g}, or keep the times with {same}"
+        + (f"ingest.time.rate_hz={WINDOWS_FOR_HZ:g}, or keep the times with {same}" if in_pipeline else rate)
     )

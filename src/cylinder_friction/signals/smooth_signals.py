@@ -65,10 +65,6 @@ class SignalFilter(ABC):
     def support(self, sample_time_s: float) -> Support:
         """Return the support of the filter, the longest of its four outputs."""
 
-    def knowing(self, noise: float | None) -> SignalFilter:  # noqa: ARG002 - most windows do not depend on noise
-        """Return the filter for part of a force whose noise is known [N]; as it is where that is None."""
-        return self
-
     def deviation(self, force_n: Array, sample_time_s: float) -> Array:
         """Return the standard deviation that noise leaves in a smoothed force [N], shape ``(n,)``.
 
@@ -95,7 +91,6 @@ def has_pressures(recording: Recording) -> bool:
 
 def smooth_recording(recording: Recording, signal_filter: SignalFilter) -> SmoothSignals | SmoothDrive:
     """Return the smooth signals of a recording: of its pressures, or of its drive force where it has no pressures."""
-    signal_filter = signal_filter.knowing(recording.noise.get(DRIVE_FORCE))
     if has_pressures(recording):
         samples = np.stack([recording.column(column) for column in SAMPLE_COLUMNS]).T  # each signal contiguous
         return signal_filter.smooth(samples, recording.sample_time_s)
@@ -107,8 +102,7 @@ def smooth_load(recording: Recording, signal_filter: SignalFilter) -> Array | No
     """Return the measured load [N], shape ``(n,)``, smoothed as pressures are; None where none was measured."""
     if LOAD_FORCE not in recording.columns:
         return None
-    known = signal_filter.knowing(recording.noise.get(LOAD_FORCE))
-    return known.smooth_force(recording.column(LOAD_FORCE), recording.sample_time_s)
+    return signal_filter.smooth_force(recording.column(LOAD_FORCE), recording.sample_time_s)
 
 
 def smooth_columns(recording: Recording, signal_filter: SignalFilter) -> dict[str, Array]:

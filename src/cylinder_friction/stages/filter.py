@@ -37,7 +37,7 @@ def run(params: Params) -> RunRecord:
         pieces = [partial(write_filtered, path, chosen, folder) for path in paths]
         done = workers.all_in_order(pieces, [path.stem for path in paths])
         written = list(tqdm(done, "filter", len(paths), unit="recording", disable=None))
-    warn_of_rates(chosen, {sample_time_s for _, sample_time_s in written})
+    warn_of_rates(chosen, {sample_time_s for _, sample_time_s in written}, in_pipeline=True)
     return RunRecord(
         name="filter",
         params=flat(settings),

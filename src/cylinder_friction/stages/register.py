@@ -28,6 +28,9 @@ from cylinder_friction.stages._stage import (
     estimator_folders,
     flat,
 )
+from cylinder_friction.tracking.gate import Candidate
+from cylinder_friction.tracking.lineage import PARAMS_FILE, shaping_params
+from cylinder_friction.tracking.registry import REGISTERED_FILE, register
 from cylinder_friction.tracking.repository import TrackingError
 
 if TYPE_CHECKING:
@@ -46,10 +49,6 @@ def run(params: Params) -> RunRecord:
             without it nobody knows the incumbent, so nothing is decided.
         RecordingError: ``dvc.lock`` does not state which data the candidate was made from.
     """
-    from cylinder_friction.tracking.gate import Candidate
-    from cylinder_friction.tracking.lineage import PARAMS_FILE, shaping_params
-    from cylinder_friction.tracking.registry import REGISTERED_FILE, register
-
     settings = params.register_
     reference, errors_percent = reported_errors(_reported(settings.candidate))
     folder, ingested = candidate_folder(settings.candidate), read_json(INGESTED_FILE)

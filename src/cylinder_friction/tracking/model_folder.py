@@ -14,7 +14,8 @@ from mlflow.models import Model, ModelSignature
 from mlflow.types import ColSpec, DataType, Schema
 
 from cylinder_friction.deployment.brought_code import MODEL_CODE, copy_package, described, requirements_of
-from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, recorded
+from cylinder_friction.deployment.golden_recording import recorded
+from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE
 from cylinder_friction.deployment.scoring import RECORDING_COLUMN, TIME_COLUMN
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.realtime.model import StepModel

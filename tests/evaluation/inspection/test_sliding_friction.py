@@ -65,12 +65,12 @@ def test_rows_of_one_stroke_do_not_count_as_independent() -> None:
 
 BACKWARDS = "friction would push the piston (-"
 FINDINGS: dict[str, tuple[Callable[[Cylinder], Recording], str, str]] = {
-    "no accuracy": (made_strokes, "ok", "(mean while sliding, no interval: the sensors' accuracy is not stated)"),
-    "stated accuracy": (lambda cylinder: stated(made_strokes(cylinder)), "ok", "(mean while sliding, 95 %)"),
+    "no accuracy": (made_strokes, "ok", "retracting (no interval: the sensors' accuracy is not stated)"),
+    "stated accuracy": (lambda cylinder: stated(made_strokes(cylinder)), "ok", "retracting (95 %)"),
     "a load": (
         lambda cylinder: made_strokes(cylinder, load_n=4000.0),
         "refused",
-        " N does not turn with the direction; state the load (ingest.load), map a load cell, or zero the pressure",
+        " N does not turn with the direction; state the load (--load; ingest.load in a project), map a load cell",
     ),
     "a load below friction, zeros unknown": (lambda cylinder: made_strokes(cylinder, load_n=170.0), "ok", ""),
     "a load below friction": (

@@ -14,7 +14,7 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.position_faults import position_faults, without_position_faults
 from cylinder_friction.recordings.conversion import open_tables, pieces_from
-from cylinder_friction.recordings.ingesting import convert_in_parts
+from cylinder_friction.recordings.ingesting import recordings_of
 from cylinder_friction.recordings.reading_logs import Logs, find_logs
 from cylinder_friction.recordings.recording import Signal
 from logger_files import CHANNELS, made_log
@@ -50,18 +50,15 @@ FAULTS: dict[str, tuple[Callable[[Array, int], Array], str]] = {
 }
 
 
-@pytest.mark.parametrize("rows", [None, 2000])
 @pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_is_named_and_the_rest_is_used(
-    tmp_path: Path, cylinder: Cylinder, fault: str, rows: int | None
-) -> None:
+def test_a_fault_is_named_and_the_rest_is_used(tmp_path: Path, cylinder: Cylinder, fault: str) -> None:
     change, words = FAULTS[fault]
     log = made_log(8000)
     at = 4000 + int(np.argmax(np.abs(np.gradient(log["x"].rolling(41, center=True).mean()))[4000:4800]))
     changed = log.assign(x=1e3 * change(log["x"].to_numpy() / 1e3, at))
     changed.to_csv(tmp_path / "log.csv", index=False)
     logs = find_logs(tmp_path / "log.csv", CHANNELS, cylinder)
-    first, second = convert_in_parts(logs.files, logs.recipe, tmp_path / "parts", rows)
+    first, second = recordings_of(logs.files, logs.recipe)
     for each in (first, second):
         assert not isinstance(each, Exception)
     repairs = " | ".join(first.metadata.repairs)  # type: ignore[union-attr]
@@ -77,7 +74,7 @@ def test_single_samples_that_are_off_split_nothing(tmp_path: Path, cylinder: Cyl
     assert np.concatenate([np.arange(each.begin, each.end) for each in faults]).tolist() == rows.tolist()
     log.to_csv(tmp_path / "log.csv", index=False)
     logs = find_logs(tmp_path / "log.csv", CHANNELS, cylinder)
-    (whole,) = convert_in_parts(logs.files, logs.recipe, tmp_path / "parts", None)
+    (whole,) = recordings_of(logs.files, logs.recipe)
     assert not isinstance(whole, Exception)
     assert len(whole) == 8000  # type: ignore[arg-type]
     repairs = " | ".join(whole.metadata.repairs)  # type: ignore[union-attr]

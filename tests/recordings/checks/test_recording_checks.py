@@ -57,6 +57,19 @@ def test_a_drive_force_stands_in_for_the_pressures() -> None:
     assert [finding.check for finding in findings][-3:] == ["force_stuck", "direction", "position_against_force"]
 
 
+def test_a_rounded_pressure_is_not_stuck_if_its_steps_are_stated() -> None:
+    table = good()
+    table["pressure_1_pa"] = 1e5 * np.round(5.0 + 1.2 * np.sin(0.4 * table["time_s"]))
+    (refused,) = [each for each in inspect(table) if each.outcome == "refused"]
+    assert refused.text.endswith(
+        "or its values are rounded: then state its range and bits as its sensor in the mapping"
+    )
+    assert check(table, replace(LIMITS, steps={"pressure_1_pa": 1e5})).metadata.repairs == ()
+    jumps = table.assign(pressure_1_pa=np.where(table.index < 1000, 3e5, 8e5))
+    with pytest.raises(RecordingError, match="pressure_1_pa stays at exactly 300000 Pa from row 1 to row 1000"):
+        check(jumps, replace(LIMITS, steps={"pressure_1_pa": 1e5}))
+
+
 def set_value(column: str, row: int, value: float) -> Callable[[pd.DataFrame], pd.DataFrame]:
     def change(table: pd.DataFrame) -> pd.DataFrame:
         table.loc[row, column] = value

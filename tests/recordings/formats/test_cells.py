@@ -23,6 +23,7 @@ def times(folder: Path, cells: list[str]):  # type: ignore[no-untyped-def]
         (["01.02.2026 08:15", "1.2.2026 08:16"], ["2026-02-01T08:15", "2026-02-01T08:16"]),
         (["2026/03/14 08:15:00:005", "2026/03/14 08:15:01"], ["2026-03-14T08:15:00.005", "2026-03-14T08:15:01"]),
         (["14-Mar-2026 08:15:00", "14-Mar-2026 08:15:01"], ["2026-03-14T08:15:00", "2026-03-14T08:15:01"]),
+        (["14-Mar-26 08:15:00", "14-Mar-26 08:15:01"], ["2026-03-14T08:15:00", "2026-03-14T08:15:01"]),
         (["03/14/2026 12:00:00 AM", "03/14/2026 1:00:00 PM"], ["2026-03-14T00:00:00", "2026-03-14T13:00:00"]),
         (["2026-03-14T08:15:00+01:00", "2026-03-14T08:15:01+01:00"], ["2026-03-14T07:15:00", "2026-03-14T07:15:01"]),
         (["14.03.2026 08:15:00+01:00", "14.03.2026 08:15:01Z"], ["2026-03-14T07:15:00", "2026-03-14T08:15:01"]),
@@ -47,12 +48,26 @@ def test_a_missing_stamp_is_not_a_time(tmp_path: Path) -> None:
     assert np.isnat(stamps).tolist() == [False, True, False]
 
 
-@pytest.mark.parametrize("cells", [["08:15:00,125", "08:15:00,130"], ["08:15:00", "08:15:01"]])
-def test_a_time_of_day_is_seconds_since_midnight(tmp_path: Path, cells: list[str]) -> None:
+@pytest.mark.parametrize(
+    ("cells", "expected"),
+    [
+        (["08:15:00,125", "08:15:00,130"], [29700.125, 29700.13]),
+        (["08:15:00", "08:15:01"], [29700.0, 29701.0]),
+        (["08:15:00.5 PM", "12:15:00 am"], [72900.5, 900.0]),
+        (["15:00.1", "15:00.2"], [900.1, 900.2]),
+    ],
+)
+def test_a_time_of_day_is_seconds_since_midnight(tmp_path: Path, cells: list[str], expected: list[float]) -> None:
     table = times(tmp_path, cells)
     assert table.units == {"Zeit": "s"}
-    expected = [29700.125, 29700.13] if "," in cells[0] else [29700.0, 29701.0]
-    np.testing.assert_array_equal(table.channels["Zeit"], expected)
+    np.testing.assert_allclose(table.channels["Zeit"], expected, rtol=1e-15)
+
+
+@pytest.mark.parametrize(("cells", "unit"), [(["0 sec", "0.005 sec"], "sec"), (["0ms", "5ms"], "ms")])
+def test_a_duration_states_its_unit(tmp_path: Path, cells: list[str], unit: str) -> None:
+    table = times(tmp_path, cells)
+    assert table.units == {"Zeit": unit}
+    assert table.channels["Zeit"].tolist() == [0.0, 0.005 if unit == "sec" else 5.0]
 
 
 @pytest.mark.parametrize(

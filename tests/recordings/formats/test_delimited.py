@@ -124,11 +124,25 @@ def test_missing_values_are_nan(read) -> None:  # type: ignore[no-untyped-def]
         ("0;1.5\n1;broken\n3;-2e1\n", [1.5, "broken", -20.0]),
         ("0;1.5\n" + "1;2\n" * 60 + '2;"3"\n3;broken\n4;2026\n', [1.5, *[2.0] * 60, 3.0, "broken", 2026.0]),
         ("0;1,5\n1;1.234,5\n2;3.845\n3;2,5\n", [1.5, "1.234,5", "3.845", 2.5]),  # a point beside decimal commas
-        ("0;overload\n1;overload\n" + "2;1.5\n" * 18, ["overload", "overload", *[1.5] * 18]),
+        ("0;high\n1;high\n" + "2;1.5\n" * 18, ["high", "high", *[1.5] * 18]),
     ],
 )
 def test_text_stays_text_and_its_neighbours_numbers(read, rows: str, values: list[object]) -> None:  # type: ignore[no-untyped-def]
     assert read(f"t;p\n{rows}").channels["p"].tolist() == values
+
+
+@pytest.mark.parametrize("sign", ["overload", "∞", "+++++", "OL"])
+def test_a_value_beyond_the_range_is_missing_and_stated(read, sign: str) -> None:  # type: ignore[no-untyped-def]
+    table = read(f"t;p\n0;{sign}\n1;{sign}\n" + "2;1.5\n" * 18)
+    np.testing.assert_array_equal(table.channels["p"], [np.nan, np.nan, *[1.5] * 18])
+    assert table.notes == (f"2 cells of 'p' with {sign!r}, beyond the range of the input, taken as missing",)
+
+
+@pytest.mark.parametrize(("cells", "unit", "first"), [("7.2 bar", "bar", 7.2), ("+  7.205", "", 7.205)])
+def test_numbers_with_a_unit_or_blanks_behind_the_sign(read, cells: str, unit: str, first: float) -> None:  # type: ignore[no-untyped-def]
+    table = read("t;p\n" + f"1;{cells}\n" * 5)
+    assert table.channels["p"].tolist() == [first] * 5
+    assert table.units.get("p", "") == unit
 
 
 @pytest.mark.parametrize(("rows", "kinds"), [("0;1.5\n1;2\n", "if"), ("0.5;9007199254740993\n1;2\n", "fi")])
@@ -208,6 +222,32 @@ def test_numbers_come_back_to_the_last_bit(tmp_path_factory, rows, delimiter: st
     (table,) = read_logged_file(path)
     assert list(table.channels.columns) == ["time", "P1 [bar]", "pos"]
     np.testing.assert_array_equal(table.channels.to_numpy(dtype=np.float64), rows)
+
+
+def test_names_above_units_of_which_some_are_none(read) -> None:  # type: ignore[no-untyped-def]
+    """As Graphtec writes them; two channels share a unit, and the line of units repeats no name."""
+    rows = "".join(f"{row},2026/03/14 08:15:00,{5 * row},+  7.205,+8.9,+74.9,L\n" for row in range(1, 30))
+    above = "Vendor,GRAPHTEC\nSampling interval,5ms\nStart time,2026/3/14,08:15:00\nData\n"
+    names = "Number,Date&Time,ms,CH1,CH2,CH3,Alarm1\nNO.,Time,ms,bar,bar,mm,A1\n"
+    for header in ("auto", "names_units"):
+        table = read(above + names + rows, header=header)
+        assert {name: table.units[name] for name in ("CH1", "CH2", "CH3")} == {"CH1": "bar", "CH2": "bar", "CH3": "mm"}
+        assert table.channels["CH1"].tolist() == [7.205] * 29
+
+
+def test_names_and_units_of_repeated_time_columns(tmp_path: Path) -> None:
+    """As DAQExpress writes them, names in quotes."""
+    above = "Timestamp,2026-03-14 08:15:00,Timestamp,2026-03-14 08:15:00\nInterval,0.005,Interval,0.005\n"
+    names = 'Channel name,"Piston pressure",Channel name,"Position"\nUnit,"bar",Unit,"mm"\n'
+    (tmp_path / "log.csv").write_text(
+        above + names + "".join(f"{0.005 * row:.3f},7.2,{0.005 * row:.3f},75.0\n" for row in range(40))
+    )
+    one, other = read_logged_file(tmp_path / "log.csv")
+    assert (list(one.channels), list(other.channels)) == (
+        ["Channel name", "Piston pressure"],
+        ["Channel name", "Position"],
+    )
+    assert one.units == {"Piston pressure": "bar", "Position": "mm"}
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,6 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-import scipy.io
 
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.recording import RecordingError
@@ -60,18 +59,5 @@ def test_a_dataset_larger_than_its_file_could_hold_is_damaged(tmp_path: Path) ->
     path = tmp_path / "log.h5"
     with h5py.File(path, "w") as file:
         file.create_dataset("P1", shape=(10**12,), dtype="f8", chunks=(1024,))
-    with pytest.raises(RecordingError, match="dataset '/P1' claims 8000000000000 bytes in a file of"):
-        read_logged_file(path)
-
-
-@pytest.mark.parametrize("kind", ["hdf5", "matlab 5"])
-def test_a_small_file_that_unpacks_to_what_fills_the_memory_is_refused(tmp_path: Path, kind: str) -> None:
-    path = tmp_path / "log"
-    if kind == "hdf5":
-        with h5py.File(path, "w") as file:
-            for name in ("t", "p1", "p2", "x"):
-                file.create_dataset(name, data=np.zeros(7_000_000), chunks=(10**6,), compression="gzip")
-    else:
-        scipy.io.savemat(path, {"t": np.zeros(26_000_000)}, do_compression=True)
-    with pytest.raises(RecordingError, match=r"unpacks to 2\d\d MB, \d+ times its size; expected at most 200 MB"):
+    with pytest.raises(RecordingError, match="cannot be read as an HDF5 file "):
         read_logged_file(path)

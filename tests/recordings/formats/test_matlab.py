@@ -54,6 +54,35 @@ def test_simulink_structure_with_time(tmp_path: Path) -> None:
     assert table.units == {"scope.time": "s"}
 
 
+TEXT_OBJECT = bytes.fromhex(
+    "0e000000800000000600000008000000110000000000000001000400696e666f010004004d434f530100000006000000737472696e670000"
+    "0e0000004800000006000000080000000d000000000000000500000008000000060000000100000001000000000000000600000018000000"
+    "000000dd0200000001000000010000000100000001000000"
+)
+"""MATLAB's string ``info``, as version 7 writes it."""
+
+
+@pytest.mark.parametrize("wanted", [None, ["P1"]])
+def test_vectors_beside_a_string_or_a_date_are_read(tmp_path: Path, wanted: list[str] | None) -> None:
+    path = saved(tmp_path, {"t": T, "P1": T + 1})
+    path.write_bytes(path.read_bytes() + TEXT_OBJECT)
+    (table,) = read_logged_file(path, wanted=wanted)
+    np.testing.assert_array_equal(table.channels["P1"], T + 1)
+    assert "info (string)" in table.unread
+
+
+def test_channels_are_named_as_dspace_names_them(tmp_path: Path) -> None:
+    y = np.zeros((2,), dtype=[("Name", object), ("Unit", object), ("Data", object), ("XIndex", object)])
+    y[0], y[1] = ("Model Root/pA", "bar", T + 1, 1.0), ("Model Root/x", "mm", T + 2, 1.0)
+    path = saved(
+        tmp_path, {"rec1": {"X": {"Name": "Time", "Unit": "s", "Data": T}, "Y": y, "Capture": {"Length": 6.0}}}
+    )
+    for wanted in (None, ["Model Root/pA", "Time"]):
+        (table,) = read_logged_file(path, wanted=wanted)
+        np.testing.assert_array_equal(table.channels["Model Root/pA"], T + 1)
+        assert table.units == {"Time": "s", "Model Root/pA": "bar", "Model Root/x": "mm"}
+
+
 def test_a_file_without_vectors_says_what_it_holds(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="holds no channels; got kp, name; expected vectors of numbers"):
         read_logged_file(saved(tmp_path, {"kp": 2.0, "name": "x"}))

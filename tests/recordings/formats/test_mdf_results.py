@@ -26,41 +26,36 @@ def original(path: Path, recording: Recording, version: str) -> Path:
 
 
 @pytest.fixture
-def parts(labelled_recordings: list[Recording]) -> list[Recording]:
+def measured(labelled_recordings: list[Recording]) -> Recording:
     recording = labelled_recordings[0]
-    recording = replace(recording, metadata=replace(recording.metadata, start="2026-03-27T09:15:00.000Z"))
-    half = len(recording) // 2
-    return [recording.rows(slice(0, half)), recording.rows(slice(half, None))]
+    return replace(recording, metadata=replace(recording.metadata, start="2026-03-27T09:15:00.000Z"))
 
 
 @pytest.mark.parametrize("version", ["3.30", "4.10"])
-def test_results_stand_beside_what_was_measured(tmp_path: Path, parts: list[Recording], version: str) -> None:
-    whole = np.concatenate([part.column("friction_n") for part in parts])
-    time_s = np.concatenate([part.column("time_s") for part in parts])
-    log = original(tmp_path / ("log.mdf" if version < "4" else "log.mf4"), parts[0], version)
+def test_results_stand_beside_what_was_measured(tmp_path: Path, measured: Recording, version: str) -> None:
+    log = original(tmp_path / ("log.mdf" if version < "4" else "log.mf4"), measured, version)
     before = log.read_bytes()
-    write_mdf(tmp_path / "result.mf4", parts, log)
+    write_mdf(tmp_path / "result.mf4", measured, log)
     assert log.read_bytes() == before
     fast, slow, results = read_logged_file(tmp_path / "result.mf4")
-    np.testing.assert_array_equal(fast.channels["P1"], parts[0].column("pressure_1_pa") / 1e5)
+    np.testing.assert_array_equal(fast.channels["P1"], measured.column("pressure_1_pa") / 1e5)
     np.testing.assert_array_equal(slow.channels["cell"], np.arange(5.0))
     assert results.name == GROUP
-    np.testing.assert_array_equal(results.channels["time"], time_s)
-    np.testing.assert_array_equal(results.channels["friction_n"], whole)
+    np.testing.assert_array_equal(results.channels["time"], measured.column("time_s"))
+    np.testing.assert_array_equal(results.channels["friction_n"], measured.column("friction_n"))
     assert (results.units["friction_n"], results.units["velocity_m_s"]) == ("N", "m/s")
     assert "pressure_1_pa" not in results.channels
-    write_mdf(tmp_path / "again.mf4", parts, log)
+    write_mdf(tmp_path / "again.mf4", measured, log)
     assert (tmp_path / "again.mf4").read_bytes() == (tmp_path / "result.mf4").read_bytes()
 
 
-def test_of_another_log_the_recording_is_written(tmp_path: Path, parts: list[Recording]) -> None:
+def test_of_another_log_the_recording_is_written(tmp_path: Path, measured: Recording) -> None:
     (tmp_path / "log.csv").write_text("t,p\n0,1\n")
-    write_mdf(tmp_path / "result.mf4", parts, tmp_path / "log.csv")
+    write_mdf(tmp_path / "result.mf4", measured, tmp_path / "log.csv")
     (table,) = read_logged_file(tmp_path / "result.mf4")
-    pressure_pa = np.concatenate([part.column("pressure_1_pa") for part in parts])
-    np.testing.assert_array_equal(table.channels["pressure_1_pa"], pressure_pa)
+    np.testing.assert_array_equal(table.channels["pressure_1_pa"], measured.column("pressure_1_pa"))
     assert table.units["pressure_1_pa"] == "Pa"
     assert table.start is not None
-    assert table.start.after(parts[0].column("time_s")[0]).text() == "2026-03-27T09:15:00.000Z"
+    assert table.start.after(measured.column("time_s")[0]).text() == "2026-03-27T09:15:00.000Z"
     with MDF(tmp_path / "result.mf4") as file:
         assert '"start": "2026-03-27T09:15:00.000Z"' in file.groups[0].channel_group.comment

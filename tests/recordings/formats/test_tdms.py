@@ -61,3 +61,18 @@ def test_waveforms_without_a_start_beside_others_with_one_are_said(tmp_path: Pat
     assert fast.notes == ()
     (note,) = slow.notes
     assert note == "channel 's' states no start time, others do; it was taken to start with the earliest of them"
+
+
+def test_a_logged_clock_takes_precedence_over_that_of_the_waveforms(tmp_path: Path) -> None:
+    made_up, stamps = wave(0.001, "2026-03-14T08:15:00"), 0.005 * np.arange(40)
+    for name, unit in (("Time (s)", ""), ("Zeit", ""), ("Elapsed", "s"), ("Untitled", "")):
+        path = written(
+            tmp_path,
+            ("Log", name, stamps, made_up | {"unit_string": unit}),
+            ("Log", "count", np.arange(40.0), made_up),
+            ("Log", "P1", np.sin(stamps), made_up),
+        )
+        (table,) = read_logged_file(path)
+        assert list(table.channels) == [name, "count", "P1"]
+        assert table.start is not None
+        assert table.start.text() == "2026-03-14T08:15:00.000Z"

@@ -16,6 +16,7 @@ from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.mapping.guessing import guess_mapping
 from cylinder_friction.recordings.mapping.mapping_text import mapping_yaml
 from cylinder_friction.recordings.path_names import NameRules
+from cylinder_friction.recordings.recording import RecordingError
 
 PATH = Path("logs/noload_day1.csv")
 ROWS = 400
@@ -104,6 +105,79 @@ def test_two_cylinders_in_one_file_stay_apart_and_are_marked() -> None:
     assert "AMBIGUOUS: main_pA_cyl_bar (values 20 to 21) or jib_pA_cyl_bar (values 40 to 42)" in text
     assert "AMBIGUOUS: main_x_m (values 0 to 0.5) or jib_x_m" in text
     assert 'on which the load depends, add other_position_1_m: {channel: "jib_x_m", unit: m}' in text
+
+
+MEASURED = {"p1 [bar]": 20 + STROKE, "p2 [bar]": 9 + STROKE, "x [mm]": 200 * STROKE}
+TEXT = np.array(["soon"] * ROWS, dtype=object)
+
+
+@pytest.mark.parametrize(
+    ("clocks", "words"),
+    [
+        (
+            {"column_1": np.arange(ROWS)},
+            "'column_1' steps by exactly 1, so that it may count rows, and not time; state",
+        ),
+        ({"Time": np.arange(ROWS)}, "'Time' steps by exactly 1, so that it may count rows"),
+        ({"Sample": np.arange(ROWS), "Time": TEXT}, "'Time' is named like time, but its cells cannot be read, such as"),
+        ({"n": 0.005 * np.arange(ROWS), "Uhrzeit": TEXT}, "'Uhrzeit' is named like time, but its cells cannot be read"),
+    ],
+)
+def test_time_is_asked_for_rather_than_taken_from_what_rises(clocks: dict[str, Any], words: str) -> None:
+    text = text_of(clocks | MEASURED)
+    assert names_of(text)["time_s"] == "NOT FOUND"
+    assert words in comment_of(text, "time_s")
+
+
+@pytest.mark.parametrize(
+    ("clocks", "channel", "unit"),
+    [
+        ({"Sample": np.arange(ROWS), "Time": TIME}, "Time", "s"),
+        ({"Sample": np.arange(ROWS), "t [ms]": np.arange(ROWS)}, "t [ms]", "ms"),
+        ({"ElapsedTicks": 123456789 + 50_000 * np.arange(ROWS)}, "ElapsedTicks", "100ns"),
+        ({"ticks": 5 * np.arange(ROWS)}, "ticks", "ms"),
+        ({"Time": 1.77e12 + 5.0 * np.arange(ROWS)}, "Time", "ms"),
+        ({"Time": 1.77e18 + 5e6 * np.arange(ROWS)}, "Time", "ns"),
+        ({"Time": np.round(TIME, 1), "flow": STROKE}, "Time", "s"),
+    ],
+)
+def test_a_clock_is_told_from_a_count(clocks: dict[str, Any], channel: str, unit: str) -> None:
+    found = channels_of(text_of(clocks | MEASURED))["time_s"]
+    assert (found["channel"], found["unit"]) == (channel, unit)
+
+
+def test_one_row_per_value_is_named_with_its_pivot() -> None:
+    tags = np.array(["pA", "pB", "Weg"] * 100, dtype=object)
+    table = pd.DataFrame({"Tag": tags, "Zeit": np.repeat(TIME[:100], 3), "Wert": np.tile([7.0, 9.0, 75.0], 100)})
+    words = (
+        r"one row per value: 'Tag' names 'pA', 'pB', 'Weg' in turn, and 'Wert' holds .*pivot\(index='Zeit', columns='Ta"
+    )
+    with pytest.raises(RecordingError, match=words):
+        guess_mapping([LoggedTable(table)], PATH)
+
+
+def test_what_steps_by_one_is_time_if_its_name_and_a_given_unit_state_it() -> None:
+    tables = [LoggedTable(pd.DataFrame({name: np.arange(ROWS)} | MEASURED)) for name in ("Time", "column_1")]
+    named, unnamed = (guess_mapping([table], PATH, units={"time": "ms"}).columns["time_s"] for table in tables)
+    assert (named.known, named.unit, unnamed.known) == (True, "ms", False)
+
+
+def test_what_only_rises_is_no_time() -> None:
+    assert names_of(text_of(MEASURED | {"energy": TIME}))["time_s"] == "NOT FOUND"
+
+
+@pytest.mark.parametrize(("given", "rate_hz"), [("200Hz", 200), ("1 kHz", 1000)])
+def test_a_given_rate_takes_the_place_of_a_clock(given: str, rate_hz: float) -> None:
+    table = LoggedTable(pd.DataFrame({"column_1": np.arange(ROWS)} | MEASURED))
+    guess = guess_mapping([table], PATH, units={"time": given})
+    assert channels_of(mapping_yaml(guess))["time_s"] == {"rate_hz": rate_hz}
+
+
+def test_a_position_in_percent_is_one_of_the_stroke() -> None:
+    found = channels_of(text_of({"t": TIME, "p1": 20 + STROKE, "p2": 9 + STROKE, "position [%]": 100 * STROKE}))
+    assert found["position_m"] == {"channel": "position [%]", "unit": "%"}
+    mapped = ChannelMapping.from_dict(found["position_m"]).for_stroke("position_m", 0.25)
+    np.testing.assert_allclose(mapped.column_values(np.array([0.0, 30.0, 100.0]), "position_m"), [0.0, 0.075, 0.25])
 
 
 def test_what_is_not_there_is_marked_and_all_channels_are_listed() -> None:

@@ -81,6 +81,47 @@ def test_rate_makes_time_where_none_is_logged() -> None:
         map_signals([table("fast", **FAST), table("slow", **SLOW)], mapping)
 
 
+ROWS = np.arange(40)
+PLC = {"t": 5 * ROWS, "t10 [ms]": 10 * ROWS, "a": np.ones(40), "b": np.ones(40), "x": np.zeros(40)}
+
+
+def test_two_clocks_of_one_table_are_refused_unless_each_column_states_its_own() -> None:
+    tables = [LoggedTable(pd.DataFrame(PLC), {"t10 [ms]": "ms"})]
+    words = (
+        "the table has two clocks, 't' with 200 Hz and 't10 [ms]' with 100 Hz, and no column is stamped by 't10 [ms]'"
+    )
+    with pytest.raises(RecordingError, match=re.escape(words)):
+        map_signals(tables, MAPPING)
+    mapping = MAPPING | {"position_m": ChannelMapping("x", "mm", time="t10 [ms]")}
+    assert map_signals(tables, mapping).signals["position_m"].time_s[-1] == 0.39
+    alike = {name: cells for name, cells in PLC.items() if name != "t10 [ms]"}
+    for clock in (5000 * ROWS, 0.005 * ROWS, ROWS, pd.Timestamp("2026-03-14") + pd.to_timedelta(5 * ROWS, "ms")):
+        map_signals([LoggedTable(pd.DataFrame(alike | {"clock": clock}))], MAPPING)
+
+
+def test_a_clock_of_its_own_may_state_its_own_unit() -> None:
+    tables = [LoggedTable(pd.DataFrame(PLC | {"t10 [ms]": 0.005 * ROWS}))]
+    mapping = MAPPING | {"position_m": ChannelMapping("x", "mm", time="t10 [ms]", time_unit="s")}
+    assert map_signals(tables, mapping).signals["position_m"].time_s[-1] == pytest.approx(0.195)
+
+
+def test_a_unit_that_contradicts_the_date_is_refused() -> None:
+    since_1970 = {**PLC, "t": 1_773_476_100_000 + 5 * ROWS, "t10 [ms]": 0}
+    assert map_signals([LoggedTable(pd.DataFrame(since_1970))], MAPPING).signals["position_m"].time_s[0] > 1e9
+    words = "begins at 1773476100000, which in ms since 1970 is 2026-03-14T08:15:00.000000000, but it is read in 'us'"
+    with pytest.raises(RecordingError, match=re.escape(words)):
+        map_signals([LoggedTable(pd.DataFrame(since_1970))], MAPPING | {"time_s": ChannelMapping("t", "us")})
+
+
+def test_a_start_in_the_future_is_not_stated() -> None:
+    late = PLC | {"t": pd.Timestamp("2096-03-14") + pd.to_timedelta(5 * ROWS, "ms"), "t10 [ms]": 0}
+    mapped = map_signals([LoggedTable(pd.DataFrame(late))], MAPPING)
+    assert mapped.start is None
+    assert mapped.notes == (
+        "its clock started in the future, 2096-03-14T00:00:00.000 (time stamps of 't'); when it was made is not known",
+    )
+
+
 RATE = MAPPING | {"time_s": ChannelMapping(rate_hz=200.0)}
 
 

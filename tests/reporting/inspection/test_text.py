@@ -11,17 +11,14 @@ SPIKES = Finding("spikes", "repaired", "pressure_1_pa: 3 spikes taken out")
 UNIT = Finding("unit", "refused", "position_m is 251 m in row 5")
 
 
-def test_one_line_a_check_and_a_closing_line() -> None:
-    report = text_report([Inspected("a.csv", [RATE]), Inspected("b.csv", [RATE, SPIKES]), Inspected("c.csv", [UNIT])])
-    assert report == (
-        "a.csv: usable for labelling\n"
-        "  ok        rate  200 Hz throughout\n"
-        "\n"
-        "b.csv: usable with these repairs: pressure_1_pa: 3 spikes taken out\n"
-        "  ok        rate    200 Hz throughout\n"
+def test_one_line_a_file_and_what_is_not_in_order() -> None:
+    friction = Finding("friction", "ok", "friction 302 N, both ways at equal position")
+    files = [Inspected("a.csv", [friction, RATE]), Inspected("b.csv", [RATE, SPIKES]), Inspected("c.csv", [UNIT])]
+    assert text_report(files) == (
+        "a.csv: usable for labelling; friction 302 N, both ways at equal position\n"
+        "b.csv: usable with these repairs\n"
         "  repaired  spikes  pressure_1_pa: 3 spikes taken out\n"
-        "\n"
-        "c.csv: not usable: position_m is 251 m in row 5\n"
+        "c.csv: not usable\n"
         "  refused   unit  position_m is 251 m in row 5\n"
         "\n"
         "3 files: 1 ok, 1 repaired, 1 refused\n"

@@ -4,17 +4,14 @@ import asyncio
 import logging
 from abc import ABC, abstractmethod
 from collections import Counter
-from collections.abc import AsyncIterator, Coroutine, Mapping
+from collections.abc import AsyncIterator, Coroutine
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from typing import Any, ClassVar
 
 from cylinder_friction_live.connection import Peers
 from cylinder_friction_live.frames import EstimateBlock
-from cylinder_friction_live.journal import LastRow
 from cylinder_friction_live.service import LiveService, LiveSession
 
-AT_ONCE = 20
-"""Number of sessions that are shown before samples have their turn."""
 _log = logging.getLogger(__name__)
 
 
@@ -37,31 +34,9 @@ class Link(ABC):
     def running(self, service: LiveService, peers: Peers) -> AbstractAsyncContextManager[None]:
         """Return the context within which the link works; entering it raises what keeps it from starting."""
 
-    def note(self, session: LiveSession, block: EstimateBlock) -> None:  # noqa: B027 - a way in needs none
-        """Take successive estimates of a session, on the service's event loop; must return at once."""
-
-
-class LatestLink(Link):
-    """Shows the newest estimate of each session that has new ones, some times a second."""
-
-    def __init__(self, address: str) -> None:
-        super().__init__(address)
-        self._changed: set[str] = set()
-
+    @abstractmethod
     def note(self, session: LiveSession, block: EstimateBlock) -> None:
-        """Remember that a session has new estimates."""
-        del block
-        self._changed.add(session.name)
-
-    async def changed(self, sessions: Mapping[str, LiveSession]) -> AsyncIterator[tuple[LiveSession, LastRow]]:
-        """Yield the sessions that have new estimates since the last time; samples have their turn in between."""
-        changed, self._changed = self._changed, set()
-        for place, name in enumerate(changed):
-            if place % AT_ONCE == 0:
-                await asyncio.sleep(0.0)
-            session = sessions.get(name)
-            if session is not None and (last := session.latest) is not None:
-                yield session, last
+        """Take successive estimates of a session, on the service's event loop; must return at once."""
 
 
 @asynccontextmanager

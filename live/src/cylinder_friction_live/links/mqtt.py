@@ -23,12 +23,15 @@ from paho.mqtt.client import MQTTMessage
 
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction_live.connection import ClientGoneError, Connection, Peers
+from cylinder_friction_live.frames import EstimateBlock
 from cylinder_friction_live.journal import LastRow
 from cylinder_friction_live.links.broker import Broker, Message
-from cylinder_friction_live.links.link import LatestLink, in_background
-from cylinder_friction_live.service import LiveService
+from cylinder_friction_live.links.link import Link, in_background
+from cylinder_friction_live.service import LiveService, LiveSession
 from cylinder_friction_live.settings import MqttSettings
 
+AT_ONCE = 20
+"""Number of sessions whose results are published before samples have their turn."""
 _BEYOND = 4
 """Messages up to so many times the limit are refused by name; greater ones the broker keeps to itself."""
 
@@ -60,7 +63,7 @@ class MqttTransport:
         await self._broker.send(f"{self._topic}/out", message)
 
 
-class MqttLink(LatestLink):
+class MqttLink(Link):
     """Each CLIENT of the topics is a connection as any other; it begins with a text that opens a session."""
 
     name: ClassVar[str] = "mqtt"
@@ -71,6 +74,12 @@ class MqttLink(LatestLink):
         self._clients: dict[str, tuple[MqttTransport, asyncio.Task[None]]] = {}
         self._advised: set[str] = set()  # Topics on which frames came without an open session
         self._since = ""
+        self._changed: set[str] = set()  # Sessions with new estimates
+
+    def note(self, session: LiveSession, block: EstimateBlock) -> None:
+        """Remember that a session has new estimates."""
+        del block
+        self._changed.add(session.name)
 
     @asynccontextmanager
     async def running(self, service: LiveService, peers: Peers) -> AsyncIterator[None]:
@@ -169,9 +178,13 @@ class MqttLink(LatestLink):
     async def _results(self) -> None:
         while True:
             await asyncio.sleep(1.0 / self._settings.results_hz)
-            async for session, last in self.changed(self._service.sessions):
-                if self._broker.connected:
-                    topic = f"{self._settings.prefix}/results/{session.name}"
+            changed, self._changed = self._changed, set()
+            for place, name in enumerate(changed):
+                if place % AT_ONCE == 0:
+                    await asyncio.sleep(0.0)
+                session = self._service.sessions.get(name)
+                if self._broker.connected and session is not None and (last := session.latest) is not None:
+                    topic = f"{self._settings.prefix}/results/{name}"
                     self._broker.publish(Message(topic, _result(last), retain=True))
 
 

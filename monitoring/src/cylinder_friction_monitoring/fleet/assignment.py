@@ -9,9 +9,8 @@ from collections.abc import Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path, PurePosixPath
 
-from cylinder_friction_monitoring.errors import MonitoringError
+from cylinder_friction_monitoring.errors import MonitoringError, Refused
 from cylinder_friction_monitoring.fleet.plan import Assignment, Fleet
-from cylinder_friction_monitoring.refused import Refused
 
 HEAD_BYTES = 1 << 16
 

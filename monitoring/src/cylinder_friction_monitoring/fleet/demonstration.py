@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from functools import partial
 from pathlib import Path
 from typing import cast
@@ -9,10 +10,9 @@ from typing import cast
 import yaml
 
 from cylinder_friction import Cylinder
-from cylinder_friction.recordings.files import whole_file, write_text
+from cylinder_friction.recordings.files import read_yaml, whole_file, whole_folder, write_text
 from cylinder_friction.rig.bench import DECIMALS
-from cylinder_friction_monitoring.errors import MonitoringError
-from cylinder_friction_monitoring.fleet.processes import Died, done_in_order
+from cylinder_friction_monitoring.fleet.processes import cores, done_in_order
 from cylinder_friction_monitoring.lives import FATES, Fate, LifePlan, life
 
 DIMENSIONS = {"bore_diameter_m": 0.063, "rod_diameter_m": 0.028, "stroke_m": 0.25, "moving_mass_kg": 6.0}
@@ -32,9 +32,7 @@ def write_demonstration(folder: Path, plan: LifePlan = PLAN, processes: int = 1)
     Logs that are there already are not simulated again.
     """
     jobs = [partial(write_life, folder / "logs" / fate, number, fate, plan) for number, fate in enumerate(FATES)]
-    for fate, done in zip(FATES, done_in_order(jobs, processes), strict=True):
-        if isinstance(done, Died):
-            raise MonitoringError(f"{fate}: {done.reason}; run the same command again")
+    done_in_order(jobs, processes)
     fleet = {
         "defaults": {
             "dimensions": DIMENSIONS,
@@ -56,3 +54,14 @@ def write_life(folder: Path, number: int, fate: str, plan: LifePlan) -> None:
     for recording in life(Cylinder(name=fate, **DIMENSIONS), plan, number, cast("Fate", fate)):
         with whole_file(folder / f"{recording.metadata.start[:13]}.csv") as draft:
             recording.logger.to_csv(draft, index=False, float_format=f"%.{DECIMALS}f", lineterminator="\n")
+
+
+def main() -> None:
+    """Simulate the fleet that ``params.yaml`` describes into a folder; the pipeline's stage ``fleet``."""
+    plan = LifePlan(**read_yaml(Path("params.yaml"))["fleet"])
+    with whole_folder(Path(sys.argv[1])) as folder:
+        write_demonstration(folder, plan, cores())
+
+
+if __name__ == "__main__":
+    main()

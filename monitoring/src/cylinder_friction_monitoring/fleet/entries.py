@@ -51,21 +51,14 @@ def add_entry(folder: Path, entry: Entry, fleet: Fleet) -> None:
         withdraws = _withdrawn_by(entry, entries_of(folder, fleet)[entry.cylinder])
         text = path.read_text(encoding="utf-8") if path.is_file() else ""
         stated = asdict(replace(entry, until=until, withdraws=withdraws))
-        kept = {
-            name: value for name, value in stated.items() if value or name not in ("until", "withdraws", "withdrawn")
-        }
+        kept = {name: value for name, value in stated.items() if value or name == "words"}
         write_text(path, f"{text}{json.dumps(kept, sort_keys=True, ensure_ascii=False)}\n")
 
 
 def refuse_far(entry: Entry, starts: Sequence[str], now: datetime) -> None:
     """Refuse an entry whose time is far from all sessions of its cylinder, or has not come.
 
-    An acknowledgement, comment or withdrawal after the newest session is never far: only its time may not have come.
-
-    Args:
-        entry: With a valid time.
-        starts: When the cylinder's sessions began.
-        now: The present.
+    An acknowledgement, comment or withdrawal after the newest session is not far. ``starts`` are of the sessions.
 
     Raises:
         MonitoringError: The time is probably mistyped.
@@ -132,9 +125,9 @@ def _withdrawn_by(entry: Entry, entries: Sequence[Entry]) -> str:
         return ""
     if not entry.words.strip():
         raise MonitoringError("entry: no reason; state why the entry is withdrawn, with --words")
-    kind, _, time = entry.withdraws.partition(" ")
+    kind, _, time = entry.withdraws.removesuffix("Z").partition(" ")
     there = [each for each in entries if not each.withdrawn]
-    own = {f"{each.kind} {each.time}" for each in there if each.kind == kind and time and _same(each.time, time)}
+    own = {f"{each.kind} {each.time}" for each in there if each.kind == kind and time and each.time.startswith(time)}
     if len(own) == 1:
         return own.pop()
     known = ", ".join(f"{each.kind} {each.time}" for each in there) or "none"
@@ -142,14 +135,6 @@ def _withdrawn_by(entry: Entry, entries: Sequence[Entry]) -> str:
         f"entry: --of {entry.withdraws or 'is missing'}: expected the kind and time of one entry of {entry.cylinder}, "
         f"of which these are in force: {known}"
     )
-
-
-def _same(time: str, given: str) -> bool:
-    """Return whether a given time, or its first part, is that of an entry."""
-    try:
-        return time.startswith(given.strip().replace(" ", "T")) or time == utc_time(given.strip(), "")
-    except ValueError:
-        return False
 
 
 def _known(fleet: Fleet) -> str:

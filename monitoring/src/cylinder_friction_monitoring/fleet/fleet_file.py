@@ -24,14 +24,7 @@ cylinders:
 
 
 class FleetFile(BaseModel):
-    """``fleet.yaml``.
-
-    Attributes:
-        assign: How a log names its cylinder.
-        database: Where the tables go beside Parquet: ``postgresql://...``; empty: an SQLite file in the results.
-        defaults: What all cylinders have in common; each may state it otherwise.
-        cylinders: By name.
-    """
+    """``fleet.yaml`` with its ``defaults`` merged into the cylinders; see ``Fleet``."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)
 

@@ -4,31 +4,29 @@ from __future__ import annotations
 
 import os
 from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 import cylinder_friction
 from cylinder_friction.recordings.files import hash_of, json_hash, read_json, write_json
 from cylinder_friction.recordings.reading_logs import log_paths
 from cylinder_friction.recordings.result_folder import ResultFolder, existing
-from cylinder_friction_monitoring.errors import MonitoringError
+from cylinder_friction_monitoring.errors import Refused
 from cylinder_friction_monitoring.fleet.assignment import assigned
 from cylinder_friction_monitoring.fleet.entries import entries_of
 from cylinder_friction_monitoring.fleet.files import pane_file, session_file, state_file
 from cylinder_friction_monitoring.fleet.one_cylinder import CylinderRun, Taken
 from cylinder_friction_monitoring.fleet.plan import Fleet
-from cylinder_friction_monitoring.fleet.processes import Died, done_in_order
+from cylinder_friction_monitoring.fleet.processes import done_in_order
 from cylinder_friction_monitoring.page.health_page import write_health_page
-from cylinder_friction_monitoring.refused import Refused
 from cylinder_friction_monitoring.trends.cylinder_line import CylinderLine, in_order
 
 HEALTH_FILE, PAGE_FILE, ANNOUNCED_FILE = "health.json", "health.html", "announced.json"
 WRITTEN_BY = "cylinder-friction monitor"
-Found = TypeVar("Found")
 ALARM, REFUSED = 3, 1
 """Exit status of a run with a new alarm, and of one in which something was refused."""
 
@@ -91,10 +89,11 @@ def monitor_fleet(
         own, refused = assigned({path.relative_to(root.parent).as_posix(): path for path in paths}, fleet)
         entries, code = entries_of(into, fleet), code_hash()
         runs = [CylinderRun(name, each, into, root, code, now) for name, each in fleet.cylinders.items()]
-        taken = _all(processes, runs, [partial(run.taken, own.get(run.name, ()), bool(paths)) for run in runs])
+        first = [partial(run.taken, own.get(run.name, ()), bool(paths)) for run in runs]
+        taken = dict(zip(fleet.cylinders, done_in_order(first, processes), strict=True))
         foreign = copies(taken)
         jobs = [partial(run.known, draft, entries.get(run.name, []), foreign.get(run.name, {})) for run in runs]
-        known = _all(processes, runs, jobs)
+        known = dict(zip(fleet.cylinders, done_in_order(jobs, processes), strict=True))
         refused += [each for one in taken.values() for each in one.refused]
         for name, one in known.items():
             refused += [Refused(f"{name}: {each}", why) for each, why in {**one.failed, **one.left_out}.items()]
@@ -141,15 +140,6 @@ def copies(taken: Mapping[str, Taken]) -> dict[str, dict[str, str]]:
             elif len(present) != 1:
                 foreign[name][session] = f"the same log lies with {others}; keep it with the cylinder that it is of"
     return dict(foreign)
-
-
-def _all(processes: int, runs: Sequence[CylinderRun], jobs: Sequence[Callable[[], Found]]) -> dict[str, Found]:
-    found = {}
-    for run, outcome in zip(runs, done_in_order(jobs, processes), strict=True):
-        if isinstance(outcome, Died):
-            raise MonitoringError(f"{run.name}: {outcome.reason}; run the same command again")
-        found[run.name] = outcome
-    return found
 
 
 def _root(logs: Sequence[str | Path]) -> Path:

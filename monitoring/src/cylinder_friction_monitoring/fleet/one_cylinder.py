@@ -16,18 +16,12 @@ from cylinder_friction.estimation.kept_results import OtherCylinderError, kept_r
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.files import read_json, write_json, write_text
 from cylinder_friction.recordings.reading_logs import load_settings
-from cylinder_friction_monitoring.errors import MonitoringError
+from cylinder_friction_monitoring.errors import MonitoringError, Refused
 from cylinder_friction_monitoring.fleet.doubts import doubts
 from cylinder_friction_monitoring.fleet.files import RESULTS, pane_file, session_file, state_file
 from cylinder_friction_monitoring.fleet.plan import FleetCylinder
-from cylinder_friction_monitoring.fleet.sessions import (
-    read_rows,
-    updated_rows,
-    with_starts,
-    write_rows,
-)
+from cylinder_friction_monitoring.fleet.sessions import read_rows, updated_rows, with_starts, write_rows
 from cylinder_friction_monitoring.page.health_page import health_pane
-from cylinder_friction_monitoring.refused import Refused
 from cylinder_friction_monitoring.trends.assessment import Entry, ModelBounds
 from cylinder_friction_monitoring.trends.cylinder_line import CylinderLine, Trend, line_of
 from cylinder_friction_monitoring.trends.held_label import held_label

@@ -38,35 +38,15 @@ class ServiceDay:
 
 @dataclass(frozen=True)
 class FleetCylinder:
-    """What the fleet's owner states about one cylinder.
-
-    Attributes:
-        dimensions: Its bore, rod, stroke and moving mass.
-        channels: The mapping of its logs; None: guessed.
-        model: Folder of a saved estimator whose bounds are tested against later labels, or models:/NAME@ALIAS; empty:
-            none.
-        load: What it carries; None: as mapped.
-        names: Regular expression on a log's path with the groups ``condition`` and ``session``; None: each log is a
-            session.
-        units: Of quantities that its logs do not state, where no mapping is given.
-        sensor_class: Accuracy of the pressure sensors where none is stated, ± percent of full scale.
-        bulk_modulus_pa: Of its oil, for the leak [Pa]. The leak is proportional to its inverse.
-        dead_volume_m3: Oil beside each chamber's stroke, hose included, for the leak [m³].
-        limit_percent: By indicator, how far it may move from its baseline, in percent.
-        baseline_sessions: How many sessions the baseline is made of.
-        false_alarms_per_year: How many the cylinder may give.
-        acknowledged_days: An acknowledged alarm returns after this time, unless its entry states another [days].
-        services: When seals or oil were changed.
-        starts: By session, when it began, where its logs state a wrong time or none.
-    """
+    """What the fleet's owner states about one cylinder; the guide explains each key."""
 
     dimensions: Dimensions
-    channels: Path | None = None
-    model: str = ""
-    load: LoadMode | None = None
-    names: str | None = None
+    channels: Path | None = None  # None: guessed
+    model: str = ""  # A saved estimator's folder, or models:/NAME@ALIAS; empty: none
+    load: LoadMode | None = None  # None: as mapped
+    names: str | None = None  # Pattern of a log's path with ``condition`` and ``session``; None: a session per log
     units: Mapping[str, str] = field(default_factory=dict)
-    sensor_class: float | None = None
+    sensor_class: float | None = None  # Of the pressure sensors, where none is stated [± % of full scale]
     bulk_modulus_pa: float = IndicatorPlan.bulk_modulus_pa
     dead_volume_m3: float = IndicatorPlan.dead_volume_m3
     limit_percent: Mapping[str, float] = field(default_factory=dict)
@@ -103,15 +83,7 @@ class FleetCylinder:
 
 @dataclass(frozen=True)
 class Assignment:
-    """How a log names its cylinder.
-
-    Attributes:
-        by: ``folder``: a folder on the log's path has the cylinder's name. ``pattern``: ``pattern`` is searched in the
-            log's path. ``table``: a CSV file with the columns ``file`` and ``cylinder``. ``field``: ``pattern`` is
-            searched in the log's first 64 KiB.
-        pattern: Regular expression with the group ``cylinder``.
-        table: The CSV file.
-    """
+    """How a log names its cylinder: by a folder, a pattern in its path or first 64 KiB, or a table (CSV)."""
 
     by: Literal["folder", "pattern", "table", "field"] = "folder"
     pattern: str | None = None

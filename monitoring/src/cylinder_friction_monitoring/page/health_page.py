@@ -10,8 +10,8 @@ from typing import Any
 
 from cylinder_friction.recordings.files import write_text
 from cylinder_friction.reporting.frame import NONE, Cell, Table, packed, page_html
+from cylinder_friction_monitoring.errors import Refused
 from cylinder_friction_monitoring.page.health_figures import life_figure, strokes_figure, trend_picture
-from cylinder_friction_monitoring.refused import Refused
 from cylinder_friction_monitoring.trends.assessment import NE107, Answer, Assessment, Change, Entry
 from cylinder_friction_monitoring.trends.cylinder_line import NAMES, CylinderLine
 from cylinder_friction_monitoring.trends.session_row import INDICATORS, SessionRow
@@ -108,8 +108,9 @@ def _facts(change: Change, rows: Sequence[SessionRow]) -> list[tuple[str, str]]:
     if change.per_year is not None:
         facts.append(("rate now", _with_interval(change.per_year, change.per_year_interval, f"{unit} a year")))
     if change.limit_reached:
-        ends = [each or "open" for each in change.limit_interval or ()]
-        facts.append(("limit reached", f"{change.limit_reached}{ends and ' (' + ' to '.join(ends) + ')'}"))
+        title = "limit passed since" if change.limit_passed else "limit reached"
+        ends = " to ".join(each or "open" for each in change.limit_interval or ())
+        facts.append((title, f"{change.limit_reached} ({ends})" if ends else change.limit_reached))
     if change.beside:
         facts.append(("beside it", "; ".join(change.beside)))
     return facts

@@ -27,11 +27,11 @@ def why_it_returns(test: Tested, alarm: int, found: Dated, seen: Entry, plan: Mo
     """
     count = sum(bool(row.start) and moment(row.start) <= moment(seen.time) for row in test.rows)
     limit, since = plan.limit_percent.get(test.indicator), len(test.rows) - count
-    now = test.latest(found)
-    if limit is not None and now.most >= 0.01 * limit * abs(test.reference.level) and since >= BEYOND_LIMIT:
+    least, most = test.latest(found)
+    if limit is not None and most >= 0.01 * limit * abs(test.reference.level) and since >= BEYOND_LIMIT:
         return f"the limit of {limit:g} % for {TITLES[test.indicator]} may be passed"
     then = test.until(count).dated(alarm).change
-    if found.change * then < 0.0 or now.least >= GROWN * abs(then):
-        was, grown = with_unit(abs(then), test.indicator), with_unit(now.least, test.indicator)
+    if found.change * then < 0.0 or least >= GROWN * abs(then):
+        was, grown = with_unit(abs(then), test.indicator), with_unit(least, test.indicator)
         return f"{TITLES[test.indicator]} had changed by {was} then, and by at least {grown} now"
     return ""

@@ -72,9 +72,11 @@ class Change:
     alarm_session: str  # At which the test alarmed
     per_year: float | None = None  # Rate now, in the indicator's unit
     per_year_interval: tuple[float, float] | None = None
-    # When the limit that the user set is reached (ISO date), with the interval; None without a limit or a trend
+    # When the limit that the user set is reached, or since when it is passed (ISO date), with its interval; None if no
+    # limit is set, or no trend is seen
     limit_reached: str | None = None
     limit_interval: tuple[str | None, str | None] | None = None
+    limit_passed: bool = False
     beside: tuple[str, ...] = ()  # What else changed at that time, in words
 
 

@@ -71,7 +71,7 @@ def threshold(baseline: int, autocorrelation: float, false_alarms_per_year: floa
     """Return the threshold of one indicator that gives so many false alarms a year [standard deviations].
 
     Simulated: baselines of each length with four regressors and a season, then a year of 365 sessions, tested by this
-    very module (``tools/monitoring_thresholds.py``). The greatest statistic of a year has an exponential tail, of
+    very module (``tools/thresholds.py``). The greatest statistic of a year has an exponential tail, of
     which the table holds where it begins and how it falls; a margin comes on top.
     """
     begins, falls = (_between(table, baseline, autocorrelation) for table in (_BEGINS, _FALLS))

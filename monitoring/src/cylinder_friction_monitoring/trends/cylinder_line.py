@@ -62,10 +62,7 @@ class CylinderLine:
 
 
 def line_of(
-    assessment: Assessment,
-    rows: Sequence[SessionRow],
-    left_out: Mapping[str, str],
-    state: str,
+    assessment: Assessment, rows: Sequence[SessionRow], left_out: Mapping[str, str], state: str
 ) -> CylinderLine:
     """Return a cylinder's line; ``rows`` are all its sessions in the order of time."""
     used = [row for row in rows if row.session not in left_out]

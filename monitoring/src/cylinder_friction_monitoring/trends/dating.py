@@ -14,7 +14,7 @@ LIKELY = 4.0
 """A beginning is possible if its log-likelihood is at most so much below the best one's."""
 LEAST_RAMP = 5
 POWERS = (0.0, 1.0, 2.0, 3.0)
-"""Shapes of a change: a step, a ramp, and growth that accelerates."""
+"""Shapes of a change: a step, a ramp, and growth that accelerates, which gives the date only if it is far likelier."""
 WINDOWS = (0, 7, 15, 30, 60)
 """A change is dated by the sessions until at most the last of these numbers after its alarm: then its date stays."""
 UNUSUAL = 1.0
@@ -68,21 +68,24 @@ def _begins(
 ) -> tuple[int, tuple[int, int], bool]:
     """Return at which session the change begins that explains residuals best, its interval, and whether it is a step.
 
-    If the change goes on otherwise than any shape does, only sessions nearer to the alarm are explained.
+    If the change goes on otherwise than any shape does, the date is that of sessions nearer to the alarm, and the
+    interval holds that of all sessions too.
     """
-    usual = 1.0
+    usual, intervals = 1.0, list[tuple[int, int]]()
     for window in WINDOWS:
         rows = slice(alarm + 1 + window)
         losses, unexplained = _losses(reference, residuals[rows], design[rows], first, alarm)
-        if window == WINDOWS[0]:
-            usual = max(unexplained, 1.0)
-        elif unexplained > usual * (1.0 + UNUSUAL * np.sqrt(2.0 / len(residuals[rows]))):
-            break
-        best = losses
-    loss = best.min(axis=0)
-    possible = first + np.flatnonzero(loss <= loss.min() + LIKELY)
+        loss = losses.min(axis=0)
+        possible = first + np.flatnonzero(loss <= loss.min() + LIKELY)
+        usual = max(unexplained, 1.0) if window == WINDOWS[0] else usual
+        if unexplained <= usual * (1.0 + UNUSUAL * np.sqrt(2.0 / len(residuals[rows]))):
+            best, intervals = losses, []
+        intervals.append((int(possible[0]), int(possible[-1])))
+    loss, simple = best.min(axis=0), best[:2].min(axis=0)
+    likeliest = simple if simple.min() <= loss.min() + LIKELY else loss
+    firsts, lasts = zip(*intervals, strict=True)
     step = bool(best[0].min() <= best[1:].min())
-    return first + int(np.argmin(loss)), (int(possible[0]), int(possible[-1])), step
+    return first + int(np.argmin(likeliest)), (min(firsts), max(lasts)), step
 
 
 def _losses(reference: Reference, residuals: Array, design: Array, first: int, alarm: int) -> tuple[Array, float]:

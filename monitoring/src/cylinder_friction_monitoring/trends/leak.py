@@ -72,10 +72,7 @@ def _holds(recording: Recording, cylinder: Cylinder, plan: IndicatorPlan) -> lis
         if abs(difference_pa[:size].mean()) < LEAST_DIFFERENCE_PA:
             continue
         at_m = float(position_m[own].mean())
-        volumes = (
-            plan.dead_volume_m3 + areas[0] * at_m,
-            plan.dead_volume_m3 + areas[1] * (cylinder.stroke_m - at_m),
-        )
+        volumes = (plan.dead_volume_m3 + areas[0] * at_m, plan.dead_volume_m3 + areas[1] * (cylinder.stroke_m - at_m))
         rises = [_rise(values[own], size) for values in pressures]
         parts = [volume * rise / area for volume, rise, area in zip(volumes, rises, areas, strict=True)]
         moved = sum(parts) / plan.bulk_modulus_pa / (1.0 / areas[1] - 1.0 / areas[0])

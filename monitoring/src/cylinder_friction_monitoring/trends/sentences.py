@@ -56,7 +56,9 @@ def alarm(changes: Sequence[Change]) -> str:
     if main.per_year is not None and main.per_year_interval is not None:
         way = "rising" if main.per_year > 0.0 else "falling"
         text += f", now {way} by {with_unit(abs(main.per_year) / 12.0, main.indicator)} a month"
-    if main.limit_reached is not None:
+    if main.limit_passed:
+        text += f", and has passed your limit since about {main.limit_reached}"
+    elif main.limit_reached is not None:
         _, latest = main.limit_interval or (None, None)
         text += f", and reaches your limit about {main.limit_reached}" + (
             f" ({latest} at the latest)" if latest else ""

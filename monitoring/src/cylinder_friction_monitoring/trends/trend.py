@@ -26,14 +26,6 @@ BEYOND = 5
 
 
 @dataclass(frozen=True)
-class Latest:
-    """How far an indicator is from its baseline by now, in its unit, whichever way."""
-
-    least: float
-    most: float
-
-
-@dataclass(frozen=True)
 class Tested:
     """An indicator with its baseline, over the sessions that have a value."""
 
@@ -94,15 +86,14 @@ class Tested:
         own = {name: getattr(self, name)[:count] for name in ("rows", "values", "residuals", "expected")}
         return replace(self, **own)
 
-    def latest(self, found: Dated) -> Latest:
-        """Return how far the change of an alarm has come by now.
+    def latest(self, found: Dated) -> tuple[float, float]:
+        """Return how far the change of an alarm has come by now, at least and at most, in the indicator's unit.
 
         A step or trend in the latest sessions follows growth within some sessions only, their last few at once.
         """
-        values, phi = self.residuals[np.isfinite(self.residuals)][-FEW:], self.reference.autocorrelation
+        values = self.residuals[np.isfinite(self.residuals)][-FEW:]
         few = abs(float(values.mean()))
-        wide = Z95 * self.reference.scatter * float(np.sqrt((1.0 + phi) / (1.0 - phi) / len(values)))
-        return Latest(max(abs(found.change), few - wide), max(*map(abs, found.change_interval), few))
+        return max(abs(found.change), few - self._wide(len(values))), max(*map(abs, found.change_interval), few)
 
     def change(self, alarm: int, found: Dated, plan: MonitorPlan, beside: tuple[str, ...]) -> Change:
         """Return what an alarm shows, for a person."""
@@ -125,18 +116,20 @@ class Tested:
             per_year_interval=None if slopes is None else _times(self.per_year, slopes),
             limit_reached=limit,
             limit_interval=limits,
+            limit_passed=limit is not None and limit <= self.rows[-1].start[:10],
             beside=beside,
         )
 
     def _limit(self, found: Dated, plan: MonitorPlan) -> tuple[str | None, tuple[str | None, str | None] | None]:
-        """Return the date at which the user's limit is reached, and its interval."""
+        """Return the date at which the user's limit is reached, or since which it is passed, and its interval."""
         percent, now = plan.limit_percent.get(self.indicator), _time(self.rows[-1].start)
         if percent is None or now is None:
             return None, None
         sign = float(np.sign(found.change))
-        left = 0.01 * percent * abs(self.reference.level) - abs(found.change)
+        limit = 0.01 * percent * abs(self.reference.level)
+        left = limit - abs(found.change)
         if left <= 0.0:
-            return self.rows[-1].start[:10], (self.rows[found.begins].start[:10], self.rows[-1].start[:10])
+            return self._passed(sign * self.residuals[found.begins :], limit, self.rows[found.begins :])
         if found.slope is None or found.slope_interval is None:
             return None, None
 
@@ -146,6 +139,27 @@ class Tested:
 
         slowest, fastest = sorted(found.slope_interval, key=lambda slope: sign * slope)
         return reached(found.slope), (reached(fastest), reached(slowest))
+
+    def _passed(
+        self, change: Array, limit: float, rows: Sequence[SessionRow]
+    ) -> tuple[str, tuple[str | None, str | None]]:
+        """Return the date since which the means of a few sessions stay beyond a limit, and its interval."""
+        known = np.flatnonzero(np.isfinite(change))
+        sums, counts = np.cumsum(change[known]), np.minimum(np.arange(len(known)) + 1, FEW)
+        sums[FEW:] -= sums[:-FEW].copy()
+        starts = [rows[int(each)].start[:10] for each in known]
+        wide = self._wide(FEW)
+
+        def since(beyond: float) -> str:
+            within = np.flatnonzero(sums / counts < beyond)
+            return starts[min(int(within[-1]) + 1 if len(within) else 0, len(starts) - 1)]
+
+        return since(limit), (since(limit - wide), since(limit + wide))
+
+    def _wide(self, count: int) -> float:
+        """Return the half width of the 95 % interval of the mean of neighbouring sessions."""
+        phi = self.reference.autocorrelation
+        return Z95 * self.reference.scatter * float(np.sqrt((1.0 + phi) / (1.0 - phi) / count))
 
 
 def tested(indicator: str, rows: Sequence[SessionRow], plan: MonitorPlan) -> Tested | str:

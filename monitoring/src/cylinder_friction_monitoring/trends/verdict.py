@@ -158,10 +158,7 @@ def _quiet(cylinder: str, tests: Mapping[str, Tested]) -> Assessment:
     if main.indicator in away:
         design = main.reference.design(covariates_of(main.rows[-1:]))[0]
         reason = farthest(main.reference.centre, design, main.reference.covariance, main.rows[-1])
-        decide = (
-            "sessions under the conditions of the baseline",
-            "a new reference, where the present conditions stay",
-        )
+        decide = ("sessions under the conditions of the baseline", "a new reference, where the present conditions stay")
         words = f"The last {main.beyond} sessions cannot be compared with the baseline: {reason}."
         return Assessment(cylinder, "undecided", words, would_decide=decide)
     watched = [name for name, test in tests.items() if test.watched]

@@ -6,10 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from cylinder_friction.evaluation.inspection.subject import Inspected, worst
-from cylinder_friction.recordings.checks.duplicate_detection import DuplicateDetection, window_hashes
+from cylinder_friction.recordings.checks.duplicates import Samples, SeenRecordings
 from cylinder_friction.recordings.checks.finding import Finding
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
-from cylinder_friction.recordings.conversion import Recipe, metadata_of, pieces_of, zeroed
+from cylinder_friction.recordings.conversion import Recipe, metadata_of, part_suffix, pieces_of, zeroed
 from cylinder_friction.recordings.ingesting import session_zeros
 from cylinder_friction.recordings.mapping.calibration import NOT_CORRECTED, ZeroReading
 from cylinder_friction.recordings.path_names import PathNames, name_of
@@ -24,7 +24,7 @@ def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspect
     there already is refused.
     """
     zeros = {} if recipe.zero.method == "none" else session_zeros(files, recipe)
-    duplicates = DuplicateDetection()
+    duplicates = SeenRecordings()
     for name, path in shown(files.items(), "inspect", len(files), "file"):
         for piece, subject in _inspect_file(name, path, recipe, zeros):
             recording = subject.recording
@@ -32,7 +32,7 @@ def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspect
                 yield subject
                 continue
             try:
-                duplicates.refuse(recording.name, name, window_hashes(piece.columns))
+                duplicates.refuse(recording.name, name, Samples.of(recording.metadata, piece.columns))
             except RecordingError as error:
                 subject = subject.found(Finding("duplicate", "refused", str(error)))
             yield subject
@@ -59,7 +59,7 @@ def _inspect_file(
         if not pieces:
             yield None, Inspected(name, findings)
     for number, piece in enumerate(pieces, start=1):
-        metadata = metadata_of(piece, names, number, len(pieces), name, "", recipe)
+        metadata = metadata_of(piece, names, part_suffix(number, len(pieces)), name, "", recipe)
         found, recording = _checked(piece, metadata, recipe, zeros.get(names.session))
         yield piece, Inspected(name, [*findings, *found], recording, number if len(pieces) > 1 else 0)
 

@@ -14,6 +14,7 @@ from cylinder_friction.friction_models.identification.steady_points import Strib
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.labelling.equation_of_motion import drive_force
 from cylinder_friction.labelling.label import Labeller
+from cylinder_friction.labelling.sliding_blocks import OffsetPlan
 from cylinder_friction.labelling.up_and_down import holds_load, up_and_down
 from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.recording import Recording
@@ -123,7 +124,12 @@ def view_of_labelled(
     slowest_m_s = NOISE_MULTIPLE * max(at_rest_m_s, _noise_of_sensor(position_m, sample_time_s, method))
     points = tuple(rows.point_with_interval(CONFIDENCE) for rows in steady_sliding_by_speed([labelled], slowest_m_s))
     curve, no_curve = known_curve(points)
-    load_n, half_difference_n = up_and_down(position_m, signals.velocity_m_s, friction_n, usable, slowest_m_s)
+    # Of the rows that ``estimate`` takes, so that one log has one friction; of slower ones if it hardly moves
+    halves = (
+        up_and_down(position_m, signals.velocity_m_s, friction_n, usable, least_m_s)
+        for least_m_s in (OffsetPlan().slowest_m_s, slowest_m_s)
+    )
+    load_n, half_difference_n = next((each for each in halves if math.isfinite(each[1])), (math.nan, math.nan))
     return FrictionView(
         signals=signals,
         force_name=PRESSURE_FORCE if has_pressures(labelled) else MEASURED_FORCE,

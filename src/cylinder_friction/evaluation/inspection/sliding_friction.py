@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.evaluation.inspection.friction_view import CONFIDENCE, FrictionView
@@ -57,8 +58,6 @@ def stroke_half_width(values: Array, stroke: NDArray[np.int64]) -> float:
 
     Source: Cochran 1977, Sampling Techniques, chapter 9A (clusters of unequal size).
     """
-    from scipy.special import stdtrit  # what only imports this module need not wait for it
-
     _, stroke, rows = np.unique(stroke, return_inverse=True, return_counts=True)
     if len(rows) < 2:
         return 0.0
@@ -87,11 +86,11 @@ def friction_finding(
         remedy = "the position counts the other way, the pressures are swapped, or a load acts"
         return Finding("friction", "refused", f"friction would push the piston ({found}): {remedy}")
     if held:
-        remedy = "state the load (ingest.load), map a load cell, or zero the pressure sensors"
+        remedy = "state the load (--load; ingest.load in a project), map a load cell, or zero the pressure sensors"
         return Finding("friction", "refused", f"the force still holds a load, or a sensor's zero: {held}; {remedy}")
     interval = "95 %" if view.has_interval else "no interval: the sensors' accuracy is not stated"
-    text = f"{text} (mean while sliding, {interval})"
+    text = f"mean while sliding {text} ({interval})"
     if math.isnan(half_n):
         seen = "no position is passed in both directions" if len(friction) > 1 else "the piston slides one way alone"
         return Finding("friction", "noted", f"{text}; {seen}, so that a load or a sensor's zero would not show")
-    return Finding("friction", "ok", text)
+    return Finding("friction", "ok", f"friction {half_n:.0f} N, both ways at equal position; {text}")

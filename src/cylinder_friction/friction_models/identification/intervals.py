@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 
 import numpy as np
+from scipy.special import ndtri
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.identification.simulation import Motions
@@ -30,8 +31,6 @@ def confidence_intervals(
 
     Source: Koenker and Bassett 1978 for the law, Parente and Santos Silva 2016 for clusters.
     """
-    from scipy.special import ndtri  # what only estimates need not wait for it
-
     usable = motions.usable
     residual = (motions.friction_n - motions.simulated(parameters))[usable]
     sensitivity = np.column_stack([_sensitivity(motions, parameters, name)[usable] for name in names])

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.optimize import Bounds, differential_evolution, minimize
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.identification.presliding import bristle_damping, damping_velocity
@@ -120,8 +121,6 @@ def search_globally(
 
     Source: Storn and Price 1997.
     """
-    from scipy.optimize import Bounds, differential_evolution  # what only estimates need not wait for it
-
     history: list[float] = []
     best = [math.inf]
 
@@ -156,8 +155,6 @@ def search_locally(motions: Motions, coordinates: Coordinates, start: Array, eva
 
     Source: Gao and Han 2012.
     """
-    from scipy.optimize import Bounds, minimize
-
     steps = 0.05 * (coordinates.upper - coordinates.lower)
     inward = np.where(start + steps > coordinates.upper, -steps, steps)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.friction_models.stribeck import CURVE_PARAMETERS
@@ -69,8 +70,6 @@ class SteadySliding:
         What scatters is the median of a stroke, from stroke to stroke, with Student's t for their number; a stroke
         counts by its rows. A single stroke shows no scatter, however many rows it has.
         """
-        from scipy.special import stdtrit  # what only estimates need not wait for it
-
         _, stroke, counts = np.unique(self.stroke, return_inverse=True, return_counts=True)
         half_width_n = math.nan
         if len(counts) > 1:

@@ -2,7 +2,8 @@
 
 import math
 import sys
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Literal, get_args
 
 from cylinder_friction.recordings.recording import expect
@@ -54,6 +55,7 @@ class CheckLimits(CheckRules):
     piston_area_m2: float | None = None
     annulus_area_m2: float | None = None
     load: LoadMode = "none"  # What the cylinder carries, see ``LoadMode``
+    steps: Mapping[str, float] = field(default_factory=dict)  # Of the converters behind columns, in the columns' units
 
     def __post_init__(self) -> None:
         super().__post_init__()

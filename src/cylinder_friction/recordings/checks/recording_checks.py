@@ -1,9 +1,10 @@
 """Check a uniformly sampled table before it counts as a recording."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array, true_runs
 from cylinder_friction.recordings.checks.finding import Finding, spoken
@@ -25,6 +26,7 @@ RATE_TOLERANCE = 1e-3  # a logger's clock may be off by this share of its rate
 HELD_S = 0.1  # A position that does not change for this long is at rest, or held by a logger that got no new sample
 HELD_JUMP = 10.0  # a held position that continues with a step this many times the usual ones was not at rest
 NOISY_SHARE = 0.25  # A sensor that changes in this share of the rows shows noise, and never stays constant for long
+NEXT_STEP = 1.5  # a value this many steps of its converter away is the next one
 PLACES = 8192  # steps at most from which the usual one is estimated
 
 
@@ -43,41 +45,20 @@ def checked_recording(metadata: RecordingMetadata, columns: Columns, findings: I
     return Recording(replace(metadata, repairs=(*metadata.repairs, *noted)), columns)
 
 
-SOMEWHERE = (
-    "motion", "pressure_alive", "force_alive", "load_alive", "pressures_differ", "unit_plausible", "direction",
-    "friction_size",
-)  # fmt: skip
-"""Checks that a long recording has passed if one of its parts has; the others must be passed by every part."""
-
-
-def findings_of_parts(parts: Sequence[tuple[float, Sequence[Finding]]]) -> list[Finding]:
-    """Merge the findings of a recording's parts into one finding per check.
-
-    Args:
-        parts: When each begins [s], and what its checks found.
-    """
-    by_check: dict[str, list[tuple[float, Finding]]] = {}
-    for start_s, findings in parts:
-        for finding in findings:
-            by_check.setdefault(finding.check, []).append((start_s, finding))
-    merged = []
-    for check, found in by_check.items():
-        order = ("ok", "refused", "noted") if check in SOMEWHERE else ("refused", "noted", "ok")
-        start_s, finding = min(found, key=lambda each: order.index(each[1].outcome))
-        where = f"in the part that begins at {start_s:.9g} s: " if finding.outcome != "ok" else ""
-        merged.append(replace(finding, text=where + finding.text))
-    return merged
-
-
 class _Survey:
-    """Extremes of a column and the constant stretch over which the piston travels furthest."""
+    """Extremes of a column and the constant stretch over which the piston travels furthest.
 
-    def __init__(self, values: Array, position_m: Array) -> None:
+    A stretch between two neighbouring ``step``s of the column's converter, if that is known, is none: the value changed
+    by less than the converter shows.
+    """
+
+    def __init__(self, values: Array, position_m: Array, step: float) -> None:
         self.stuck_from, self.stuck_to, self.stuck_travel_m = 0, 1, 0.0
         runs = true_runs(values[1:] == values[:-1]) + np.array([0, 1])
         if len(runs):
             places = runs.ravel()[: -1 if runs[-1, 1] == len(values) else None]
             travel_m = (np.maximum.reduceat(position_m, places) - np.minimum.reduceat(position_m, places))[::2]
+            travel_m *= _unexplained(values, runs, step)
             stuck = int(np.argmax(travel_m))
             (self.stuck_from, self.stuck_to), self.stuck_travel_m = runs[stuck].tolist(), float(travel_m[stuck])
         self.stuck_at = float(values[self.stuck_from])
@@ -90,6 +71,18 @@ class _Survey:
         if low - self.lowest > self.highest - high:
             return self.lowest, self.lowest_row + 1
         return self.highest, self.highest_row + 1
+
+
+def _unexplained(values: Array, runs: NDArray[np.int64], step: float) -> Array:
+    """Return how much of each constant stretch a converter of this step leaves unexplained, shape ``(m,)``.
+
+    Between two neighbouring steps nothing is; at an end of the recording, where the next value is not known, half.
+    """
+    start, end, last = runs[:, 0], runs[:, 1], len(values) - 1
+    before, behind = (np.abs(values[at] - values[start]) for at in (np.maximum(start - 1, 0), np.minimum(end, last)))
+    explained = (step > 0.0) & (np.maximum(before, behind) <= NEXT_STEP * step)
+    at_an_end = (start == 0) | (end > last)
+    return np.where(explained, 0.5 * at_an_end, 1.0)
 
 
 def inspect_recording(table: Columns, limits: CheckLimits, sample_time_s: float) -> Iterator[Finding]:
@@ -119,7 +112,7 @@ def inspect_recording(table: Columns, limits: CheckLimits, sample_time_s: float)
             yield Finding("finite", "refused", text)
             return
     yield Finding("finite", "ok", "every value is a finite number")
-    yield length_finding(rows, sample_time_s, limits)
+    yield _length(rows, sample_time_s, limits)
     rate = f"is sampled at {1.0 / sample_time_s:.4g} Hz"
     yield Finding.of(
         "rate",
@@ -129,7 +122,7 @@ def inspect_recording(table: Columns, limits: CheckLimits, sample_time_s: float)
         "reversals over each other; log faster, or correct the unit of time_s (ms read as s?)",
     )
     valid = True
-    seen = {name: _Survey(values, columns[POSITION]) for name, values in columns.items()}
+    seen = {name: _Survey(values, columns[POSITION], limits.steps.get(name, 0.0)) for name, values in columns.items()}
     for finding in (
         *_of_position(columns[POSITION], seen, sample_time_s, limits),
         *(
@@ -147,7 +140,7 @@ def inspect_recording(table: Columns, limits: CheckLimits, sample_time_s: float)
         yield check_position_against_force(columns, motion, limits)
 
 
-def length_finding(rows: int, sample_time_s: float, limits: CheckLimits) -> Finding:
+def _length(rows: int, sample_time_s: float, limits: CheckLimits) -> Finding:
     """Return whether a recording of so many rows is long enough."""
     duration_s = rows * sample_time_s
     text = f"lasts {duration_s:.3g} s ({rows} rows)"
@@ -273,7 +266,8 @@ def _alive(name: str, kind: str, seen: _Survey, least: float, limits: CheckLimit
             seen.stuck_travel_m <= limits.stuck_travel * limits.stroke_m,
             f"{name} stays exactly constant over {seen.stuck_travel_m:.3g} m of travel at most",
             f"{name} stays at exactly {seen.stuck_at:.6g} {unit} from row {seen.stuck_from + 1} to row {seen.stuck_to} "
-            f"while the piston travels {seen.stuck_travel_m:.3g} m; the sensor is stuck or at the end of its range",
+            f"while the piston travels {seen.stuck_travel_m:.3g} m; the sensor is stuck or at the end of its range, or "
+            "its values are rounded: then state its range and bits as its sensor in the mapping",
         )
 
 

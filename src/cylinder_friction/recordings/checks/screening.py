@@ -12,6 +12,7 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.checks.finding import spoken
+from cylinder_friction.recordings.checks.marking import mark
 from cylinder_friction.recordings.checks.marks import AT_ITS_END, BESIDE, INFINITE, MOST_ODD, OUT_OF_RANGE, QUIET, SPIKE
 from cylinder_friction.recordings.mapping.channel_mapping import SensorLimits
 from cylinder_friction.recordings.recording import RecordingError, Signal, expect
@@ -70,11 +71,16 @@ def screen_signals(
         RecordingError: A sensor reads what it cannot, or rests at the end of its range, or jumps, for too many rows or
             for too many in a row. The message names the column and the first such row, counted from 1.
     """
-    screen = Screen(limits, rules, stroke_m)
-    return screen.screened(signals), screen.notes()
+    screened, notes = dict(signals), list[str]()
+    for column, signal in signals.items():
+        values, bad = _screened(column, signal.values, limits.get(column), rules, stroke_m)
+        if bad:
+            screened[column] = replace(signal, values=values)
+            notes += _notes(column, bad, int(np.count_nonzero(~np.isnan(signal.values))), limits.get(column), rules)
+    return screened, tuple(notes)
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Bad:
     """Samples of one column that are bad in one way."""
 
@@ -84,98 +90,51 @@ class _Bad:
     longest: int  # Most of them in a row
 
 
-class Screen:
-    """Screens the signals of a file, at once or part by part.
+def _screened(
+    column: str, values: Array, sensor: SensorLimits | None, rules: ScreenRules, stroke_m: float | None
+) -> tuple[Array, dict[int, _Bad]]:
+    """Replace a column's bad samples by NaN; skip samples that are missing already, as in a slow channel."""
+    missing = np.isnan(values)
+    logged = values[~missing] if missing.any() else values
+    low, high = -math.inf, math.inf
+    if sensor is not None:
+        beyond = rules.overrange * (sensor.high - sensor.low)
+        low, high = sensor.low - beyond, sensor.high + beyond
+    height = _spike_height(logged, low, high, sensor.step if sensor else None, rules)
+    within = low, high, *_ends(column, sensor, stroke_m)
+    if surely_good(logged, *within, height):
+        return values, {}
+    rows, marks = np.flatnonzero(~missing), np.zeros(len(logged), dtype=np.uint8)
+    longest = mark(logged, *within, height, marks)
+    bad = {}
+    for kind, count in enumerate(np.bincount(marks, minlength=len(longest))):
+        if kind and count:
+            row = int(rows[int(np.argmax(marks == kind))])
+            bad[kind] = _Bad(row, float(values[row]), int(count), int(longest[kind]))
+    screened = values.copy()
+    screened[rows[marks > 0]] = np.nan
+    return screened, bad
 
-    Args:
-        limits, rules, stroke_m: As for ``screen_signals``.
-        heights: By column, how far a sample must lie from its neighbours to be a spike. By default the signal itself
-            shows it.
-    """
 
-    def __init__(
-        self,
-        limits: Mapping[str, SensorLimits],
-        rules: ScreenRules,
-        stroke_m: float | None,
-        heights: Mapping[str, float] | None = None,
-    ) -> None:
-        self.limits, self.rules, self.stroke_m, self.heights = limits, rules, stroke_m, heights or {}
-        self._rows: dict[str, int] = {}
-        self._bad: dict[tuple[str, int], _Bad] = {}
-
-    def height(self, column: str, values: Array) -> float:
-        """Return how far a sample must lie from its neighbours to be a spike; no value may be missing."""
-        sensor = self.limits.get(column)
-        return _spike_height(values, *self._bounds(column), sensor.step if sensor else None, self.rules)
-
-    def screened(self, signals: dict[str, Signal], own: slice = slice(None), before: int = 0) -> dict[str, Signal]:
-        """Return the signals with their bad samples missing.
-
-        Args:
-            signals: Columns.
-            own: Rows that no other part of the file has; only their bad samples count.
-            before: Rows of the file before the first of these.
-        """
-        screened = {}
-        for column, signal in signals.items():
-            values = self._screened(column, signal.values, own, before)
-            screened[column] = signal if values is signal.values else replace(signal, values=values)
-        return screened
-
-    def notes(self) -> tuple[str, ...]:
-        """Return a sentence for each kind of bad sample in each column; raises as ``screen_signals``."""
-        notes = []
-        for column, logged in self._rows.items():
-            few = max(self.rules.few_rows, math.floor(self.rules.most_bad * logged))
-            for kind, (wrong, remedy) in KINDS.items():
-                bad = self._bad.get((column, kind))
-                if bad is None:
-                    continue
-                value = spoken(column, bad.value) if math.isfinite(bad.value) else bad.value
-                sensor = self.limits.get(column)
-                what = f"{column} is {value} in row {bad.row + 1} ({bad.count} such rows in all)"
-                what += wrong.format(range=sensor.described if sensor else "")
-                if bad.count > few or bad.longest > self.rules.longest_bad:
-                    raise RecordingError(
-                        f"{what}, at most {bad.longest} in a row; expected at most {few}, and "
-                        f"{self.rules.longest_bad} in a row; {remedy}"
-                    )
-                notes.append(f"{what}; taken as missing")
-        return tuple(notes)
-
-    def _bounds(self, column: str) -> tuple[float, float]:
-        sensor = self.limits.get(column)
-        if sensor is None:
-            return -math.inf, math.inf
-        beyond = self.rules.overrange * (sensor.high - sensor.low)
-        return sensor.low - beyond, sensor.high + beyond
-
-    def _screened(self, column: str, values: Array, own: slice, before: int) -> Array:
-        """Replace a column's bad samples by NaN; skip samples that are missing already, as in a slow channel."""
-        missing = np.isnan(values)
-        logged = values[~missing] if missing.any() else values
-        height = self.heights[column] if column in self.heights else self.height(column, logged)
-        self._rows[column] = self._rows.get(column, 0) + int(np.count_nonzero(~missing[own]))
-        within = *self._bounds(column), *_ends(column, self.limits.get(column), self.stroke_m)
-        if _surely_good(logged, *within, height):
-            return values
-        from cylinder_friction.recordings.checks.marking import mark  # half a second that most files do not need
-
-        rows = np.flatnonzero(~missing)
-        begin, end = np.searchsorted(rows, own.indices(len(values))[:2])
-        marks = np.zeros(len(logged), dtype=np.uint8)
-        longest = mark(logged, *within, height, marks)
-        if not marks.any():
-            return values
-        for kind, count in enumerate(np.bincount(marks[begin:end], minlength=len(longest))):
-            if kind and count:
-                row = int(rows[begin + int(np.argmax(marks[begin:end] == kind))])
-                bad = self._bad.setdefault((column, kind), _Bad(before + row, float(values[row]), 0, 0))
-                bad.count, bad.longest = bad.count + int(count), max(bad.longest, int(longest[kind]))
-        screened = values.copy()
-        screened[rows[marks > 0]] = np.nan
-        return screened
+def _notes(
+    column: str, found: Mapping[int, _Bad], logged: int, sensor: SensorLimits | None, rules: ScreenRules
+) -> list[str]:
+    """Write a sentence for each kind of bad sample; raises as ``screen_signals``."""
+    notes, few = [], max(rules.few_rows, math.floor(rules.most_bad * logged))
+    for kind, (wrong, remedy) in KINDS.items():
+        bad = found.get(kind)
+        if bad is None:
+            continue
+        value = spoken(column, bad.value) if math.isfinite(bad.value) else bad.value
+        what = f"{column} is {value} in row {bad.row + 1} ({bad.count} such rows in all)"
+        what += wrong.format(range=sensor.described if sensor else "")
+        if bad.count > few or bad.longest > rules.longest_bad:
+            raise RecordingError(
+                f"{what}, at most {bad.longest} in a row; expected at most {few}, and "
+                f"{rules.longest_bad} in a row; {remedy}"
+            )
+        notes.append(f"{what}; taken as missing")
+    return notes
 
 
 def _ends(column: str, sensor: SensorLimits | None, stroke_m: float | None) -> tuple[float, float]:
@@ -224,7 +183,7 @@ def _spike_height(values: Array, low: float, high: float, step: float | None, ru
     return tallest if tallest > 0.0 else math.inf
 
 
-def _surely_good(values: Array, low: float, high: float, bottom: float, top: float, height: float) -> bool:
+def surely_good(values: Array, low: float, high: float, bottom: float, top: float, height: float) -> bool:
     """Return whether ``mark``, whose compiled code takes half a second to load, would mark nothing."""
     if not len(values):
         return True

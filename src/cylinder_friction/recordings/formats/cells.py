@@ -2,7 +2,7 @@
 
 import csv
 import re
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pyarrow as pa
@@ -10,6 +10,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.recordings.mapping.units import names_a_unit
 from cylinder_friction.recordings.recording import RecordingError
 
 MISSING = (
@@ -19,20 +20,26 @@ MISSING = (
 """What loggers write where a sample is missing; ``1.#IND`` and the like are what C libraries on Windows print for NaN,
 ``EOF`` stands below a column that ends before others."""
 
-POINT_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-COMMA_NUMBER = r"[+-]?(?:\d+,?\d*|,\d+)(?:[eE][+-]?\d+)?"
+OVER_RANGE = (
+    "∞", "+∞", "-∞", "OL", "+OL", "-OL", "OVER", "+OVER", "-OVER", "Over", "OVERLOAD", "Overload", "overload",
+    "OVERFLOW", "Overflow", "OVERRANGE", "Overrange", "+++++", "++++++", "-----", "------", "*****", "******",
+)  # fmt: skip
+"""What loggers write in place of a value beyond the range of their input."""
+
+POINT_NUMBER = r"[+-]? *(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+COMMA_NUMBER = r"[+-]? *(?:\d+,?\d*|,\d+)(?:[eE][+-]?\d+)?"
 
 _POINT = re.compile(rf"(?:{POINT_NUMBER}|[+-]?inf(?:inity)?)", re.IGNORECASE)
 _COMMA = re.compile(rf"(?:{COMMA_NUMBER}|[+-]?inf(?:inity)?)", re.IGNORECASE)
-_DATE = r"(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d{1,2}-[A-Za-z]{3}-\d{4})"
-_CLOCK = r"\d{1,2}:\d{2}(?::\d{2}(?:[.,:]\d{1,9})?)?(?: ?[AaPp][Mm])?(?:Z|[+-]\d{2}:?\d{2})?"
+_DATE = r"(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d{1,2}-[A-Za-z]{3}-(?:\d{4}|\d{2}))"
+_CLOCK = r"\d{1,2}:\d{2}(?::\d{2}(?:[.,:;]\d{1,9})?|[.,]\d{1,9})?(?: ?[AaPp][Mm])?(?:Z|[+-]\d{2}:?\d{2})?"
 _DATE_OR_CLOCK = re.compile(rf"{_DATE}(?:[T ,]+{_CLOCK})?|{_CLOCK}")
 _THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
 _TOKEN = re.compile(r'"[^"]*"|\S+(?:[ \t]+(?:\[[^\]]*\]|\([^)]*\)))?')
 
 
 def is_missing(cell: str) -> bool:
-    return cell in MISSING
+    return cell in MISSING or cell in OVER_RANGE
 
 
 def is_number(cell: str, decimal: str | None) -> bool:
@@ -66,12 +73,14 @@ def split_cells(line: str, delimiter: str) -> list[str]:
         return [cell.strip() for cell in line.split(delimiter)]
 
 
-_CLOCK_PARTS = r"(?P<H>\d{1,2}):(?P<M>\d{2})(?::(?P<S>\d{2})(?:[.,:](?P<f>\d{1,9}))?)?"
-_REST = rf"(?:[T ,]+{_CLOCK_PARTS}\s*(?P<half>[AaPp][Mm])?)?\s*(?P<zone>Z|[+-]\d{{2}}:?\d{{2}})?$"
+_CLOCK_PARTS = r"(?P<H>\d{1,2}):(?P<M>\d{2})(?::(?P<S>\d{2})(?:[.,:;](?P<f>\d{1,9}))?)?\s*(?P<half>[AaPp][Mm])?"
+_MINUTES = r"^(?P<M>\d{1,2}):(?P<S>\d{2})[.,](?P<f>\d{1,9})$"  # as Excel shows a time of day: mm:ss.0
+_WITH_UNIT = r"^(?P<number>[+-]?[\d.,eE+-]*\d)\s*(?P<unit>[^\d\s.,:;+-][^\d\s:]*)$"
+_REST = rf"(?:[T ,]+{_CLOCK_PARTS})?\s*(?P<zone>Z|[+-]\d{{2}}:?\d{{2}})?$"
 _YEAR_FIRST = r"^(?P<Y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})" + _REST
 _DOTS = r"^(?P<d>\d{1,2})\.(?P<m>\d{1,2})\.(?P<Y>\d{4})" + _REST
 _EITHER = r"^(?P<d>\d{1,2})[-/](?P<m>\d{1,2})[-/](?P<Y>\d{4})" + _REST
-_NAMED_MONTH = r"^(?P<d>\d{1,2})-(?P<m>[A-Za-z]{3})-(?P<Y>\d{4})" + _REST
+_NAMED_MONTH = r"^(?P<d>\d{1,2})-(?P<m>[A-Za-z]{3})-(?P<Y>\d{4}|\d{2})" + _REST
 _ZONED = r"\d:\d{2}(?:[.,:]\d+)?\s*(?:[AaPp][Mm])?\s*(?:Z|[+-]\d{2}:?\d{2})\s*$"
 _MONTHS = pa.array(["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"])
 _HALF_DAYS = pa.array([f"{hour or 12:02d}{half}" for half in ("am", "pm") for hour in range(12)])
@@ -108,33 +117,61 @@ def states_zone(column: Any) -> bool:
     return bool(pc.all(pc.match_substring_regex(column, _ZONED)).as_py())
 
 
-def text_values(column: Any, decimal: str, name: str) -> tuple[NDArray[Any], bool]:
-    """Return a column of text as numbers, dates or times of day; if it is none of these, numbers and text.
+class TextColumn(NamedTuple):
+    """What a column of text holds."""
+
+    values: NDArray[Any]  # Numbers, dates, or numbers and text, shape ``(n,)``
+    unit: str = ""  # That every cell states; ``s`` for times of day, which are seconds since midnight
+    clock: bool = False  # Whether they are times of day
+    note: str = ""  # What was taken as missing
+
+
+def text_values(column: Any, decimal: str, name: str) -> TextColumn:
+    """Return a column of text as numbers (``7.2``, ``+  7.2``, ``7.2 bar``), dates or times of day; else as text.
 
     Under a decimal comma a point is no decimal sign: such a cell stays text, for it may be a thousands separator.
-
-    Returns:
-        The values, and whether they are seconds since midnight.
+    Signs of a value beyond the range are missing samples.
     """
     text = pc.utf8_trim_whitespace(column.cast(pa.string()))
     text = pc.if_else(pc.is_in(text, pa.array(MISSING)), None, text)
-    number = pc.match_substring_regex(text, f"^(?:{COMMA_NUMBER if decimal == ',' else POINT_NUMBER})$")
+    form = f"^(?:{COMMA_NUMBER if decimal == ',' else POINT_NUMBER})$"
     if text.null_count == len(text):
-        return np.full(len(text), np.nan), False
-    if not pc.any(number).as_py():
-        if (seconds := _clock_seconds(text)) is not None:
-            return seconds, True
-        stamps = _date_stamps(text, name)
-        return text_objects(text) if stamps is None else stamps, False
+        return TextColumn(np.full(len(text), np.nan))
+    number = pc.match_substring_regex(text, form)
+    if pc.any(number).as_py():
+        over = pc.fill_null(pc.is_in(text, pa.array(OVER_RANGE)), False)
+        if count := pc.sum(over).as_py():
+            cells = f"{count} cell{'' if count == 1 else 's'} of {name!r} with {text.filter(over)[0].as_py()!r}"
+            numbers = _numbers(pc.if_else(over, None, text), number, decimal)
+            return TextColumn(numbers, note=f"{cells}, beyond the range of the input, taken as missing")
+        return TextColumn(_numbers(text, number, decimal))
+    if (seconds := _clock_seconds(text)) is not None:
+        return TextColumn(seconds, "s", clock=True)
+    if (stamps := _date_stamps(text, name)) is not None:
+        return TextColumn(stamps)
+    parts = pc.extract_regex(text, pattern=_WITH_UNIT)
+    units = pc.unique(pc.struct_field(parts, "unit").drop_null()).to_pylist()
+    if parts.null_count == text.null_count and len(units) == 1 and names_a_unit(units[0]):
+        plain = pc.struct_field(parts, "number")
+        values = _numbers(plain, pc.match_substring_regex(plain, form), decimal)
+        if values.dtype.kind == "f":
+            return TextColumn(values, units[0])
+    return TextColumn(text_objects(text))
+
+
+def _numbers(text: Any, number: Any, decimal: str) -> NDArray[Any]:
+    """Return the cells that are a ``number`` as such, and the others as text; a null is NaN."""
     plain = pc.if_else(number, text, None)
     plain = pc.replace_substring(plain, ",", ".") if decimal == "," else plain
-    numbers = pc.utf8_ltrim(plain, characters="+").cast(pa.float64()).to_numpy()
-    words = pc.fill_null(pc.invert(number), False).to_numpy()
+    plain = pc.replace_substring(pc.utf8_ltrim(plain, characters="+ "), " ", "")
+    numbers: NDArray[Any] = plain.cast(pa.float64()).to_numpy()
+    words = pc.fill_null(pc.invert(number), False)
+    words = pc.and_(words, text.is_valid()).to_numpy()
     if not words.any():
-        return numbers, False
+        return numbers
     mixed = numbers.astype(object)
     mixed[words] = text.filter(pa.array(words)).to_pylist()
-    return mixed, False
+    return mixed
 
 
 def holds_decimal_commas(column: Any) -> bool:
@@ -151,12 +188,18 @@ def text_objects(text: Any) -> NDArray[Any]:
 
 
 def _clock_seconds(text: Any) -> Array | None:
-    """Return times of day (08:15:00,125) as seconds since midnight, or None if a cell is none; null is NaN."""
-    parts = pc.extract_regex(text, pattern=f"^{_CLOCK_PARTS}$")
-    if parts.null_count > text.null_count:
-        return None
-    stamps = _stamps({"Y": "1970", "m": "1", "d": "1", **_fields(parts)})
-    return None if stamps is None else stamps.cast(pa.int64()).to_numpy() / 1e9
+    """Return times of day (08:15:00,125; 08:15 PM) or minutes and seconds (15:00.1) in seconds, null as NaN.
+
+    None if a cell is neither.
+    """
+    for pattern, missing in ((f"^{_CLOCK_PARTS}$", {}), (_MINUTES, {"H": "0", "half": ""})):
+        parts = pc.extract_regex(text, pattern=pattern)
+        if parts.null_count == text.null_count:
+            fields = _fields(parts)
+            fields |= {key: pc.if_else(fields["M"].is_null(), None, value) for key, value in missing.items()}
+            stamps = _stamps({"Y": "1970", "m": "1", "d": "1", **fields})
+            return None if stamps is None else stamps.cast(pa.int64()).to_numpy() / 1e9
+    return None
 
 
 def _date_stamps(text: Any, name: str) -> NDArray[np.datetime64] | None:
@@ -173,6 +216,7 @@ def _date_stamps(text: Any, name: str) -> NDArray[np.datetime64] | None:
         if pattern == _EITHER and _month_first(fields, text, name):
             fields["d"], fields["m"] = fields["m"], fields["d"]
         elif pattern == _NAMED_MONTH:
+            fields["Y"] = pc.replace_substring_regex(fields["Y"], "^(..)$", r"20\1")
             fields["m"] = pc.add(pc.index_in(pc.utf8_lower(fields["m"]), _MONTHS), 1).cast(pa.string())
         stamps = _stamps(fields)
         return None if stamps is None else stamps.cast(pa.timestamp("ns")).to_numpy()

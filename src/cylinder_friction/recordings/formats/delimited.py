@@ -11,7 +11,6 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
-from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.cells import (
     MISSING,
@@ -22,6 +21,7 @@ from cylinder_friction.recordings.formats.cells import (
     states_zone,
     text_values,
 )
+from cylinder_friction.recordings.formats.clocks import beside_clocks, joined
 from cylinder_friction.recordings.formats.format import Format
 from cylinder_friction.recordings.formats.header import SCOPE_TIME
 from cylinder_friction.recordings.formats.layout import (
@@ -34,14 +34,13 @@ from cylinder_friction.recordings.formats.layout import (
 )
 from cylinder_friction.recordings.formats.logged_table import (
     MOST_INDIVISIBLE,
-    PLACES,
-    ROWS_A_PLACE,
+    Column,
     LoggedTable,
     LongTable,
 )
 from cylinder_friction.recordings.formats.source import HEAD_SIZE, FileSource
 from cylinder_friction.recordings.formats.text import Text, convert_text, open_text
-from cylinder_friction.recordings.formats.time_groups import dated, repeated_names, split_groups
+from cylinder_friction.recordings.formats.time_groups import repeated_names, split_groups
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.start import Start, start_in_header
 
@@ -112,14 +111,7 @@ def long_delimited(
             yield read(first, last)
             first = last
 
-    def spread() -> Iterator[LoggedTable]:
-        length = step * ROWS_A_PLACE // rows
-        for place in np.linspace(begin, max(text.end - length, begin), PLACES).astype(int).tolist():
-            first = begin if place == begin else _line_end(text, place)
-            if first < text.end:
-                yield read(first, _line_end(text, first + length))
-
-    return LongTable(-(-(text.end - begin) // step), chunks, spread)
+    return LongTable(-(-(text.end - begin) // step), chunks)
 
 
 def _line_end(text: Text, place: int) -> int:
@@ -164,26 +156,34 @@ def _tables(rows: "_Rows", wanted: Collection[str] | None) -> list[LoggedTable]:
     if asked.isdisjoint(names):
         return [LoggedTable(pd.DataFrame(), layout.units, unread=unread, notes=text.notes)]
     repeated = repeated_names(names)
-    asked |= repeated
+    asked |= repeated | beside_clocks(names)
     loaded = [index for index, name in enumerate(names) if name in asked]
     table, decimal = rows.parsed(loaded)
-    columns: list[tuple[str, NDArray[Any]]] = []
-    units, utc = dict(layout.units), False
+    columns: list[Column] = []
+    units, utc, clocks, notes = dict(layout.units), False, [], list(text.notes)
     for index, column in zip(loaded, table.columns, strict=True):
-        values, clock = plain_values(column), pa.types.is_time(column.type)
+        name, values, clock = names[index], plain_values(column), pa.types.is_time(column.type)
         utc |= states_zone(column)
         if values is None:
-            rows.refuse_second_header(column, names[index])
-            values, clock = text_values(column, decimal, names[index])
+            rows.refuse_second_header(column, name)
+            try:
+                cells = text_values(column, decimal, name)
+            except RecordingError:
+                if wanted is None or name in wanted:
+                    raise
+                continue
+            values, clock = cells.values, cells.clock
+            units |= {name: cells.unit} if cells.unit else {}
+            notes += [cells.note] if cells.note else []
         if clock:
-            units[names[index]] = "s"
-        if names[index] == SCOPE_TIME and (stamps := dated(values)) is not None:
-            values, units[SCOPE_TIME], utc = stamps, "", True
-        if names[index] or not pd.isna(values).all():
-            columns.append((names[index] or f"column_{index + 1}", values))
-    first, *others = split_groups(columns, units, repeated)
+            units[name] = "s"
+            clocks.append(name)
+        if name or not pd.isna(values).all():
+            columns.append((name or f"column_{index + 1}", values))
+    first, *others = split_groups(joined(columns, clocks, wanted), units, repeated)
     ended = (rows.ended,) if rows.ended else ()
-    first = replace(first, unread=unread, notes=(*text.notes, *ended, *first.notes))
+    unread = tuple(name for name in unread if name not in first.channels)
+    first = replace(first, unread=unread, notes=(*notes, *ended, *first.notes))
     return [replace(each, start=rows.start, utc=utc) for each in (first, *others)]
 
 

@@ -4,7 +4,6 @@ from collections.abc import Collection
 from dataclasses import replace
 from datetime import datetime, timedelta
 from typing import Any
-from zipfile import ZipFile
 
 from cylinder_friction.recordings.formats.delimited import read_delimited
 from cylinder_friction.recordings.formats.format import Format, Library
@@ -13,7 +12,6 @@ from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.formats.source import HEAD_SIZE, FileSource
 from cylinder_friction.recordings.recording import RecordingError
 
-MOST_UNPACKED = 10**9  # Bytes of all parts of a workbook; a workbook that is full has 0.3 GB
 _AS_TEXT = CsvOptions(delimiter="\t", decimal=".", encoding="utf-8")
 
 
@@ -24,7 +22,6 @@ def read_excel(source: FileSource, wanted: Collection[str] | None) -> list[Logge
     """
     import openpyxl
 
-    _refuse_large(source)
     tables: list[LoggedTable] = []
     refusals: list[str] = []
     with source.opened() as opened:
@@ -44,17 +41,6 @@ def read_excel(source: FileSource, wanted: Collection[str] | None) -> list[Logge
     if not tables:
         raise RecordingError(refusals[0] if refusals else "holds no sheet with cells; expected a table")
     return tables
-
-
-def _refuse_large(source: FileSource) -> None:
-    """Refuse a workbook that a few megabytes unpack to more than memory holds."""
-    with source.opened() as opened, ZipFile(opened) as parts:
-        size = sum(part.file_size for part in parts.infolist())
-    if size > MOST_UNPACKED:
-        raise RecordingError(
-            f"unpacks to {size / 1e9:.2g} GB, but Excel workbooks are read up to {MOST_UNPACKED / 1e9:.2g} GB; save "
-            "its table as CSV"
-        )
 
 
 def _as_text(sheet: Any) -> FileSource:

@@ -14,8 +14,6 @@ from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongT
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.wording import in_brief
 
-MOST_UNPACKED = 1100  # DEFLATE packs at most 1032 to 1; a file that claims more than this is damaged
-
 
 @dataclass(frozen=True)
 class Library:

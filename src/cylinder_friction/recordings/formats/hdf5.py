@@ -1,6 +1,5 @@
 """HDF5: datasets by their path, compound datasets as tables."""
 
-import math
 from collections.abc import Collection
 from functools import partial
 from typing import Any
@@ -8,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.recordings.formats.format import MOST_UNPACKED, Format, Library
+from cylinder_friction.recordings.formats.format import Format, Library
 from cylinder_friction.recordings.formats.logged_table import (
     Channel,
     Found,
@@ -19,9 +18,7 @@ from cylinder_friction.recordings.formats.logged_table import (
     tables_by_length,
 )
 from cylinder_friction.recordings.formats.source import FileSource
-from cylinder_friction.recordings.recording import RecordingError
 
-MOST_MEMORY, MOST_PACKED = 200e6, 50  # Bytes unpacked, and how many times the file; a file may exceed one of both
 _RATES = ("sampling_rate", "sample_rate", "samplerate", "sampling_frequency", "sample_rate_hz", "fs", "rate")
 _STEPS = ("dt", "sample_time", "sample_time_s", "sampling_time", "sampling_interval", "sample_interval", "wf_increment")
 
@@ -42,40 +39,17 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
             if not isinstance(node, h5py.Dataset):
                 return
             if node.dtype.names and node.shape is not None and len(node.shape) == 1 and node.shape[0] > 0:
-                refuse_absurd_size(node, source)
-                refuse_unpacked(node.size * node.dtype.itemsize // 8, source)
                 tables.append(table_of(_fields(node), wanted, path))
             else:
-                _add(path, node, found, source)
+                _add(path, node, found)
 
         file.visititems(visit)
-        refuse_unpacked(sum(channel.length for channel in found.channels), source)
         if found.channels or not tables:
             tables += tables_by_length(found, wanted, "/")
         return tables
 
 
-def refuse_absurd_size(node: Any, source: FileSource) -> None:
-    """Refuse a dataset that claims to be far larger than its file could hold."""
-    claimed = math.prod(node.shape) * node.dtype.itemsize
-    if claimed > MOST_UNPACKED * source.size:
-        raise RecordingError(
-            f"dataset {node.name!r} claims {claimed} bytes in a file of {source.size}; it is damaged; copy it again"
-        )
-
-
-def refuse_unpacked(count: int, source: FileSource) -> None:
-    """Refuse so many numbers if they fill the memory and no log is packed as tightly as they are."""
-    unpacked = 8 * count
-    if unpacked > MOST_MEMORY and unpacked > MOST_PACKED * source.size:
-        raise RecordingError(
-            f"unpacks to {unpacked / 1e6:.0f} MB, {unpacked / source.size:.0f} times its size; expected at most "
-            f"{MOST_MEMORY / 1e6:.0f} MB, or {MOST_PACKED} times; measured signals are not packed so tightly, so it "
-            "is damaged or no log; cut it"
-        )
-
-
-def _add(path: str, node: Any, found: Found, source: FileSource) -> None:
+def _add(path: str, node: Any, found: Found) -> None:
     import h5py
 
     text = h5py.check_string_dtype(node.dtype) is not None
@@ -84,7 +58,6 @@ def _add(path: str, node: Any, found: Found, source: FileSource) -> None:
     if not arrays or (text and len(arrays) > 1):
         found.others.append(path)
         return
-    refuse_absurd_size(node, source)
     unit, sample_time_s = _unit(node.attrs), _sample_time_s(node)
 
     def read(at: Any) -> NDArray[Any]:

@@ -19,6 +19,9 @@ _DIVIDED = re.compile(r"^(?P<name>\S+?\s*/\s*|.*\S (?:in|/) )(?P<unit>\S+)$")
 _DATE_PATTERN = re.compile(r"^(?=.*([dmyjths])\1)[dmyjths]+(?:[-/.:, ]+[dmyjthsfz0]+)+$", re.IGNORECASE)
 """What stands in the place of a unit above dates: 'dd.mm.yyyy hh:mm:ss', 'TT.MM.JJJJ hh:mm'."""
 
+_UNIT_WORDS = ("unit", "units", "einheit", "einheiten")
+"""What stands before the units in a line of them."""
+
 _PORTS = frozenset("abptxyckfgh")
 """Single letters in parentheses that name a port or an axis sooner than a unit: 'pressure (A)'."""
 
@@ -44,19 +47,20 @@ def unit_in_name(name: str) -> str | None:
 
 
 def units_in_line(cells: list[str]) -> list[str] | None:
-    """Return the units of a line that holds only units; None for another line.
+    """Return the units of a line that holds mostly units; None for another line.
 
-    Where a cell is empty, or is the format of the dates below it, its unit is ''.
+    A cell that is empty, no unit (``NO.`` above row numbers), or the format of the dates below it has the unit ''.
     """
-    units = []
+    units, count = [], 0
     for cell in cells:
         bare = cell[1:-1].strip() if cell[:1] + cell[-1:] in ("[]", "()") else cell
-        if _DATE_PATTERN.match(bare) and not looks_like_unit(bare):
+        known = looks_like_unit(bare)
+        if (_DATE_PATTERN.match(bare) and not known) or bare.casefold() in _UNIT_WORDS:
             bare = cell = ""
-        if bare and bare == cell and not looks_like_unit(bare):
-            return None
-        units.append(bare)
-    return units if any(units) else None
+        count += bool(bare) and (known or bare != cell)
+        units.append(bare if known or bare != cell else "")
+    filled = sum(map(bool, cells)) - sum(cell.casefold() in _UNIT_WORDS for cell in cells)
+    return units if count and 2 * count > filled - sum(map(bool, map(_DATE_PATTERN.match, cells))) else None
 
 
 SCOPE_TIME = "Name"  # what the TwinCAT Scope calls every time column

@@ -24,7 +24,7 @@ class CsvOptions:
     decimal: str = "auto"  # The decimal sign, ``.`` or ``,``, or ``auto``
     encoding: str = "auto"  # Of the characters, for example ``utf-8`` or ``cp1252``, or ``auto``
     # ``none`` (channels are then named column_1, column_2, ...), ``names`` (one line of names), ``names_units`` (a line
-    # of names and a line of units), or ``auto``, which also skips what a logger writes above the names
+    # of names and a line of units right above the rows), or ``auto``, which finds them
     header: str = "auto"
 
     def __post_init__(self) -> None:
@@ -185,16 +185,18 @@ def _likelihood(grid: _Grid, lines: list[str]) -> tuple[bool, bool, bool, float,
 
 def _first_row(grid: _Grid, lines: list[str], content: list[int], header: str) -> int:
     """Return the index of the first row's line; ``content`` holds those of the lines that are not empty."""
+
+    @cache
+    def is_row(position: int) -> bool:
+        return grid.is_row(split_cells(lines[content[position]], grid.delimiter))
+
     if header != "auto":
         below = [index for index in content if not lines[index].lstrip().startswith(("#", "%", "//"))]
         skipped = ("none", "names", "names_units").index(header)
         if len(below) <= skipped:
             raise RecordingError(f"holds {len(below)} lines, but its header alone takes {skipped}; there are no rows")
-        return below[skipped]
-
-    @cache
-    def is_row(position: int) -> bool:
-        return grid.is_row(split_cells(lines[content[position]], grid.delimiter))
+        if header != "names_units" or is_row(content.index(below[skipped])):  # otherwise there is more above
+            return below[skipped]
 
     for first in range(len(content)):
         # A line of the preamble may look like a row; most lines after it then do not. A row may be damaged.

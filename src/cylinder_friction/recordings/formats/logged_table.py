@@ -8,8 +8,12 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.start import Start
+
+Column = tuple[str, NDArray[Any]]
+"""A channel's name and values."""
 
 
 @dataclass(frozen=True)
@@ -34,15 +38,13 @@ class LongTable:
 
     count: int  # How many chunks there are, about
     chunks: Callable[[], Iterator[LoggedTable]]  # All rows, in order
-    spread: Callable[[], Iterator[LoggedTable]]  # A few rows of each of ``PLACES`` places between its begin and its end
 
 
-PLACES, ROWS_A_PLACE = 32, 1024
 MOST_INDIVISIBLE = 256 * 10**6
 """A text or Parquet file that cannot be read in parts is read whole up to this size [bytes]."""
 
 
-def named_columns(columns: Sequence[tuple[str, NDArray[Any]]]) -> pd.DataFrame:
+def named_columns(columns: Sequence[Column]) -> pd.DataFrame:
     """Return columns as a table, not copied; a name may occur twice or be damaged."""
     table = pd.DataFrame(dict(enumerate(values for _, values in columns)), copy=False)
     table.columns = pd.Index([name for name, _ in columns], dtype=object)
@@ -50,8 +52,6 @@ def named_columns(columns: Sequence[tuple[str, NDArray[Any]]]) -> pd.DataFrame:
 
 
 RISING_SHARE = 0.99  # time may have a few repeated or backward stamps and still be time
-TIME_NAMES = ("time", "t", "time_s", "timestamp", "timestamps", "zeit", "x_value", "name")
-"""Whole names of time channels, in small letters: LabVIEW calls them X_Value, the TwinCAT Scope Name."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def tables_by_length(found: Found, wanted: Collection[str] | None, separator: st
             f"holds no channels{got}; expected vectors of numbers (save MATLAB's timeseries and table objects as "
             "plain arrays)"
         )
-    timed = {each.length for each in found.channels if each.name.rsplit(separator, 1)[-1].casefold() in TIME_NAMES}
+    timed = {each.length for each in found.channels if words_of(each.name.rsplit(separator, 1)[-1]).quantity == "time"}
     groups: dict[tuple[int, float | None], list[Channel]] = {}
     for channel in found.channels:
         step = None if channel.length in timed else channel.sample_time_s
@@ -131,10 +131,16 @@ def table_of(
         length, step = channels[0].length, sample_time_s
         channels = [Channel("time", length, lambda: np.arange(length) * step, "s"), *channels]
     loaded = [channel for channel in channels if wanted is None or channel.name in wanted]
-    unread = [channel.name for channel in channels if wanted is not None and channel.name not in wanted]
+    loaded = [channel for channel in channels if channel in loaded or (loaded and _is_time(channel))]
+    unread = [channel.name for channel in channels if channel not in loaded]
     table = named_columns([(channel.name, channel.read()) for channel in loaded])
     units = {channel.name: channel.unit for channel in channels if channel.unit}
     return LoggedTable(table, units, name, (*unread, *others))
+
+
+def _is_time(channel: Channel) -> bool:
+    """Return whether a channel is time by its name: it is loaded beside what is wanted, for it must not contradict."""
+    return words_of(channel.name).quantity == "time"
 
 
 def numeric(values: NDArray[Any]) -> NDArray[Any]:

@@ -1,16 +1,16 @@
 """MATLAB files: version 5 (``save -v6`` and ``-v7``) through SciPy, version 7.3 as the HDF5 that it is."""
 
-import math
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
 import numpy as np
+import scipy.io
 from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.format import Format, Library
-from cylinder_friction.recordings.formats.hdf5 import SIGNATURE, refuse_absurd_size, refuse_unpacked
+from cylinder_friction.recordings.formats.hdf5 import SIGNATURE
 from cylinder_friction.recordings.formats.logged_table import (
     Channel,
     Found,
@@ -67,6 +67,12 @@ def walk_struct(name: str, struct: Mapping[str, Any], found: Found, unit: str = 
     if "signals" in struct and isinstance(struct["signals"], dict | list):
         _walk_simulink(name, struct, found, depth)
         return
+    stated_name, data = struct.get("Name"), struct.get("Data")
+    if isinstance(stated_name, str) and isinstance(data, Leaf):  # as dSPACE writes X and Y(k)
+        path, of_data = stated_name.strip(), struct.get("Unit", unit)
+        taken = any((each.name, each.length) == (path, max(data.shape, default=0)) for each in found.channels)
+        walk(f"{name}.{path}" if taken else path, data, found, of_data if isinstance(of_data, str) else "", depth + 1)
+        return
     stated = next((struct[key] for key in ("unit", "units", "Unit", "Units") if key in struct), None)
     for key, value in struct.items():
         if value is stated and key.casefold() in ("unit", "units") and isinstance(stated, dict | str):
@@ -110,31 +116,41 @@ def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[Logg
     Single values and text are no channels and only named, as ``unread``. So are variables that nothing wanted can come
     from: they are not loaded.
     """
-    import scipy.io
-
     found = Found()
-    names = _to_load(source, wanted, found)
+    listed = _listed(source)
+    names = None if listed is None or wanted is None else _to_load(listed, wanted, found)
     handle: Any = source.handle()
-    shapes = [shape for name, shape, _ in scipy.io.whosmat(handle) if names is None or name in names]
-    refuse_unpacked(sum(math.prod(shape) for shape in shapes), source)
-    handle = source.handle()
     content = scipy.io.loadmat(handle, simplify_cells=True, variable_names=names, verify_compressed_data_integrity=True)
     variables = {name: _tree(value) for name, value in content.items() if not name.startswith("__")}
+    if "None" in variables:  # SciPy's name for objects; the last one is left
+        variables[_object_name(content["None"])] = variables.pop("None")
     walk_struct("", variables, found)
     return tables_by_length(found, wanted, ".")
 
 
-def _to_load(source: FileSource, wanted: Collection[str] | None, found: Found) -> list[str] | None:
-    """Return the variables that wanted channels may come from; the others are noted as found."""
-    if wanted is None:
-        return None
-    import scipy.io
-
-    kept = []
+def _listed(source: FileSource) -> list[tuple[str, tuple[int, ...], str]] | None:
+    """Return name, shape and class of each variable; None if SciPy cannot list them beside a string, date or table."""
     handle: Any = source.handle()
-    for name, _, _ in scipy.io.whosmat(handle):
+    try:
+        return list(scipy.io.whosmat(handle))
+    except TypeError:
+        return None
+
+
+def _object_name(value: Any) -> str:
+    try:
+        return f"{value['s0'][0].decode()} ({value['s2'][0].decode()})"
+    except (AttributeError, IndexError, ValueError, UnicodeDecodeError):
+        return "an object"
+
+
+def _to_load(listed: list[tuple[str, tuple[int, ...], str]], wanted: Collection[str], found: Found) -> list[str]:
+    """Return the variables that wanted channels may come from; the others are noted as found."""
+    kept = []
+    for name, _, kind in listed:
         origin = (f"{name}.", f"{name}_")
-        if name.casefold() in ("unit", "units") or any(f"{want}.".startswith(origin) for want in wanted):
+        unit = name.casefold() in ("unit", "units")
+        if unit or kind == "struct" or any(f"{want}.".startswith(origin) for want in wanted):
             kept.append(name)
         else:
             found.others.append(name)
@@ -160,38 +176,62 @@ def read_matlab73(source: FileSource, wanted: Collection[str] | None) -> list[Lo
 
     with h5py.File(source.handle(), "r") as file:
         found = Found()
-        variables = {name: _tree73(file[name], source, 0) for name in file if not name.startswith("#")}
+        variables = {name: _tree73(file[name], 0) for name in file if not name.startswith("#")}
         walk_struct("", variables, found)
-        refuse_unpacked(sum(channel.length for channel in found.channels), source)
+        _add_table73(file, found)
         return tables_by_length(found, wanted, ".")
 
 
-def _tree73(node: Any, source: FileSource, depth: int) -> Any:
+def _tree73(node: Any, depth: int) -> Any:
     """Return an object of the file in the shape that the walk expects: Leaf, dict, list or text."""
     import h5py
 
     if depth > _DEEPEST:
         return None
     if isinstance(node, h5py.Group):
-        fields = {name: _tree73(node[name], source, depth + 1) for name in node}
+        fields = {name: _tree73(node[name], depth + 1) for name in node}
         return _struct_array(fields)
     matlab_class = node.attrs.get("MATLAB_class", b"")
     matlab_class = matlab_class.decode(errors="replace") if isinstance(matlab_class, bytes) else str(matlab_class)
-    if "MATLAB_empty" in node.attrs or node.shape is None:
+    if "MATLAB_empty" in node.attrs or "MATLAB_object_decode" in node.attrs or node.shape is None:
         return None
     if h5py.check_ref_dtype(node.dtype) is not None:
         if node.size > _MOST_ENTRIES:
             return None
         file = node.file
-        return _References(_tree73(file[reference], source, depth + 1) for reference in node[()].T.reshape(-1))
+        return _References(_tree73(file[reference], depth + 1) for reference in node[()].T.reshape(-1))
     if matlab_class == "char":
         if node.size > _LONGEST_TEXT:
             return None
         return "".join(chr(code) for code in node[()].T.reshape(-1))
     if matlab_class == "function_handle":
         return None
-    refuse_absurd_size(node, source)
     return Leaf(node.shape[::-1], node.dtype.kind, lambda: node[()].T)
+
+
+def _add_table73(file: Any, found: Found) -> None:
+    """Add the columns of a file's one table or timetable, and the timetable's row times if they are durations."""
+    hidden = file.get("#refs#", {})
+    tables = [hidden[name] for name in hidden if {"data", "varNames"} <= set(getattr(hidden[name], "keys", set)())]
+    if len(tables) != 1:
+        return
+    names, columns = (_tree73(tables[0][key], 0) for key in ("varNames", "data"))
+    if not isinstance(names, list) or not isinstance(columns, list):
+        return
+    rows = max((max(each.shape) for each in columns if isinstance(each, Leaf)), default=0)
+    own = {file[reference].name for reference in tables[0]["data"][()].reshape(-1)}
+    objects = [file[reference] for reference in file["#subsystem#/MCOS"][()].reshape(-1)]
+    times = [each for each in objects if each.name not in own and _rows(each) == rows > 1]
+    if "rowTimes" in tables[0] and len(times) == 1:
+        walk("Time", _tree73(times[0], 0), found, "ms")
+    for name, column in zip(names, columns, strict=False):
+        walk(str(name), column, found)
+
+
+def _rows(node: Any) -> int:
+    """Return the length of a vector of floating-point numbers; 0 for anything else."""
+    dtype = getattr(node, "dtype", None)
+    return int(node.size) if dtype is not None and dtype.kind == "f" and max(node.shape) == node.size else 0
 
 
 class _References(list[Any]):

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.recordings.formats.format import MOST_UNPACKED, Format, Library
+from cylinder_friction.recordings.formats.format import Format, Library
 from cylinder_friction.recordings.formats.logged_table import LoggedTable, named_columns, numeric
 from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
@@ -28,7 +28,7 @@ def read_mdf(source: FileSource, wanted: Collection[str] | None, database: str |
     """
     with opened_mdf(source) as file:
         for group in file.groups:
-            _refuse_absurd_records(group, source.size)
+            _refuse_outside_record(group)
         signals = [index for index, group in enumerate(file.groups) if not _holds_bus_frames(group)]
         if database is not None:
             return _decoded(file, database, wanted)
@@ -53,7 +53,7 @@ def opened_mdf(source: FileSource) -> Iterator[Any]:
     # It finishes an unfinished file in place, so it gets a copy of that.
     unfinished = source.head.startswith(b"UnFinMF")
     with (
-        io.BytesIO(source.all_bytes()) if unfinished else source.opened() as opened,
+        io.BytesIO(source.all_bytes) if unfinished else source.opened() as opened,
         open_mdf(opened, process_bus_logging=False) as file,
     ):
         yield file
@@ -117,18 +117,10 @@ def _group(file: Any, index: int, wanted: Collection[str] | None) -> LoggedTable
     return LoggedTable(named_columns(columns), units, title, tuple(unread), notes)
 
 
-def _refuse_absurd_records(group: Any, size: int) -> None:
-    """Refuse channels that lie outside their record, or more records than a file could hold.
-
-    asammdf would give back what lies behind the record, or crash.
-    """
+def _refuse_outside_record(group: Any) -> None:
+    """Refuse channels that lie outside their record: asammdf would give back what lies behind it, or crash."""
     about = group.channel_group
     record = about.samples_byte_nr + getattr(about, "invalidation_bytes_nr", 0)
-    samples = about.cycles_nr
-    if samples * max(record, 1) > MOST_UNPACKED * size:
-        raise RecordingError(
-            f"claims {samples} samples of {record} bytes in a file of {size}; it is damaged; copy it again"
-        )
     for channel in group.channels:
         in_bytes = hasattr(channel, "byte_offset")
         start = 8 * channel.byte_offset + channel.bit_offset if in_bytes else channel.start_offset

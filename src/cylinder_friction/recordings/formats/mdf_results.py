@@ -1,10 +1,9 @@
 """Results as channels of an MDF 4 file: beside all that the measurement file holds, or beside what was measured."""
 
 import json
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
-from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +21,12 @@ VERSION = "4.10"
 _UNITS = {"_m_s2": "m/s²", "_m_s": "m/s", "_pa": "Pa", "_m": "m", "_n": "N", "_c": "°C"}
 
 
-def write_mdf(path: Path, parts: Iterable[Recording], original: Path) -> Path:
-    """Write a recording's parts, at least one, as MDF 4 and return the path. Equal input makes equal bytes.
+def write_mdf(path: Path, recording: Recording, original: Path) -> Path:
+    """Write a recording as MDF 4 and return the path. Equal input makes equal bytes.
 
     Args:
         path: Of the new file.
-        parts: Of one recording, in order.
+        recording: What is added, or written.
         original: The log. If it is a measurement file the new one holds all of it, and beside it what was added to the
             recording; otherwise it holds the recording's columns. It is not changed.
 
@@ -35,18 +34,14 @@ def write_mdf(path: Path, parts: Iterable[Recording], original: Path) -> Path:
         RecordingError: The library that writes it is missing, or cannot copy the original.
     """
     FORMAT.refuse_missing_library()
-    remaining = iter(parts)
-    first = next(remaining)
-    with guarded("an MDF file"), _begun(original, first) as (file, columns):
+    with guarded("an MDF file"), _begun(original, recording) as (file, columns):
         from asammdf import Signal
 
-        seconds = first.column(TIME)
+        seconds = recording.column(TIME)
         unit = {name: next((unit for end, unit in _UNITS.items() if name.endswith(end)), "") for name in columns}
-        signals = [Signal(first.columns[name], seconds, unit[name], name) for name in columns]
-        about = json.dumps(first.metadata.to_dict(), sort_keys=True)
-        index = file.append(signals, acq_name=GROUP, comment=about, common_timebase=True)
-        for part in remaining:
-            file.extend(index, [(part.columns[name], None) for name in chain([TIME], columns)])
+        signals = [Signal(recording.columns[name], seconds, unit[name], name) for name in columns]
+        about = json.dumps(recording.metadata.to_dict(), sort_keys=True)
+        file.append(signals, acq_name=GROUP, comment=about, common_timebase=True)
         try:
             with whole_file(path) as draft, draft.open("wb+") as stream:
                 file.save(stream, overwrite=True, compression=1, add_history_block=False)

@@ -1,6 +1,5 @@
 """Parquet, as data loggers in the cloud and pandas write it."""
 
-import itertools
 from collections.abc import Collection, Iterator
 from typing import Any
 
@@ -10,8 +9,6 @@ import pyarrow.parquet as pq
 from cylinder_friction.recordings.formats.cells import plain_values, states_zone, text_objects
 from cylinder_friction.recordings.formats.format import Format
 from cylinder_friction.recordings.formats.logged_table import (
-    PLACES,
-    ROWS_A_PLACE,
     LoggedTable,
     LongTable,
     named_columns,
@@ -36,7 +33,7 @@ def read_parquet(source: FileSource, wanted: Collection[str] | None) -> list[Log
 def long_parquet(source: FileSource, wanted: Collection[str] | None, rows: int) -> LongTable | None:
     """Return a file of more rows than these, to be read in parts of so many; None if it has not so many."""
     with _opened(source) as file:
-        count, groups = file.metadata.num_rows, file.metadata.num_row_groups
+        count = file.metadata.num_rows
     if count <= rows:
         return None
 
@@ -46,17 +43,7 @@ def long_parquet(source: FileSource, wanted: Collection[str] | None, rows: int) 
             for batch in file.iter_batches(rows, columns=names, use_threads=False, use_pandas_metadata=False):
                 yield _table(file, pa.Table.from_batches([batch]), wanted)
 
-    def spread() -> Iterator[LoggedTable]:
-        with _opened(source) as file:
-            names = _read_names(file, wanted)
-            # Of many row groups the begin of some; few are gone through, for Parquet has no other places to start.
-            many, every = groups >= PLACES, max(1, count // PLACES // ROWS_A_PLACE)
-            for place in [[place * groups // PLACES] for place in range(PLACES)] if many else [[*range(groups)]]:
-                batches = file.iter_batches(ROWS_A_PLACE, row_groups=place, columns=names, use_threads=False)
-                for batch in itertools.islice(batches, 0, 1 if many else None, every):
-                    yield _table(file, pa.Table.from_batches([batch]), wanted)
-
-    return LongTable(-(-count // rows), chunks, spread)
+    return LongTable(-(-count // rows), chunks)
 
 
 def _opened(source: FileSource) -> Any:

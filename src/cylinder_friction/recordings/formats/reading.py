@@ -5,12 +5,13 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
+from cylinder_friction.recordings.formats.clocks import oldest_first, with_dates
 from cylinder_friction.recordings.formats.format import guarded
-from cylinder_friction.recordings.formats.isolated import READER
+from cylinder_friction.recordings.formats.isolated import read_isolated
 from cylinder_friction.recordings.formats.layout import AUTOMATIC, CsvOptions
-from cylinder_friction.recordings.formats.logged_table import PLACES, ROWS_A_PLACE, LoggedTable, LongTable
+from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
 from cylinder_friction.recordings.formats.registry import format_of
-from cylinder_friction.recordings.formats.source import open_source, read_head
+from cylinder_friction.recordings.formats.source import FileSource, Head, open_source, read_head
 from cylinder_friction.recordings.recording import RecordingError
 
 MOST_WHOLE = 2 * 10**9
@@ -24,7 +25,7 @@ def read_logged_file(
     wanted: Collection[str] | None = None,
     *,
     database: Path | None = None,
-    head: bytes = b"",
+    source: FileSource | None = None,
 ) -> list[LoggedTable]:
     """Return what a logger's file holds, one table for channels that share their rows.
 
@@ -33,13 +34,14 @@ def read_logged_file(
         csv: How text is to be read; by default everything is found out.
         wanted: Names of the channels to load; the others are only named, as ``unread``. None loads all.
         database: Of a bus (DBC), with which the frames in a measurement file are decoded.
-        head: What ``read_head`` returned, where the file was looked at before.
+        source: The file, if it is open.
 
     Raises:
         RecordingError: The file cannot be opened or read, is damaged, or holds no channels with rows.
         ValueError: The format is not known.
     """
-    found = format_of(path, file_format, head)
+    begin = read_head(path) if source is None else Head(source.head, zipped=False)
+    found = format_of(path, file_format, begin.content)
     found.refuse_missing_library()
     if database is not None and not (found.databases and database.is_file()):
         raise RecordingError(
@@ -47,14 +49,14 @@ def read_logged_file(
             + ("no such file" if found.databases else f"is for an MDF file of bus frames, not for {found.what}")
         )
     if found.crashes:
-        tables = READER.read(path, found, wanted, database)
+        tables = read_isolated(path, found, wanted, database)
     else:
-        source = open_source(path, head)
+        source = source or open_source(path, begin)
         with guarded(found.what):
             tables = found.read(source, wanted, csv) if found.options else found.read(source, wanted)
     if not any(len(table.channels) or table.unread for table in tables):
         raise RecordingError("holds no channel with a row; expected a table of numbers")
-    return tables
+    return [oldest_first(with_dates(table)) for table in tables]
 
 
 def open_logged_file(
@@ -73,20 +75,20 @@ def open_logged_file(
     """
     if rows is None:
         return read_logged_file(path, file_format, csv, wanted, database=database)
-    head, size = read_head(path), path.stat().st_size
-    found = format_of(path, file_format, head)
+    begin, size = read_head(path), path.stat().st_size
+    found = format_of(path, file_format, begin.content)
     if found.read_long is None and size > MOST_WHOLE:
         raise RecordingError(
             f"has {size / 1e9:.2g} GB, and {found.name} files are read whole, up to {MOST_WHOLE / 1e9:.2g} GB; export "
             "it as Parquet or CSV, which are read in parts, or split it"
         )
-    if found.read_long is not None and (source := open_source(path, head)).size > rows:  # no row is shorter than a byte
+    source = None if found.read_long is None else open_source(path, begin)
+    if source is not None and found.read_long is not None and source.size > rows:  # no row is shorter than a byte
         with guarded(found.what):
             table = found.read_long(source, wanted, rows, *((csv,) if found.options else ()))
         if table is not None:
-            guard = partial(_guarded, what=found.what)
-            return replace(table, chunks=partial(guard, table.chunks), spread=partial(guard, table.spread))
-    tables = read_logged_file(path, found.configured, csv, wanted, database=database, head=head)
+            return replace(table, chunks=partial(_guarded, table.chunks, found.what))
+    tables = read_logged_file(path, found.configured, csv, wanted, database=database, source=source)
     return _sliced(tables[0], rows) if len(tables) == 1 and len(tables[0].channels) > rows else tables
 
 
@@ -98,7 +100,6 @@ def _sliced(table: LoggedTable, rows: int) -> LongTable:
     return LongTable(
         -(-count // rows),
         lambda: (part(first, rows, () if first else table.notes) for first in range(0, count, rows)),
-        lambda: (part(first, ROWS_A_PLACE) for first in range(0, count, max(1, count // PLACES))),
     )
 
 
@@ -109,4 +110,4 @@ def _guarded(tables: Callable[[], Iterator[LoggedTable]], what: str) -> Iterator
             table = next(read, None)
         if table is None:
             return
-        yield table
+        yield with_dates(table)

@@ -64,7 +64,7 @@ def format_of(path: Path, setting: str = "auto", head: bytes = b"") -> Format:
     """
     if setting not in ("auto", *SETTINGS):
         raise ValueError(f"format {setting!r} is not known; expected auto or one of {', '.join(SETTINGS)}")
-    head = head or read_head(path)
+    head = head or read_head(path).content
     possible = [each for each in FORMATS.values() if setting in ("auto", each.configured)]
     found = [each for each in possible if head.startswith(each.starts)] or [
         each for each in possible if each.fits and each.fits(head)

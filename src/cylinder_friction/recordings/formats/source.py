@@ -5,9 +5,10 @@ import io
 import shutil
 import zlib
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from tempfile import NamedTemporaryFile
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, NamedTuple
 
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -35,12 +36,20 @@ class FileSource:
         """Return the bytes as a file that the caller closes; libraries leave their own open over a damaged file."""
         return io.BytesIO(self.origin) if isinstance(self.origin, bytes) else self.origin.open("rb")
 
+    @cached_property
     def all_bytes(self) -> bytes:
         return self.origin if isinstance(self.origin, bytes) else self.origin.read_bytes()
 
 
-def read_head(path: Path) -> bytes:
-    """Return the first ``HEAD_SIZE`` bytes, unpacked; refuse what cannot be opened, is empty, or a damaged gzip."""
+class Head(NamedTuple):
+    """How a file begins."""
+
+    content: bytes  # The first ``HEAD_SIZE`` bytes, unpacked
+    zipped: bool  # Whether the file is gzipped
+
+
+def read_head(path: Path) -> Head:
+    """Read how a file begins; refuse what cannot be opened, is empty, or a damaged gzip."""
     if path.exists() and not path.is_file():
         raise RecordingError("is no regular file; copy what comes from it into one")
     try:
@@ -51,7 +60,7 @@ def read_head(path: Path) -> bytes:
     if not head:
         raise RecordingError("the file is empty: 0 bytes; expected a log")
     if not head.startswith(GZIP):
-        return head
+        return Head(head, zipped=False)
     unpacked = zlib.decompressobj(16 + zlib.MAX_WBITS)
     try:
         head = unpacked.decompress(head, HEAD_SIZE)
@@ -59,15 +68,13 @@ def read_head(path: Path) -> bytes:
         raise _damaged_gzip(error) from None
     if not head:
         raise RecordingError("the gzipped file is empty or cut off: it holds 0 bytes; expected a log")
-    return head
+    return Head(head, zipped=True)
 
 
-def open_source(path: Path, head: bytes = b"") -> FileSource:
-    """Return a file of this ``head``; a gzipped file is unpacked, a large one on disk; refused as by ``read_head``."""
-    head = head or read_head(path)
+def open_source(path: Path, begin: Head | None = None) -> FileSource:
+    """Open a file that begins so. A gzipped file is unpacked, a large one on disk; refused as by ``read_head``."""
+    head, zipped = begin or read_head(path)
     try:
-        with path.open("rb") as file:
-            zipped = file.read(2) == GZIP
         if not zipped:
             return FileSource(path, head, path.stat().st_size)
         with gzip.open(path) as file:

@@ -8,26 +8,32 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cylinder_friction.recordings.epochs import NEVER_FALLS
 from cylinder_friction.recordings.formats.format import Format, Library
 from cylinder_friction.recordings.formats.logged_table import Channel, LoggedTable, numeric, table_of
 from cylinder_friction.recordings.formats.source import FileSource
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.mapping.channel_words import words_of
+from cylinder_friction.recordings.mapping.units import quantity_of
 from cylinder_friction.recordings.start import Start
+
+FIRST_ROWS = 256
+"""Rows that show whether a channel is a clock."""
+EVEN_SHARE = 1e-3
+"""Steps of a clock without a name are this even, as a share of a step."""
 
 
 def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
     """Return one table a group, or several where a group's channels differ in length or rate.
 
     Waveforms carry their time as properties: ``wf_increment`` and ``wf_start_offset`` make a channel ``time`` [s]. It
-    counts from the earliest ``wf_start_time`` in the file, so that groups keep their distance in time. A channel that
-    claims more samples than the file could hold is refused.
+    counts from the earliest ``wf_start_time`` in the file, so that groups keep their distance in time.
     """
     import nptdms
 
     with source.opened() as opened, nptdms.TdmsFile.open(opened) as file:
         starts = [_start(channel) for group in file.groups() for channel in group.channels()]
         first = min((start for start in starts if start is not None), default=None)
-        tables = [table for group in file.groups() for table in _tables(group, wanted, first, source.size)]
+        tables = [table for group in file.groups() for table in _tables(group, wanted, first)]
         cut = _cut_off(file)
     start = None if first is None else Start(first, utc=True, source="wf_start_time")
     return [replace(table, notes=(*table.notes, *cut), start=start, utc=True) for table in tables]
@@ -47,20 +53,15 @@ def _cut_off(file: Any) -> list[str]:
     return [f"the file ends within its last segment, and the samples behind are lost{examples}"]
 
 
-def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | None, size: int) -> list[LoggedTable]:
+def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | None) -> list[LoggedTable]:
     named = [(channel.name.strip(), channel) for channel in group.channels()]
     valid = [(name, channel) for name, channel in named if len(channel) and channel.dtype.kind in "biufMOU"]
     others = [name for name, channel in named if not len(channel) or channel.dtype.kind not in "biufMOU"]
-    # A group that has a time channel goes by length alone.
-    timed = any(name.casefold() == "time" for name, _ in valid)
+    # A logged clock takes precedence over the one that the writer of waveforms made up, whatever it is called.
+    timed = any(_is_clock(channel, name) for name, channel in valid)
     alike: dict[tuple[int, float | None, float], list[Channel]] = {}
     for name, channel in valid:
-        claimed = len(channel) * (1 if channel.dtype.kind in "OU" else channel.data_type.size or 1)
-        if claimed > size:
-            raise RecordingError(
-                f"channel {name!r} claims {claimed} bytes in a file of {size}; it is damaged or cut off; copy it again"
-            )
-        unit = str(channel.properties.get("unit_string", "") or channel.properties.get("Unit", "")).strip()
+        unit = _unit(channel)
         step, offset = (None, 0.0) if timed else _clock(channel, first)
         alike.setdefault((len(channel), step, offset), []).append(
             Channel(name, len(channel), partial(_values, channel), unit)
@@ -72,6 +73,23 @@ def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | N
         tables.append(table_of(channels, wanted, group.name, others=() if tables else others))
     notes = () if first is None else _without_start(group, alike)
     return [replace(table, notes=(*table.notes, *notes)) for table in tables]
+
+
+def _unit(channel: Any) -> str:
+    return str(channel.properties.get("unit_string", "") or channel.properties.get("Unit", "")).strip()
+
+
+def _is_clock(channel: Any, name: str) -> bool:
+    """Return whether a channel rises as time does, which its name or its unit states, or its even steps show."""
+    if channel.dtype.kind not in "iufM":
+        return False
+    values = np.asarray(channel[:FIRST_ROWS])
+    steps = np.diff(values.astype("datetime64[ns]").astype(np.int64) if values.dtype.kind == "M" else values)
+    if len(steps) < 3 or (steps > 0).mean() < NEVER_FALLS:
+        return False
+    stated = words_of(name).quantity == "time" or quantity_of(_unit(channel)) == "time" or values.dtype.kind == "M"
+    usual = float(np.median(steps))
+    return stated or (usual != 1.0 and bool((np.abs(steps - usual) <= EVEN_SHARE * usual).all()))
 
 
 def _without_start(group: Any, alike: Mapping[Any, Any]) -> tuple[str, ...]:

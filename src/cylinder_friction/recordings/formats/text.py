@@ -61,7 +61,7 @@ def open_text(source: FileSource, encoding: str) -> Text:
     start = len(codecs.BOM_UTF8) if mark == codecs.BOM_UTF8 else 0
     if not isinstance(source.origin, bytes) and source.size > _READ_AT_ONCE:
         return _ended(pa.OSFile(str(source.origin)), start)
-    content = source.all_bytes()
+    content = source.all_bytes
     return replace(_ended(pa.BufferReader(content), start), quote='"' if b'"' in content else False)
 
 
@@ -73,11 +73,11 @@ def convert_text(source: FileSource) -> Text:
     """
     if source.head.isascii():
         return _ended(pa.BufferReader(converted(source, "cp1252")), 0)
-    return _ended(pa.BufferReader(source.all_bytes().decode("utf-8-sig", errors="replace").encode()), 0)
+    return _ended(pa.BufferReader(source.all_bytes.decode("utf-8-sig", errors="replace").encode()), 0)
 
 
 def converted(source: FileSource, encoding: str) -> bytes:
-    content = source.all_bytes()
+    content = source.all_bytes
     try:
         text = content.decode(encoding)
     except UnicodeDecodeError as error:

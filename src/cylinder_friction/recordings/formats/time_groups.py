@@ -14,13 +14,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.cells import is_value, split_cells
-from cylinder_friction.recordings.formats.logged_table import RISING_SHARE, LoggedTable, named_columns
-from cylinder_friction.recordings.start import FILETIME_OF_1970
-
-_FILETIME = (1.16e17, 1.7e17)
-"""Ticks of 100 ns since 1601 that stand for the years 1969 to 2139: Windows' FILETIME."""
-
-Column = tuple[str, NDArray[Any]]
+from cylinder_friction.recordings.formats.logged_table import RISING_SHARE, Column, LoggedTable, named_columns
 
 
 def repeated_names(names: Sequence[str]) -> set[str]:
@@ -47,19 +41,6 @@ def _padded(line: str, delimiter: str, width: int) -> str:
     first = next((cell for cell in split_cells(line, delimiter) if cell), "")
     bare = line.rstrip("\r\n")
     return bare + delimiter * (width - 1 - bare.count(delimiter)) + line[len(bare) :] if is_value(first, None) else line
-
-
-def dated(values: NDArray[Any]) -> NDArray[Any] | None:
-    """Return the time stamps of a column of Windows' FILETIME, in UTC; None for any other column."""
-    if values.dtype.kind not in "iuf" or not len(values):
-        return None
-    finite = np.isfinite(values)
-    if not finite.any() or not ((values[finite] > _FILETIME[0]) & (values[finite] < _FILETIME[1])).all():
-        return None
-    stamps = np.full(len(values), np.datetime64("NaT"), dtype="datetime64[ns]")
-    ticks = values[finite].astype(np.int64) - FILETIME_OF_1970
-    stamps[finite] = (100 * ticks).astype("datetime64[ns]")
-    return stamps
 
 
 def split_groups(columns: list[Column], units: dict[str, str], repeated: Collection[str]) -> list[LoggedTable]:

@@ -3,7 +3,7 @@
 import itertools
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import date
 from typing import Any, Self, get_args
 
@@ -117,6 +117,7 @@ class ChannelMapping:
     # Channel that stamps this one, where tables have their own; by default the channel of ``time_s``, out of this one's
     # own table
     time: str = ""
+    time_unit: str = ""  # Of that channel, if the file does not state it
     reference: units.Reference = "gauge"  # What pressure is counted from; a unit such as ``bara`` states it itself
     sensor: SensorScale | None = None  # What the channel's signal means, and what the sensor can read
     # What the sensor reads where the column is to be zero, in the sensor's unit: of a position sensor, its reading with
@@ -136,7 +137,7 @@ class ChannelMapping:
         expect(self.reference in get_args(units.Reference), f"{where}: reference", "gauge or absolute", self.reference)
         expect(math.isfinite(self.offset), f"{where}: offset", "a finite number", self.offset)
         scaled = self.sensor is not None and self.sensor.signal is not None
-        if units.electrical(self.unit) is not None and not scaled:
+        if units.electrical(self.unit) not in (None, "%") and not scaled:
             raise RecordingError(
                 f"{where}: unit {self.unit!r} is a sensor's signal and means nothing without its range; "
                 "state the sensor: {range: [low, high], unit: ..., signal: [low, high]}"
@@ -156,6 +157,12 @@ class ChannelMapping:
             raise RecordingError(f"alternatives: got {others!r}, expected a list of names, such as [{others}]")
         made = {"sensor": None if sensor is None else SensorScale.from_dict(sensor), "alternatives": tuple(others)}
         return cls(**{**values, **made})
+
+    def for_stroke(self, column: str, stroke_m: float) -> Self:
+        """Return the mapping with the sensor that a percentage of the stroke means; any other one as it is."""
+        if self.sensor is not None or not units.of_stroke(column, self.unit):
+            return self
+        return replace(self, sensor=SensorScale((0.0, stroke_m), "m", signal=(0.0, 100.0)))
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -212,11 +219,15 @@ def _check_column(column: str, source: ChannelMapping) -> None:
     if column == "time_s":
         if source.unit:
             units.check_unit(column, source.unit)
-        if source.sign != 1 or source.sensor is not None or source.time:
+        if source.sign != 1 or source.sensor is not None or source.time or source.time_unit:
             raise RecordingError("column 'time_s': sign, sensor and time have no meaning for time; leave them out")
         return
+    if source.time_unit:
+        units.check_unit("time_s", source.time_unit)
     if source.rate_hz is not None:
         raise RecordingError(f"column {column!r}: rate_hz is for 'time_s' alone; name the channel")
+    if source.sensor is None and units.of_stroke(column, source.unit):
+        return
     units.check_unit(column, source.reading_unit)
     if source.sensor is not None:
         units.check_unit(column, source.sensor.unit)

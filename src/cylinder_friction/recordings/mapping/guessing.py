@@ -1,5 +1,6 @@
 """A first mapping of a file that nobody has described yet: guesses from names, units and values, with their reasons."""
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -21,9 +22,19 @@ from cylinder_friction.recordings.columns import (
     SAMPLE_COLUMNS,
     TIME,
 )
+from cylinder_friction.recordings.epochs import epoch_of
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts, facts_of
-from cylinder_friction.recordings.mapping.units import column_scale, electrical, quantity_of, to_column_unit
+from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
+from cylinder_friction.recordings.mapping.units import (
+    column_scale,
+    electrical,
+    of_stroke,
+    quantity_of,
+    stated_rate,
+    to_column_unit,
+)
+from cylinder_friction.recordings.recording import RecordingError
 
 Ranked = Sequence[tuple[ChannelFacts, float]]
 
@@ -36,7 +47,7 @@ BELOW_ZERO = 0.05
 """A position that falls below zero by more than this share of its travel does not count from the retracted end."""
 
 LIKELY_UNITS = {
-    "time": (("s", 1e-5, 0.5), ("ms", 0.05, 500.0), ("us", 20.0, 1e6)),
+    "time": (("s", 1e-5, 0.5), ("ms", 0.05, 500.0), ("us", 20.0, 1e6), ("100ns", 200.0, 1e7), ("d", 1e-10, 5e-6)),
     "pressure": (
         ("bar", 1.0, 700.0),
         ("Pa", 1e5, 7e7),
@@ -63,7 +74,14 @@ PLAUSIBLE = {
 }
 """Least and greatest for a cylinder, in the column's unit; the unit of messages and its scale; and the name."""
 
+EVEN_SHARE = 0.01
+"""The median step of an even clock differs from the mean step by no more than this share."""
+
 AREA_RATIOS = (0.5, 0.7, 0.9)  # A2 over A1, which is not known yet: the sign must be the same for all of them
+
+MOST_TAGS, LEAST_RECURRENCE = 1000, 10
+"""Names of channels in a column: at most so many, each so many times."""
+_VALUES = re.compile(r"val|wert|messwert|reading|data", re.IGNORECASE)
 
 STROKE_SHARE = 0.02
 """Steps over which direction is taken are this share of the travel, so that noise does not count as motion."""
@@ -83,6 +101,14 @@ class GuessedColumn:
     others: tuple[ChannelFacts, ...] = ()  # Other channels that could be meant, best first
     fitting: tuple[str, ...] | None = None  # Units that the values fit; None where the unit is stated or given
     alternatives: tuple[str, ...] = ()  # What other files call the channel
+    rate_hz: float | None = None  # Of time, if it is given in place of a channel
+
+    @property
+    def known(self) -> bool:
+        """Whether nothing about it is left to be stated; a percentage is of the stroke."""
+        if self.channel is None:
+            return self.rate_hz is not None
+        return electrical(self.unit) is None or of_stroke(self.column, self.unit)
 
 
 @dataclass(frozen=True)
@@ -94,6 +120,24 @@ class GuessedMapping:
     unused: tuple[ChannelFacts, ...]  # Channels that no column took
     ambiguous: frozenset[str] = frozenset()  # Names of channels that occur in several tables
     stamps: dict[str, ChannelFacts] = field(default_factory=dict)  # Time channel of each column that has one
+
+    def mapped(self, column: str) -> ChannelMapping:
+        """Return the mapping of a column for which a channel was found, or of time whose rate was given."""
+        guessed = self.columns[column]
+        if guessed.rate_hz is not None:
+            return ChannelMapping(rate_hz=guessed.rate_hz)
+        assert guessed.channel is not None
+        table, time = self.place_of(column)
+        return ChannelMapping(
+            guessed.channel.name, guessed.unit, guessed.sign, table, time, alternatives=guessed.alternatives
+        )
+
+    def place_of(self, column: str) -> tuple[str, str]:
+        """Return which table and which time channel a mapping must name for a column; empty if it need not."""
+        channel, stamp, main = self.columns[column].channel, self.stamps.get(column), self.columns[TIME].channel
+        several = channel is not None and column != TIME and channel.name in self.ambiguous
+        own = stamp is not None and main is not None and stamp.name != main.name
+        return channel.table_name if channel and several else "", stamp.name if stamp and own else ""
 
     def to_dict(self) -> dict[str, Any]:
         """Return the guess of every column with its reasons, and what to check, as JSON-compatible values."""
@@ -123,10 +167,13 @@ def guess_mapping(
         tables: The file's, with all channels loaded.
         path: Of the file.
         cylinder: Whose recording it is: units that exceed its stroke or force are left out. None: any.
-        units: Units by quantity, for channels whose unit the file does not state.
+        units: Units by quantity, for channels whose unit the file does not state; for time also the rate of the rows,
+            ``200 Hz``.
     """
     facts = facts_of(tables)
-    ranked = {column: _ranked(column, facts) for column in QUANTITIES}
+    rate_hz = stated_rate((units or {}).get("time", ""))
+    clock_given = "time" in (units or {}) and rate_hz is None
+    ranked = {column: _ranked(column, facts, clock_given) for column in QUANTITIES}
     chosen = _of_one_cylinder(ranked)
     forces = (LOAD_FORCE,) if any(column in chosen for column in SIDES) else (DRIVE_FORCE, LOAD_FORCE)
     for column in (*forces, OIL_TEMPERATURE):
@@ -135,37 +182,43 @@ def guess_mapping(
     driven_by = (DRIVE_FORCE,) if DRIVE_FORCE in chosen else PRESSURES
     wanted = [TIME, *driven_by, POSITION, *(column for column in (LOAD_FORCE, OIL_TEMPERATURE) if column in chosen)]
     chosen = {column: channel for column, channel in chosen.items() if column in wanted}
-    stamps = _stamps(ranked[TIME], chosen, facts)
+    why = "" if rate_hz else _time_unknown(ranked[TIME], facts)
+    if POSITION not in chosen:
+        _refuse_row_per_tag(tables, [time for time, _ in ranked[TIME]])
+    stamps = {} if rate_hz or why else _stamps(ranked[TIME], chosen, facts)
     time = next((stamps[column] for column in (*SAMPLE_COLUMNS, DRIVE_FORCE, *stamps) if column in stamps), None)
     if time is not None:
         chosen[TIME] = time
-    elif not chosen and ranked[TIME]:
+    elif not chosen and ranked[TIME] and not (rate_hz or why):
         chosen[TIME] = ranked[TIME][0][0]
     sign = position_sign(chosen)
     used = {id(channel) for channel in (*chosen.values(), *stamps.values())}
+    columns = {
+        column: _guessed(column, chosen, ranked[column], sign, _unit(column, chosen, cylinder, units or {}))
+        for column in wanted
+    }
+    if TIME not in chosen:
+        columns[TIME] = GuessedColumn(TIME, None, rate_hz=rate_hz, checks=(why,) if why else ())
     return GuessedMapping(
         path=path,
-        columns={
-            column: _guessed(column, chosen, ranked[column], sign, _unit(column, chosen, cylinder, units or {}))
-            for column in wanted
-        },
+        columns=columns,
         unused=tuple(channel for channel in facts if id(channel) not in used),
         ambiguous=frozenset(name for name, count in Counter(channel.name for channel in facts).items() if count > 1),
         stamps=stamps,
     )
 
 
-def _ranked(column: str, facts: Sequence[ChannelFacts]) -> Ranked:
+def _ranked(column: str, facts: Sequence[ChannelFacts], clock_given: bool) -> Ranked:
     """Return the channels that could fill a column, with their scores, best first, then in the file's order."""
-    scores = [(channel, _score(column, channel)) for channel in facts]
+    scores = [
+        (channel, _time_score(channel, clock_given) if column == TIME else _score(column, channel)) for channel in facts
+    ]
     return sorted(((channel, score) for channel, score in scores if score > 0.0), key=lambda entry: -entry[1])
 
 
 def _score(column: str, channel: ChannelFacts) -> float:
     """Return how well a channel fits a column; 0 or less if not at all."""
     quantity, words = QUANTITIES[column], channel.words
-    if column == TIME:
-        return _time_score(channel)
     measures = quantity_of(channel.unit) if channel.unit else None
     signal = electrical(channel.unit) is not None
     if channel.dates or not channel.low <= channel.high or (channel.unit and measures != quantity and not signal):
@@ -191,15 +244,74 @@ def _score(column: str, channel: ChannelFacts) -> float:
     return score
 
 
-def _time_score(channel: ChannelFacts) -> float:
+def _time_score(channel: ChannelFacts, clock_given: bool) -> float:
+    """Return how well a channel fits time. Rows that are counted are no time, nor is any channel that happens to rise.
+
+    Without a name or a unit of time only the first channel of a table may be time, if it rises evenly. A channel that
+    is named time and steps by 1 is time if the unit of time is given.
+    """
     named = channel.words.quantity == "time"
     if channel.dates:
-        return 6.0 + named
+        return 6.0 + named if channel.mean_step else 0.0
     if not channel.rising or (channel.unit and quantity_of(channel.unit) != "time"):
         return 0.0
-    if channel.words.quantity not in (None, "time", "temperature"):
+    if channel.words.quantity not in (None, "time", "temperature") or _counts_rows(channel, named and clock_given):
+        return 0.0
+    even = abs(channel.step - channel.mean_step) <= EVEN_SHARE * channel.mean_step
+    if not (named or channel.unit or (channel.leads and even)):
         return 0.0
     return 1.0 + 4.0 * named + 2.0 * bool(channel.unit)
+
+
+def _counts_rows(channel: ChannelFacts, unit_given: bool) -> bool:
+    return channel.counts and not channel.unit and not unit_given
+
+
+def _time_unknown(ranked: Ranked, facts: Sequence[ChannelFacts]) -> str:
+    """Return why no channel may be taken for time, and what to do; empty if one may.
+
+    What is named time but cannot be read comes before channels that only rise.
+    """
+    if ranked and (ranked[0][0].dates or ranked[0][0].unit or ranked[0][0].words.quantity == "time"):
+        return ""
+    rate = "state the rate of the rows: --unit time=200Hz, or time_s: {rate_hz: 200} in the mapping"
+    unread = next(
+        (each for each in facts if each.words.quantity == "time" and each.text and each.low != each.low), None
+    )
+    if unread is not None:
+        return (
+            f"{unread.name!r} is named like time, but its cells cannot be read, such as {unread.text[:40]!r}; expected "
+            f"dates, times of day, durations or numbers; correct them, or {rate}"
+        )
+    count = next((each for each in facts if each.counts and not each.unit), None)
+    if count is None or ranked:
+        return ""
+    return (
+        f"{count.name!r} steps by exactly 1, so that it may count rows, and not time; {rate}; or, if it is a clock, "
+        "its unit: --unit time=ms, or unit: ms in the mapping"
+    )
+
+
+def _refuse_row_per_tag(tables: Sequence[LoggedTable], clocks: Sequence[ChannelFacts]) -> None:
+    """Refuse a table with one row per value: a column of names that recur, and a column of values."""
+    for table in tables:
+        for place, tags in enumerate(map(str, table.channels.columns)):
+            cells = table.channels.iloc[:, place]
+            names = list(dict.fromkeys(filter(_is_text, cells))) if cells.dtype.kind == "O" else []
+            values = [str(name) for name in table.channels if _VALUES.search(str(name)) and str(name) != tags]
+            if not 2 <= len(names) <= MOST_TAGS or len(cells) < LEAST_RECURRENCE * len(names) or not values:
+                continue
+            finest = max((clock.name for clock in clocks), key=lambda name: table.channels[name].nunique(), default="")
+            pivot = f"pivot(index={finest!r}, columns={tags!r}, values={values[0]!r})"
+            raise RecordingError(
+                f"holds one row per value: {tags!r} names {', '.join(map(repr, names[:4]))} in turn, and {values[0]!r} "
+                f"holds their values; expected one column per channel; pivot it, in Python pandas.read_csv(...).{pivot}"
+                ".to_csv('log.csv'), or let the logger write a column per channel"
+            )
+
+
+def _is_text(cell: Any) -> bool:
+    return isinstance(cell, str)
 
 
 def _of_one_cylinder(ranked: dict[str, Ranked]) -> dict[str, ChannelFacts]:
@@ -313,6 +425,8 @@ def _unit(
     channel, given = chosen.get(column), units.get(QUANTITIES[column])
     if channel is None or channel.dates:
         return _GuessedUnit(reasons=("holds dates",))
+    if column == TIME and not channel.unit and (epoch := epoch_of(channel.values)) is not None:
+        return _GuessedUnit(epoch.unit, (f"counts {epoch.counted} since {epoch.since}",), fitting=(epoch.unit,))
     if channel.unit or given is not None:
         unit = channel.unit or str(given)
         doubt = "" if electrical(unit) else suspicion(column, unit, channel)
@@ -338,17 +452,20 @@ def fitting_units(column: str, channels: Sequence[ChannelFacts], cylinder: Cylin
     """Return the units that the values of all these channels fit, likeliest first; empty if they fit none."""
     quantity, greatest = QUANTITIES[column], np.inf
     sizes = {
-        "time": [each.step for each in channels],
+        "time": [each.step or each.mean_step for each in channels],
         "length": [each.high - each.low for each in channels],
         "temperature": [each.high for each in channels],
     }.get(quantity, [max(abs(each.low), abs(each.high)) for each in channels])
     if cylinder is not None and quantity in ("length", "force"):
         greatest = 1.05 * cylinder.stroke_m if quantity == "length" else GREATEST_PRESSURE_PA * cylinder.piston_area_m2
     size = max(sizes)
+    ticks = quantity == "time" and all("tick" in each.name.casefold() for each in channels)
     return [
         unit
         for unit, low, high in LIKELY_UNITS[quantity]
-        if low <= size <= high and (greatest == np.inf or size * column_scale(column, unit) <= greatest)
+        if low <= size <= high
+        and (not ticks or unit in ("ms", "100ns"))
+        and (greatest == np.inf or size * column_scale(column, unit) <= greatest)
     ]
 
 

@@ -13,9 +13,10 @@ import pandas as pd
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import QUANTITIES, TIME
+from cylinder_friction.recordings.epochs import SECONDS_SINCE_1970, epoch_of, is_future
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.mapping import units
-from cylinder_friction.recordings.mapping.channel_facts import clocks_of
+from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts, clocks_of
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.recording import RecordingError, Signal
 from cylinder_friction.recordings.start import Start
@@ -24,7 +25,6 @@ from cylinder_friction.recordings.timeline.timestamps import stamps_to_datetimes
 RATE_AGREES = 0.05  # a stated rate may be off that of a time channel by this share: stamps are rounded, samples lost
 TIME_UNITS_S = (1.0, 1e-3, 1e-6, 1e-7, 1e-9)  # what a time channel without a unit may count in [s]
 ENDS_TOGETHER = 0.95  # columns that end within this share of their rows are of one rate
-SINCE_1970_S = (9.4e8, 4.1e9)  # seconds that stand for a time between the years 2000 and 2100
 FEWEST_ROWS = 10  # in fewer no rate shows
 MOST_TIMES_SLOWER = 20  # an end at a smaller share of the rows may be chance
 MOST_NAMES = 40  # channels that a message lists; a measurement file may have thousands
@@ -41,7 +41,7 @@ def find_channel(tables: Sequence[LoggedTable], name: str, table: str, column: s
     if not searched:
         raise RecordingError(
             f"table {table!r} (for {column!r}) is missing; got tables {_listed([entry.name for entry in tables])}; "
-            f"correct the file or ingest.channels.{column}.table"
+            f"correct the file or channels.{column}.table"
         )
     counts = {index: list(tables[index].channels.columns).count(name) for index in searched}
     holding = [index for index, count in counts.items() if count]
@@ -56,7 +56,7 @@ def find_channel(tables: Sequence[LoggedTable], name: str, table: str, column: s
     else:
         return holding[0]
     key = "table" if len(holding) > 1 else "channel"
-    raise RecordingError(f"channel {name!r} (for {column!r}) {problem} ingest.channels.{column}.{key}")
+    raise RecordingError(f"channel {name!r} (for {column!r}) {problem} channels.{column}.{key} in the mapping")
 
 
 def numbers(raw: pd.Series[Any], channel: str, column: str, unit: str) -> Array:
@@ -72,7 +72,7 @@ def numbers(raw: pd.Series[Any], channel: str, column: str, unit: str) -> Array:
         what = "complex numbers" if kind == "c" else "dates or durations"
         raise RecordingError(
             f"channel {channel!r} (for {column!r}) holds {what} ({raw.dtype}); expected numbers in {unit}; "
-            f"correct ingest.channels.{column}.channel"
+            f"correct channels.{column}.channel"
         )
     if pd.api.types.is_numeric_dtype(raw.dtype):
         return raw.to_numpy(dtype=np.float64, na_value=np.nan) if raw.isna().any() else raw.to_numpy(dtype=np.float64)
@@ -131,7 +131,8 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
     clocks = {column: _clock(tables, places[column], column, mapping) for column in columns}
     if (rate_hz := mapping["time_s"].rate_hz) is not None:
         _refuse_rate(tables, sorted({clock.table for clock in clocks.values() if not clock.channel}), rate_hz)
-    stamps = _stamps(tables, clocks, mapping["time_s"])
+    stamps = _stamps(tables, clocks, mapping)
+    _refuse_two_clocks(tables, stamps)
     notes = [note for index in sorted(set(places.values())) for note in tables[index].notes]
     signals = {}
     for column in columns:
@@ -142,12 +143,16 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
         if len(time_s) != len(raw):
             raise RecordingError(
                 f"channel {source.channel!r} (for {column!r}) has {len(raw)} rows, but its time channel "
-                f"{clocks[column].channel!r} has {len(time_s)}; name its own as ingest.channels.{column}.time"
+                f"{clocks[column].channel!r} has {len(time_s)}; name its own as channels.{column}.time"
             )
         signals[column] = Signal(time_s, source.column_values(raw, column))
     _refuse_two_ends(signals, mapping)
     notes += take_delays(signals, mapping)
-    return MappedFile(signals, tuple(notes), _start(tables, stamps))
+    start = _start(tables, stamps)
+    if start is not None and is_future(start.at):
+        notes.append(f"its clock started in the future, {start.text()} ({start.source}); when it was made is not known")
+        start = None
+    return MappedFile(signals, tuple(notes), start)
 
 
 def _alternative(source: ChannelMapping, there: Collection[str]) -> ChannelMapping:
@@ -164,7 +169,7 @@ def _start(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Array]) -> Sta
             utc = table.utc or isinstance(raw.dtype, pd.DatetimeTZDtype)
             at = stamps_to_datetimes(raw.iloc[row : row + 1])[0]
             return Start(at, utc, f"time stamps of {clock.channel!r}", dated_rows=True).after(-float(time_s[row]))
-        if len(time_s) and SINCE_1970_S[0] < time_s[0] < SINCE_1970_S[1]:
+        if epoch_of(time_s) == SECONDS_SINCE_1970:
             counted = f"{clock.channel!r}, which counts from 1970"
             return Start(np.datetime64(0, "ns"), utc=True, source=counted, dated_rows=True)
     return next((tables[clock.table].start for clock in stamps if tables[clock.table].start is not None), None)
@@ -207,7 +212,7 @@ def _clock(tables: Sequence[LoggedTable], place: int, column: str, mapping: Mapp
     raise RecordingError(
         f"channel {source.channel!r} (for {column!r}) has no time channel {name!r} in its table "
         f"{tables[place].name!r}, which holds besides {there or 'nothing'}; name the channel that stamps it as "
-        f"ingest.channels.{column}.time"
+        f"channels.{column}.time"
     )
 
 
@@ -216,17 +221,8 @@ def _refuse_rate(tables: Sequence[LoggedTable], of: Sequence[int], rate_hz: floa
 
     It contradicts the rate if neither its mean nor its median step confirms it.
     """
-    for clock, table in ((clock, tables[index]) for index in of for clock in clocks_of(tables[index])):
-        if not clock.unit and not clock.dates and clock.step == 1.0:
-            continue  # it counts samples
-        stamps = stamps_to_seconds(table.channels[clock.name]) if clock.dates else clock.values
-        stamps = stamps[np.isfinite(stamps)]
-        unit_s = units.column_scale(TIME, clock.unit) if clock.unit else 1.0
-        scales = (unit_s,) if clock.unit or clock.dates else TIME_UNITS_S
-        steps = ((stamps[-1] - stamps[0]) / (len(stamps) - 1), float(np.median(np.diff(stamps))))
-        rates_hz = [1.0 / (step * scale) for scale in scales for step in steps if step > 0.0]
-        if rates_hz and all(abs(rate_hz / rate - 1.0) > RATE_AGREES for rate in rates_hz):
-            logged_hz = min(rates_hz, key=lambda rate: abs(math.log(rate_hz / rate)))
+    for clock in (clock for index in of for clock in clocks_of(tables[index])):
+        if logged_hz := _other_rate(clock, [rate_hz]):
             raise RecordingError(
                 f"time_s.rate_hz = {rate_hz:g} Hz contradicts the file: its time channel {clock.name!r} runs at "
                 f"{logged_hz:.4g} Hz, so that its channels would run {rate_hz / logged_hz:.3g} times too fast; map it "
@@ -236,8 +232,41 @@ def _refuse_rate(tables: Sequence[LoggedTable], of: Sequence[int], rate_hz: floa
         lengths = ", ".join(f"{tables[index].name!r} has {len(tables[index].channels)}" for index in of)
         raise RecordingError(
             f"tables of different lengths cannot all be at time_s.rate_hz = {rate_hz:g} Hz: {lengths} rows; "
-            "name the time channel of each as ingest.channels.<column>.time"
+            "name the time channel of each as channels.<column>.time"
         )
+
+
+def _other_rate(clock: ChannelFacts, own_hz: Sequence[float]) -> float | None:
+    """Return the rate of a clock if neither its mean nor its median step confirms any of ``own_hz``, else None.
+
+    A clock without a unit may run in any; one that steps by 1 counts rows and confirms every rate.
+    """
+    if not clock.unit and not clock.dates and clock.counts:
+        return None
+    known = (1e-9,) if clock.dates else (units.column_scale(TIME, clock.unit),) if clock.unit else TIME_UNITS_S
+    rates_hz = [1.0 / (step * scale) for scale in known for step in (clock.mean_step, clock.step) if step > 0.0]
+    nearest_hz = min(rates_hz, key=lambda rate: min(abs(math.log(own / rate)) for own in own_hz), default=None)
+    agrees = nearest_hz is None or min(abs(own / nearest_hz - 1.0) for own in own_hz) <= RATE_AGREES
+    return None if agrees else nearest_hz
+
+
+def _refuse_two_clocks(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Array]) -> None:
+    """Refuse a table with a clock of another step beside the one that stamps its columns, and that stamps none."""
+    for clock, time_s in stamps.items():
+        steps_s = np.diff(time_s[np.isfinite(time_s)])
+        own_hz = (
+            [1.0 / step_s for step_s in (steps_s.mean(), np.median(steps_s)) if step_s > 0.0] if len(steps_s) else []
+        )
+        if not (clock.channel and len(steps_s) >= FEWEST_ROWS and own_hz):
+            continue
+        known = [each.channel for each in stamps if each.table == clock.table]
+        for other in clocks_of(tables[clock.table], known):
+            if other_hz := _other_rate(other, own_hz):
+                raise RecordingError(
+                    f"the table has two clocks, {clock.channel!r} with {own_hz[-1]:.4g} Hz and {other.name!r} with "
+                    f"{other_hz:.4g} Hz, and no column is stamped by {other.name!r}; state the clock of each column as "
+                    "channels.<column>.time (and time_unit) in the mapping, or leave one out of the export"
+                )
 
 
 def _refuse_two_ends(signals: Mapping[str, Signal], mapping: Mapping[str, ChannelMapping]) -> None:
@@ -262,12 +291,15 @@ def _refuse_two_ends(signals: Mapping[str, Signal], mapping: Mapping[str, Channe
                     f"columns end at different rows: {column} ({mapping[column].channel!r}) at row {end}, {longest} "
                     f"({mapping[longest].channel!r}) at row {last}; they were logged at different rates, and on one "
                     f"clock {column} would run {share:.3g} times too fast; export a time column for each rate and name "
-                    f"it as ingest.channels.{column}.time, or cut the file at row {end} if it was only lost"
+                    f"it as channels.{column}.time, or cut the file at row {end} if it was only lost"
                 )
 
 
-def _stamps(tables: Sequence[LoggedTable], clocks: Mapping[str, _Clock], time: ChannelMapping) -> dict[_Clock, Array]:
+def _stamps(
+    tables: Sequence[LoggedTable], clocks: Mapping[str, _Clock], mapping: Mapping[str, ChannelMapping]
+) -> dict[_Clock, Array]:
     """Return the seconds of each clock, each made once; dates of one file count from the earliest among them."""
+    time = mapping["time_s"]
     columns = {clock: column for column, clock in reversed(list(clocks.items()))}
     raw = {clock: tables[clock.table].channels[clock.channel] for clock in columns if clock.channel}
     dates = {clock: stamps for clock, stamps in raw.items() if pd.api.types.is_datetime64_any_dtype(stamps.dtype)}
@@ -283,35 +315,46 @@ def _stamps(tables: Sequence[LoggedTable], clocks: Mapping[str, _Clock], time: C
         if clock in dates:
             stamps_s[clock] = stamps_to_seconds(dates[clock], origin)
         elif clock.channel:
-            stamps_s[clock] = _seconds(tables[clock.table], clock.channel, column, time)
+            stamps_s[clock] = _seconds(tables[clock.table], clock.channel, column, time, mapping[column].time_unit)
         else:
             assert time.rate_hz is not None
             stamps_s[clock] = np.arange(len(tables[clock.table].channels)) / time.rate_hz
     return stamps_s
 
 
-def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping) -> Array:
+def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping, time_unit: str) -> Array:
     """Return a time channel's numbers in seconds.
 
-    The mapping's unit is of the channel it names; a table's own time channel may state another.
+    The unit of ``time_s`` is that of the channel it names; another time channel has its own, by the mapping
+    (``time_unit``) or the file.
     """
     raw, stated = table.channels[channel], table.units.get(channel, "")
     if pd.api.types.is_timedelta64_dtype(raw.dtype):
         seconds: Array = raw.dt.total_seconds().to_numpy(dtype=np.float64)
         return seconds - time.offset
-    if channel == time.channel:
-        if stated and time.unit:
-            _refuse_other_unit(stated, time.unit, channel, "time_s")
-        unit = time.unit or stated
-    else:
-        unit = stated if units.quantity_of(stated) == "time" else time.unit
+    of_time = channel == time.channel
+    configured = time_unit or (time.unit if of_time else "")
+    if stated and configured:
+        _refuse_other_unit(stated, configured, channel, "time_s" if of_time else column)
+    unit = configured or (stated if of_time or units.quantity_of(stated) == "time" else time.unit)
     if not unit:
         raise RecordingError(
             f"time channel {channel!r} (for {column!r}) holds {raw.dtype} and states no unit; "
-            "expected dates, or numbers with ingest.channels.time_s.unit"
+            "expected dates, or numbers with channels.time_s.unit"
         )
     values = numbers(raw, channel, "time_s", unit)
+    _refuse_other_epoch(values, channel, unit)
     return units.to_column_unit(values - time.offset if time.offset else values, unit, "time_s")
+
+
+def _refuse_other_epoch(values: Array, channel: str, unit: str) -> None:
+    """Refuse a unit of numbers that are dates in another unit."""
+    epoch = epoch_of(values)
+    if epoch is not None and not math.isclose(units.column_scale(TIME, unit), 1e-9 * epoch.unit_ns):
+        raise RecordingError(
+            f"time channel {channel!r} begins at {values[0]:.15g}, which in {epoch.counted} since {epoch.since} is "
+            f"{epoch.stamps(values[:1])[0]}, but it is read in {unit!r}; correct channels.time_s.unit in the mapping"
+        )
 
 
 def _check_stated_unit(table: LoggedTable, column: str, source: ChannelMapping) -> list[str]:
@@ -325,7 +368,7 @@ def _check_stated_unit(table: LoggedTable, column: str, source: ChannelMapping) 
         raise RecordingError(
             f"channel {source.channel!r} (for {column!r}): the file states {stated!r}, which is {reference} pressure, "
             f"but it is read as {'absolute' if source.absolute else 'gauge'} pressure; "
-            f"correct ingest.channels.{column}.reference"
+            f"correct channels.{column}.reference"
         )
     known = units.quantity_of(stated) is not None or units.names_a_unit(stated)
     if known or len(stated) < 2 or units.bare(stated) == units.bare(source.unit):
@@ -337,5 +380,5 @@ def _refuse_other_unit(stated: str, configured: str, channel: str, column: str) 
     if not units.units_agree(stated, configured):
         raise RecordingError(
             f"channel {channel!r} (for {column!r}): the file states the unit {stated!r}, but it is read in "
-            f"{configured!r}; expected the same; correct ingest.channels.{column}.unit, or the file if it is wrong"
+            f"{configured!r}; expected the same; correct channels.{column}.unit in the mapping, or the file"
         )

@@ -69,6 +69,8 @@ def channel_lines(guess: GuessedMapping) -> list[str]:
 
 
 def _column_lines(column: GuessedColumn, guess: GuessedMapping) -> list[str]:
+    if column.rate_hz is not None:
+        return [f"{column.column}: {{rate_hz: {column.rate_hz:g}}}"]
     if column.channel is None:
         return _not_found(column)
     lines = [f"# guess: {printable(', '.join(column.reasons))}"]
@@ -82,14 +84,11 @@ def _column_lines(column: GuessedColumn, guess: GuessedMapping) -> list[str]:
     entry = {"channel": quoted(column.channel.name), "unit": _unit(column.unit)}
     if column.alternatives:
         entry["alternatives"] = f"[{', '.join(map(quoted, column.alternatives))}]"
-    stamp, main = guess.stamps.get(column.column), guess.columns["time_s"].channel
-    if column.column != "time_s" and column.channel.name in guess.ambiguous:
-        entry["table"] = quoted(column.channel.table_name)
-    if stamp is not None and main is not None and stamp.name != main.name:
-        entry["time"] = quoted(stamp.name)
+    places = zip(("table", "time"), guess.place_of(column.column), strict=True)
+    entry |= {key: quoted(place) for key, place in places if place}
     if column.sign != 1:
         entry["sign"] = str(column.sign)
-    if electrical(column.unit) is not None:
+    if not column.known:
         lines.append(f"# {NOT_FOUND}: the sensor's range, and what the channel holds at its two ends")
         entry["sensor"] = _sensor(column.column, column.channel)
     return [*lines, f"{column.column}: {{{', '.join(f'{key}: {value}' for key, value in entry.items())}}}"]
@@ -99,7 +98,8 @@ def _not_found(column: GuessedColumn) -> list[str]:
     line = f"# {NOT_FOUND}: name the channel"
     if column.column == "time_s":
         line += ", or write {rate_hz: ...} if the rows come at a constant rate"
-    return [line, f'{column.column}: {{channel: "{NOT_FOUND}", unit: {_usual_unit(column.column)}}}']
+    checks = [f"# CHECK: {printable(check)}" for check in column.checks]
+    return [line, *checks, f'{column.column}: {{channel: "{NOT_FOUND}", unit: {_usual_unit(column.column)}}}']
 
 
 def _sensor(column: str, channel: ChannelFacts) -> str:

@@ -8,7 +8,7 @@ from functools import cache
 from typing import Any, Literal
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.columns import QUANTITIES
+from cylinder_friction.recordings.columns import POSITION, QUANTITIES
 from cylinder_friction.recordings.recording import RecordingError
 
 Reference = Literal["gauge", "absolute"]
@@ -29,7 +29,8 @@ USUAL: dict[str, dict[str, str]] = {
         "s": "second", "sec": "second", "secs": "second", "second": "second", "seconds": "second",
         "sek": "second", "sekunde": "second", "sekunden": "second",
         "ms": "millisecond", "msec": "millisecond", "us": "microsecond", "μs": "microsecond", "usec": "microsecond",
-        "ns": "nanosecond", "min": "minute", "minute": "minute", "minutes": "minute", "minuten": "minute",
+        "ns": "nanosecond", "100ns": "tick", "100 ns": "tick", "ticks": "tick",
+        "min": "minute", "minute": "minute", "minutes": "minute", "minuten": "minute",
         "h": "hour", "hr": "hour", "hour": "hour", "hours": "hour", "std": "hour", "d": "day", "day": "day",
     },
     "force": {
@@ -48,7 +49,7 @@ USUAL: dict[str, dict[str, str]] = {
 ELECTRICAL = {
     "V": "V", "volt": "V", "volts": "V", "mV": "mV", "mA": "mA", "μA": "μA", "uA": "μA",
     "count": "count", "counts": "count", "cnt": "count", "cnts": "count", "digit": "count", "digits": "count",
-    "lsb": "count", "raw": "count", "inc": "count", "increments": "count",
+    "lsb": "count", "raw": "count", "inc": "count", "increments": "count", "%": "%",
 }  # fmt: skip
 """Signals of a sensor that mean something only with its range; a lone A is left out, for it mostly names a port."""
 
@@ -80,8 +81,13 @@ def bare(unit: str) -> str:
 
 
 def electrical(unit: str) -> str | None:
-    """Return V, mV, mA, μA or count where a unit is a sensor's signal, else None."""
+    """Return V, mV, mA, μA, count or % if a unit is a sensor's signal, else None."""
     return _ELECTRICAL.get(_squeezed(bare(unit)))
+
+
+def of_stroke(column: str, unit: str) -> bool:
+    """Return whether a column is a percentage of the stroke."""
+    return column == POSITION and electrical(unit) == "%"
 
 
 def usual(unit: str, quantity: str) -> str | None:
@@ -101,6 +107,12 @@ def stated_reference(unit: str) -> Reference | None:
     if _squeezed(text) in known or match is None or _squeezed(match["unit"]) not in known:
         return None
     return "absolute" if match["absolute"] else "gauge"
+
+
+def stated_rate(unit: str) -> float | None:
+    """Return the rate [Hz] that stands in place of a unit of time: ``200 Hz``; None for a unit."""
+    match = re.fullmatch(r"(\d+(?:\.\d+)?) ?(k?)hz", unit.strip(), re.IGNORECASE)
+    return float(match[1]) * (1e3 if match[2] else 1.0) if match else None
 
 
 def names_a_unit(text: str) -> bool:
@@ -128,7 +140,7 @@ COLUMN_UNITS = {"time": "second", "pressure": "pascal", "length": "meter", "forc
 """What the columns of each quantity are in."""
 
 COMMON = {
-    "time": ("s", "ms", "us", "min"),
+    "time": ("s", "ms", "us", "100ns", "min"),
     "pressure": ("Pa", "kPa", "MPa", "bar", "mbar", "psi", "kgf/cm2"),
     "length": ("m", "mm", "in", "cm", "um"),
     "force": ("N", "kN", "lbf", "kgf", "kip"),
@@ -140,7 +152,8 @@ COMMON = {
 SCALES = {
     "pascal": 1.0, "hectopascal": 1e2, "kilopascal": 1e3, "megapascal": 1e6, "bar": 1e5, "millibar": 1e2,
     "meter": 1.0, "centimeter": 1e-2, "millimeter": 1e-3, "micrometer": 1e-6,
-    "second": 1.0, "millisecond": 1e-3, "microsecond": 1e-6, "newton": 1.0, "kilonewton": 1e3, "degC": 1.0,
+    "second": 1.0, "millisecond": 1e-3, "microsecond": 1e-6, "nanosecond": 1e-9, "tick": 1e-7,
+    "day": 86400.0, "newton": 1.0, "kilonewton": 1e3, "degC": 1.0,
 }  # fmt: skip
 """Factors to the columns' units that pint, a quarter of a second to load, need not be asked for."""
 
@@ -199,7 +212,8 @@ def units_agree(stated: str, configured: str) -> bool:
     if bare(stated) == bare(configured) or (quantity is None and signal is None):
         return True
     if signal is not None or quantity is None:
-        return electrical(stated) == signal or not names_a_unit(stated)
+        plain = {signal, electrical(stated)} == {"count", "%"}  # numbers either way, whose ends the sensor states
+        return plain or electrical(stated) == signal or not names_a_unit(stated)
     one, two = _conversion(stated, quantity), _conversion(configured, quantity)
     if one is None or two is None:
         return not names_a_unit(stated)
@@ -242,4 +256,6 @@ def _registry() -> Any:
     """Return the one registry, made when the first unit is looked up; decimal, so that no factor is rounded twice."""
     from pint import UnitRegistry
 
-    return UnitRegistry(non_int_type=Decimal)
+    registry: Any = UnitRegistry(non_int_type=Decimal)
+    registry.define("tick = 100 * nanosecond")  # as Windows and .NET count
+    return registry

@@ -19,7 +19,7 @@ Spans = list[tuple[float, float]]
 HIGHEST_RATIO = 10.0  # a rate more than this many times that of the fastest channel is a mistake
 
 
-def align(signals: Mapping[str, Signal], rules: TimeRules, origin_s: float | None = None) -> list[RecordingPiece]:
+def align(signals: Mapping[str, Signal], rules: TimeRules) -> list[RecordingPiece]:
     """Return the unbroken stretches of a file, each at one constant rate, in the order they were sampled.
 
     - Columns with even stamps of one clock, nothing missing, at the wanted rate: unchanged, stamps included.
@@ -33,7 +33,6 @@ def align(signals: Mapping[str, Signal], rules: TimeRules, origin_s: float | Non
     Args:
         signals: Columns; those of one logged table share their ``time_s`` array.
         rules: For repairs, and which rate is wanted.
-        origin_s: First stamp of the clock that runs on in these signals, where they are a part of a file [s].
 
     Returns:
         Pieces, at least one. ``time_s`` continues the logger's time, and starts anew where its clock did.
@@ -41,7 +40,7 @@ def align(signals: Mapping[str, Signal], rules: TimeRules, origin_s: float | Non
     Raises:
         RecordingError: The stamps cannot be put in order, a column has no samples, or no stretch is long enough.
     """
-    unchanged = _unchanged(signals, rules, origin_s)
+    unchanged = _unchanged(signals, rules)
     if unchanged is not None:
         return [unchanged]
     _check(signals)
@@ -59,7 +58,7 @@ def align(signals: Mapping[str, Signal], rules: TimeRules, origin_s: float | Non
     one_grid = all(each.grid is timelines[0].grid and each.even and each.stride == 1 for each in timelines)
     same_rate = one_grid and abs(rate_hz * timelines[0].step_s - 1.0) <= WHOLE_HERTZ
     place = _on_logged_grid if same_rate else _on_new_grid
-    pieces, more, short = place(timelines, rate_hz, rules, _origins(timelines, origin_s))
+    pieces, more, short = place(timelines, rate_hz, rules)
     if not pieces:
         why = "; ".join([*repairs, *_gap_note(timelines, rules)]) or "the columns do not overlap in time"
         raise RecordingError(
@@ -83,7 +82,7 @@ def _check(signals: Mapping[str, Signal]) -> None:
             )
 
 
-def _unchanged(signals: Mapping[str, Signal], rules: TimeRules, origin_s: float | None) -> RecordingPiece | None:
+def _unchanged(signals: Mapping[str, Signal], rules: TimeRules) -> RecordingPiece | None:
     """Return the columns as a piece, not copied, if they need no repair and no resampling; else None."""
     time_s, *others = {id(signal.time_s): signal.time_s for signal in signals.values()}.values()
     one_clock = all(np.array_equal(time_s, other) for other in others)
@@ -95,27 +94,16 @@ def _unchanged(signals: Mapping[str, Signal], rules: TimeRules, origin_s: float 
     if abs(wanted_hz - rate_hz) > WHOLE_HERTZ * rate_hz:
         return None
     columns = {column: signal.values for column, signal in signals.items()}
-    return _piece(time_s, columns, wanted_hz, (), 0, [float(time_s[0]) if origin_s is None else origin_s])
+    return RecordingPiece({TIME: time_s, **columns}, 1.0 / wanted_hz)
 
 
-def _piece(
-    time_s: Array,
-    columns: Mapping[str, Array],
-    rate_hz: float,
-    repairs: Sequence[str],
-    segment: int,
-    origins_s: Sequence[float],
-) -> RecordingPiece:
-    return RecordingPiece({TIME: time_s, **columns}, 1.0 / rate_hz, tuple(repairs), segment, origins_s[segment])
-
-
-def _origins(timelines: Sequence[ChannelTimeline], origin_s: float | None) -> list[float]:
+def _origins(timelines: Sequence[ChannelTimeline]) -> list[float]:
     """Return the first stamp of any column since each start of the clock; NaN where there is none."""
     origins_s = []
     for segment in range(int(timelines[0].grid.segments[-1]) + 1):
         firsts = [each.time_s[each.segments == segment][:1] for each in timelines]
         origins_s.append(min((float(first[0]) for first in firsts if len(first)), default=np.nan))
-    return origins_s if origin_s is None else [origin_s, *origins_s[1:]]
+    return origins_s
 
 
 def _check_restarts(timelines: Sequence[ChannelTimeline]) -> None:
@@ -129,7 +117,7 @@ def _check_restarts(timelines: Sequence[ChannelTimeline]) -> None:
 
 
 def _on_logged_grid(
-    timelines: Sequence[ChannelTimeline], rate_hz: float, rules: TimeRules, origins_s: Sequence[float]
+    timelines: Sequence[ChannelTimeline], rate_hz: float, rules: TimeRules
 ) -> tuple[list[RecordingPiece], list[str], Spans]:
     """Return pieces whose samples are unchanged but for the bridged ones, and stretches that were too short."""
     grid = timelines[0].grid
@@ -150,7 +138,7 @@ def _on_logged_grid(
         columns = {each.column: _filled(each, numbers) for each in timelines}
         segment = int(grid.segments[a])
         repairs = _bridged_note(timelines, float(time_s[0]), float(time_s[-1]), segment)
-        pieces.append(_piece(time_s, columns, rate_hz, repairs, segment, origins_s))
+        pieces.append(RecordingPiece({TIME: time_s, **columns}, 1.0 / rate_hz, tuple(repairs), segment))
     return pieces, [], short
 
 
@@ -168,13 +156,13 @@ def _filled(timeline: ChannelTimeline, numbers: NDArray[np.int64]) -> Array:
 
 
 def _on_new_grid(
-    timelines: Sequence[ChannelTimeline], rate_hz: float, rules: TimeRules, origins_s: Sequence[float]
+    timelines: Sequence[ChannelTimeline], rate_hz: float, rules: TimeRules
 ) -> tuple[list[RecordingPiece], list[str], Spans]:
     """Return pieces on the grid of ``rate_hz``, how each column got there, and stretches that were too short."""
     pieces: list[RecordingPiece] = []
     short: Spans = []
     methods: dict[str, list[str]] = {}
-    for segment, start_s in enumerate(origins_s):
+    for segment, start_s in enumerate(_origins(timelines)):
         if not all((each.segments == segment).any() for each in timelines):
             continue
         uniform = {each.column: uniform_segments(each, segment, start_s) for each in timelines}
@@ -196,7 +184,7 @@ def _on_new_grid(
                 if method and column not in methods.setdefault(method, []):
                     methods[method].append(column)
             repairs = _bridged_note(timelines, first_s, last_s, segment)
-            pieces.append(_piece(time_s, columns, rate_hz, repairs, segment, origins_s))
+            pieces.append(RecordingPiece({TIME: time_s, **columns}, 1.0 / rate_hz, tuple(repairs), segment))
     return pieces, _sentences(methods, len(timelines)), short
 
 

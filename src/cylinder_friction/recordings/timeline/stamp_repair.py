@@ -1,4 +1,4 @@
-"""Put rows in the order in which they were sampled: repair damaged, duplicate and coarse stamps, find restarts."""
+"""Find restarts of a clock, and resolve duplicate and coarse stamps. Rows in another order are refused."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,13 +9,11 @@ from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.timeline.timestamps import LATEST_S, Indices, TimeRules, whole_hertz
 
-LONGEST_WILD = 5
-"""A stamp that fits neither neighbour is damage; more than this many in a row are a clock that restarted."""
-
-WINDOWS = (4, 16, 64)  # rows to either side within which swapped rows are looked for
+RUNS_ON = 16
+"""A clock that restarted runs on for so many rows, and ran for as many before."""
+UNDONE_SHARE = 0.5
+"""A jump near a backward step, of more than this share of it, takes it back: then no clock restarted."""
 FEWEST_STAMPS = 10  # a coarse clock is distinguished from chance by at least this many different stamps
-
-LOOKED_AT = 4096  # rows at a time in which a step backwards is looked for
 
 LAG = 32
 """Stamps over which the first estimate of a coarse clock's rate is taken, so that their rounding averages out."""
@@ -34,13 +32,12 @@ class OrderedStamps:
 def order_stamps(time_s: Array, blank: Mask, rules: TimeRules) -> OrderedStamps:
     """Return the stamps in order.
 
-    Rows that hold neither stamp nor value (``blank``) are ignored. Stamps that are not finite (or 1e15 s and more), and
-    up to five in a row that fit neither of their neighbours, are left out. Rows that fall into place when sorted (out
-    of order by up to 64 rows) are sorted. Any other step backwards is a clock that restarted, was set back, or rolled
-    over.
+    Rows that hold neither stamp nor value (``blank``) are ignored, and a few stamps that are not finite (or 1e11 s and
+    more) are left out. A clock may restart, be set back or roll over.
 
     Raises:
-        RecordingError: Fewer than three rows, time that stands still, or too many damaged stamps.
+        RecordingError: Fewer than three rows, time that stands still or runs backwards, too many rows without a stamp,
+            or rows that are swapped or have a damaged stamp.
     """
     finite = np.abs(time_s) < LATEST_S
     rows = np.flatnonzero(finite).astype(np.int64)
@@ -67,117 +64,31 @@ def order_stamps(time_s: Array, blank: Mask, rules: TimeRules) -> OrderedStamps:
         )
     if forward_s.min() >= 0.0:
         return OrderedStamps(stamps, rows, np.zeros(len(rows), dtype=np.int64), tuple(repairs))
-    sorting = _Sorting(stamps.copy(), rows.copy(), float(np.median(forward_s[forward_s > 0.0])), rules)
-    sorting.run(most_damaged)
-    return sorting.result(repairs)
+    restarts = _restarts(stamps, rows)
+    at = restarts[0]
+    repairs.append(
+        f"split at {counted(len(restarts), 'restart')} of the clock "
+        f"(first: row {rows[at] + 1}, from {stamps[at - 1]:.9g} to {stamps[at]:.9g} s)"
+    )
+    segments = np.searchsorted(restarts, np.arange(len(stamps)), side="right")
+    return OrderedStamps(stamps, rows, segments, tuple(repairs))
 
 
-class _Sorting:
-    """Goes through the backward steps in order and applies the mildest explanation of each."""
-
-    def __init__(self, time_s: Array, rows: Indices, step_s: float, rules: TimeRules) -> None:
-        self.time_s, self.rows, self.step_s = time_s, rows, step_s
-        self.longest_s = (rules.longest_bridge_samples + 1.5) * step_s
-        self.wild = np.zeros(len(time_s), dtype=np.bool_)
-        self.swapped: list[int] = []
-        self.restarts: list[int] = []
-
-    def run(self, most_damaged: float) -> None:
-        position = _next_backward(self.time_s, 1)
-        while position < len(self.time_s):
-            before_s, after_s = self.time_s[position - 1], self.time_s[position]
-            if self._sort(position) or self._leave_out(position):
-                position = max(position - WINDOWS[-1], self._segment_start() + 1)
-            else:
-                self.restarts.append(position)
-                position += 1
-            damaged = int(self.wild.sum()) + len(self.swapped) + len(self.restarts)
-            if damaged > most_damaged:
-                raise RecordingError(
-                    f"time_s runs backwards or jumps in {damaged} or more of {len(self.time_s)} rows (here from "
-                    f"{before_s:.9g} to {after_s:.9g} s), expected at most {int(most_damaged)} such rows, else "
-                    "their order is not known; check the time channel in the mapping and the logger's clock"
-                )
-            position = _next_backward(self.time_s, position)
-
-    def _segment_start(self) -> int:
-        return self.restarts[-1] if self.restarts else 0
-
-    def _sort(self, position: int) -> bool:
-        """Sort the rows around a backward step if the steps are then those of a running clock."""
-        for window in WINDOWS:
-            start, end = max(self._segment_start(), position - window), min(len(self.time_s), position + window)
-            here = self.time_s[start:end]
-            order = np.argsort(here, kind="stable")
-            moved = np.flatnonzero(order != np.arange(len(order)))
-            first, last = int(moved[0]), int(moved[-1])
-            # Rows that would move to the end of the window may have to go further still.
-            if (first == 0 and start > self._segment_start()) or (last == len(here) - 1 and end < len(self.time_s)):
-                continue
-            steps_s = np.diff(here[order])[max(first - 1, 0) : last + 1]
-            standing = int((np.diff(here) == 0.0).sum()) >= int((np.diff(here[order]) == 0.0).sum())
-            plausible = (steps_s == 0.0) | ((steps_s >= 0.5 * self.step_s) & (steps_s <= self.longest_s))
-            if standing and plausible.all():
-                self.swapped.extend(int(row) for row in self.rows[start:end][moved])
-                for values in (self.time_s, self.rows, self.wild):
-                    values[start:end] = values[start:end][order]
-                return True
-        return False
-
-    def _leave_out(self, position: int) -> bool:
-        """Leave out a few rows before or after a backward step if time runs on without them."""
-        return any(
-            self._bridge(position - count, position) or self._bridge(position, position + count)
-            for count in range(1, LONGEST_WILD + 1)
-        )
-
-    def _bridge(self, start: int, end: int) -> bool:
-        first, rows = self._segment_start(), len(self.time_s)
-        if start < first or end > rows or end - start >= rows - first:
-            return False
-        if start > first and end < rows:
-            step_s = self.time_s[end] - self.time_s[start - 1]
-            # The rows were sampled, only their stamps are wrong: time has gone on meanwhile. A clock that was set
-            # back goes on too early.
-            least_s = (end - start + 0.5) * self.step_s
-            if not least_s <= step_s <= self.longest_s + (end - start) * self.step_s:
-                return False
-            # Placed between its neighbours for now, so that later rows are compared with a running clock.
-            inside = np.arange(1, end - start + 1) / (end - start + 1)
-            self.time_s[start:end] = self.time_s[start - 1] + inside * step_s
-        elif start == first and not (end < rows):
-            return False
-        else:
-            self.time_s[start:end] = self.time_s[end] if start == first else self.time_s[start - 1]
-        self.wild[start:end] = True
-        return True
-
-    def result(self, repairs: list[str]) -> OrderedStamps:
-        segments = np.searchsorted(self.restarts, np.arange(len(self.time_s)), side="right")
-        if self.wild.any():
-            wild, first = counted(int(self.wild.sum()), "row"), int(self.rows[self.wild].min()) + 1
-            repairs.append(f"{wild} with a stamp that fits neither neighbour left out (first: row {first})")
-        if self.swapped:
-            repairs.append(
-                f"{counted(len(self.swapped), 'row')} out of order sorted (first: row {min(self.swapped) + 1})"
+def _restarts(time_s: Array, rows: Indices) -> Indices:
+    """Return the rows at which a clock begins anew; refuse a backward step that rows around it take back."""
+    steps_s = np.diff(time_s)
+    restarts = np.flatnonzero(steps_s < 0.0) + 1
+    for at in restarts:
+        back_s = time_s[at - 1] - time_s[at]
+        around_s = np.concatenate([steps_s[max(at - 1 - RUNS_ON, 0) : at - 1], steps_s[at : at + RUNS_ON]])
+        runs_on = 1 < at < len(time_s) - 1 and ((around_s >= 0.0) & (around_s <= UNDONE_SHARE * back_s)).all()
+        if not runs_on:
+            raise RecordingError(
+                f"time_s goes back in row {rows[at] + 1}, from {time_s[at - 1]:.9g} to {time_s[at]:.9g} s, and does "
+                "not run on from there: rows are swapped, or stamps are damaged; expected increasing time, or a clock "
+                "that starts anew; correct or cut these rows, and check the time channel in the mapping"
             )
-        if self.restarts:
-            at = self.restarts[0]
-            repairs.append(
-                f"split at {counted(len(self.restarts), 'restart')} of the clock "
-                f"(first: row {self.rows[at] + 1}, from {self.time_s[at - 1]:.9g} to {self.time_s[at]:.9g} s)"
-            )
-        kept = ~self.wild
-        return OrderedStamps(self.time_s[kept], self.rows[kept], segments[kept], tuple(repairs))
-
-
-def _next_backward(time_s: Array, start: int) -> int:
-    """Return the first position from ``start`` on with an earlier stamp than its predecessor; the length if none."""
-    for first in range(max(start, 1), len(time_s), LOOKED_AT):
-        backward = np.flatnonzero(np.diff(time_s[first - 1 : first + LOOKED_AT]) < 0.0)
-        if len(backward):
-            return first + int(backward[0])
-    return len(time_s)
+    return restarts
 
 
 def resolve_duplicates(

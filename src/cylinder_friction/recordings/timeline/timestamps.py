@@ -23,8 +23,8 @@ RATE_DRIFT = 1e-3
 WHOLE_HERTZ = 1e-4
 """A rate this close to a whole number of hertz is that number: clocks are off by some parts per million."""
 
-LATEST_S = 1e15
-"""A stamp beyond this, thirty million years, is no time: nanoseconds since 1970 taken for seconds are 1.7e18."""
+LATEST_S = 1e11
+"""No clock has run for three thousand years [s]: ticks taken for seconds, or a date written as one number."""
 
 USUAL_STEP_SHARE = 0.9
 """If one step is more frequent than this, the stamps are exact, and other steps are lost samples, not rounding."""

@@ -41,7 +41,7 @@ def windowed_sinc(values: Array, positions: Array, rate_ratio: float) -> Array:
 def _kernel() -> Array:
     """Return the right half of the kernel, ``ENTRIES`` values per sample of the lower rate, and a zero at its end."""
     distance = np.arange(int(HALF_WIDTH * ENTRIES) + 2) / ENTRIES
-    from scipy.signal import kaiser_beta
+    from scipy.signal import kaiser_beta  # a quarter of a second
 
     window = np.i0(kaiser_beta(STOP_BAND_DB) * np.sqrt(np.clip(1.0 - (distance / HALF_WIDTH) ** 2, 0.0, None)))
     kernel: Array = np.sinc(2.0 * CUT_OFF * distance) * window

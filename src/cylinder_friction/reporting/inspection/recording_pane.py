@@ -63,7 +63,7 @@ class Panes:
     """Makes panes one after the other; holds nothing of them but what filters cost at each rate.
 
     Velocity and friction are shown with the filter ``method``. Of more ``files`` each gets fewer points, so that the
-    page stays small. ``plan`` and ``no_offset`` are as for ``offset_evidence``.
+    page stays small. ``plan`` and ``no_offset`` are as for ``offset_evidence``, ``in_pipeline`` as for ``windows_at``.
 
     Attributes:
         costs: By sample time [s], the title of the first usable recording, what filters cost there, and which are left
@@ -81,11 +81,13 @@ class Panes:
         files: int = 1,
         plan: OffsetPlan | None = None,
         no_offset: str = "",
+        *,
+        in_pipeline: bool = False,
     ) -> None:
         if method not in filters:
             raise ValueError(f"method: expected one of {', '.join(filters)}, but got {method!r}")
         self.labeller, self.filters, self.method = labeller, filters, method
-        self.plan, self.no_offset = plan or OffsetPlan(), no_offset
+        self.plan, self.no_offset, self.in_pipeline = plan or OffsetPlan(), no_offset, in_pipeline
         self.detail = min(1.0, max(LEAST_DETAIL, FULL_DETAIL / max(1, files)))
         self.costs: dict[float, tuple[str, list[FilterCost], list[str]]] = {}
 
@@ -95,7 +97,7 @@ class Panes:
         if recording is None:
             return Pane(name, subject, _packed(subject))
         view, friction, offset, method = None, {}, None, self.filters[self.method]
-        if windows := windows_at(method, recording.sample_time_s):
+        if windows := windows_at(method, recording.sample_time_s, in_pipeline=self.in_pipeline):
             subject = replace(subject, findings=[*subject.findings, Finding("filter_windows", "noted", windows)])
         try:
             view = friction_view(recording, self.labeller, method)

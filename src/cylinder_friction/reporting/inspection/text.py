@@ -1,24 +1,31 @@
-"""The verdicts and the checks as plain text, for the terminal."""
+"""The verdicts, and what is not in order, as plain text for the terminal."""
 
 from collections.abc import Sequence
 
-from cylinder_friction.evaluation.inspection.subject import OUTCOMES, Inspected, count_outcomes
-from cylinder_friction.labelling.known_offset import KnownOffset
+from cylinder_friction.evaluation.inspection.subject import OUTCOMES, VERDICTS, Inspected, count_outcomes, worst_first
+from cylinder_friction.labelling.known_offset import NOTHING, KnownOffset
 from cylinder_friction.reporting.offset_table import offset_lines
 
 
 def text_report(subjects: Sequence[Inspected], offsets: Sequence[KnownOffset] = ()) -> str:
-    """Return one block a file, one line a check with its outcome, the sessions' offsets, and a count of the files."""
-    blocks = [_block(subject) for subject in subjects]
-    if offsets:
-        blocks.append("\n".join(offset_lines(offsets)))
-    return "\n\n".join([*blocks, _summary(subjects)]) + "\n"
+    """Write one line per file, below it what is not in order, then the sessions' offsets and a count of the files."""
+    lines = [line for subject in subjects for line in _lines(subject)]
+    known = [each for each in offsets if each.source != NOTHING]
+    if known:
+        lines += ["", *offset_lines(known)]
+    return "\n".join([*lines, "", _summary(subjects)]) + "\n"
 
 
-def _block(subject: Inspected) -> str:
-    width = max((len(finding.check) for finding in subject.findings), default=0)
-    lines = [f"  {each.outcome:<8}  {each.check:<{width}}  {each.text}" for each in subject.findings]
-    return "\n".join([f"{subject.title}: {subject.verdict}", *lines])
+def _lines(subject: Inspected) -> list[str]:
+    friction = "".join(
+        f"; {each.text}" for each in subject.findings if (each.check, each.outcome) == ("friction", "ok")
+    )
+    odd = [each for each in worst_first(subject.findings) if each.outcome != "ok"]
+    width = max((len(each.check) for each in odd), default=0)
+    return [
+        f"{subject.title}: {VERDICTS[subject.outcome]}{friction}",
+        *(f"  {each.outcome:<8}  {each.check:<{width}}  {each.text}" for each in odd),
+    ]
 
 
 def _summary(subjects: Sequence[Inspected]) -> str:

@@ -16,11 +16,11 @@ from pathlib import Path
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.earlier import GONE, PROCESSED_FILE, SETTLED_S
 from cylinder_friction.estimation.from_logs import estimate_logs
+from cylinder_friction.estimation.new_logs import GONE, SETTLED_S
 from cylinder_friction.estimation.results import FrictionOfLogs
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
-from cylinder_friction.recordings.recording import Recording, RecordingError
+from cylinder_friction.recordings.recording import Recording
 from logger_files import CHANNELS, write_log
 
 KILLS = int(os.environ.get("KILLS", "4"))
@@ -103,7 +103,7 @@ def test_with_a_model_runs_by_steps_give_the_same_bytes(
     run(model=model)
     run("whole", model=model)
     by_steps, at_once = (content(folder.with_name(name)) for name in ("out", "whole"))
-    for name in ("summary.json", "friction.html", PROCESSED_FILE):  # where results lie, and what was new, differs
+    for name in ("summary.json", "friction.html"):  # where results lie, and what was new, differs
         by_steps.pop(name), at_once.pop(name)
     assert by_steps == at_once
 
@@ -178,35 +178,53 @@ def test_a_session_that_gets_another_file_is_identified_again_as_a_whole(run: Ru
     deliver(folder, 5)
     result = run(names=pattern)
     assert result.new == tuple(f"log{number:02d}" for number in range(6))
-    assert "5 files processed again for the sake of their sessions" in result.news
+    assert "5 files processed again: a log of their session is new" in result.news
 
 
 def test_another_cylinder_or_mapping_begins_anew_and_loses_nothing(run: Run, folder: Path, cylinder: Cylinder) -> None:
     run()
     (folder / "log02.csv").unlink()
     result = run(channels=CHANNELS)
-    assert result.news[0] == "processed anew, with another mapping than before"
+    assert result.news[0] == "4 files processed anew, with another mapping than before"
     assert result.new == ("log00", "log01", "log03", "log04")
     assert result.recordings[2].gone == f"{GONE}; it was processed with another mapping"
     assert (folder.with_name("out") / "log02.parquet").exists()
     other = replace(cylinder, moving_mass_kg=7.0)
     result = estimate_logs(folder, other, folder.with_name("out"), channels=CHANNELS, file_format="csv")
-    assert result.news[0] == "processed anew, with another cylinder and another format than before"
-    assert sorted(path.name for path in folder.with_name("out").glob("log*")) == [
-        "log00.csv", "log01.csv", "log02.parquet", "log03.csv", "log04.csv",
-    ]  # fmt: skip
+    assert result.news[0] == "4 files processed anew, with another cylinder and another format than before"
+    written = {path.name for path in folder.with_name("out").glob("log*")}
+    assert written == {*(f"log0{each}.parquet" for each in range(5)), *(f"log0{each}.csv" for each in (0, 1, 3, 4))}
 
 
-def test_a_removed_result_is_made_again_and_a_damaged_state_is_named(run: Run, folder: Path) -> None:
+@pytest.mark.parametrize("name", ["log03.parquet", "panes/log03.js"])
+def test_a_removed_file_of_a_result_is_made_again(run: Run, folder: Path, name: str) -> None:
     run()
     before = content(folder.with_name("out"))
-    (folder.with_name("out") / "log03.parquet").unlink()
+    (folder.with_name("out") / name).unlink()
     assert run().new == ("log03",)
-    assert content(folder.with_name("out"))["log03.parquet"] == before["log03.parquet"]
-    state = folder.with_name("out") / PROCESSED_FILE
-    state.write_bytes(state.read_bytes()[:-100])
-    with pytest.raises(RecordingError, match=r"processed.parquet: is damaged .*; remove .*out, and everything is"):
+    after = content(folder.with_name("out"))
+    before.pop("summary.json"), after.pop("summary.json")  # which states what was new
+    assert after == before
+
+
+def test_a_recording_of_several_counts_with_the_others_of_its_log(run: Run, folder: Path) -> None:
+    log = (folder / "log03.csv").read_text().splitlines(keepends=True)
+    (folder / "log03.csv").write_text("".join([*log[:2000], *log[2300:]]))
+    settle(folder / "log03.csv")
+    run()
+    (folder.with_name("out") / "log03_part2.parquet").unlink()
+    assert run().new == ("log03_part1", "log03_part2")
+
+
+def test_what_is_no_result_is_neither_read_nor_written_over(run: Run, folder: Path) -> None:
+    run()
+    deliver(folder, 5)
+    mine = folder.with_name("out") / "log05.parquet"
+    mine.write_text("mine", encoding="utf-8")
+    with pytest.raises(FileExistsError, match=r"log05.parquet: is in the place of a result, but no earlier run wrote"):
         run()
+    mine.unlink()
+    assert run().new == ("log05",)
 
 
 def test_after_a_kill_at_any_moment_the_next_run_ends_in_the_same_bytes(folder: Path, tmp_path: Path) -> None:
@@ -239,5 +257,6 @@ def test_after_a_kill_at_any_moment_the_next_run_ends_in_the_same_bytes(folder: 
             process.wait()
         assert command(out).wait() == 0
         written = content(tmp_path / out)
-        written["summary.json"] = written["summary.json"].replace(out.encode(), b"expected")
+        for each in (written, expected):  # which state what was new
+            each.pop("summary.json", None)
         assert written == expected

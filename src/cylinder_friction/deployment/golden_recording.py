@@ -1,0 +1,19 @@
+"""How a golden trajectory is recorded. Its check is apart: the live service runs that without Numba."""
+
+from typing import Any
+
+import numpy as np
+
+from cylinder_friction.realtime.model import StepModel
+from cylinder_friction.realtime.stream import RealTimeStream
+
+ROWS, PERIOD_ROWS = 800, 400
+
+
+def recorded(model: StepModel) -> dict[str, Any]:
+    """Return samples that sweep the training range, and the outputs of the compiled step for them."""
+    lower, upper = np.array(model.guard.trained_lower), np.array(model.guard.trained_upper)
+    phases = 2.0 * np.pi * np.arange(ROWS)[:, None] / PERIOD_ROWS + np.arange(len(model.inputs))
+    samples = 0.5 * (lower + upper) + 0.3 * (upper - lower) * np.sin(phases)
+    newtons, flags = RealTimeStream(model).run(samples)
+    return {"samples": samples.tolist(), "newtons": newtons.tolist(), "flags": flags.tolist()}

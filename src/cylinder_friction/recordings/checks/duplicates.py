@@ -1,0 +1,89 @@
+"""Copies of a recording, which would count twice, and recordings of one session that overlap in time.
+
+A copy has the same bytes, or the same samples in another file or format. Anything less exact is not searched for.
+"""
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cylinder_friction.recordings.columns import DRIVE_FORCE, SAMPLE_COLUMNS
+from cylinder_friction.recordings.recording import Columns, RecordingError, RecordingMetadata
+
+RESOLUTION = {"position_m": 1e-9, DRIVE_FORCE: 1e-6}
+"""Samples that differ by less are the same, read in another unit or format [m, N]; pressures: 1e-3 Pa."""
+OVERLAP_S = 2.0
+"""Recordings that follow each other may overlap by less, for starts are rounded [s]."""
+MOST_NAMED = 3  # Pairs that a sentence names
+
+
+@dataclass(frozen=True)
+class Samples:
+    """What a recording is known by."""
+
+    values: str  # SHA-256 of its samples
+    session: str
+    start: str  # As in ``RecordingMetadata``
+    duration_s: float
+
+    @classmethod
+    def of(cls, metadata: RecordingMetadata, columns: Columns) -> "Samples":
+        """Return what a recording is known by, from its columns as logged: a zero that is taken off may differ."""
+        digest = hashlib.sha256()
+        for name in (*SAMPLE_COLUMNS, DRIVE_FORCE):
+            if name in columns:
+                digest.update(np.rint(columns[name] / RESOLUTION.get(name, 1e-3)).astype(np.int64).tobytes())
+        rows = len(columns["position_m"])
+        return cls(digest.hexdigest(), metadata.session, metadata.start, rows * metadata.sample_time_s)
+
+
+@dataclass
+class SeenRecordings:
+    """Recordings of a run, and of earlier runs."""
+
+    files: dict[str, str] = field(default_factory=dict)  # The file of each, by its name
+    digests: dict[str, str] = field(default_factory=dict)  # The file of each SHA-256
+    samples: dict[str, Samples] = field(default_factory=dict)  # By its name
+
+    def remember(self, recordings: Iterable[tuple[str, str, str, Samples]]) -> None:
+        """Remember recordings of an earlier run: name, file, SHA-256 of it, and samples."""
+        for name, file, digest, samples in recordings:
+            self.files[name], self.digests[digest], self.samples[name] = file, file, samples
+
+    def refuse(self, name: str, file: str, samples: Samples) -> None:
+        """Remember a recording and its file; raise ``RecordingError`` if its name or its samples are known."""
+        if name in self.files:
+            raise RecordingError(f"has the name {name!r}, which {self.files[name]} has already")
+        copy = next((known for known, each in self.samples.items() if each.values == samples.values), None)
+        if copy is not None:
+            raise RecordingError(
+                f"holds the same samples as recording {copy!r} of {self.files[copy]}; a copy would be counted twice, "
+                "and a model could be tested on its own training data; keep one of them"
+            )
+        self.files[name], self.samples[name] = file, samples
+
+    def overlaps(self) -> str:
+        """Return a sentence on recordings of one session that overlap in time; empty if none do."""
+        sessions: dict[tuple[str, bool], list[tuple[float, float, str]]] = {}
+        for name, each in self.samples.items():
+            if "T" in each.start:  # a day alone places nothing
+                utc = each.start.endswith("Z")
+                begin_s = float(np.datetime64(each.start.rstrip("Z"), "ms").astype(np.int64)) * 1e-3
+                sessions.setdefault((each.session, utc), []).append((begin_s, begin_s + each.duration_s, name))
+        pairs: list[str] = []
+        for spans in map(sorted, sessions.values()):
+            ends_s, longest = spans[0][1:]
+            for begin_s, end_s, name in spans[1:]:
+                if ends_s - begin_s > OVERLAP_S:
+                    pairs.append(f"{longest} and {name} by {min(ends_s, end_s) - begin_s:.4g} s")
+                if end_s > ends_s:
+                    ends_s, longest = end_s, name
+        if not pairs:
+            return ""
+        more = f" and {len(pairs) - MOST_NAMED} more" if len(pairs) > MOST_NAMED else ""
+        return (
+            f"recordings of one session overlap in time: {', '.join(pairs[:MOST_NAMED])}{more}; if they are of the "
+            "same stretch, keep one of them; otherwise correct the clock, or the session in the names"
+        )

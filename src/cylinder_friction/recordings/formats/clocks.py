@@ -1,0 +1,118 @@
+"""Clocks of tables in one form: date and time of day joined, numbers that are dates as dates, oldest row first."""
+
+from collections.abc import Collection
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from cylinder_friction.recordings.epochs import NEVER_FALLS, epoch_of
+from cylinder_friction.recordings.formats.logged_table import Column, LoggedTable
+from cylinder_friction.recordings.mapping.channel_words import words_of
+from cylinder_friction.recordings.mapping.units import SCALES, usual
+from cylinder_friction.recordings.timeline.timestamps import LATEST_S
+
+DAY = np.timedelta64(1, "D")
+MILLISECONDS = ("ms", "msec", "millisecond", "milliseconds", "millisekunden")
+"""Names of a column that holds the milliseconds of a stamp beside it."""
+FEWEST_ROWS = 20
+"""In fewer rows the order may be chance."""
+
+
+def beside_clocks(names: Collection[str]) -> set[str]:
+    """Return the names of columns that may hold a part of time: dates, times of day, milliseconds."""
+    return {name for name in names if words_of(name).quantity == "time" or name.casefold() in MILLISECONDS}
+
+
+def joined(columns: list[Column], clocks: Collection[str], wanted: Collection[str] | None) -> list[Column]:
+    """Return a table's columns with date and time of day, or whole seconds and milliseconds, put together.
+
+    Args:
+        columns: Names and values.
+        clocks: Names of the columns that hold times of day, in seconds.
+        wanted: The names that are asked for; None for all.
+    """
+    dates = [name for name, values in columns if values.dtype.kind == "M"]
+    days = [name for name, values in columns if name in dates and _known(values, DAY)]
+    found = dict(columns)
+    if len(days) == 1 and len(clocks) == 1:
+        (day,), (clock,) = days, clocks
+        seconds = np.rint(1e9 * found[clock])
+        stamps = found[day] + np.where(np.isfinite(seconds), seconds, np.iinfo(np.int64).min).astype("timedelta64[ns]")
+        return _in_place(
+            columns, {day, clock}, stamps, day if wanted and day in wanted and clock not in wanted else clock
+        )
+    parts = [name for name, values in columns if name.casefold() in MILLISECONDS and _are_milliseconds(values)]
+    seconds_of = [name for name in dates if name not in days and _known(found[name], np.timedelta64(1, "s"))]
+    if len(seconds_of) == 1 and len(parts) == 1 and (wanted is None or seconds_of[0] in wanted):
+        stamps = found[seconds_of[0]] + found[parts[0]].astype("timedelta64[ms]")
+        return _in_place(columns, {seconds_of[0], parts[0]}, stamps, seconds_of[0])
+    return columns
+
+
+def _known(stamps: NDArray[Any], step: np.timedelta64) -> bool:
+    """Return whether stamps are multiples of a step, and there are some."""
+    known = stamps[~np.isnat(stamps)].astype(np.int64)
+    return len(known) > 0 and not (known % step.astype("timedelta64[ns]").astype(np.int64)).any()
+
+
+def _are_milliseconds(values: NDArray[Any]) -> bool:
+    return values.dtype.kind in "iu" and bool(((values >= 0) & (values < 1000)).all())
+
+
+def _in_place(columns: list[Column], old: set[str], stamps: NDArray[Any], name: str) -> list[Column]:
+    return [(other, stamps if other == name else values) for other, values in columns if other not in old - {name}]
+
+
+def with_dates(table: LoggedTable) -> LoggedTable:
+    """Return a table whose numbers of days, ticks and the like since a known date are dates; a note states which.
+
+    Numbers since 1970 stay numbers.
+    """
+    dates: dict[str, NDArray[Any]] = {}
+    notes, utc = [], table.utc
+    for place, name in enumerate(map(str, table.channels.columns)):
+        numbers = table.channels.iloc[:, place].to_numpy()
+        epoch = epoch_of(numbers, name)
+        unit = usual(table.units.get(name, ""), "time")
+        once = (table.channels.columns == name).sum() == 1
+        if epoch is None or epoch.of_1970 == 0 or not once:
+            continue
+        if unit and epoch.unit != table.units[name] and abs(float(numbers[0])) * SCALES.get(unit, 1.0) < LATEST_S:
+            continue
+        dates[name], utc = epoch.stamps(numbers), utc or epoch.utc
+        notes.append(f"time: {name!r} counts {epoch.counted} since {epoch.since}")
+    if not dates:
+        return table
+    units = {name: unit for name, unit in table.units.items() if name not in dates}
+    channels = table.channels.copy(deep=False)
+    for name, stamps in dates.items():
+        channels[name] = stamps
+    return replace(table, channels=channels, units=units, utc=utc, notes=(*table.notes, *notes))
+
+
+def oldest_first(table: LoggedTable) -> LoggedTable:
+    """Return a table that was written newest row first turned round; a note states it.
+
+    It was if a column of dates, or one that is named time, falls, and none rises.
+    """
+    ways = [
+        _way(table.channels.iloc[:, place].to_numpy())
+        for place, name in enumerate(map(str, table.channels.columns))
+        if table.channels.dtypes.iloc[place].kind in "Miuf" and words_of(name).quantity == "time"
+    ]
+    if -1 not in ways or 1 in ways:
+        return table
+    turned = table.channels.iloc[::-1].reset_index(drop=True)
+    return replace(table, channels=turned, notes=(*table.notes, "its newest row comes first; turned round"))
+
+
+def _way(values: NDArray[Any]) -> int:
+    """Return 1 for values that rise, -1 for values that fall, 0 for others."""
+    known = values[~pd.isna(values)]
+    if len(known) < FEWEST_ROWS:
+        return 0
+    steps = np.diff(known.astype(np.int64) if known.dtype.kind == "M" else known.astype(np.float64))
+    return int((steps > 0).mean() >= NEVER_FALLS) - int((steps < 0).mean() >= NEVER_FALLS)

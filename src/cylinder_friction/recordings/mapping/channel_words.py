@@ -1,0 +1,147 @@
+"""What a channel's name means: its quantity, its side of the piston, where it is measured, its unit."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from functools import cache
+
+from cylinder_friction.recordings.formats.header import unit_in_name
+from cylinder_friction.recordings.mapping.units import electrical, quantity_of
+
+TIME_NAMES = ("time", "t", "time_s", "timestamp", "timestamps", "zeit", "x_value", "name", "channel name")
+"""Whole names of time channels, in small letters: X_Value is LabVIEW's, Name the TwinCAT Scope's, Channel name
+DAQExpress's."""
+
+
+@dataclass(frozen=True)
+class Vocabulary:
+    """Words that stand alone, and stems that may be part of a longer (German) word."""
+
+    words: frozenset[str]
+    stems: tuple[str, ...] = ()
+
+    def rank(self, token: str) -> int:
+        """Return 0 for no hit, 1 for a letter or two, 2 for a whole word."""
+        if any(stem in token for stem in self.stems):
+            return 2
+        if token in self.words:
+            return 2 if len(token) > 2 else 1
+        return 0
+
+
+def _words(words: str, stems: str = "") -> Vocabulary:
+    return Vocabulary(frozenset(words.split()), tuple(stems.split()))
+
+
+QUANTITY_WORDS = {
+    "pressure": _words("p pr press pres", "druck pressure"),
+    "time": _words("t time date datum seconds secs sek clock ticks", "zeit timestamp datetime elapsed"),
+    "temperature": _words("temp", "temperatur"),
+    "length": _words("x s xp pos weg hub stroke travel disp lage lvdt laser", "position displacement stellung wegauf"),
+    "force": _words("f fx fz load last", "force kraft loadcell kraftmess friction reibung"),
+    "other": _words("v u vel speed acc", "velocity geschwindigkeit beschleunigung acceleration spannung voltage strom"),
+}
+"""Words for each quantity; the first quantity wins where two are named in words of equal length."""
+
+PISTON_SIDE = _words("1 a cap bore blind bottom", "piston kolben boden")
+ROD_SIDE = _words("2 b rod ring head gland", "stange annul ringseit ringraum rodside")
+ELSEWHERE = _words("s t 0 ls sys pump tank supply return system", "versorg pumpe speise rücklauf ruecklauf")
+WANTED_VALUE = _words("ref set soll cmd sp target demand command", "sollw setpoint reference vorgabe")
+AT_VALVE = _words("valve dcv", "ventil")
+AT_CYLINDER = _words("cyl zyl", "cylinder zylinder")
+CARRIED = _words("load last", "loadcell payload nutzlast")
+
+_TOKEN = re.compile(r"[A-ZÄÖÜ]+(?![a-zäöüß])|[A-ZÄÖÜ]?[a-zäöüß]+|\d+|[^\W\d_A-Za-zÄÖÜäöüß]+")
+_ENDING = re.compile(r"^(?P<name>.*[^\s_.-])[\s_.-]+(?P<unit>[^\W\d_]+)$", re.DOTALL)
+_BRACKETS = re.compile(r"\[[^\]]*\]|\([^)]*\)|/\s*\S+$")
+
+
+@dataclass(frozen=True)
+class Words:
+    """What a name means."""
+
+    quantity: str | None  # Which quantity, ``other`` for one that a recording does not hold, None if unknown
+    side: int  # 1 for the piston side, 2 for the rod side, 0 if unknown, -1 for a pressure elsewhere
+    unit: str  # Unit that the name itself ends in, for example of ``jib_x_m``; empty if none
+    wanted_value: bool  # Whether it is a set point
+    # at_valve, at_cylinder: Where it is measured
+    at_valve: bool
+    at_cylinder: bool
+    carried: bool  # Whether a force is called a load
+    rest: tuple[str, ...]  # All other words of the name: cylinders of one machine differ here
+    side_word: str  # The word from which the side was concluded
+
+
+@cache
+def words_of(name: str) -> Words:
+    """Return what a channel's name means."""
+    bracketed = unit_in_name(name)
+    plain, unit = (_BRACKETS.sub(" ", name), bracketed) if bracketed is not None else _without_unit(name)
+    tokens = _tokens(plain)
+    folded = [token.casefold() for token in tokens]
+    whole = len(plain) > 1 and plain.strip().casefold() in TIME_NAMES
+    quantity = "time" if whole else _quantity(tokens)
+    side, side_word = _side(folded, quantity)
+    known = (*QUANTITY_WORDS.values(), PISTON_SIDE, ROD_SIDE, AT_VALVE, AT_CYLINDER)
+    return Words(
+        quantity=quantity,
+        side=side,
+        unit=unit,
+        wanted_value=any(WANTED_VALUE.rank(token) or token.endswith(("ref", "soll")) for token in folded),
+        at_valve=any(map(AT_VALVE.rank, folded)),
+        at_cylinder=any(map(AT_CYLINDER.rank, folded)),
+        carried=any(map(CARRIED.rank, folded)),
+        rest=tuple(token for token in folded if not any(vocabulary.rank(token) for vocabulary in known)),
+        side_word=side_word,
+    )
+
+
+def _tokens(name: str) -> list[str]:
+    """Return the words of a name; ``PA`` and ``Pa`` are a pressure and a port, ``pa`` only as the whole name."""
+    found = [str(word) for word in _TOKEN.findall(name)]
+    ports = ("PA", "PB", "Pa", "Pb", *(("pa", "pb") if len(found) == 1 else ()))
+    return [part for word in found for part in (word if word in ports else [word])]
+
+
+def _without_unit(name: str) -> tuple[str, str]:
+    """Return a name without a unit at its end, and that unit, if it fits what stands before it."""
+    match = _ENDING.match(name)
+    if match is None or match["unit"] == "pA":  # the pressure at port A
+        return name, ""
+    unit, named = match["unit"], _quantity(_tokens(match["name"]))
+    measures = quantity_of(unit)
+    fits = measures is not None and (measures == named or (named is None and len(unit) > 1))
+    if fits or (electrical(unit) is not None and named not in (None, "other")):
+        return match["name"], unit
+    return name, ""
+
+
+def _quantity(tokens: Sequence[str]) -> str | None:
+    best, found = 0, None
+    for quantity, vocabulary in QUANTITY_WORDS.items():
+        for word in tokens:
+            # A lone t is time, a lone T is temperature.
+            lone = word == "T"
+            rank = int(quantity == "temperature") if lone else vocabulary.rank(word.casefold())
+            if rank > best or (rank == best == 1 and _before(word, tokens, found)):
+                best, found = rank, quantity
+    return found
+
+
+def _before(token: str, tokens: Sequence[str], found: str | None) -> bool:
+    """Return whether a letter comes before the one that ``found`` was read from: ``x_p`` is a position."""
+    vocabulary = QUANTITY_WORDS[found or "other"]
+    others = [index for index, other in enumerate(tokens) if vocabulary.rank(other.casefold()) == 1]
+    return bool(others) and tokens.index(token) < others[0]
+
+
+def _side(tokens: Collection[str], quantity: str | None) -> tuple[int, str]:
+    """Return the side and its word; letters and digits count only with a word for pressure."""
+    for side, vocabulary in ((2, ROD_SIDE), (1, PISTON_SIDE), (-1, ELSEWHERE)):
+        for token in tokens:
+            rank = vocabulary.rank(token)
+            if rank == 2 or (rank == 1 and quantity == "pressure"):
+                return side, token
+    return 0, ""

@@ -1,0 +1,102 @@
+"""Small logs in formats that people meet, all of one motion and friction: the right result, or a refusal that helps.
+
+The files state nothing but what their kind states; the truth is 308.4 N in steady sliding, at most 0.1 m/s.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimation.from_logs import estimate_logs
+from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.storage import read_recording
+
+LOGS = Path(__file__).parents[2] / "../shared/data/field-logs"
+CYLINDER = Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
+HEAVY = Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=300.0)
+STATED = "2026-03-14T08:15:00.000"
+ROWS_200 = {"units": {"time": "200Hz"}}
+
+pytestmark = [
+    pytest.mark.extended,
+    pytest.mark.skipif(not LOGS.is_dir(), reason="the small logs are not there"),
+    pytest.mark.filterwarnings("ignore:no mapping was given:UserWarning"),
+    pytest.mark.filterwarnings("ignore:.*filter windows are in samples:UserWarning"),
+]
+
+
+@pytest.mark.parametrize(
+    ("file", "options", "duration_s", "start"),
+    [
+        ("row-counter/heavy_300kg_with_time.csv.gz", {}, 30.0, ""),
+        ("row-counter/sample_and_duration.csv.gz", {}, 30.0, ""),
+        ("row-counter/log.csv.gz", ROWS_200, 30.0, ""),
+        ("row-counter/heavy_300kg.csv.gz", ROWS_200, 30.0, ""),
+        ("ticks/filetime.csv.gz", {}, 20.0, STATED + "Z"),
+        ("ticks/stopwatch.csv.gz", {}, 20.0, ""),
+        ("tdms-waveform/dt0.001_Time.tdms", {}, 30.0, STATED + "Z"),
+        ("tdms-waveform/dt1_Zeit.tdms", {}, 30.0, STATED + "Z"),
+        ("excel-serial-days/serial.csv.gz", {}, 20.0, STATED),
+        ("matlab-objects/workspace_plain_v7.mat", {}, 20.0, ""),
+        ("matlab-objects/workspace_string_v7.mat", {}, 20.0, ""),
+        ("matlab-objects/timetable_v73.mat", {}, 20.0, ""),
+        ("header-lines/daq.csv.gz", {}, 20.0, STATED),
+        ("header-lines/daq.csv.gz", {"channels": "map2.yaml"}, 20.0, STATED),
+        ("header-lines/gl.csv.gz", {}, 30.0, STATED),
+        ("header-lines/gl.csv.gz", {"channels": "map.yaml"}, 30.0, STATED),
+        ("date-and-time/date_time.csv.gz", {}, 20.0, STATED),
+        ("date-and-time/us_ampm.csv.gz", {}, 20.0, STATED),
+        ("date-and-time/trend.csv.gz", {}, 20.0, STATED),
+        ("date-and-time/trend.csv.gz", {"channels": "time.yaml"}, 20.0, STATED),
+        ("coarse-pressures/log.csv.gz", {"channels": "map_bits.yaml"}, 20.0, ""),
+        ("percent-of-stroke/log.csv.gz", {}, 20.0, ""),
+        ("percent-of-stroke/log.csv.gz", {"channels": "map.yaml"}, 20.0, ""),
+        ("newest-first/grafana.csv.gz", {}, 20.0, STATED),
+        ("text-cells/pico.csv.gz", {"channels": "map.yaml"}, 20.0, ""),
+        ("text-cells/tt.csv.gz", {}, 20.0, ""),
+        ("text-cells/excel_point.csv.gz", {}, 20.0, ""),
+        ("dspace/rec1_001.mat", {}, 20.0, ""),
+    ],
+)
+def test_the_right_friction_duration_speed_and_start(
+    tmp_path: Path, file: str, options: dict[str, Any], duration_s: float, start: str
+) -> None:
+    if "channels" in options:
+        options = {"channels": LOGS / Path(file).parent / options["channels"]}
+    cylinder = HEAVY if "heavy" in file else CYLINDER
+    result = estimate_logs(LOGS / file, cylinder, tmp_path / "friction", **options)
+    assert result.refused == []
+    (entry,) = result.recordings
+    recording = read_recording(tmp_path / "friction" / f"{entry.name}.parquet")
+    velocity_m_s, friction_n = (recording.column(name) for name in ("velocity_m_s", "friction_n"))
+    sliding = recording.usable() & (np.abs(velocity_m_s) > 0.03)
+    assert np.abs(friction_n[sliding]).mean() == pytest.approx(308.4, rel=0.04 if "coarse" in file else 0.02)
+    assert len(recording) * recording.sample_time_s == pytest.approx(duration_s, rel=2e-3)
+    assert np.quantile(np.abs(velocity_m_s), 0.99) == pytest.approx(0.1, rel=0.03)
+    assert recording.metadata.start.partition(".")[0] == start.partition(".")[0]
+    assert recording.metadata.start.endswith("Z") == start.endswith("Z")
+
+
+@pytest.mark.parametrize(
+    ("file", "words"),
+    [
+        ("row-counter/log.csv.gz", r"'column_1' steps by exactly 1, so that it may count rows, .*--unit time=200Hz"),
+        ("row-counter/heavy_300kg.csv.gz", r"time_s cannot be guessed: 'column_1' steps by exactly 1"),
+        ("one-row-per-tag/panel.csv.gz", r"one row per value: 'VarName' names 'Zylinder_pA', .*pivot\(index='Time_ms'"),
+        (
+            "text-cells/pico.csv.gz",
+            r"that of pressure_1_pa, pressure_2_pa, position_m cannot be guessed; state channels",
+        ),
+    ],
+)
+def test_what_a_file_does_not_state_is_asked_for(tmp_path: Path, file: str, words: str) -> None:
+    with pytest.raises(RecordingError, match=words):
+        estimate_logs(LOGS / file, CYLINDER, tmp_path / "friction")
+
+
+def test_coarse_pressures_without_a_stated_resolution_are_refused(tmp_path: Path) -> None:
+    (refused,) = estimate_logs(LOGS / "coarse-pressures/log.csv.gz", CYLINDER, tmp_path / "friction").refused
+    assert "or its values are rounded: then state its range and bits as its sensor in the mapping" in refused.reason

@@ -1,0 +1,113 @@
+"""Clocks that two columns make, numbers that are dates, and rows that come newest first."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cylinder_friction.recordings.epochs import EPOCHS, epoch_of
+from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.reading import read_logged_file
+
+ROWS = 40
+STEPS_NS = 5_000_000 * np.arange(ROWS)
+BEGIN = np.datetime64("2026-03-14T08:15:00", "ns")
+STAMPS = BEGIN + STEPS_NS.astype("timedelta64[ns]")
+
+
+def read(folder: Path, header: str, rows: list[str], wanted: list[str] | None = None) -> LoggedTable:
+    (folder / "log.csv").write_text("\n".join([header, *rows, ""]), encoding="utf-8")
+    (table,) = read_logged_file(folder / "log.csv", wanted=wanted)
+    return table
+
+
+def written(form: str) -> list[str]:
+    return [
+        pd.Timestamp(stamp).strftime(form).format(ms=int(step) // 10**6 % 1000)
+        for stamp, step in zip(STAMPS, STEPS_NS, strict=True)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("header", "form", "clock"),
+    [
+        ("Date,Time,p", "%Y/%m/%d,%H:%M:%S.{ms:03d},1.5", "Time"),
+        ("Date,Time,p", "%Y/%m/%d,%H:%M:%S;{ms:03d},1.5", "Time"),
+        ("Date,Time,p", "%m/%d/%Y,%I:%M:%S.{ms:03d} %p,1.5", "Time"),
+        ("Datum;Uhrzeit;p", "%d.%m.%Y;%H:%M:%S,{ms:03d};1,5", "Uhrzeit"),
+        ("Number,Date&Time,ms,p", "7,%Y/%m/%d %H:%M:%S,{ms},1.5", "Date&Time"),
+    ],
+)
+@pytest.mark.parametrize("wanted", [True, False])
+def test_two_columns_of_one_stamp_are_put_together(
+    tmp_path: Path, header: str, form: str, clock: str, wanted: bool
+) -> None:
+    table = read(tmp_path, header, written(form), [clock, "p"] if wanted else None)
+    np.testing.assert_array_equal(table.channels[clock].to_numpy(), STAMPS)
+    assert [name for name in table.channels if name in ("Date", "Datum", "ms")] == []
+    assert table.channels["p"].tolist() == [1.5] * ROWS
+
+
+def test_the_date_carries_the_stamp_if_it_alone_is_wanted(tmp_path: Path) -> None:
+    table = read(tmp_path, "Date,Time,p", written("%Y/%m/%d,%H:%M:%S.{ms:03d},1.5"), ["Date", "p"])
+    np.testing.assert_array_equal(table.channels["Date"].to_numpy(), STAMPS)
+
+
+@pytest.mark.parametrize("epoch", EPOCHS, ids=lambda epoch: f"{epoch.unit} {epoch.since}")
+def test_numbers_since_a_known_date_are_dates(epoch: Any) -> None:
+    numbers = epoch.of_1970 + (
+        STAMPS.astype(np.int64) / epoch.unit_ns if epoch.unit_ns > 100 else STAMPS.astype(np.int64) // epoch.unit_ns
+    )
+    assert epoch_of(numbers) == epoch
+    late_ns = np.abs((epoch.stamps(numbers) - STAMPS).astype(np.int64))
+    assert late_ns.max() <= 2e-16 * numbers.max() * epoch.unit_ns
+
+
+@pytest.mark.parametrize(
+    "numbers",
+    [
+        46_000.0 + 0.005 * np.arange(ROWS),  # seconds since midnight, not days
+        46_000.0 + np.sin(np.arange(ROWS)),
+        1.9e9 + 0.005 * np.arange(ROWS),  # a date in the future
+        0.005 * np.arange(ROWS),
+        np.full(ROWS, 1.77e9),
+    ],
+)
+def test_other_numbers_are_no_dates(numbers: Any) -> None:
+    assert epoch_of(numbers) is None
+
+
+@pytest.mark.parametrize(
+    ("first", "unit", "utc", "words"),
+    [
+        (46095.34375, 1 / 86400, False, "'stamp' counts days since 30 December 1899 (Excel)"),
+        (134179497000000000, 10**7, True, "'stamp' counts ticks of 100 ns since 1601 (FILETIME)"),
+        (639090729000000000, 10**7, False, "'stamp' counts ticks of 100 ns since the year 1 (.NET)"),
+        (3856320900.0, 1, True, "'stamp' counts s since 1904 (LabVIEW)"),
+    ],
+)
+def test_a_file_states_what_its_numbers_count_from(
+    tmp_path: Path, first: float, unit: float, utc: bool, words: str
+) -> None:
+    table = read(
+        tmp_path,
+        "stamp,p",
+        [f"{first + 0.005 * row * unit!r},1" if unit != 10**7 else f"{first + 50_000 * row},1" for row in range(ROWS)],
+    )
+    assert (table.notes, table.utc) == ((f"time: {words}",), utc)
+    assert abs((table.channels["stamp"].iloc[0] - BEGIN) / np.timedelta64(1, "us")) < 10.0
+
+
+@pytest.mark.parametrize("form", ["%Y-%m-%d %H:%M:%S.{ms:03d},1.5", "{ms},1.5"])
+def test_rows_that_come_newest_first_are_turned_round(tmp_path: Path, form: str) -> None:
+    rows = written(form)
+    table, forward = (read(tmp_path, "Time,p", each) for each in (rows[::-1], rows))
+    assert table.notes == ("its newest row comes first; turned round",)
+    pd.testing.assert_frame_equal(table.channels, forward.channels)
+
+
+def test_a_countdown_beside_a_clock_turns_nothing_round(tmp_path: Path) -> None:
+    rows = [f"{row},{ROWS - row},1" for row in range(ROWS)]
+    assert read(tmp_path, "Time,Time left,p", rows).channels["Time"].tolist() == list(range(ROWS))
