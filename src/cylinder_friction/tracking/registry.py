@@ -134,7 +134,7 @@ def move_champion(root: Path, name: str, to: int | None = None) -> str:
         LineageError: There is no such model or version, or no previous champion.
         TrackingError: The registry cannot be reached.
     """
-    with open_store(root) as store:
+    with open_store(root, create=False, write=True) as store:
         versions, champion = _versions(store, name), champion_of(store, name)
         if not versions:
             raise LineageError(f"{name}: the registry at {store.uri} has no version of it; expected a registered model")

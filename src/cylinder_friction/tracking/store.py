@@ -89,8 +89,8 @@ def artifact_folder(root: Path) -> Path:
 
 
 @contextmanager
-def open_store(root: Path, *, create: bool = True) -> Iterator[Store]:
-    """Yield the store. With ``create`` it is made if it is not there, and others that write to it wait until the end.
+def open_store(root: Path, *, create: bool = True, write: bool = False) -> Iterator[Store]:
+    """Yield the store. With ``create`` it is made if it is not there. Who may ``write`` or ``create`` waits for others.
 
     The lock makes "look whether it is there, else log it" one step, and a killed process gives it back. Artifacts of
     the repository's own store are those of the repository as it lies now, also after it was moved or copied.
@@ -102,7 +102,7 @@ def open_store(root: Path, *, create: bool = True) -> Iterator[Store]:
     uri, root, given = tracking_uri(root), repository_root(root), os.environ.get(_VARIABLE)
     _refuse_what_is_no_store(uri, create=create)
     with ExitStack() as stack:
-        if create:
+        if create or write:
             stack.enter_context(_turn(root / LOCAL_FOLDER, uri))
         stack.callback(os.environ.update, {_VARIABLE: given} if given else {})
         stack.callback(mlflow.set_tracking_uri, None)  # type: ignore[arg-type]  # "ask the environment"
