@@ -225,9 +225,7 @@ def test_a_refused_file_in_a_folder_is_told_by_the_exit_status(
     assert main(["inspect", "logs", "ingest=rig"]) == 1
     told = capsys.readouterr().out
     assert "3 files: 2 ok, 1 refused" in told
-    assert (
-        "condition1_session03_recording01.csv: not usable\n  refused   motion " in told
-    )
+    assert "condition1_session03_recording01.csv: not usable\n  refused   motion " in told
     assert 'id="recording-3"' in (workplace / "reports/inspection.html").read_text(encoding="utf-8")
 
 
