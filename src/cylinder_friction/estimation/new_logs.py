@@ -68,7 +68,7 @@ def sort_logs(
     same_bytes = {name for name, digest in digests.items() if _all_there(of_file.get(name, ()), digest, folder)}
     same = {name for name in same_bytes if all(each.depends_on == depends_on for each in of_file[name])}
     changed = digests.keys() - same
-    early = {name for name in changed if 0.0 <= now_s - _changed_s(logs.files[name]) < SETTLED_S}
+    early = {name for name in changed - same_bytes if 0.0 <= now_s - _changed_s(logs.files[name]) < SETTLED_S}
     held = {digest: name for name, digest in digests.items() if name not in early}
     gone = {name for name, digest in known.items() if name not in digests and digest not in held}
     moved = {name: held[digest] for name, digest in known.items() if name not in digests and digest in held}

@@ -72,7 +72,8 @@ def read_isolated(path: Path, of: Format, wanted: Collection[str] | None, databa
     """
     if multiprocessing.current_process().daemon:
         return _read(path, of.name, wanted, database)
-    size = path.stat().st_size
+    size, path = path.stat().st_size, path.absolute()  # the process stays in the folder where it was started
+    database = None if database is None else database.absolute()
     limit_s, limit_bytes = LIMIT_S + LIMIT_PER_BYTE_S * size, LIMIT_BYTES + LIMIT_BYTES_PER_BYTE * size
     with _READER.lock:
         try:
