@@ -398,7 +398,7 @@ def test_a_new_champion_of_a_server_is_served_after_a_restart_and_its_lineage_ho
             found = lineage(CHAMPION, root)
             assert found.holds, found.text()
             other_model(root)
-    assert {path.name for path in tmp_path.iterdir()} == {"repository", "server", ".cylinder-friction"}
+    assert {path.name for path in tmp_path.iterdir()} == {"repository", "server"}
 
 
 @pytest.mark.parametrize(
