@@ -7,9 +7,9 @@ from typing import Annotated, Literal, Self
 import yaml
 from pydantic import AfterValidator, Field, model_validator
 
-from cylinder_friction.commands.params import composed
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.params.checking import PARAMS_FILE, ParamsError, checked
+from cylinder_friction.params.composing import composed
 from cylinder_friction.params.section import Count, Section, Seed
 from cylinder_friction.recordings.files import write_text
 from friction_benchmark.datasets import Sizes
