@@ -152,11 +152,18 @@ for command in (
 assert shell("bo", "cylinder-friction track", "stranger") == 1
 
 # %%
-# What the server holds now, for everybody who has a login:
+# What the server holds now, for everybody who has a login. Each recipe has an
+# experiment of its own:
 
+smoke = requests.get(
+    f"{url}/api/2.0/mlflow/experiments/get-by-name",
+    params={"experiment_name": "cylinder-friction-smoke"},
+    auth=("bo", password["bo"]),
+    timeout=30,
+).json()
 found = requests.post(
     f"{url}/api/2.0/mlflow/runs/search",
-    json={"experiment_ids": ["1"]},
+    json={"experiment_ids": [smoke["experiment"]["experiment_id"]]},
     auth=("bo", password["bo"]),
     timeout=30,
 ).json()
