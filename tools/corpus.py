@@ -43,7 +43,8 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).resolve().parents[1]
 STORED = ROOT / "tests/corpus"
 REASONS = STORED / "REASONS.md"
-DATA = ROOT.parent / "shared/data"
+NO_DATA = ROOT / "no recordings of others"
+"""Default of ``--data``: without such a folder the groups of other people's recordings are left out."""
 """Recordings of others, which are not part of the repository."""
 GROUPS = ("rig", "rig-model", "formats", "field-logs", "crane")
 CYLINDER = "bore_diameter_m=0.063,rod_diameter_m=0.028,stroke_m=0.25,moving_mass_kg=6.0"
@@ -114,7 +115,7 @@ def logs_of_formats(folder: Path) -> list[Path]:
     return [folder / kind for kind in SAMPLES]
 
 
-def computed(group: str, data: Path = DATA) -> dict[str, NDArray[np.float64]]:
+def computed(group: str, data: Path = NO_DATA) -> dict[str, NDArray[np.float64]]:
     """Run ``estimate`` on the logs of a group; return all columns of all results.
 
     Logs that are refused have no columns.
@@ -237,7 +238,9 @@ def unequal(one: Mapping[str, str], other: Mapping[str, str]) -> list[str]:
 def main() -> int:
     """Record, compare or hash, as the command line asks; return 1 if two commits differ."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data", type=Path, default=DATA, help="folder with crane and field-logs")
+    parser.add_argument(
+        "--data", type=Path, default=NO_DATA, help="folder with crane and field-logs; without it they are left out"
+    )
     parser.add_argument("--only", action="append", choices=GROUPS, help="a group; may be repeated; default: all")
     commands = parser.add_subparsers(dest="command", required=True)
     commands.add_parser("record").add_argument("reason", help="which change is meant to change what")

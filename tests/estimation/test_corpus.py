@@ -13,7 +13,8 @@ ROOT = Path(__file__).parents[2]
 sys.path.append(str(ROOT / "tools"))
 import corpus  # noqa: E402
 
-OTHERS = {"crane": corpus.DATA / "crane/scope", "field-logs": corpus.DATA / "field-logs"}
+DATA = ROOT / "../shared/data"
+OTHERS = {"crane": DATA / "crane/scope", "field-logs": DATA / "field-logs"}
 
 
 @pytest.mark.extended
@@ -23,7 +24,7 @@ def test_columns_are_as_stored(group: str) -> None:
         pytest.skip("recordings of others are not there")
     stored = corpus.stored_columns(group)
     assert any(name.endswith("/friction_n") for name in stored)
-    assert corpus.differences(stored, corpus.computed(group)) == []
+    assert corpus.differences(stored, corpus.computed(group, DATA)) == []
 
 
 @pytest.mark.parametrize(
