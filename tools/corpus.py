@@ -45,7 +45,6 @@ STORED = ROOT / "tests/corpus"
 REASONS = STORED / "REASONS.md"
 NO_DATA = ROOT / "no recordings of others"
 """Default of ``--data``: without such a folder the groups of other people's recordings are left out."""
-"""Recordings of others, which are not part of the repository."""
 GROUPS = ("rig", "rig-model", "formats", "field-logs", "crane")
 CYLINDER = "bore_diameter_m=0.063,rod_diameter_m=0.028,stroke_m=0.25,moving_mass_kg=6.0"
 KEPT_ROWS = ("friction_n", "lower_n", "upper_n", "label_n", "load_force_n", "usable", "flags", "levels")
