@@ -6,6 +6,7 @@ import re
 import shlex
 import signal
 import subprocess
+import sys
 import time
 import urllib.request
 from pathlib import Path
@@ -67,6 +68,12 @@ def test_it_works_in_a_finished_pipeline(finished_pipeline: Path, tmp_path: Path
 @pytest.mark.extended
 @pytest.mark.parametrize(("target", "sign"), [("ui", "http://"), ("serve", "curl"), ("live", "history")])
 def test_the_servers_answer(finished_pipeline: Path, target: str, sign: str) -> None:
+    if (
+        target == "live"
+    ):  # `make live` must not install this copy, which is gone soon, into the environment of the tests
+        if not (Path(sys.prefix) / ".installed-live").is_file():
+            pytest.skip("the live service is not installed; `make lint` or `make test-live` installs it")
+        os.utime(finished_pipeline / "live/pyproject.toml", (0.0, 0.0))
     process = subprocess.Popen(
         [*MAKE, target, *(["ARGS=--port 0"] if target != "ui" else [])],
         cwd=finished_pipeline,
