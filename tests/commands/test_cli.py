@@ -38,7 +38,7 @@ def test_help_of_stage_lists_every_stage_in_one_line(capsys: pytest.CaptureFixtu
 def test_version_and_completion_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
     assert output_of(["--version"], capsys).startswith("cylinder-friction 0.")
     script = output_of(["--print-completion", "bash"], capsys)
-    assert f"_shtab_cylinder_friction_pos_0_choices=({' '.join(COMMANDS)})" in script
+    assert f"_shtab_cylinder_friction_pos_0_choices=({' '.join(COMMANDS)}" in script  # and what plugins bring
     assert " ".join(STAGES) in script
 
 

@@ -68,9 +68,7 @@ def test_it_works_in_a_finished_pipeline(finished_pipeline: Path, tmp_path: Path
 @pytest.mark.extended
 @pytest.mark.parametrize(("target", "sign"), [("ui", "http://"), ("serve", "curl"), ("live", "history")])
 def test_the_servers_answer(finished_pipeline: Path, target: str, sign: str) -> None:
-    if (
-        target == "live"
-    ):  # `make live` must not install this copy, which is gone soon, into the environment of the tests
+    if target == "live":  # which must not install this copy, gone soon, into the environment of the tests
         if not (Path(sys.prefix) / ".installed-live").is_file():
             pytest.skip("the live service is not installed; `make lint` or `make test-live` installs it")
         os.utime(finished_pipeline / "live/pyproject.toml", (0.0, 0.0))
