@@ -21,7 +21,7 @@ from cylinder_friction.recordings.recording import Recording, SensorUncertainty
 from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.run_record import Dataset, RunRecord
 
-pytest_plugins = ("browser", "small_hybrid")
+pytest_plugins = ("browser", "made_recordings", "small_hybrid")
 PIPELINE = "tests/pipeline/"
 LONGEST = (PIPELINE, "tests/test_wheel.py")
 

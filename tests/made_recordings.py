@@ -1,7 +1,8 @@
-"""Labelled recordings whose friction is known in closed form; not from the rig."""
+"""Labelled recordings whose friction is known in closed form, not from the rig, and fixtures of them."""
 
 import numpy as np
 import pandas as pd
+import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
@@ -62,3 +63,16 @@ def take_of_each_condition(cylinder: Cylinder, takes: tuple[int, ...]) -> list[R
         for condition in (1, 2, 3, 4)
         for take in takes
     ]
+
+
+@pytest.fixture(scope="session")
+def cylinder() -> Cylinder:
+    return Cylinder(
+        name="Bosch H160CA 63x28", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0
+    )
+
+
+@pytest.fixture(scope="session")
+def labelled_recordings(cylinder: Cylinder) -> list[Recording]:
+    """Two recordings of each of the four tests, one session each."""
+    return take_of_each_condition(cylinder, (1, 2))

@@ -1,4 +1,4 @@
-"""Fixtures: the cylinder, labelled recordings whose friction is known in closed form, and a hybrid trained on them."""
+"""Fixtures: more recordings of ``made_recordings``, and a hybrid trained on them."""
 
 import pytest
 
@@ -8,19 +8,6 @@ from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.recordings.recording import Recording
 from made_recordings import take_of_each_condition
-
-
-@pytest.fixture(scope="session")
-def cylinder() -> Cylinder:
-    return Cylinder(
-        name="Bosch H160CA 63x28", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0
-    )
-
-
-@pytest.fixture(scope="session")
-def labelled_recordings(cylinder: Cylinder) -> list[Recording]:
-    """Two recordings of each of the four tests, one session each."""
-    return take_of_each_condition(cylinder, (1, 2))
 
 
 @pytest.fixture(scope="session")

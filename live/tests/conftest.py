@@ -23,7 +23,7 @@ from cylinder_friction_live.service import LiveService
 from cylinder_friction_live.settings import LiveLimits
 from live_process import PATIENT, Mosquitto, serving
 
-pytest_plugins = ("browser", "small_hybrid")
+pytest_plugins = ("browser", "made_recordings", "small_hybrid")
 
 
 @pytest.fixture(scope="session")

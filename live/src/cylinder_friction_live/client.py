@@ -41,7 +41,7 @@ class Client:
         start_time_s: When the sample of index 0 was taken [s, Unix]; None: now, less what was sent before.
 
     Attributes:
-        begins_anew: Why the session did not go on where it was when this client opened it; empty if it did.
+        begins_anew: Why this client's session began anew instead of resuming; empty if it resumed.
 
     Raises:
         LiveClientError: The service refuses the session, or is not there within half a minute.

@@ -70,7 +70,7 @@ class LiveSession:
     last_kept: LastRow | None = None  # Since it was opened
     flagged: Counter[str] = field(default_factory=Counter)  # Rows kept since then with each flag of ``UNKNOWN``
     owner: "Owner | None" = None
-    begins_anew: str = ""  # Why it does not go on where it was kept, until new estimates are kept; empty if it does
+    begins_anew: str = ""  # Why it began anew; empty if it resumed, or once new estimates are in the journal
 
     @property
     def next_index(self) -> int:
@@ -323,7 +323,7 @@ class LiveService:
         return [session.name for session in idle]
 
     def _restore(self, session: LiveSession, saved: SavedSession) -> None:
-        """Put a session where it stood when it was last kept; let it begin anew if another model kept it."""
+        """Restore a session from the journal, or begin it anew if another model wrote the journal."""
         session.order.next_index, session.order.counts = saved.next_index, Counts.from_dict(saved.counts)
         self._closed_outcomes.subtract(vars(session.order.counts))
         if saved.model == self.engine.model:

@@ -18,7 +18,7 @@ POWERS = (0.0, 1.0, 2.0, 3.0)
 WINDOWS = (0, 7, 15, 30, 60)
 """A change is dated by the sessions until at most the last of these numbers after its alarm: then its date stays."""
 UNUSUAL = 1.0
-"""A window is left out if its sessions differ from every shape by more than so many standard deviations."""
+"""A window whose sessions deviate from every shape by more than this is left out [standard deviations]."""
 LATEST, LEAST_TREND = 60, 10
 """What it is by now, and how fast it goes on, are seen in at most and at least so many sessions."""
 
