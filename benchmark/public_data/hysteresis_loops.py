@@ -32,7 +32,7 @@ _DAMPERS = {
     "damper 30 lb": "dataset-3/characterization tests/",
 }
 _THINNING = 4
-_DAMPER_FILTER = SavitzkyGolay(21, 2, 21, 2, 21, 2)
+_DAMPER_FILTER = SavitzkyGolay(0.02, 2, 0.02, 2, 0.02, 2)
 
 
 @dataclass(frozen=True)

@@ -70,12 +70,12 @@ CYLINDERS = {
 which is identified."""
 
 FILTERS = {
-    "emps": SavitzkyGolay(21, 2, 21, 2, 21, 2),
+    "emps": SavitzkyGolay(0.02, 2, 0.02, 2, 0.02, 2),
     "crane": SavitzkyGolay(),
     "pneumatic-seals": SavitzkyGolay(),
-    "tribometer": SavitzkyGolay(5, 2, 5, 2, 5, 2),
+    "tribometer": SavitzkyGolay(0.02, 2, 0.02, 2, 0.02, 2),
 }
-"""At 1 kHz and half a micrometre of resolution 21 ms are enough, alike for force, velocity and acceleration."""
+"""At 1 kHz and half a micrometre of resolution 20 ms are enough, alike for force, velocity and acceleration."""
 
 LOADS: dict[str, LoadMode] = {"emps": "none", "crane": "position", "pneumatic-seals": "position", "tribometer": "none"}
 

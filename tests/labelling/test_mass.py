@@ -28,7 +28,7 @@ def signals(
     acceleration = -amplitude_m * (rates**2 * np.sin(angle)).mean(axis=1)
     force_n = mass_kg * acceleration + 200.0 * velocity + 20.0 * np.sign(velocity) - 3.0
     wander = np.convolve(generator.normal(0.0, noise_n, len(time_s) + 49), np.full(50, 1.0 / 50**0.5), mode="valid")
-    chosen = SavitzkyGolay(21, 2, 21, 2, 21, 2)
+    chosen = SavitzkyGolay(0.02, 2, 0.02, 2, 0.02, 2)
     logged_m = position_m + generator.normal(0.0, 1e-7, len(time_s))
     return chosen.smooth_force(force_n + wander, STEP_S), position_m, *chosen.motion(logged_m, STEP_S)
 

@@ -37,6 +37,19 @@ def test_no_lag_on_a_sine(zero_phase: SignalFilter) -> None:
     assert best_lag(MovingAverage().smooth(samples, STEP_S).acceleration_m_s2, -np.sin(phase)) == 20
 
 
+@pytest.mark.parametrize(("sample_time_s", "half"), [(0.02, 5), (0.01, 10), (0.005, 20), (0.002, 50), (0.001, 100)])
+def test_windows_last_as_long_at_any_rate(sample_time_s: float, half: int) -> None:
+    assert SavitzkyGolay().support(sample_time_s).after == half
+    pulse = np.zeros(301)
+    pulse[150] = 1.0
+    velocity, _ = SavitzkyGolay().motion(pulse, sample_time_s)
+    assert np.flatnonzero(np.abs(velocity) > 1e-9)[-1] - 150 == (half + 1) // 2
+
+
+def test_shortest_windows_hold_two_samples_more_than_the_order() -> None:
+    assert SavitzkyGolay(1e-6, 2, 1e-6, 3, 1e-6, 3).support(0.005).after == 2
+
+
 @given(COEFFICIENT, COEFFICIENT, COEFFICIENT, COEFFICIENT)
 def test_savitzky_golay_is_exact_on_cubics_up_to_the_edges(a: float, b: float, c: float, d: float) -> None:
     time_s = STEP_S * np.arange(300)
@@ -78,14 +91,13 @@ def test_reach_tells_which_rows_an_input_touches(zero_phase: SignalFilter) -> No
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
-        ({"velocity_window": 20}, "for velocity: expected an odd window .* got window 20 and order 3"),
-        ({"pressure_window": 3, "pressure_order": 3}, "for pressure: expected an odd window longer than its order"),
-        ({"acceleration_order": 1}, "for acceleration: .* an order of at least 2, but got window 41 and order 1"),
+        ({"velocity_window_s": 0.0}, "for velocity: expected a positive window .* got window 0.0 s and order 3"),
+        ({"acceleration_order": 1}, "for acceleration: .* an order of at least 2, but got window 0.2 s and order 1"),
     ],
 )
-def test_impossible_savitzky_golay_is_refused(parameters: dict[str, int], message: str) -> None:
+def test_impossible_savitzky_golay_is_refused(parameters: dict[str, float], message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        SavitzkyGolay(**parameters)
+        SavitzkyGolay(**parameters)  # type: ignore[arg-type]
 
 
 def test_too_short_recordings_are_refused() -> None:

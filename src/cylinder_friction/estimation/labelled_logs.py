@@ -22,7 +22,7 @@ from cylinder_friction.recordings.reading_logs import Logs
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.result_folder import existing
 from cylinder_friction.recordings.storage import Keeper, Kept
-from cylinder_friction.signals.methods import default_filter, warn_of_rates
+from cylinder_friction.signals.methods import default_filter
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
@@ -108,7 +108,6 @@ class LabelledLogs:
                 labelled.append(outcome)
         if overlaps := batch.seen.overlaps():
             warnings.warn(overlaps, stacklevel=4)
-        warn_of_rates(self.friction.filter, {each.metadata.sample_time_s for each in labelled})
         shown = [each.evidence for each in labelled if each.evidence is not None]
         if shown:
             known = known_offsets([*_spread(evidence), *shown], self.cylinder, self.friction.plan)

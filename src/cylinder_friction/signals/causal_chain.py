@@ -17,6 +17,7 @@ from cylinder_friction.signals.causal import (
     difference_taps,
     moving_average_taps,
     one_sided_savitzky_golay_taps,
+    window_samples,
 )
 from cylinder_friction.signals.smooth_signals import P1, P2, SignalFilter, SmoothSignals, Support, X
 
@@ -82,17 +83,20 @@ class MovingAverage(CausalFir):
 class OneSidedSavitzkyGolay(CausalFir):
     """Polynomials fitted to the last samples and evaluated at the present one: the causal form of ``SavitzkyGolay``."""
 
-    pressure_window: int = 11  # Samples, as the other windows
-    pressure_order: int = 2  # the polynomial's, as the other orders
-    velocity_window: int = 21
+    pressure_window_s: float = 0.05  # Between the first and the last sample of a window [s]
+    pressure_order: int = 2  # Of the polynomial
+    velocity_window_s: float = 0.1
     velocity_order: int = 3
-    acceleration_window: int = 41
+    acceleration_window_s: float = 0.2
     acceleration_order: int = 3
 
     def taps(self, sample_time_s: float) -> tuple[Array, Array, Array]:
-        taps = one_sided_savitzky_golay_taps
+        def taps(window_s: float, order: int, derivative: int) -> Array:
+            window = window_samples(window_s, order, sample_time_s)
+            return one_sided_savitzky_golay_taps(window, order, derivative, sample_time_s)
+
         return (
-            taps(self.pressure_window, self.pressure_order, 0, sample_time_s),
-            taps(self.velocity_window, self.velocity_order, 1, sample_time_s),
-            taps(self.acceleration_window, self.acceleration_order, 2, sample_time_s),
+            taps(self.pressure_window_s, self.pressure_order, 0),
+            taps(self.velocity_window_s, self.velocity_order, 1),
+            taps(self.acceleration_window_s, self.acceleration_order, 2),
         )

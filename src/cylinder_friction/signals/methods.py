@@ -12,7 +12,7 @@ from cylinder_friction.signals.smooth_signals import SignalFilter
 from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyGolay
 
 WINDOWS_FOR_HZ = 200.0
-"""Rate that the default windows in samples were chosen for: the published ones, and those of Savitzky-Golay."""
+"""Rate that the published windows in samples were chosen for."""
 SAME_RATE = 0.1  # a rate within this share of another makes no difference to windows
 
 
@@ -52,32 +52,24 @@ def warn_of_rates(signal_filter: SignalFilter, sample_times_s: Iterable[float], 
 
 
 def windows_at(signal_filter: SignalFilter, sample_time_s: float, *, in_pipeline: bool = False) -> str:
-    """State how long default windows in samples last at a rate that they were not chosen for; empty if all is well.
+    """State how long the published windows last at a rate that they were not chosen for; empty if all is well.
 
-    Windows other than the defaults were chosen for the recordings; others still are in seconds. The advice is for the
-    pipeline, whose parameters are at hand, or for commands on logs, where the mapping is.
+    Windows other than the published ones were chosen for the recordings; other filters' windows are in seconds. The
+    advice is for the pipeline, whose parameters are at hand, or for commands on logs, where the mapping is.
     """
-    adaptive = isinstance(signal_filter, AdaptiveWindow)
-    windowed = signal_filter.derivatives if isinstance(signal_filter, AdaptiveWindow) else signal_filter
-    if not isinstance(windowed, MovingAverage | CentredMovingAverage | SavitzkyGolay):
+    if not isinstance(signal_filter, MovingAverage | CentredMovingAverage):
         return ""
-    windows = {name: value for name, value in vars(type(windowed)()).items() if name.endswith("window")}
-    chosen = any(getattr(windowed, name) != default for name, default in windows.items())
+    windows = {name: value for name, value in vars(type(signal_filter)()).items() if name.endswith("window")}
+    chosen = any(getattr(signal_filter, name) != default for name, default in windows.items())
     ratio = 1.0 / (WINDOWS_FOR_HZ * sample_time_s)
     if chosen or abs(ratio - 1.0) <= SAME_RATE:
         return ""
-    section = "savitzky_golay" if isinstance(windowed, SavitzkyGolay) else "moving_average"
-    used = {name: window for name, window in windows.items() if not (adaptive and name == "pressure_window")}
     times = ", ".join(
         f"{name} {window} lasts {window * sample_time_s:.3g} s in place of {window / WINDOWS_FOR_HZ:.3g} s"
-        for name, window in used.items()
+        for name, window in windows.items()
     )
-    odd = section == "savitzky_golay"
     rate = f"time.rate_hz: {WINDOWS_FOR_HZ:g} in the mapping"
-    same = " ".join(
-        f"filter.{section}.{name}={2 * round((window * ratio - 1.0) / 2.0) + 1 if odd else round(window * ratio)}"
-        for name, window in used.items()
-    )
+    same = " ".join(f"filter.moving_average.{name}={round(window * ratio)}" for name, window in windows.items())
     return (
         f"filter windows are in samples and were chosen for {WINDOWS_FOR_HZ:g} Hz, but recordings come at "
         f"{1.0 / sample_time_s:.4g} Hz: {times}; bring them to {WINDOWS_FOR_HZ:g} Hz with "

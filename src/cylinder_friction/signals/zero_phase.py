@@ -7,7 +7,7 @@ from functools import cache
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.signals.causal import cascade_taps
+from cylinder_friction.signals.causal import cascade_taps, window_samples
 from cylinder_friction.signals.causal_chain import MovingAverage, OneSidedSavitzkyGolay
 from cylinder_friction.signals.smooth_signals import SignalFilter, Support
 
@@ -42,55 +42,66 @@ class CentredMovingAverage(SignalFilter):
 class SavitzkyGolay(SignalFilter):
     """Polynomials fitted around each sample (Savitzky and Golay 1964), from raw signals.
 
+    A window is the odd number of samples that lasts nearest to its seconds, and at least two samples longer than the
+    order. At 200 Hz the defaults are 11, 21 and 41 samples.
+
     Raises:
-        ValueError: A window is even or not longer than its order, or the order is too low to differentiate.
+        ValueError: A window is not positive, or an order is too low to differentiate.
     """
 
-    pressure_window: int = 11  # Samples, odd, as the other windows
-    pressure_order: int = 2  # the polynomial's, as the other orders
-    velocity_window: int = 21
+    pressure_window_s: float = 0.05  # Between the first and the last sample of a window [s]
+    pressure_order: int = 2  # Of the polynomial
+    velocity_window_s: float = 0.1
     velocity_order: int = 3
-    acceleration_window: int = 41
+    acceleration_window_s: float = 0.2
     acceleration_order: int = 3
 
     def __post_init__(self) -> None:
         for signal, derivative in (("pressure", 0), ("velocity", 1), ("acceleration", 2)):
-            window, order = getattr(self, f"{signal}_window"), getattr(self, f"{signal}_order")
-            if window % 2 == 0 or not derivative <= order < window:
+            window_s, order = getattr(self, f"{signal}_window_s"), getattr(self, f"{signal}_order")
+            if not (window_s > 0.0 and math.isfinite(window_s) and order >= derivative):
                 raise ValueError(
-                    f"Savitzky-Golay for {signal}: expected an odd window longer than its order and an order of at "
-                    f"least {derivative}, but got window {window} and order {order}"
+                    f"Savitzky-Golay for {signal}: expected a positive window and an order of at least {derivative}, "
+                    f"but got window {window_s} s and order {order}"
                 )
 
     def causal(self) -> OneSidedSavitzkyGolay:
         """Return the causal filter with the same windows and orders."""
         return OneSidedSavitzkyGolay(**vars(self))
 
-    def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:  # noqa: ARG002 - windows are in samples
-        _refuse_short(force_n, self.pressure_window)
-        return _fitted(force_n, self.pressure_window, self.pressure_order)
+    def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
+        return _fitted(force_n, self._windows(sample_time_s)[0], self.pressure_order)
 
     def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
-        _refuse_short(position_m, max(self.velocity_window, self.acceleration_window))
-        velocity = _fitted(position_m, self.velocity_window, self.velocity_order, 1, sample_time_s)
-        acceleration = _fitted(position_m, self.acceleration_window, self.acceleration_order, 2, sample_time_s)
-        return velocity, acceleration
+        _, velocity, acceleration = self._windows(sample_time_s)
+        return (
+            _fitted(position_m, velocity, self.velocity_order, 1, sample_time_s),
+            _fitted(position_m, acceleration, self.acceleration_order, 2, sample_time_s),
+        )
 
-    def support(self, sample_time_s: float) -> Support:  # noqa: ARG002 - windows are in samples
-        half = max(self.pressure_window, self.velocity_window, self.acceleration_window) // 2
+    def support(self, sample_time_s: float) -> Support:
+        half = max(self._windows(sample_time_s)) // 2
         return Support(half, half)
 
-
-def _refuse_short(values: Array, window: int) -> None:
-    if len(values) < window:
-        raise ValueError(f"got {len(values)} samples, but Savitzky-Golay needs at least its window of {window}")
+    def _windows(self, sample_time_s: float) -> tuple[int, int, int]:
+        """Return the windows of pressure, velocity and acceleration in samples."""
+        return (
+            window_samples(self.pressure_window_s, self.pressure_order, sample_time_s),
+            window_samples(self.velocity_window_s, self.velocity_order, sample_time_s),
+            window_samples(self.acceleration_window_s, self.acceleration_order, sample_time_s),
+        )
 
 
 def _fitted(values: Array, window: int, order: int, derivative: int = 0, sample_time_s: float = 1.0) -> Array:
     """Return a derivative of the polynomial around each sample, at the edges of that of the first or last window.
 
     SciPy has the same in ``scipy.signal``, which takes longer to load than most logs take to label.
+
+    Raises:
+        ValueError: There are fewer values than the window holds.
     """
+    if len(values) < window:
+        raise ValueError(f"got {len(values)} samples, but Savitzky-Golay needs at least its window of {window}")
     at, half = _derivatives(window, order, derivative), window // 2
     rest, level = values - values[0], 0.0 if derivative else values[0]  # of a large constant, digits would be lost
     inner = np.convolve(rest, at[half, ::-1], mode="valid")

@@ -40,6 +40,6 @@ def test_noise_at_standstill_is_that_of_white_noise_through_the_taps(strokes: Re
 
 def test_a_filter_longer_than_the_recording_is_left_out_with_the_reason(strokes: Recording) -> None:
     short = Recording(strokes.metadata, strokes.table.iloc[:100])
-    costs, left_out = filter_costs({"long": SavitzkyGolay(velocity_window=201), "short": SavitzkyGolay()}, short)
+    costs, left_out = filter_costs({"long": SavitzkyGolay(velocity_window_s=1.0), "short": SavitzkyGolay()}, short)
     assert [cost.name for cost in costs if not cost.causal] == ["short"]
     assert left_out[0].startswith("long: got 100 samples")
