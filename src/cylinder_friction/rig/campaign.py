@@ -14,10 +14,24 @@ from cylinder_friction.rig.duty_cycles import duty_cycle
 from cylinder_friction.rig.external_load import ExternalLoad, crane_load, varied_load
 from cylinder_friction.rig.faults import with_fault
 from cylinder_friction.rig.lever import TICK_S
-from cylinder_friction.rig.parameters import BAR_PA, THROTTLE_GAINS, default_rig, refuse_unknown
+from cylinder_friction.rig.parameters import (
+    BAR_PA,
+    THROTTLE_GAINS,
+    RigParameters,
+    SensorParameters,
+    default_rig,
+    refuse_unknown,
+)
 from cylinder_friction.rig.sensors import measure
 from cylinder_friction.rig.simulate import balanced_state, simulate
-from cylinder_friction.rig.variation import PAUSE_S, Session, draw_rig, draw_session, draw_wide_rig
+from cylinder_friction.rig.variation import (
+    PAUSE_S,
+    Session,
+    draw_rig,
+    draw_session,
+    draw_wide_rig,
+    with_other_ratio,
+)
 
 TRUTH_COLUMNS = (
     "time_s",
@@ -42,6 +56,7 @@ EXTERNAL_LOADS = {
 """Forces on the rod, and how the metadata of a recording describe them."""
 SPECIMENS = {"default": draw_rig, "wide": draw_wide_rig}
 MAKEUP_GAIN = 2e-6  # Gain of the anti-cavitation valves: a quarter of a bar at 100 mm/s [m³/s/√Pa]
+LOSS_SPEED_M_S = 0.1  # Speed at which the loss of the lines is stated
 LOAD_SEED = 1
 """Last word of the seed of the load's random numbers, so that a campaign with a load has the same hand and noise."""
 
@@ -70,15 +85,14 @@ def campaign(cylinder: Cylinder, plan: CampaignPlan) -> Iterator[RigRecording]:
     refuse_unknown("specimen", plan.specimen, SPECIMENS)
     specimen = SPECIMENS[plan.specimen](default_rig(cylinder, plan.supply), _generator(plan, 0, 0, 0))
     specimen = with_fault(specimen, plan.fault)
-    sensors = replace(specimen.sensors, sample_time_s=plan.sample_time_s, load_delay_s=plan.load_delay_s)
-    specimen = replace(specimen, sensors=sensors)
-    if plan.external_load != "none":
+    specimen = replace(specimen, sensors=_sensors(plan, specimen))
+    if plan.external_load != "none" or plan.weight_n:
         # A load that pulls would draw a vacuum; circuits for such loads have anti-cavitation valves.
         specimen = replace(specimen, hydraulics=replace(specimen.hydraulics, makeup_gain=MAKEUP_GAIN))
     for condition, gain in THROTTLE_GAINS.items():
         for number in range(1, plan.sessions_per_condition + 1):
             session = draw_session(
-                specimen.with_throttle(gain),
+                _asymmetric(plan, specimen, int(condition)).with_throttle(gain),
                 _generator(plan, int(condition), number, 0),
                 plan.recordings_per_session * (plan.duration_s + PAUSE_S),
                 zeroed=plan.zeroed,
@@ -86,6 +100,29 @@ def campaign(cylinder: Cylinder, plan: CampaignPlan) -> Iterator[RigRecording]:
                 asymmetry_sd=plan.asymmetry_sd,
             )
             yield from _session(plan, session, condition, number)
+
+
+def _sensors(plan: CampaignPlan, specimen: RigParameters) -> SensorParameters:
+    """Return the specimen's sensors with the logger of the plan, at the cylinder or at the valve."""
+    flow_m3_s = LOSS_SPEED_M_S * specimen.hydraulics.piston_area_m2
+    laminar_pa = plan.line_laminar_share * plan.line_loss_bar * BAR_PA
+    return replace(
+        specimen.sensors,
+        sample_time_s=plan.sample_time_s,
+        load_delay_s=plan.load_delay_s,
+        pressure_lag_s=plan.pressure_lag_s,
+        line_laminar_pa_s_m3=laminar_pa / flow_m3_s,
+        line_turbulent_pa_s2_m6=(plan.line_loss_bar * BAR_PA - laminar_pa) / flow_m3_s**2,
+    )
+
+
+def _asymmetric(plan: CampaignPlan, specimen: RigParameters, condition: int) -> RigParameters:
+    """Return the specimen with the asymmetry of friction that a condition has."""
+    if not plan.asymmetry_by_condition:
+        return specimen
+    off = plan.asymmetry_by_condition * float(_generator(plan, condition, 0, 0).standard_normal())
+    asymmetry = with_other_ratio(specimen.friction.asymmetry, off)
+    return replace(specimen, friction=replace(specimen.friction, asymmetry=asymmetry))
 
 
 def _session(plan: CampaignPlan, session: Session, condition: str, number: int) -> Iterator[RigRecording]:
@@ -117,9 +154,14 @@ def _session(plan: CampaignPlan, session: Session, condition: str, number: int) 
 
 
 def _load(plan: CampaignPlan, stroke_m: float, *words: int) -> ExternalLoad | None:
+    load = None
     if plan.external_load == "varied":
-        return varied_load(_generator(plan, *words, LOAD_SEED), plan.duration_s, stroke_m)
-    return crane_load(plan.duration_s, stroke_m) if plan.external_load == "boom" else None
+        load = varied_load(_generator(plan, *words, LOAD_SEED), plan.duration_s, stroke_m)
+    elif plan.external_load == "boom":
+        load = crane_load(plan.duration_s, stroke_m)
+    elif plan.weight_n:
+        load = ExternalLoad.of_time(np.zeros(round(plan.duration_s / TICK_S) + 2))
+    return load if load is None else replace(load, force_n=load.force_n + plan.weight_n)
 
 
 def _metadata(plan: CampaignPlan, cylinder: str, condition: str, number: int, take: int) -> RecordingMetadata:

@@ -49,6 +49,13 @@ class CampaignPlan:
     # crane without a load cell, whose load depends on position alone
     external_load: Literal["none", "varied", "boom"] = "none"
     load_delay_s: _NotNegative = 0.0  # How late the load cell is, whole milliseconds [s]
+    weight_n: _NotNegative = 0.0  # Of what an upright cylinder lifts [N]; its mass belongs to the moving mass
+    # Transmitters at the valve: lost between valve and piston side at 0.1 m/s [bar], and the laminar part of it, 0 to 1
+    line_loss_bar: _NotNegative = 0.0
+    line_laminar_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.2
+    pressure_lag_s: _NotNegative = 0.0  # First-order lag of the pressure transmitters [s]
+    # Standard deviation, from condition to condition, of the ratio of friction retracting to friction extending
+    asymmetry_by_condition: _NotNegative = 0.0
     # ``"default"``, one rig within its tolerances, or ``"wide"``, any rig of this size
     specimen: Literal["default", "wide"] = "default"
 

@@ -116,6 +116,11 @@ class SensorParameters:
     pressure_offset_pa: tuple[float, float] = (0.0, 0.0)  # Of either transmitter [Pa]
     pressure_gain: tuple[float, float] = (1.0, 1.0)  # Of either transmitter, 1 when calibrated [-]
     pressure_drift_pa_s: tuple[float, float] = (0.0, 0.0)  # Of the offsets [Pa/s]
+    pressure_lag_s: float = 0.0  # First-order lag of either transmitter [s]
+    # What the line between either transmitter and its chamber loses: per flow [Pa s/m³] and per its square [Pa s²/m⁶];
+    # 0 where the transmitters are at the cylinder
+    line_laminar_pa_s_m3: float = 0.0
+    line_turbulent_pa_s2_m6: float = 0.0
     linearity_m: tuple[float, float] = (0.0, 0.0)  # Two half-wave amplitudes of the potentiometer's linearity error [m]
     backlash_m: float = 20e-6  # Backlash of its coupling [m]
     temperature_span_c: float = 100.0  # Range of the Pt100's transmitter, from 0 °C [K]

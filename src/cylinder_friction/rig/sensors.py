@@ -49,7 +49,7 @@ def measure(
     time_s = trace["time_s"].to_numpy()[::stride]
     columns: dict[str, Array] = {LOGGER_COLUMNS[0]: time_s}
     for side in (0, 1):
-        true_pa = trace[f"pressure_{side + 1}_pa"].to_numpy()
+        true_pa = _transmitted(sensors, trace, side, log_step_s)
         seen_pa = _anti_alias(true_pa, log_step_s, sensors.anti_alias_hz)[::stride] * sensors.pressure_gain[side]
         seen_pa += sensors.pressure_offset_pa[side] + sensors.pressure_drift_pa_s[side] * (session_time_s + time_s)
         seen_pa += generator.normal(0.0, sensors.pressure_noise_pa, len(time_s))
@@ -80,13 +80,31 @@ def as_written(table: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
+def _transmitted(sensors: SensorParameters, trace: pd.DataFrame, side: int, log_step_s: float) -> Array:
+    """Return the pressure that a transmitter follows [Pa]: that of its chamber and, at a valve, what the line loses.
+
+    Oil that flows into the chamber makes the pressure at the valve higher than the chamber's, oil that flows out lower.
+    """
+    pressure_pa = trace[f"pressure_{side + 1}_pa"].to_numpy()
+    if sensors.line_laminar_pa_s_m3 or sensors.line_turbulent_pa_s2_m6:
+        flow_m3_s = np.gradient(trace[f"volume_{side + 1}_m3"].to_numpy(), log_step_s)
+        turbulent = sensors.line_turbulent_pa_s2_m6 * np.abs(flow_m3_s)
+        pressure_pa = pressure_pa + (sensors.line_laminar_pa_s_m3 + turbulent) * flow_m3_s
+    return _late(pressure_pa, sensors.pressure_lag_s, log_step_s) if sensors.pressure_lag_s else pressure_pa
+
+
+def _late(values: Array, lag_s: float, step_s: float) -> Array:
+    """Return values behind a first-order lag, in its steady state at the first of them."""
+    keep = np.exp(-step_s / lag_s)
+    late, _ = signal.lfilter([1.0 - keep], [1.0, -keep], values, zi=[keep * values[0]])
+    return np.asarray(late)
+
+
 def _thermometer(
     sensors: SensorParameters, trace: pd.DataFrame, log_step_s: float, stride: int, generator: Generator
 ) -> Array:
     """Return what the Pt100 in its well reads [°C]: late by its time constant, off by its offset."""
-    keep = np.exp(-log_step_s / sensors.temperature_lag_s)
-    true_c = trace["oil_temperature_c"].to_numpy()
-    late_c, _ = signal.lfilter([1.0 - keep], [1.0, -keep], true_c, zi=[keep * true_c[0]])
+    late_c = _late(trace["oil_temperature_c"].to_numpy(), sensors.temperature_lag_s, log_step_s)
     seen_c = late_c[::stride] + sensors.temperature_offset_c
     seen_c += generator.normal(0.0, sensors.temperature_noise_c, len(seen_c))
     return _converted(seen_c, sensors.temperature_span_c, sensors.bits, 0.0)

@@ -97,12 +97,16 @@ def draw_session(
     temperature_c = float(generator.uniform(24.0, 46.0))
     load_offset_n, load_gain = generator.uniform(-1.0, 1.0, 2)
     sensors = replace(sensors, load_offset_n=7.0 * float(load_offset_n), load_gain=1.0 + 0.001 * float(load_gain))
-    asymmetry = rig.friction.asymmetry
-    ratio = (1.0 + asymmetry) / (1.0 - asymmetry) + asymmetry_sd * float(generator.standard_normal())
-    if asymmetry_sd:
-        asymmetry = (ratio - 1.0) / (ratio + 1.0)
+    off = asymmetry_sd * float(generator.standard_normal())
+    asymmetry = with_other_ratio(rig.friction.asymmetry, off) if asymmetry_sd else rig.friction.asymmetry
     rig = replace(rig, sensors=sensors, friction=replace(rig.friction, asymmetry=asymmetry))
     return Session(rig, temperature_c, np.asarray(day + wander))
+
+
+def with_other_ratio(asymmetry: float, off: float) -> float:
+    """Return the asymmetry whose ratio of friction retracting to friction extending is larger by ``off``."""
+    ratio = (1.0 + asymmetry) / (1.0 - asymmetry) + off
+    return (ratio - 1.0) / (ratio + 1.0)
 
 
 def _calibrated(
