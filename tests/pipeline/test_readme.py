@@ -1,4 +1,4 @@
-"""Every command in the README is run here; one that nobody runs fails the test."""
+"""Run every command in the README, and some that the guides begin with. A README command that nobody runs fails."""
 
 import json
 import os
@@ -22,6 +22,7 @@ RUN_IN_A_FINISHED_PIPELINE = {
     "cylinder-friction ingest init data/raw/rig/condition1_session01_recording01.csv": 'channel: "P1 [bar]", unit: bar',
     "cylinder-friction inspect data/raw/rig/condition1_session01_recording01.csv": "1 file: 1 ok",
     'make params ARGS="experiment=smoke"': "",
+    'make params ARGS="experiment=paper"': "",
     'make params ARGS="search.trials=30 train.training.epochs=40"': "",
     "make params": "",
     'make params ARGS="experiment=own"': "",
@@ -34,14 +35,9 @@ RUN_IN_A_FINISHED_PIPELINE = {
     "cylinder-friction lineage": "links hold",
 }
 RUN_ELSEWHERE = {
-    "make test": "is what runs this",
     "make reproduce": "tests/pipeline/conftest.py",
     "make ui": "test_the_servers_answer",
     "make serve": "test_the_servers_answer",
-    "make live": "test_the_servers_answer",
-    "dvc repro": "tests/pipeline/test_kill.py",
-    "make benchmark": "benchmark/tests/test_pipeline.py",
-    'make seeds ARGS="1 2 3"': "tests/pipeline/test_smoke_pipeline.py",
     "dvc exp run -S experiment=smoke -S register.tolerance_percent=0.2": "test_an_experiment_composes",
 }
 
@@ -52,7 +48,8 @@ def commands_of_the_readme() -> list[str]:
 
 
 def test_every_command_is_run_by_a_test() -> None:
-    assert set(commands_of_the_readme()) == set(RUN_IN_A_FINISHED_PIPELINE) | set(RUN_ELSEWHERE)
+    assert commands_of_the_readme()
+    assert set(commands_of_the_readme()) <= set(RUN_IN_A_FINISHED_PIPELINE) | set(RUN_ELSEWHERE)
 
 
 @pytest.mark.parametrize("command", sorted(RUN_IN_A_FINISHED_PIPELINE))

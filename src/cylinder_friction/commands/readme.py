@@ -3,7 +3,9 @@
 import argparse
 from pathlib import Path
 
+from cylinder_friction.evaluation.comparison import LABEL_ITSELF
 from cylinder_friction.recordings.files import write_bytes, write_text
+from cylinder_friction.reporting.estimator_titles import title
 from cylinder_friction.run_record import records_in
 
 BEGIN, END = "<!-- result: begin (make readme) -->", "<!-- result: end -->"
@@ -11,8 +13,12 @@ EXPECTED = (ValueError,)
 PICTURES = {"figure6_friction_over_time.png": "docs/images/friction_over_time.png"}
 
 
+_ROWS = ("lugre", "force_balance_low_pass", "paper_hybrid", "hybrid", LABEL_ITSELF)
+"""The estimators that the README shows; the report has all."""
+
+
 def update_readme(readme: Path, reports: Path) -> None:
-    """Put ``reports/table.md`` between the markers and the pictures into ``docs/images``.
+    """Put the main rows of ``reports/table.md`` between the markers, and the pictures into ``docs/images``.
 
     Raises:
         FileNotFoundError: The pipeline has not run.
@@ -27,7 +33,20 @@ def update_readme(readme: Path, reports: Path) -> None:
     for source, target in PICTURES.items():
         write_bytes(readme.parent / target, (reports / "figures" / source).read_bytes())
     before, after = text.split(BEGIN)[0], text.split(END)[1]
-    write_text(readme, f"{before}{BEGIN}\n\n{table.read_text(encoding='utf-8').strip()}\n\n{END}{after}")
+    write_text(readme, f"{before}{BEGIN}\n\n{main_rows(table.read_text(encoding='utf-8'))}\n\n{END}{after}")
+
+
+def main_rows(markdown: str) -> str:
+    """Shorten the tables of a comparison to the first one, which is against true friction if that is known."""
+    lines: list[str] = []
+    begun = False
+    for line in markdown.strip().splitlines():
+        if begun and not line.startswith("|"):
+            break
+        if not begun or line.startswith("|---") or any(line.startswith(f"| {title(name)} ") for name in _ROWS):
+            lines.append(line)
+        begun = begun or line.startswith("|")
+    return "\n".join(lines)
 
 
 def run(_options: argparse.Namespace) -> None:
