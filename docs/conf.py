@@ -1,6 +1,7 @@
 """How Sphinx builds the site: guides as they stand, tutorials executed, the reference from the docstrings."""
 
 import os
+import shutil
 import sys
 import warnings
 from importlib.metadata import version as installed_version
@@ -18,7 +19,7 @@ project = "cylinder-friction"
 release = version = installed_version("cylinder-friction")
 project_copyright = "the authors of cylinder-friction, MIT licence"
 extensions = [
-    "myst_parser",
+    "myst_nb",
     "sphinx_external_toc",
     "sphinx.ext.autodoc",
     "sphinx.ext.napoleon",
@@ -49,6 +50,20 @@ sphinx_gallery_conf = {
 }
 
 
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 600  # for one cell [s]
+nb_merge_streams = True
+
+
+def copy_notebooks(_app: Sphinx) -> None:
+    """Copy the notebooks of ``examples/`` beside the pages that the gallery makes of the programs there."""
+    (ROOT / "docs/examples").mkdir(exist_ok=True)
+    for notebook in (ROOT / "examples").glob("*.ipynb"):
+        shutil.copy(notebook, ROOT / "docs/examples")
+
+
 def setup(app: Sphinx) -> None:
     """Read the page of commands anew each time: Sphinx does not see the parser that it is made from."""
     app.connect("env-get-outdated", lambda *_: ["commands"])
+    app.connect("builder-inited", copy_notebooks)
