@@ -1,4 +1,4 @@
-"""Libraries that only some work needs: which extra of the package brings each, and the message where it is missing."""
+"""Libraries that only some work needs: which extra of the package brings each, and the message if it is missing."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def not_installed(package: str, extra: str) -> str:
 
 @contextmanager
 def explained(wanted: str = "") -> Iterator[None]:
-    """Raise ``MissingExtraError`` where the block, or the function below, imports a library that is not installed.
+    """Raise ``MissingExtraError`` if the block, or the function below, imports a library that is not installed.
 
     It names the extra that is ``wanted`` for everything that is done here, if that brings the library.
     """

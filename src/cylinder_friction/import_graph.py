@@ -76,7 +76,7 @@ def imported_modules(module: str, packages: Mapping[str, Path] = PACKAGES, *, ty
 
 
 def remove_stale_machine_code(packages: Mapping[str, Path] = PACKAGES) -> None:
-    """Remove what Numba keeps beside the packages' modules where a file that decides what they do is newer.
+    """Remove what Numba keeps beside the packages' modules if a file that decides what they do is newer.
 
     Numba itself looks at the file of a function, not at those of the functions and constants in it: after a change of
     one of these it would go on running what it compiled before.

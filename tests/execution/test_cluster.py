@@ -205,4 +205,4 @@ def test_over_tls_pieces_are_done_and_whoever_has_no_certificate_is_refused(
             expected = f"{cluster.address}, whose scheduler wants a certificate, and there is none{problem}"
             assert f"WorkersError: CYLINDER_FRICTION_WORKERS is {expected}" in refused
             assert refused.endswith(f"; set {TLS}CA_FILE, {TLS}CLIENT__CERT and {TLS}CLIENT__KEY to their files")
-        assert "where no Dask scheduler responds" in run_twice(cluster.address.replace("tls", "tcp"), {}).stderr
+        assert "no Dask scheduler responds there" in run_twice(cluster.address.replace("tls", "tcp"), {}).stderr

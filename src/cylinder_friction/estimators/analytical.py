@@ -46,7 +46,7 @@ class AnalyticalEstimator(FrictionEstimator):
         inputs: Columns of a sample; ``position_m`` must be one, and a pair of pressures for a model scaled by them.
         condition: The ``metadata.condition`` of the recordings that it is identified on; None for all.
         effort: How hard to search.
-        velocity_dead_band_m_s: Slower counts as standstill, where no backlash operator decides [m/s].
+        velocity_dead_band_m_s: Slower counts as standstill, if no backlash operator decides [m/s].
         damping_ratio: Damping ratio of the moving mass on the bristles.
         confidence: Probability of the confidence intervals.
 

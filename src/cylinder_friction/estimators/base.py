@@ -164,7 +164,7 @@ class FrictionEstimator(ABC):
 
         Args:
             recording: At the sample time of training.
-            offset_n: Offset of the sensors' zeros in friction to start from, where the estimator learns one [N].
+            offset_n: Offset of the sensors' zeros in friction to start from, if the estimator learns one [N].
             offset_uncertainty_n: Its standard uncertainty [N]; None: as the sensors' zeros were stated.
 
         Raises:
@@ -436,7 +436,7 @@ class FrictionEstimator(ABC):
         return self._loaded(recording).zeroed().lagged(self.lag_samples)
 
     def _loaded(self, recording: Recording) -> Recording:
-        """Return a recording with the load that position decides, where one is known."""
+        """Return a recording with the load that position decides, if one is known."""
         if self.position_load is None:
             return recording
         return recording.with_columns(**{LOAD_FORCE: self.position_load.of(recording)})

@@ -145,7 +145,7 @@ def fit_front_end(
         design: ``paper``: pressures, and any further input, through a moving average of 10 and velocity from
             differences of the averaged position, nothing to correct. ``force_balance``: the force balance and what
             moves it, correcting the least-squares smoothed force balance. ``full``: all features that the inputs allow,
-            the history of motion too; ``force_balance`` is the same where there are no raw pressures, and then there is
+            the history of motion too; ``force_balance`` is the same if there are no raw pressures, and then there is
             nothing to correct.
         cylinder: Its areas.
         recordings: Labelled recordings of one sample time.
@@ -190,7 +190,7 @@ def unscaled_front_end(
 
 
 def with_history(front_end: FrontEnd) -> FrontEnd:
-    """Return an unscaled front end with the history of motion, where a smoothed position is among its features."""
+    """Return an unscaled front end with the history of motion, if a smoothed position is among its features."""
     if SMOOTH_POSITION not in front_end.names:
         return front_end
     place, count = front_end.names.index(SMOOTH_POSITION), len(HISTORY_NAMES)

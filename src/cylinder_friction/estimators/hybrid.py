@@ -400,7 +400,7 @@ def forest_input(design: Design, hidden: Any, head: Any, features: Any) -> Any:
 
 
 def _tracker_of(recordings: Sequence[Recording], cylinder: Cylinder, inputs: tuple[str, ...]) -> OffsetTracker | None:
-    """Return how the sensors' offset is learned, or None where none was identified surely enough."""
+    """Return how the sensors' offset is learned, or None if none was identified surely enough."""
     if not (all(each.metadata.identified_zero for each in recordings) and set(SAMPLE_COLUMNS) <= set(inputs)):
         return None
     return fit_offset_tracker(recordings, cylinder, inputs) if zeros_are_known(recordings) else None

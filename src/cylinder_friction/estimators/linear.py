@@ -215,7 +215,7 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
         return 3
 
     def step_model(self) -> StepModel:
-        """Return what one real-time step needs, the response without end cut where the rest no longer counts."""
+        """Return what one real-time step needs, the response without end cut if the rest no longer counts."""
         self._refuse_unfitted()
         assert self.weight is not None
         length = 1 if self.weight >= 1.0 else 1 + int(np.log(FORGOTTEN) / np.log1p(-self.weight))

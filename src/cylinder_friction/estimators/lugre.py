@@ -67,7 +67,7 @@ class LugreEstimator(AnalyticalEstimator):
         )
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
-        """Choose the condition where none is stated, then identify as ``AnalyticalEstimator.fit`` does."""
+        """Choose the condition if none is stated, then identify as ``AnalyticalEstimator.fit`` does."""
         if self.condition is None and recordings:
             self.condition = condition_of_smallest_friction(recordings)
         return super().fit(recordings)

@@ -50,7 +50,7 @@ class Trace:
     pressure_2_pa: Array
     label_n: Array  # Friction from the equation of motion [N]; may be NaN where not usable
     usable: Mask  # Rows that count
-    truth_n: Array | None  # True friction [N], or None where it is not known
+    truth_n: Array | None  # True friction [N], or None if it is not known
     estimates_n: Mapping[str, Array]  # Estimated friction [N] by estimator
 
 

@@ -22,7 +22,7 @@ class Coverage:
     condition: str  # Name of the operating condition, or ``all``
     rows: int
     held_percent: float  # Of all rows
-    held_near_events_percent: float | None  # Of those near starts, stops and reversals; None where there is none
+    held_near_events_percent: float | None  # Of those near starts, stops and reversals; None if there is none
     worst_session: str  # The session whose rows are held least often
     worst_session_percent: float
     mean_width_n: float  # Upper less lower bound, mean over the rows [N]
@@ -43,7 +43,7 @@ def coverage(
     truth_n: Mapping[str, Array],
     event_window_s: float = 0.1,
 ) -> list[Coverage]:
-    """Return the coverage of the label and, where it is known, of true friction; nothing without calibrated bounds.
+    """Return the coverage of the label and, if it is known, of true friction; nothing without calibrated bounds.
 
     Args:
         estimator: Fitted and calibrated.

@@ -17,7 +17,7 @@ class Errors:
     rows: int  # Number of rows that count
     mae_n: float  # Mean absolute error [N]
     rmse_n: float  # Root of the mean squared error [N]
-    bias_n: float  # Mean of estimate minus reference [N]; positive where the estimate is too large
+    bias_n: float  # Mean of estimate minus reference [N]; positive if the estimate is too large
     p95_n: float  # 95th percentile of the absolute error [N]
     mean_abs_friction_n: float  # Mean of the reference's absolute value [N], the denominator of ``percent``
     percent: float  # ``100 * mae_n / mean_abs_friction_n``

@@ -13,7 +13,7 @@ Reference = Literal["label", "truth"]
 def reported_errors(conditions: Mapping[str, Mapping[str, float]]) -> tuple[Reference, dict[str, float]]:
     """Return an estimator's error by condition [percent of mean |friction|], and what it is measured against.
 
-    That is true friction where it is known in every condition: an estimator that is nearer to friction is not refused
+    That is true friction if it is known in every condition: an estimator that is nearer to friction is not refused
     for reproducing less of the label's noise. An error that the report lacks is NaN.
     """
     reference: Reference = "truth" if all("truth_percent" in each for each in conditions.values()) else "label"

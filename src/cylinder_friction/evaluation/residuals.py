@@ -82,7 +82,7 @@ def residual_figures(residual_n: Array, usable: Mask) -> ResidualFigures:
 def autocorrelation(residual_n: Array, usable: Mask, lags: int) -> Array:
     """Return the autocorrelation at 0 to ``lags`` samples, shape ``(lags + 1,)``, over pairs of usable rows.
 
-    Missing rows count as missing, not as zero (Parzen 1963); a lag without any pair gives 0. All NaN where the
+    Missing rows count as missing, not as zero (Parzen 1963); a lag without any pair gives 0. All NaN if the
     residuals do not vary.
     """
     lags = min(lags, len(residual_n) - 1)

@@ -62,7 +62,7 @@ def half_width_points(deviations: Mapping[str, Array], of: Collection[str]) -> f
         of: Conditions, whose percentages count alike.
 
     Returns:
-        NaN where no condition has two sessions, because nothing then shows how much they differ.
+        NaN if no condition has two sessions, because nothing then shows how much they differ.
     """
     freedom = sum(len(each) - 1 for each in deviations.values())
     if freedom < 1:

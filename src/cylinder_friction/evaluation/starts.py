@@ -26,12 +26,12 @@ class Starts:
 
 
 def starts(estimator: FrictionEstimator, recordings: Sequence[Recording], truth_n: Mapping[str, Array]) -> list[Starts]:
-    """Return the errors of either start by condition; nothing where no offset is learned.
+    """Return the errors of either start by condition; nothing if no offset is learned.
 
     Args:
         estimator: Fitted.
         recordings: Held out, with ``friction_n`` and ``usable``; those of a session follow each other by name.
-        truth_n: True friction [N] by recording name; the reference where it is known of all, else the label is.
+        truth_n: True friction [N] by recording name; the reference if it is known of all, else the label is.
     """
     if estimator.offset is None:
         return []

@@ -44,7 +44,7 @@ class Excerpt:
 def excerpt(comparison: Comparison, condition: str, shown: Sequence[str], duration_s: float) -> Excerpt:
     """Return the first stretch of a condition's recordings with the most usable rows in motion.
 
-    Its lines are ``label``, ``truth`` where it is known, and the estimators in ``shown``.
+    Its lines are ``label``, ``truth`` if it is known, and the estimators in ``shown``.
     """
     best = (-1, 0, 0, 0)
     traces = comparison.of_condition(condition)

@@ -128,7 +128,7 @@ class Cluster(ExecutorWorkers):
             return Client(**where, timeout=CONNECT_S, set_as_default=False, direct_to_workers=False)
         except OSError:  # a time-out among them
             raise WorkersError(
-                f"{VARIABLE} is {self.address}, where no Dask scheduler responds within {CONNECT_S:.0f} s; start one "
+                f"{VARIABLE} is {self.address}, but no Dask scheduler responds there within {CONNECT_S:.0f} s; start one "
                 f"with `dask scheduler`, or unset {VARIABLE}"
             ) from None
 

@@ -16,8 +16,8 @@ def workers_from_environment(default: int = 1, least: int = 0) -> Workers:
     """Return the workers that ``CYLINDER_FRICTION_WORKERS`` names, to be used in a ``with`` statement.
 
     Args:
-        default: Processes of this machine where the variable is unset; 1: no others than this one.
-        least: Of fewer pieces each is done here, where the variable is unset.
+        default: Processes of this machine if the variable is unset; 1: no others than this one.
+        least: Of fewer pieces each is done here, if the variable is unset.
 
     Raises:
         WorkersError: Its value means nothing.
@@ -29,7 +29,7 @@ def workers_from_environment(default: int = 1, least: int = 0) -> Workers:
     if text.isascii() and text.isdecimal() and int(text) > 0:
         return Processes(int(text)) if int(text) > 1 else Workers()
     if re.fullmatch(r"(tcp|tls)://[^\s/]+:\d+", text) or Path(text).is_file():
-        from cylinder_friction.execution.cluster import Cluster  # Dask: only where it is asked for
+        from cylinder_friction.execution.cluster import Cluster  # Dask: only if it is asked for
 
         return Cluster(text)
     raise WorkersError(

@@ -2,7 +2,7 @@
 
 The errors of an estimate on recordings that it was not trained on are sorted by regime, and their quantiles become the
 bounds (split conformal prediction: Vovk, Gammerman and Shafer 2005; within groups: Vovk, Lindsay, Nouretdinov and
-Gammerman 2003, "Mondrian confidence machine"). Errors are against the label, whose own uncertainty is added where it is
+Gammerman 2003, "Mondrian confidence machine"). Errors are against the label, whose own uncertainty is added if it is
 stated: a sensor's offset shifts label and estimate alike, so that the errors do not show it. The bounds then hold
 friction, over all sessions; a session whose offset is large is held less often, as its offset is the same in all rows.
 The regime follows from the causal velocity, so every runtime knows it at once; what counts as standstill follows from

@@ -107,7 +107,7 @@ UNKNOWN = {
 
 
 def unknown_in_words(rows: int, by_flag: Mapping[str, int]) -> str:
-    """Return why estimates are not to be used as they are, from how many rows have each flag; empty where they are."""
+    """Return why estimates are not to be used as they are, from how many rows have each flag; empty if they are."""
     if rows < LEAST_ROWS:
         return ""
     for flag, words in UNKNOWN.items():

@@ -14,8 +14,8 @@ class Forest:
 
     feature: NDArray[np.int64]  # Feature that each node asks for, shape ``(nodes,)``; -1 in a leaf
     threshold: NDArray[np.float32]  # Shape ``(nodes,)``, single precision, as the features are
-    left: NDArray[np.int64]  # Index of the next node where it does, shape ``(nodes,)``
-    right: NDArray[np.int64]  # Index of the next node where it does not, shape ``(nodes,)``
+    left: NDArray[np.int64]  # Index of the next node if it does, shape ``(nodes,)``
+    right: NDArray[np.int64]  # Index of the next node if it does not, shape ``(nodes,)``
     value: NDArray[np.float32]  # What a leaf adds, already divided by the number of trees, shape ``(nodes,)``
     roots: NDArray[np.int64]  # Index of each tree's first node, shape ``(trees,)``
     depth: int  # Longest way from a root to a leaf

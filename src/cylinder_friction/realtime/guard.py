@@ -23,7 +23,7 @@ travel over which one did in a recording of training, half of them, as converter
 FREEZE_TIME_S = 2.0
 FREEZE_FORCE_RATIO = 2.0
 """A piston that resists more than this many times the largest friction of training is not at rest by friction."""
-UNKNOWN_FORCE_N = 1e9  # Larger than any cylinder's force: stands where the largest friction of training is not known
+UNKNOWN_FORCE_N = 1e9  # Larger than any cylinder's force: stands for an unknown largest friction of training
 WARM_UP_S = 3.0
 RECOVERY_S = 3.0
 """After NaN, out-of-range and frozen stretches of 1 to 1000 samples the default hybrid is back within 0.5 N of the
@@ -33,7 +33,7 @@ middle of a motion after 88 and 490. (3360 disturbances of the 16 test recording
 
 @dataclass(frozen=True)
 class TrainingRange:
-    """Smallest and largest value of each column in training: raw samples, and the velocity where it counts."""
+    """Smallest and largest value of each column in training: raw samples, and the velocity if it counts."""
 
     columns: tuple[str, ...]  # Of a recording
     # One number per column, in its unit
@@ -88,10 +88,10 @@ def guard_from(
 
     Args:
         training_range: Smallest and largest raw samples of training, one column per input.
-        largest_friction_n: Largest absolute label of training [N]; infinite where it is not known, which leaves a
+        largest_friction_n: Largest absolute label of training [N]; infinite if it is not known, which leaves a
             frozen position unnoticed.
         sample_time_s: Between two samples [s].
-        load: Decided by position: positions where it is not known count as outside the training range.
+        load: Decided by position: positions at which it is not known count as outside the training range.
         freeze_travel_m: Over which a healthy pressure may stay exactly constant [m].
     """
     accept, trained = training_range.widened(ACCEPT_SPANS), training_range.trusted(load)

@@ -23,7 +23,7 @@ ForestSees = Literal["nothing", "hidden", "hidden_head_features", "features"]
 
 @dataclass(frozen=True)
 class Guard:
-    """What a sample must be, and what happens where it is not."""
+    """What a sample must be, and what happens if it is not."""
 
     # A value outside is no reading of a working sensor; one number per input
     accept_lower: tuple[float, ...]
@@ -37,7 +37,7 @@ class Guard:
     warm_up_samples: int  # Steps after a reset in which the estimate is not yet to be trusted
     recovery_samples: int  # The same after the last bad sample
     # Range of the force balance (see ``realtime.unmodelled_force``): what one unit of each channel adds to it [N]; then
-    # lines over the sum of both pressures, constant [N] and slope [N/Pa]; nothing where it is not known
+    # lines over the sum of both pressures, constant [N] and slope [N/Pa]; nothing if it is not known
     force_weights: tuple[float, ...] = ()
     sliding_lower: tuple[float, ...] = ()  # Of the balance along the motion
     sliding_upper: tuple[float, ...] = ()
@@ -56,7 +56,7 @@ class Bounds:
     lower_n: tuple[float, ...]  # Added to the estimate [N], one per regime, shape ``(4,)``
     upper_n: tuple[float, ...]  # The same for the upper bound [N]
     standstill_m_s: float  # Slower, the piston stands still [m/s]
-    creep_m_s: float  # Slower, it creeps [m/s]; as ``standstill_m_s`` where that is not known
+    creep_m_s: float  # Slower, it creeps [m/s]; as ``standstill_m_s`` if that is not known
     reversal_samples: int  # How long a reversal or start lasts
     # That what the bounds hold lies between them, over the sessions and samples like those of the calibration
     probability: float
@@ -64,7 +64,7 @@ class Bounds:
     # offset, which shifts label and estimate alike, is not covered
     holds: Literal["friction", "label"] = "label"
     # Standard deviation of the errors with the sensors' offset known, one per regime [N]: with an offset as uncertain
-    # as s, bounds are √(1 + (s/spread)²) times as far away; 0 where the step learns no offset, and they never change
+    # as s, bounds are √(1 + (s/spread)²) times as far away; 0 if the step learns no offset, and they never change
     spread_n: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
 
     def in_words(self) -> str:
@@ -99,7 +99,7 @@ class StepModel:
     # Taken off, then divided by, shape ``(features,)``
     feature_mean: Array
     feature_scale: Array
-    base_taps: Array  # The force that is corrected [N], shape ``(channels, lags)``; zeros where there is none
+    base_taps: Array  # The force that is corrected [N], shape ``(channels, lags)``; zeros if there is none
     velocity_taps: Array  # The causal velocity that bounds go by [m/s], shape ``(channels, lags)``
     network: LstmWeights | None  # None for a model without LSTM
     forest: Forest | None  # None for a model without forest

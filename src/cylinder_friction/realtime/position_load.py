@@ -35,7 +35,7 @@ class PositionLoad:
     # Where the load is known: first and last position [m]
     first_m: float
     last_m: float
-    # Positive where it resists extension [N], shape ``(places,)``, and with ``others`` one more axis for each of them
+    # Positive if it resists extension [N], shape ``(places,)``, and with ``others`` one more axis for each of them
     load_n: Array
     uncertainty_n: Array  # Standard uncertainty of each (k = 1), of the loads' shape [N]
     others: tuple[LoadAxis, ...] = ()  # Further positions that the load depends on, at most two
@@ -68,7 +68,7 @@ class PositionLoad:
     def packed(self, columns: Sequence[str] | None = None) -> Array:
         """Return what a step takes of a sample with these columns, by default those of the positions alone.
 
-        Behind the loads stand ones and zeros where a load is unknown or known, if it is unknown anywhere.
+        If the load is unknown at some places, ones mark those places behind the loads, and zeros mark the others.
         """
         columns, numbers = self.columns if columns is None else columns, np.zeros(3 * NUMBERS)
         for number, (axis, places) in enumerate(zip(self.axes, self.load_n.shape, strict=True)):
@@ -81,7 +81,7 @@ class PositionLoad:
     def at(self, positions_m: Array) -> Array:
         """Return the load at positions [N], shape ``(n,)``: bit for bit what a step takes.
 
-        ``positions_m`` has shape ``(n, positions)``, or ``(n,)`` where the load depends on one.
+        ``positions_m`` has shape ``(n, positions)``, or ``(n,)`` if the load depends on one.
         """
         rows = np.ascontiguousarray(np.reshape(positions_m, (len(positions_m), -1)), dtype=np.float64)
         return np.asarray(loads_at(self.packed(), rows))

@@ -81,7 +81,7 @@ def with_force_limits(
 
 
 def force_limits(model: StepModel) -> Array:
-    """Return what ``unmodelled_force`` goes by, shape ``(2, channels + 3)``; ``(2, 0)`` where the range is not known.
+    """Return what ``unmodelled_force`` goes by, shape ``(2, channels + 3)``; ``(2, 0)`` if the range is not known.
 
     Weights of each channel in the force balance [N] and in the sum of the raw pressures [Pa]; then constant [N] and
     slope [N/Pa] of the three lines: lower and upper one while sliding, largest size otherwise.

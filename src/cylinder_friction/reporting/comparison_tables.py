@@ -270,7 +270,7 @@ def audit_table(groups: Mapping[tuple[str, ...], Mapping[str, Any]]) -> Table:
 
 
 def markdown_tables(comparison: Comparison, published: bool = False) -> str:
-    """Return Table II against true friction, where it is known, and against the label, as Markdown.
+    """Return Table II against true friction, if it is known, and against the label, as Markdown.
 
     With ``published`` the paper's own rows stand below the latter, which they were measured against too.
     """
@@ -294,7 +294,7 @@ def markdown_tables(comparison: Comparison, published: bool = False) -> str:
 
 
 def label_warning(comparison: Comparison) -> str:
-    """Return what an error against the label means where an estimator equals it, nothing where none does."""
+    """Return what an error against the label means if an estimator equals it, and nothing if none does."""
     if not comparison.equal_to_label:
         return ""
     equal = " and ".join(map(phrase, comparison.equal_to_label))

@@ -64,7 +64,7 @@ class BoundedEstimate(Protocol):
 
 
 def plot(recording: Recording, estimate: Array | BoundedEstimate | None = None, truth_n: Array | None = None) -> Figure:
-    """Return friction over time: the label where there is one, the truth where known, the estimate and its bounds.
+    """Return friction over time: the label if there is one, the truth if it is known, the estimate and its bounds.
 
     The scale is that of the usable rows: at end stops an estimate may be many times as large.
 

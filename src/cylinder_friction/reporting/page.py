@@ -53,7 +53,7 @@ NONE = Cell("–", style="none")
 
 
 def number_cell(value: float | None, digits: str = ".0f") -> Cell:
-    """Return a number as a cell that its column is sorted by; ``NONE`` where there is no finite one."""
+    """Return a number as a cell that its column is sorted by; ``NONE`` if there is no finite one."""
     return NONE if value is None or not math.isfinite(value) else Cell(f"{value:{digits}}", value=value)
 
 

@@ -69,7 +69,7 @@ def panels(
 ) -> tuple[Figure, list[Axes]]:
     """Return a figure of ``width`` by ``height`` inches and its axes row by row.
 
-    ``heights`` gives each row's share of the height; equal where it is None.
+    ``heights`` gives each row's share of the height; equal if it is None.
     """
     figure = StyledFigure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)

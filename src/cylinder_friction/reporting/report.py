@@ -53,8 +53,8 @@ class ReportInputs:
     chosen: Mapping[str, Any]  # Hyperparameters that the main estimator was trained with by name
     # The label audit, as the label stage wrote it: by filter, condition and stratum; None if there is none
     audit: dict[str, Any] | None
-    offsets: Sequence[Mapping[str, Any]]  # Of each session, as the offset stage wrote them; empty where there are none
-    starts: Sequence[Starts]  # The main estimator from a cold and from a warm start; empty where it learns no offset
+    offsets: Sequence[Mapping[str, Any]]  # Of each session, as the offset stage wrote them; empty if there are none
+    starts: Sequence[Starts]  # The main estimator from a cold and from a warm start; empty if it learns no offset
     bounds: str  # What the main estimator's bounds hold, in words, and why zeros were left alone
     held: Sequence[Coverage]  # How often the main estimator's bounds hold label and truth; empty without bounds
 

@@ -14,7 +14,7 @@ The promotion gate tolerates as much (``register.tolerance_percent``).
 
 
 def ranked(scores: Scores) -> list[str]:
-    """Return the estimators, less those that equal the label by construction where that is the reference."""
+    """Return the estimators, less those that equal the label by construction if that is the reference."""
     return [name for name in scores if name not in (LABEL_ITSELF, *equal_to_label(scores))]
 
 

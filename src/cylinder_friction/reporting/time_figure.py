@@ -62,10 +62,10 @@ def extremes(values: Array, points: int) -> tuple[Array, float]:
     """Return the least and the greatest value of every stretch in their order, and for how many samples each stands.
 
     A line through them looks like the line through all samples: no peak is lost. Values that are not finite are chosen
-    only where a stretch holds nothing else.
+    only in a stretch that holds nothing else.
 
     Args:
-        values: Shape ``(n,)``; returned as they are where they are no more than ``points``.
+        values: Shape ``(n,)``; returned as they are if they are no more than ``points``.
         points: How many to return at most, at least 2.
     """
     if len(values) <= points:
@@ -81,7 +81,7 @@ def extremes(values: Array, points: int) -> tuple[Array, float]:
 
 
 def spread_evenly(rows: NDArray[np.intp], points: int) -> NDArray[np.intp]:
-    """Return at most ``points`` of ``rows``, evenly spaced: for clouds of points, where no row is special."""
+    """Return at most ``points`` of ``rows``, evenly spaced: for clouds of points, in which no row is special."""
     if len(rows) <= points:
         return rows
     return rows[np.linspace(0, len(rows) - 1, points).round().astype(np.intp)]

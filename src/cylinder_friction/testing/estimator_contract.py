@@ -1,6 +1,6 @@
 """The promises that every estimator keeps, as checks to run on an estimator of your own.
 
-All at once, where the recordings are labelled ones:
+All at once, if the recordings are labelled ones:
 
     check_estimator(lambda: MyEstimator(cylinder), recordings)
 
@@ -240,7 +240,7 @@ CHECKS: tuple[Callable[[Case], None], ...] = (
     an_unfitted_estimator_is_refused,
     fitting_on_nothing_is_refused,
 )
-"""All promises; each check takes a ``Case`` and raises ``ContractError`` where one is broken."""
+"""All promises; each check takes a ``Case`` and raises ``ContractError`` if one is broken."""
 
 
 def check_estimator(make: Callable[[], FrictionEstimator], recordings: Sequence[Recording]) -> None:

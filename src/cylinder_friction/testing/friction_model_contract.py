@@ -35,7 +35,7 @@ class FrictionModelCase:
         kind: Its class.
         parameters: Its numbers, with a ``retract_ratio`` of 1 and a ``pressure_slope_n_pa`` of 0.
         steady_n: Dry friction [N] of steady sliding at a speed [m/s] while extending, without pressure; None: the
-            Stribeck curve of the numbers, or ``coulomb_n`` where they have none.
+            Stribeck curve of the numbers, or ``coulomb_n`` if they have none.
     """
 
     kind: type[FrictionModel]
@@ -208,7 +208,7 @@ CHECKS: tuple[Callable[[FrictionModelCase], None], ...] = (
     below_zero_gauge_pressure_relieves_the_seal_no_further,
     a_closed_loop_of_travel_takes_energy,
 )
-"""All promises; each check takes a ``FrictionModelCase`` and raises ``ContractError`` where one is broken."""
+"""All promises; each check takes a ``FrictionModelCase`` and raises ``ContractError`` if one is broken."""
 
 
 def check_friction_model(

@@ -106,7 +106,7 @@ def golden_samples(recordings: list[Recording], inputs: Sequence[str] = SAMPLE_C
 
 
 def _turns(recording: Recording, moving: NDArray[np.bool_]) -> Array:
-    """Return 1 where the piston first moves against its last motion, else 0."""
+    """Return 1 if the piston first moves against its last motion, else 0."""
     rows = np.flatnonzero(moving)
     direction = np.sign(recording.column("velocity_m_s")[rows])
     result = np.zeros(len(moving))

@@ -65,7 +65,7 @@ def _inspect_file(
 
 
 def _as_logged(path: Path, recipe: Recipe) -> list[RecordingPiece]:
-    """Return the pieces of a refused file with its bad samples in it, to be looked at; none where it is unreadable."""
+    """Return the pieces of a refused file with its bad samples in it, to be looked at; none if it is unreadable."""
     with suppress(RecordingError, OSError):
         return pieces_of(path, recipe, screened=False)
     return []

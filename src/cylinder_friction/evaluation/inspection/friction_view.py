@@ -51,8 +51,8 @@ class FrictionView:
     usable: NDArray[np.bool_]  # Rows away from end stops and from the recording's edges, shape ``(n,)``
     slowest_m_s: float  # Slower rows count as standstill [m/s]
     points: tuple[StribeckPoint, ...]  # Steady sliding by speed and direction
-    curve: StribeckCurve | None  # Fitted to them; None where they do not determine one, and ``no_curve`` states why
-    # Half the sum of friction up and down at equal position: what a load would have to be [N]; NaN where the piston
+    curve: StribeckCurve | None  # Fitted to them; None if they do not determine one, and ``no_curve`` states why
+    # Half the sum of friction up and down at equal position: what a load would have to be [N]; NaN if the piston
     # does not pass the same positions in both directions
     load_n: float
     half_difference_n: float  # Half the difference there: friction whatever the load is [N]

@@ -22,7 +22,7 @@ WAYS = {"extending": 1.0, "retracting": -1.0}
 class MeanFriction:
     """Friction against the motion, over all usable rows that slide one way."""
 
-    mean_n: float  # Positive where it opposes the motion [N]
+    mean_n: float  # Positive if it opposes the motion [N]
     half_width_n: float  # Half the 95 % interval [N]; NaN where nothing shows it
 
     def __str__(self) -> str:
@@ -71,7 +71,7 @@ def friction_finding(
 ) -> Finding:
     """Return the friction of a recording, or why none is stated: a load is in it, or it drives the motion.
 
-    ``zero_n`` is the stated standard uncertainty of the sensors' zeros as friction [N], None where it is not stated;
+    ``zero_n`` is the stated standard uncertainty of the sensors' zeros as friction [N], None if it is not stated;
     ``plan`` states how asymmetric friction may be.
     """
     load_n, half_n = view.load_n, view.half_difference_n

@@ -28,13 +28,13 @@ class Spectrum:
     frequency_hz: Array  # Shape ``(k,)`` [Hz], without zero
     density: Array  # Shape ``(k,)``, in the signal's unit over the root of a hertz
     noise: float  # What the sensor's noise is at, in the same unit: the median of the highest frequencies
-    converter_noise: float  # What rounding to the converter's step alone would be at; NaN where no step shows
+    converter_noise: float  # What rounding to the converter's step alone would be at; NaN if no step shows
 
 
 def signal_spectra(recording: Recording, velocity_m_s: Array) -> dict[str, Spectrum]:
     """Return the spectra of a recording's signals in SI units, by column.
 
-    These are its pressures, or its drive force where it has none, its position, its smooth velocity, shape ``(n,)``,
+    These are its pressures, or its drive force if it has none, its position, its smooth velocity, shape ``(n,)``,
     and as ``raw_velocity_m_s`` differences of the raw position.
     """
     position_m, sample_time_s = recording.column(POSITION), recording.sample_time_s

@@ -54,7 +54,7 @@ class Inspected:
 
 
 def worst(outcomes: Iterable[Outcome]) -> Outcome:
-    """Return the worst of several outcomes, ``ok`` where there is none."""
+    """Return the worst of several outcomes, ``ok`` if there is none."""
     return max(outcomes, key=OUTCOMES.index, default="ok")
 
 

@@ -53,7 +53,7 @@ class Pane:
     subject: Inspected  # Without its recording
     html: str  # Its part of the page, packed
     condition: str = ""  # Of its recording
-    # As ``sliding_friction`` gives it; empty where it could not be calculated, and where it is not friction alone
+    # As ``sliding_friction`` gives it; empty if it could not be calculated, and if it is not friction alone
     friction: Mapping[str, MeanFriction] = field(default_factory=dict)
     points: tuple[SteadyPoint, ...] = ()  # Of steady sliding
     offset: OffsetEvidence | None = None  # Of the pressure sensors; None for what is refused
@@ -92,7 +92,7 @@ class Panes:
         self.costs: dict[float, tuple[str, list[FilterCost], list[str]]] = {}
 
     def pane(self, number: int, subject: Inspected) -> Pane:
-        """Return the pane of a subject, number ``number`` on the page; where there is no friction it states why."""
+        """Return the pane of a subject, number ``number`` on the page; if there is no friction it states why."""
         recording, name = subject.recording, f"recording-{number}"
         if recording is None:
             return Pane(name, subject, _packed(subject))
