@@ -128,8 +128,8 @@ class Cluster(ExecutorWorkers):
             return Client(**where, timeout=CONNECT_S, set_as_default=False, direct_to_workers=False)
         except OSError:  # a time-out among them
             raise WorkersError(
-                f"{VARIABLE} is {self.address}, but no Dask scheduler responds there within {CONNECT_S:.0f} s; start one "
-                f"with `dask scheduler`, or unset {VARIABLE}"
+                f"{VARIABLE} is {self.address}, but no Dask scheduler responds there within {CONNECT_S:.0f} s; start "
+                f"one with `dask scheduler`, or unset {VARIABLE}"
             ) from None
 
     def _refuse_without_certificates(self) -> None:
