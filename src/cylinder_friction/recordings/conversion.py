@@ -10,7 +10,6 @@ from typing import Any
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits, LoadMode
-from cylinder_friction.recordings.checks.position_faults import without_position_faults
 from cylinder_friction.recordings.checks.recording_checks import checked_recording, inspect_recording
 from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
 from cylinder_friction.recordings.columns import TIME
@@ -122,8 +121,7 @@ def pieces_from(
     if screened:
         limits = sensor_limits(recipe.channels)
         signals, bad = screen_signals(signals, limits, recipe.screen, recipe.limits.stroke_m)
-        signals, faults = without_position_faults(signals, recipe.limits.stroke_m)
-        notes = (*mapped.notes, *bad, *faults)
+        notes = (*mapped.notes, *bad)
     pieces = align(signals, recipe.time)
     return [replace(piece, repairs=(*notes, *piece.repairs), start=mapped.start) for piece in pieces]
 

@@ -16,7 +16,7 @@ from cylinder_friction.evaluation.inspection.sliding_friction import (
 )
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan, zero_uncertainty_n
-from cylinder_friction.recordings.checks.finding import Finding
+from cylinder_friction.recordings.checks.limits import Finding
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.smooth_signals import SignalFilter
 from inspected_recordings import made_strokes, stated

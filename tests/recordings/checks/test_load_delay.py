@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.checks.finding import Finding
+from cylinder_friction.recordings.checks.limits import Finding
 from cylinder_friction.recordings.checks.plausibility import check_friction, clear_motion
 from logger_files import columns_of
 

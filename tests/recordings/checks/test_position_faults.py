@@ -1,23 +1,27 @@
-"""Faults of a position sensor are found and named with their time; what lies on either side is used."""
+"""Faults that a sensor, a wire or a logger puts into a recording are named with their place, or the log is refused."""
 
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.checks.position_faults import position_faults, without_position_faults
+from cylinder_friction.recordings.checks.position_faults import check_position_steps
+from cylinder_friction.recordings.checks.recording_checks import inspect_recording
 from cylinder_friction.recordings.conversion import open_tables, pieces_from
-from cylinder_friction.recordings.ingesting import recordings_of
+from cylinder_friction.recordings.ingesting import Quarantined, recordings_of
 from cylinder_friction.recordings.reading_logs import Logs, find_logs
-from cylinder_friction.recordings.recording import Signal
 from logger_files import CHANNELS, made_log
+
+ROWS, LEAST_NAMED = 8000, 28
 
 
 def held(x: Array, row: int, rows: int) -> Array:
@@ -37,108 +41,129 @@ def noisy(x: Array, row: int, by: float) -> Array:
     return np.concatenate([x[:row], x[row : row + 60] + burst, x[row + 60 :]])
 
 
-HELD = "holds .* mm from .* to .* s while the piston moves on; left out"
-FAULTS: dict[str, tuple[Callable[[Array, int], Array], str]] = {
+HELD = "holds .* mm from .* to .* s while the piston moves on, in row "
+POSITION: dict[str, tuple[Callable[[Array, int], Array], str]] = {
     "held for 0.5 s": (lambda x, row: held(x, row, 50), HELD),
     "held for long": (lambda x, row: held(x, row, 200), HELD),
-    "a step of 8 mm": (lambda x, row: shifted(x, row, 0.008), r"jumps by \+[78].* mm at .* s; split there"),
-    "a step of -20 mm": (lambda x, row: shifted(x, row, -0.02), r"jumps by -(19|2\d).* mm at .* s; split there"),
-    "another scale": (lambda x, row: np.append(x[:row], 1.1 * x[row:]), r"jumps by \+.* mm at .* s; split there"),
-    "5 rows lost": (lambda x, row: lost(x, row, 5), "is disturbed from .* to .* s; left out"),
-    "30 rows lost": (lambda x, row: lost(x, row, 30), "is disturbed from .* to .* s; left out"),
-    "noise of 5 mm": (lambda x, row: noisy(x, row, 0.005), "is disturbed from .* to .* s; left out"),
+    "a step of 8 mm": (lambda x, row: shifted(x, row, 0.008), r"jumps by \+[78].* mm at .* s, and on one side"),
+    "a step of -20 mm": (lambda x, row: shifted(x, row, -0.02), r"jumps by -(19|2\d).* mm at .* s, and on one side"),
+    "another scale": (lambda x, row: np.append(x[:row], 1.1 * x[row:]), r"jumps by \+.* mm at .* s, and on one side"),
+    "5 rows lost": (lambda x, row: lost(x, row, 5), "is disturbed from .* to .* s, in row "),
+    "30 rows lost": (lambda x, row: lost(x, row, 30), "is disturbed from .* to .* s, in row "),
+    "noise of 5 mm": (lambda x, row: noisy(x, row, 0.005), "is disturbed from .* to .* s, in row "),
 }
+Change = Callable[[pd.DataFrame], pd.DataFrame]
 
 
-@pytest.mark.parametrize("fault", FAULTS)
-def test_a_fault_is_named_and_the_rest_is_used(tmp_path: Path, cylinder: Cylinder, fault: str) -> None:
-    change, words = FAULTS[fault]
-    log = made_log(8000)
-    at = 4000 + int(np.argmax(np.abs(np.gradient(log["x"].rolling(41, center=True).mean()))[4000:4800]))
-    changed = log.assign(x=1e3 * change(log["x"].to_numpy() / 1e3, at))
-    changed.to_csv(tmp_path / "log.csv", index=False)
-    logs = find_logs(tmp_path / "log.csv", CHANNELS, cylinder)
-    first, second = recordings_of(logs.files, logs.recipe)
-    for each in (first, second):
-        assert not isinstance(each, Exception)
-    repairs = " | ".join(first.metadata.repairs)  # type: ignore[union-attr]
-    assert re.search(words, repairs), repairs
-    assert len(first) + len(second) > 7600  # type: ignore[arg-type]
+def values(column: str, rows: slice | int, value: float) -> Change:
+    def change(log: pd.DataFrame) -> pd.DataFrame:
+        log.loc[log.index[rows], column] = value
+        return log
+
+    return change
 
 
-def test_single_samples_that_are_off_split_nothing(tmp_path: Path, cylinder: Cylinder) -> None:
-    log = made_log(8000)
-    rows = np.array([2000, 2600, 2601, 3300, 4000, 5500])
-    log.loc[rows, "x"] += np.array([3.0, -3.0, -3.0, 3.0, -3.0, 3.0])  # below what a spike of the screening is [mm]
-    faults = position_faults(log["x"].to_numpy() / 1e3, log["t"].to_numpy(), 0.25)
-    assert np.concatenate([np.arange(each.begin, each.end) for each in faults]).tolist() == rows.tolist()
-    log.to_csv(tmp_path / "log.csv", index=False)
-    logs = find_logs(tmp_path / "log.csv", CHANNELS, cylinder)
-    (whole,) = recordings_of(logs.files, logs.recipe)
-    assert not isinstance(whole, Exception)
-    assert len(whole) == 8000  # type: ignore[arg-type]
-    repairs = " | ".join(whole.metadata.repairs)  # type: ignore[union-attr]
-    # The screening has taken the one at the end of a stroke.
-    assert "position_m: 5 single samples that no piston can follow left out (first at 10.00 s)" in repairs
+OTHERS: dict[str, tuple[Change, str]] = {
+    "piston-side pressure stuck": (
+        values("p1", slice(3000, 6000), 9.5),
+        "pressure_1_pa stays at exactly 950000 Pa fro",
+    ),
+    "rod-side pressure stuck": (values("p2", slice(1000, 6000), 8.0), "pressure_2_pa stays at exactly 800000 Pa from"),
+    "broken wire": (values("p2", slice(1000, ROWS), -62.5), "pressure_2_pa is -62.5 bar in row 1001"),
+    "saturated": (values("p1", slice(1000, 2000), 250.0), "pressure_1_pa is 250 bar in row 1001 .* saturated"),
+    "a spike": (values("p1", 1234, 180.0), "pressure_1_pa is 180 bar in row 1235 .* a spike"),
+    "an overflow": (values("p1", 1234, np.inf), "pressure_1_pa is inf in row 1235"),
+    "pressures exchanged": (lambda log: log.rename(columns={"p1": "p2", "p2": "p1"}), "the pressures are swapped"),
+    "one channel twice": (lambda log: log.assign(p2=log["p1"]), "equal in every row"),
+    "MPa": (lambda log: log.assign(p1=0.1 * log["p1"], p2=0.1 * log["p2"]), "MPa read as bar"),
+    "position inverted": (lambda log: log.assign(x=250.0 - log["x"]), "position_m is inverted"),
+    "rows exchanged": (lambda log: log.iloc[[*range(100), 101, 100, *range(102, ROWS)]], "goes back in row 102, from"),
+    "a wild stamp": (values("t", 500, 9e9), "time_s goes back in row 502"),
+    "a second lost": (lambda log: log.drop(index=range(2000, 2200)), "split at 1 gap of more than 2 lost samples"),
+    "the clock restarts": (lambda log: log.assign(t=log["t"] % 20.0), "split at 1 restart of the clock"),
+}
+SENSOR = {"sensor": {"range": [0.0, 250.0], "unit": "bar"}}
+STATED = CHANNELS | {name: CHANNELS[name] | SENSOR for name in ("pressure_1_pa", "pressure_2_pa")}
 
 
-def test_a_sensor_with_many_faults_is_described_in_few_sentences() -> None:
-    log = made_log(8000)
-    x = log["x"].to_numpy() / 1e3
-    for row in range(500, 7500, 500):
-        x = lost(x, row, 5)
-    signals = {"position_m": Signal(log["t"].to_numpy(), x)}
-    _, sentences = without_position_faults(signals, 0.25)
-    assert len(sentences) == 6
-    assert sentences[-1] == "position_m: 9 more faults, the last at 34.99 s; left out"
+def fastest(x: Array, first: int, last: int) -> int:
+    speed = np.abs(np.gradient(np.convolve(np.nan_to_num(x), np.full(41, 1.0 / 41.0), mode="same")))
+    return first + int(np.argmax(speed[first:last]))
+
+
+def told(log: pd.DataFrame, folder: Path, cylinder: Cylinder) -> str:
+    """Return what is repaired, noted or refused of a log."""
+    log.to_csv(folder / "log.csv", index=False)
+    logs = find_logs(folder / "log.csv", STATED, cylinder)
+    outcomes = recordings_of(logs.files, logs.recipe)
+    return " | ".join(
+        each.reason if isinstance(each, Quarantined) else " | ".join(each.metadata.repairs) for each in outcomes
+    )
+
+
+def test_thirty_faults_are_named(tmp_path: Path, cylinder: Cylinder, capsys: pytest.CaptureFixture[str]) -> None:
+    assert told(made_log(ROWS), tmp_path, cylinder) == ""
+    x = made_log(ROWS)["x"].to_numpy() / 1e3
+    places = fastest(x, 2000, 2800), fastest(x, 4000, 4800)
+    faults = [(name, lambda log, c=change, r=row: log.assign(x=1e3 * c(x, r)), words)
+              for row in places for name, (change, words) in POSITION.items()]  # fmt: skip
+    faults += [(name, change, words) for name, (change, words) in OTHERS.items()]
+    unnamed = [name for name, change, words in faults if not re.search(words, told(change(made_log(ROWS)), tmp_path, cylinder))]  # fmt: skip  # noqa: E501
+    with capsys.disabled():
+        sys.stdout.write(f"{len(faults) - len(unnamed)} of {len(faults)} faults named; not: {unnamed}\n")
+    assert len(faults) == 30
+    assert len(faults) - len(unnamed) >= LEAST_NAMED
+
+
+def test_single_samples_that_are_off_are_noted() -> None:
+    log = made_log(ROWS)
+    log.loc[[2000, 2600, 2601, 3300, 4000, 5500], "x"] += np.array([3.0, -3.0, -3.0, 3.0, -3.0, 3.0])
+    finding = check_position_steps(log["x"].to_numpy() / 1e3, log["t"].to_numpy(), 0.25)
+    assert finding.outcome == "noted"
+    assert finding.text.startswith(
+        "position_m has 5 single samples that no piston can follow (first: row 2000, at 9.99"
+    )
 
 
 def test_a_sound_position_has_no_fault() -> None:
-    log = made_log(8000)
-    assert position_faults(log["x"].to_numpy() / 1e3, log["t"].to_numpy(), 0.25) == []
-    time_s = 0.005 * np.arange(2000)
+    log, time_s = made_log(ROWS), 0.005 * np.arange(2000)
     stopped = np.clip(0.1 * time_s, 0.2, 0.6)  # hits a stop at 100 mm/s
-    assert position_faults(stopped, time_s, 0.85) == []
     resting = np.full(2000, 0.3)
     resting[1000:] += np.clip(0.02 * (time_s[1000:] - 5.0), 0.0, 0.05)  # a coarse converter, then motion
-    assert position_faults(np.round(resting, 4), time_s, 0.25) == []
+    for x, stroke_m in ((log["x"].to_numpy() / 1e3, 0.25), (stopped, 0.85), (np.round(resting, 4), 0.25)):
+        assert check_position_steps(x, 0.005 * np.arange(len(x)), stroke_m).outcome == "ok"
 
 
 def test_a_sensor_at_the_end_of_its_range_is_not_held_for_lack_of_noise() -> None:
     noise_m = np.random.default_rng(0).normal(0.0, 2e-5, 4000)
     time_s = 0.005 * np.arange(len(noise_m))
-    for at_end_m, held in ((0.25, False), (0.1, True)):
+    for at_end_m, outcome in ((0.25, "ok"), (0.1, "noted")):
         position_m = np.minimum(np.clip(0.05 * (time_s - 5.0), 0.02, at_end_m + 0.01) + noise_m, at_end_m)
-        found = [each.words for each in position_faults(position_m, time_s, 0.25)]
-        assert any("without the noise" in words for words in found) == held
-
-
-def test_a_step_in_fast_motion_is_no_single_sample() -> None:
-    time_s = 0.01 * np.arange(2000)
-    x = 0.4 + 0.15 * np.sin(5.0 * time_s) + np.random.default_rng(0).normal(0.0, 1e-5, 2000)
-    (fault,) = position_faults(shifted(x, 950, 0.008), time_s, 0.85)
-    assert 945 <= fault.begin <= 951
-    assert "jumps by +" in fault.words
+        finding = check_position_steps(position_m, time_s, 0.25)
+        assert (finding.outcome, "without the noise" in finding.text) == (outcome, outcome == "noted")
 
 
 @pytest.mark.extended
 def test_faults_in_recordings_of_a_crane(crane_logs: Logs) -> None:
     """64 faults, in eight recordings where the jib is fastest: all found, 62 by kind; none in eleven untouched ones."""
-    assert len(crane_logs.files) == 11
-    found = named = 0
-    for name, path in crane_logs.files.items():
+
+    def findings(x: Array | None, path: Path) -> str:
         (table,) = open_tables(path, crane_logs.recipe)
-        x = table.channels["JibPistonPosition"].to_numpy(dtype=np.float64)
-        (untouched,) = pieces_from([table], crane_logs.recipe)
-        assert not [words for words in untouched.repairs if "position_m" in words], name
-        if name.startswith("Main"):
-            continue  # the jib stands
-        speed = np.abs(np.gradient(np.convolve(np.nan_to_num(x), np.full(41, 1.0 / 41.0), mode="same")))
-        row = len(x) // 4 + int(np.argmax(speed[len(x) // 4 : 4 * len(x) // 5]))
-        for change, words in FAULTS.values():
-            faulty = replace(table, channels=table.channels.assign(JibPistonPosition=change(x, row)))
-            repairs = " | ".join(pieces_from([faulty], crane_logs.recipe)[0].repairs)
-            found += "position_m" in repairs
-            named += bool(re.search(words, repairs))
-    assert found == 64
-    assert named >= 62
+        if x is not None:
+            table = replace(table, channels=table.channels.assign(JibPistonPosition=x))
+        limits, pieces = crane_logs.recipe.limits, pieces_from([table], crane_logs.recipe)
+        found = [each for one in pieces for each in inspect_recording(one.columns, limits, one.sample_time_s)]
+        return " | ".join(each.text for each in found if each.check == "position_steps" and each.outcome != "ok")
+
+    assert len(crane_logs.files) == 11
+    assert [name for name, path in crane_logs.files.items() if findings(None, path)] == []
+    named = []
+    for name, path in crane_logs.files.items():
+        if not name.startswith("Main"):  # there the jib stands
+            (table,) = open_tables(path, crane_logs.recipe)
+            x = table.channels["JibPistonPosition"].to_numpy(dtype=np.float64)
+            row = fastest(x, len(x) // 4, 4 * len(x) // 5)
+            named += [(findings(change(x, row), path), words) for change, words in POSITION.values()]
+    assert len(named) == 64
+    assert all(text for text, _ in named)
+    assert sum(bool(re.search(words, text)) for text, words in named) >= 62

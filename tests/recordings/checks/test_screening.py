@@ -5,8 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.checks.marking import mark
-from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals, surely_good
+from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
 from cylinder_friction.recordings.mapping.channel_mapping import SensorLimits
 from cylinder_friction.recordings.recording import RecordingError, Signal
 
@@ -151,19 +150,3 @@ def test_a_channel_slower_than_its_table_is_screened_by_its_own_samples() -> Non
     assert "pressure_1_pa is 60 bar in row 30008 (1 such rows in all), a spike" in said
     screened = signals["pressure_1_pa"].values
     assert np.flatnonzero(np.isnan(screened) & ~np.isnan(values)).tolist() == [30007]
-
-
-@given(
-    seed=st.integers(0, 2**32 - 1),
-    noise=st.sampled_from([0.1, 1.0, 5.0]),
-    spikes=st.lists(st.tuples(st.integers(0, 199), st.integers(1, 5), st.floats(-60.0, 60.0)), max_size=4),
-)
-def test_what_is_surely_good_holds_no_spike(seed: int, noise: float, spikes: list[tuple[int, int, float]]) -> None:
-    generator = np.random.default_rng(seed)
-    values = np.cumsum(generator.normal(0.0, noise, 200))
-    for begin, rows, height in spikes:
-        values[begin : begin + rows] += height
-    within = -1e6, 1e6, -np.inf, np.inf, 10.0
-    marks = np.zeros(len(values), dtype=np.uint8)
-    mark(values, *within, marks)
-    assert not (surely_good(values, *within) and marks.any())

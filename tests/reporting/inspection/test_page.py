@@ -11,7 +11,7 @@ from playwright.sync_api import Page
 
 from cylinder_friction.evaluation.inspection.subject import Inspected
 from cylinder_friction.labelling.label import Labeller
-from cylinder_friction.recordings.checks.finding import Finding
+from cylinder_friction.recordings.checks.limits import Finding
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.inspection.recording_pane import Panes
 from cylinder_friction.signals.smooth_signals import SignalFilter

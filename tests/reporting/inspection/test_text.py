@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cylinder_friction.evaluation.inspection.subject import Inspected
-from cylinder_friction.recordings.checks.finding import Finding
+from cylinder_friction.recordings.checks.limits import Finding
 from cylinder_friction.reporting.inspection.text import text_report
 
 RATE = Finding("rate", "ok", "200 Hz throughout")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from cylinder_friction.evaluation.inspection.subject import Inspected, worst
 from cylinder_friction.recordings.checks.duplicates import Samples, SeenRecordings
-from cylinder_friction.recordings.checks.finding import Finding
+from cylinder_friction.recordings.checks.limits import Finding
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
 from cylinder_friction.recordings.conversion import Recipe, metadata_of, part_suffix, pieces_of, zeroed
 from cylinder_friction.recordings.ingesting import session_zeros

@@ -11,7 +11,7 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.evaluation.inspection.friction_view import CONFIDENCE, FrictionView
 from cylinder_friction.labelling.known_offset import too_uneven
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan
-from cylinder_friction.recordings.checks.finding import Finding
+from cylinder_friction.recordings.checks.limits import Finding
 from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
 from cylinder_friction.wording import four_digits
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from typing import Self
 
-from cylinder_friction.recordings.checks.finding import Finding, Outcome
+from cylinder_friction.recordings.checks.limits import Finding, Outcome
 from cylinder_friction.recordings.recording import Recording
 
 OUTCOMES: tuple[Outcome, ...] = ("ok", "noted", "repaired", "refused")

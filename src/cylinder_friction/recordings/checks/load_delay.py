@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.checks.finding import Finding
+from cylinder_friction.recordings.checks.limits import Finding
 
 WINDOW_S = 0.1  # Time over which changes are taken, w
 LONGEST_S = 0.25  # Greatest delay, either way, that is looked for

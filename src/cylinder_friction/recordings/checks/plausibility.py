@@ -18,8 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.checks.finding import Finding
-from cylinder_friction.recordings.checks.limits import LoadMode
+from cylinder_friction.recordings.checks.limits import Finding, LoadMode
 from cylinder_friction.recordings.checks.load_delay import check_load_delay
 from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, POSITION, PRESSURES
 

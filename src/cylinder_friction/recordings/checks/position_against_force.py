@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array, Mask, sliding_extremes, sliding_mean, true_runs
-from cylinder_friction.recordings.checks.finding import Finding
-from cylinder_friction.recordings.checks.limits import CheckLimits
+from cylinder_friction.recordings.checks.limits import CheckLimits, Finding
 from cylinder_friction.recordings.checks.plausibility import ClearMotion, powers, solve_normal_equations
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,

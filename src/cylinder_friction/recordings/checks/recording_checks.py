@@ -7,27 +7,25 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array, true_runs
-from cylinder_friction.recordings.checks.finding import Finding, spoken
-from cylinder_friction.recordings.checks.limits import CheckLimits
+from cylinder_friction.recordings.checks.limits import CheckLimits, Finding, spoken
 from cylinder_friction.recordings.checks.plausibility import check_friction, clear_motion
 from cylinder_friction.recordings.checks.position_against_force import check_position_against_force
+from cylinder_friction.recordings.checks.position_faults import check_position_steps
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
     LOAD_FORCE,
     OTHER_POSITIONS,
     POSITION,
     PRESSURES,
+    TIME,
     missing_column,
 )
 from cylinder_friction.recordings.recording import Columns, Recording, RecordingError, RecordingMetadata
 
 RATE_TOLERANCE = 1e-3  # a logger's clock may be off by this share of its rate
 
-HELD_S = 0.1  # A position that does not change for this long is at rest, or held by a logger that got no new sample
-HELD_JUMP = 10.0  # a held position that continues with a step this many times the usual ones was not at rest
 NOISY_SHARE = 0.25  # A sensor that changes in this share of the rows shows noise, and never stays constant for long
 NEXT_STEP = 1.5  # a value this many steps of its converter away is the next one
-PLACES = 8192  # steps at most from which the usual one is estimated
 
 
 def checked_recording(metadata: RecordingMetadata, columns: Columns, findings: Iterable[Finding]) -> Recording:
@@ -89,7 +87,7 @@ def inspect_recording(table: Columns, limits: CheckLimits, sample_time_s: float)
     """Yield what every check finds, refusals included. After missing columns or values no further check is made.
 
     The names of the checks, in their order: ``columns``, ``length``, ``finite``, ``rate``, ``position_range``,
-    ``motion``, ``position_stuck``; for each pressure ``pressure_range``, ``pressure_alive``, ``pressure_stuck``, for
+    ``motion``, ``position_steps``; for each pressure ``pressure_range``, ``pressure_alive``, ``pressure_stuck``, for
     both ``pressures_differ`` and ``unit_plausible``, or in their place ``force_alive`` and ``force_stuck``;
     ``load_alive`` and ``load_stuck``; ``direction``, ``friction_size``, ``load_delay`` and ``position_against_force``.
     The last four need signals that passed and known areas.
@@ -124,7 +122,7 @@ def inspect_recording(table: Columns, limits: CheckLimits, sample_time_s: float)
     valid = True
     seen = {name: _Survey(values, columns[POSITION], limits.steps.get(name, 0.0)) for name, values in columns.items()}
     for finding in (
-        *_of_position(columns[POSITION], seen, sample_time_s, limits),
+        *_of_position(columns, seen, limits),
         *(
             _alive(DRIVE_FORCE, "force", seen[DRIVE_FORCE], limits.least_force_span_n, limits)
             if DRIVE_FORCE in columns
@@ -153,9 +151,7 @@ def _length(rows: int, sample_time_s: float, limits: CheckLimits) -> Finding:
     )
 
 
-def _of_position(
-    position_m: Array, of_columns: Mapping[str, _Survey], sample_time_s: float, limits: CheckLimits
-) -> Iterator[Finding]:
+def _of_position(columns: Columns, of_columns: Mapping[str, _Survey], limits: CheckLimits) -> Iterator[Finding]:
     seen = of_columns[POSITION]
     stroke_m, slack_m = limits.stroke_m, limits.position_slack * limits.stroke_m
     runs = f"it runs from {seen.lowest:.4g} to {seen.highest:.4g} m"
@@ -189,29 +185,7 @@ def _of_position(
         f"{moves} only, expected at least {least_m:.3g} m; nothing moves, the sensor is stuck, or its unit is wrong "
         "(m read as mm?); if another cylinder moved instead, map its position as other_position_1_m",
     )
-    yield _position_stuck(position_m, sample_time_s, limits)
-
-
-def _position_stuck(position_m: Array, sample_time_s: float, limits: CheckLimits) -> Finding:
-    """Refuse a position that stays constant and then continues from elsewhere: the piston moved unseen meanwhile."""
-    places = np.arange(0, len(position_m) - 1, max(1, len(position_m) // PLACES))
-    usual_m = float(np.quantile(np.abs(position_m[places + 1] - position_m[places]), 0.99))
-    jump_m = max(limits.least_travel * limits.stroke_m, HELD_JUMP * usual_m)
-    ends = np.flatnonzero(position_m[1:] != position_m[:-1]) + 1
-    lengths = np.diff(ends, prepend=0)
-    held = (lengths >= max(3, round(HELD_S / sample_time_s))) & (
-        np.abs(position_m[ends] - position_m[ends - 1]) > jump_m
-    )
-    if not held.any():
-        return Finding("position_stuck", "ok", "position_m never stays constant and then jumps")
-    end = int(ends[held][0])
-    start = end - int(lengths[held][0])
-    text = (
-        f"position_m stays at exactly {position_m[start]:.6g} m from row {start + 1} to row {end} and goes on at "
-        f"{position_m[end]:.6g} m ({held.sum()} such stretches in all); the sensor or the logger held its value while "
-        "the piston moved; cut the log there"
-    )
-    return Finding("position_stuck", "refused", text)
+    yield check_position_steps(columns[POSITION], columns[TIME], stroke_m)
 
 
 def _of_pressures(columns: dict[str, Array], seen: dict[str, _Survey], limits: CheckLimits) -> Iterator[Finding]:

@@ -9,14 +9,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.checks.finding import spoken
-from cylinder_friction.recordings.checks.marking import mark
-from cylinder_friction.recordings.checks.marks import AT_ITS_END, BESIDE, INFINITE, MOST_ODD, OUT_OF_RANGE, QUIET, SPIKE
+from cylinder_friction.arrays import Array, Mask, true_runs
+from cylinder_friction.recordings.checks.limits import spoken
 from cylinder_friction.recordings.mapping.channel_mapping import SensorLimits
 from cylinder_friction.recordings.recording import RecordingError, Signal, expect
 
+INFINITE, OUT_OF_RANGE, AT_ITS_END, SPIKE = "infinite", "out of range", "at its end", "spike"
 KINDS = {
     OUT_OF_RANGE: (
         ", which a sensor of {range} cannot read",
@@ -32,9 +32,12 @@ KINDS = {
     ),
     INFINITE: (", expected finite numbers", "check the channel and how it was exported"),
 }
-"""What is wrong with a sample of each mark, and what to do about it."""
+"""What is wrong with a bad sample of each kind, and what to do about it."""
 
-PLACES = 4096  # samples at most from which a signal's own scale is estimated
+PLACES = 4096  # A signal's own scale is estimated from at most this many samples
+BESIDE = 5  # A sample is compared with this many on either side
+MOST_ODD = 3  # Of those 11 samples this many may be odd: four in a row are an event, not a spike
+QUIET = 0.1  # The others lie within this share of a spike's height; after a pressure surge they settle elsewhere
 
 
 @dataclass(frozen=True)
@@ -92,7 +95,7 @@ class _Bad:
 
 def _screened(
     column: str, values: Array, sensor: SensorLimits | None, rules: ScreenRules, stroke_m: float | None
-) -> tuple[Array, dict[int, _Bad]]:
+) -> tuple[Array, dict[str, _Bad]]:
     """Replace a column's bad samples by NaN; skip samples that are missing already, as in a slow channel."""
     missing = np.isnan(values)
     logged = values[~missing] if missing.any() else values
@@ -101,23 +104,48 @@ def _screened(
         beyond = rules.overrange * (sensor.high - sensor.low)
         low, high = sensor.low - beyond, sensor.high + beyond
     height = _spike_height(logged, low, high, sensor.step if sensor else None, rules)
-    within = low, high, *_ends(column, sensor, stroke_m)
-    if surely_good(logged, *within, height):
+    kinds = _kinds(logged, low, high, _ends(column, sensor, stroke_m), height)
+    if not kinds:
         return values, {}
-    rows, marks = np.flatnonzero(~missing), np.zeros(len(logged), dtype=np.uint8)
-    longest = mark(logged, *within, height, marks)
-    bad = {}
-    for kind, count in enumerate(np.bincount(marks, minlength=len(longest))):
-        if kind and count:
-            row = int(rows[int(np.argmax(marks == kind))])
-            bad[kind] = _Bad(row, float(values[row]), int(count), int(longest[kind]))
-    screened = values.copy()
-    screened[rows[marks > 0]] = np.nan
+    rows, bad, screened = np.flatnonzero(~missing), {}, values.copy()
+    for kind, where in kinds.items():
+        row = int(rows[int(np.argmax(where))])
+        longest = int(np.diff(true_runs(where), axis=1).max())
+        bad[kind] = _Bad(row, float(values[row]), int(where.sum()), longest)
+        screened[rows[where]] = np.nan
     return screened, bad
 
 
+def _kinds(values: Array, low: float, high: float, ends: tuple[float, float], height: float) -> dict[str, Mask]:
+    """Find the bad samples of each kind, shape ``(n,)``; a kind without any is absent."""
+    least, most = (float(values.min()), float(values.max())) if len(values) else (0.0, 0.0)
+    hard: dict[str, Mask] = {}
+    if not (least >= low and most <= high and least > ends[0] and most < ends[1] and math.isfinite(most - least)):
+        hard[INFINITE] = np.isinf(values)
+        hard[OUT_OF_RANGE] = ((values < low) | (values > high)) & ~hard[INFINITE]
+        hard[AT_ITS_END] = ((values <= ends[0]) | (values >= ends[1])) & ~hard[INFINITE] & ~hard[OUT_OF_RANGE]
+    at = np.flatnonzero(~np.logical_or.reduce(list(hard.values()))) if hard else None
+    spikes = _spikes(values if at is None else values[at], height)
+    if len(spikes):
+        hard[SPIKE] = np.zeros(len(values), dtype=np.bool_)
+        hard[SPIKE][spikes if at is None else at[spikes]] = True
+    return {kind: where for kind, where in hard.items() if where.any()}
+
+
+def _spikes(values: Array, height: float) -> NDArray[np.int64]:
+    """Find the samples of spikes: up to three that lie far from the median of eleven, while the others agree."""
+    jumps = np.flatnonzero(np.abs(values[1:] - values[:-1]) > 0.7 * height) + 1
+    suspects = (jumps[:, None] + np.arange(MOST_ODD)).ravel()
+    suspects = suspects[(suspects >= BESIDE) & (suspects < len(values) - BESIDE)]
+    near = suspects[:, None] + np.arange(-BESIDE, BESIDE + 1)
+    off = np.abs(values[near] - np.median(values[near], axis=1, keepdims=True)) if len(near) else np.empty(near.shape)
+    own = off[:, BESIDE, None]
+    spike = (own[:, 0] > height) & (np.sum(off > QUIET * own, axis=1) <= MOST_ODD)
+    return np.unique(near[spike][off[spike] > 0.5 * own[spike]])
+
+
 def _notes(
-    column: str, found: Mapping[int, _Bad], logged: int, sensor: SensorLimits | None, rules: ScreenRules
+    column: str, found: Mapping[str, _Bad], logged: int, sensor: SensorLimits | None, rules: ScreenRules
 ) -> list[str]:
     """Write a sentence for each kind of bad sample; raises as ``screen_signals``."""
     notes, few = [], max(rules.few_rows, math.floor(rules.most_bad * logged))
@@ -181,22 +209,3 @@ def _spike_height(values: Array, low: float, high: float, step: float | None, ru
         rules.spike_steps * finest,
     )
     return tallest if tallest > 0.0 else math.inf
-
-
-def surely_good(values: Array, low: float, high: float, bottom: float, top: float, height: float) -> bool:
-    """Return whether ``mark``, whose compiled code takes half a second to load, would mark nothing."""
-    if not len(values):
-        return True
-    least, most = float(values.min()), float(values.max())
-    if not (least >= low and most <= high and least > bottom and most < top):
-        return False
-    jumps = np.flatnonzero(np.abs(values[1:] - values[:-1]) > 0.7 * height) + 1
-    if not len(jumps):
-        return True
-    suspects = (jumps[:, None] + np.arange(MOST_ODD)).ravel()
-    suspects = suspects[(suspects >= BESIDE) & (suspects < len(values) - BESIDE)]
-    near = values[suspects[:, None] + np.arange(-BESIDE, BESIDE + 1)]
-    middle = np.median(near, axis=1)
-    distance = np.abs(values[suspects] - middle)
-    odd = np.sum(np.abs(near - middle[:, None]) > QUIET * distance[:, None], axis=1)
-    return not ((distance > height) & (odd <= MOST_ODD)).any()

@@ -18,7 +18,7 @@ from cylinder_friction.friction_models.identification.steady_points import Stead
 from cylinder_friction.labelling.known_offset import OffsetEvidence, offset_evidence
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan, zero_uncertainty_n
-from cylinder_friction.recordings.checks.finding import Finding
+from cylinder_friction.recordings.checks.limits import Finding
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.reporting.inspection.frequency_figures import MM_PER_M, PA_PER_BAR, spectra
 from cylinder_friction.reporting.inspection.friction_figures import against_position, against_velocity
