@@ -22,10 +22,14 @@ import numpy as np
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.labelled_logs import LabelledLogs, inputs
 from cylinder_friction.estimation.new_logs import read_results, sort_logs
-from cylinder_friction.estimation.recording_friction import LabelledRecording, RecordingFriction, refused_piece
+from cylinder_friction.estimation.recording_friction import (
+    LabelledRecording,
+    RecordingFriction,
+    loaded_once,
+    refused_piece,
+)
 from cylinder_friction.estimation.result_file import FileFormat, Result, packed, write_result
 from cylinder_friction.estimation.results import FrictionOfLogs, table_rows
-from cylinder_friction.estimation.running_estimate import loaded_once
 from cylinder_friction.evaluation.inspection.friction_view import view_of_labelled
 from cylinder_friction.execution.workers import Died, Workers
 from cylinder_friction.labelling.known_offset import KnownOffset

@@ -6,17 +6,18 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from cylinder_friction.estimation.results import FrictionOfRecording, known_number
-from cylinder_friction.estimation.running_estimate import estimated, for_load, label_missed, loaded_once
 from cylinder_friction.evaluation.friction_levels import friction_levels
 from cylinder_friction.execution.workers import Died
 from cylinder_friction.labelling.known_offset import STROKES, KnownOffset, OffsetEvidence, offset_evidence
 from cylinder_friction.labelling.label import Labeller
+from cylinder_friction.labelling.load import pooled_load
 from cylinder_friction.labelling.session import SessionIdentification
 from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan
 from cylinder_friction.labelling.up_and_down import holds_load, up_and_down
@@ -31,6 +32,14 @@ from cylinder_friction.signals.smooth_signals import SignalFilter, filtered
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
+
+
+@lru_cache(maxsize=1)
+def loaded_once(folder: Path) -> FrictionEstimator:
+    """Load a saved estimator; the last one stays in memory."""
+    from cylinder_friction.estimators.loading import load_estimator  # ONNX: labels need no estimator
+
+    return load_estimator(folder)
 
 
 @dataclass(frozen=True)
@@ -92,15 +101,19 @@ class RecordingFriction:
         if isinstance(each, Quarantined):
             return each
         recording: Recording = each.result
-        estimator = self.estimator
+        estimator, of_session = self.estimator, None if identified is None else identified.load
         try:
             labelled = self.labeller.labelled(filtered(recording, self.filter), self.filter, identified)
             if estimator is not None:
-                labelled = estimated(labelled, for_load(estimator, identified).with_bounds_for([recording]))
+                from cylinder_friction.estimation.running_estimate import estimated  # Numba: labels need no estimator
+
+                if of_session is not None and estimator.position_load is not None:
+                    estimator = estimator.with_position_load(pooled_load([of_session]))
+                labelled = estimated(labelled, estimator.with_bounds_for([recording]))
         except ValueError as error:  # shorter than the filter, or not what the estimator takes
             return refused_piece(each.metadata, str(error))
         evidence = self._evidence(labelled) if estimator is None else None
-        load = identified.load.sentence() if identified is not None and identified.load is not None else ""
+        load = "" if of_session is None else of_session.sentence()
         return LabelledRecording(each.metadata, keeper.keep(labelled), evidence, load, len(labelled), each.samples)
 
     def _evidence(self, labelled: Recording) -> OffsetEvidence:
@@ -166,6 +179,8 @@ class RecordingFriction:
         estimator = self.estimator
         if estimator is None or estimator.bounds is None or estimator.offset is not None:
             return ""
+        from cylinder_friction.estimation.running_estimate import label_missed
+
         another_load = estimator.position_load is not None and self.labeller.load == "none"
         return "" if another_load else label_missed(recording, estimator.bounds)
 

@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from cylinder_friction.labelling.load import pooled_load
-from cylinder_friction.labelling.session import SessionIdentification
 from cylinder_friction.realtime.bounds import bounds_count
 from cylinder_friction.realtime.flags import LEAST_ROWS, Flag
 from cylinder_friction.realtime.stream import CompiledRun
@@ -21,21 +17,6 @@ if TYPE_CHECKING:
 
 OFTEN_MISSED = 3.0
 """Bounds that miss the label this many times as often as they may are named."""
-
-
-@lru_cache(maxsize=1)
-def loaded_once(folder: Path) -> FrictionEstimator:
-    """Load a saved estimator; the last one stays in memory."""
-    from cylinder_friction.estimators.loading import load_estimator  # ONNX: labels need no estimator
-
-    return load_estimator(folder)
-
-
-def for_load(estimator: FrictionEstimator, identified: SessionIdentification | None) -> FrictionEstimator:
-    """Return the estimator for the load of this session, if one is identified and it takes one by position."""
-    if identified is None or identified.load is None or estimator.position_load is None:
-        return estimator
-    return estimator.with_position_load(pooled_load([identified.load]))
 
 
 def label_missed(recording: Recording, bounds: Bounds) -> str:

@@ -20,7 +20,6 @@ from typing import Any, Self
 import numpy as np
 from numpy.polynomial import legendre
 from numpy.typing import NDArray
-from scipy.ndimage import distance_transform_edt
 
 from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.labelling.robust import (
@@ -347,6 +346,8 @@ def _pooled_over_several(sessions: Sequence[LoadIdentification]) -> PositionLoad
     loads_n = np.array([each.load_n(positions_m) for each in sessions])
     own_n = np.array([each.uncertainty_n(positions_m) for each in sessions])
     everywhere: Mask = np.reshape(known.any(axis=0), shape)
+    from scipy.ndimage import distance_transform_edt  # Only loads by several positions need it
+
     nearest = distance_transform_edt(~everywhere, return_distances=False, return_indices=True)
     # Between a known place and an unknown one too, the load is that of the sessions that know the known one.
     goes_on = known[:, np.ravel_multi_index(tuple(nearest), shape).ravel()]

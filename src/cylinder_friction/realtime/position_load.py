@@ -9,7 +9,6 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from cylinder_friction.arrays import Array, Mask
-from cylinder_friction.realtime.load_table import NUMBERS, loads_at, loads_unknown_at
 from cylinder_friction.recordings.columns import LOAD_FORCE, POSITION
 from cylinder_friction.recordings.recording import Recording
 
@@ -70,6 +69,8 @@ class PositionLoad:
 
         If the load is unknown at some places, ones mark those places behind the loads, and zeros mark the others.
         """
+        from cylinder_friction.realtime.load_table import NUMBERS  # Numba: labels need not wait for it
+
         columns, numbers = self.columns if columns is None else columns, np.zeros(3 * NUMBERS)
         for number, (axis, places) in enumerate(zip(self.axes, self.load_n.shape, strict=True)):
             per_metre = (places - 1) / (axis.last_m - axis.first_m)
@@ -83,6 +84,8 @@ class PositionLoad:
 
         ``positions_m`` has shape ``(n, positions)``, or ``(n,)`` if the load depends on one.
         """
+        from cylinder_friction.realtime.load_table import loads_at
+
         rows = np.ascontiguousarray(np.reshape(positions_m, (len(positions_m), -1)), dtype=np.float64)
         return np.asarray(loads_at(self.packed(), rows))
 
@@ -92,6 +95,8 @@ class PositionLoad:
 
     def knows(self, recording: Recording) -> Mask:
         """Return at which rows of a recording the load is known, shape ``(n,)``."""
+        from cylinder_friction.realtime.load_table import loads_unknown_at
+
         rows = recording.samples(self.columns)
         inside = [(rows[:, k] >= axis.first_m) & (rows[:, k] <= axis.last_m) for k, axis in enumerate(self.axes)]
         return np.asarray(np.logical_and.reduce(inside) & ~loads_unknown_at(self.packed(), rows))

@@ -8,13 +8,20 @@ import math
 import operator
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import lru_cache
+from functools import cache, lru_cache
+from types import ModuleType
 from typing import Any, Protocol
 
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.signals import causal_loops
+
+
+@cache  # An import statement takes half as long as filtering one sample
+def _loops() -> ModuleType:
+    from cylinder_friction.signals import causal_loops  # Numba: labels need not wait for it
+
+    return causal_loops
 
 
 class CausalBlock(Protocol):
@@ -71,7 +78,7 @@ class FirFilter:
             state.history = np.repeat(inputs[:1], self.length - 1, axis=0)
         padded = np.concatenate([state.history, inputs])
         state.history = padded[len(padded) - (self.length - 1) :].copy()
-        return causal_loops.fir(self.taps, padded)
+        return _loops().fir(self.taps, padded)
 
 
 @dataclass
@@ -102,7 +109,7 @@ class ExponentialLowPass:
             return inputs.copy()
         if state.output is None:
             state.output = inputs[0].copy()
-        return causal_loops.low_pass(self.weight, state.output, inputs)
+        return _loops().low_pass(self.weight, state.output, inputs)
 
 
 def moving_average_taps(window: int) -> Array:

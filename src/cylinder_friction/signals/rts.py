@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.signals.causal_chain import CausalFilter
 from cylinder_friction.signals.kalman import KalmanModel, constant_jerk, random_walk
-from cylinder_friction.signals.kalman_passes import SteadyKalman, smooth_states
 from cylinder_friction.signals.smooth_signals import SignalFilter, Support
+
+if TYPE_CHECKING:
+    from cylinder_friction.signals.kalman_passes import SteadyKalman
 
 
 @lru_cache(maxsize=8)  # a model keeps its gains, which take longer than smoothing a recording
@@ -39,9 +42,13 @@ class RtsSmoother(SignalFilter):
         return KalmanFilter(self)
 
     def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
+        from cylinder_friction.signals.kalman_passes import smooth_states  # Numba: labels need not wait for it
+
         return smooth_states(self.models(sample_time_s)[0], force_n)[:, 0].copy()
 
     def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
+        from cylinder_friction.signals.kalman_passes import smooth_states
+
         states = smooth_states(self.models(sample_time_s)[1], position_m)
         return states[:, 1].copy(), states[:, 2].copy()
 
@@ -58,6 +65,8 @@ class KalmanFilter(CausalFilter):
     smoother: RtsSmoother
 
     def block(self, sample_time_s: float) -> SteadyKalman:
+        from cylinder_friction.signals.kalman_passes import SteadyKalman
+
         return SteadyKalman(*self.smoother.models(sample_time_s))
 
     def support(self, sample_time_s: float) -> Support:

@@ -6,7 +6,6 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import scipy.io
 from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.format import Format, Library
@@ -120,6 +119,8 @@ def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[Logg
     listed = _listed(source)
     names = None if listed is None or wanted is None else _to_load(listed, wanted, found)
     handle: Any = source.handle()
+    import scipy.io  # scipy.io: only MATLAB files need it
+
     content = scipy.io.loadmat(handle, simplify_cells=True, variable_names=names, verify_compressed_data_integrity=True)
     variables = {name: _tree(value) for name, value in content.items() if not name.startswith("__")}
     if "None" in variables:  # SciPy's name for objects; the last one is left
@@ -130,6 +131,8 @@ def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[Logg
 
 def _listed(source: FileSource) -> list[tuple[str, tuple[int, ...], str]] | None:
     """Return name, shape and class of each variable; None if SciPy cannot list them beside a string, date or table."""
+    import scipy.io
+
     handle: Any = source.handle()
     try:
         return list(scipy.io.whosmat(handle))

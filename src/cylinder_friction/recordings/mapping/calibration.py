@@ -16,7 +16,6 @@ from typing import Literal, get_args
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import PRESSURES, TIME
@@ -45,6 +44,8 @@ def longest_steady(signals: Array, spans: Array, bounds: Array) -> tuple[int, in
         spans: Within a stretch a signal's largest and smallest value differ by no more than this, shape ``(m,)``.
         bounds: Within a stretch no value is further from zero than this, shape ``(m,)``.
     """
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d  # Only logs with a zero to be found need it
+
     values = np.where(np.all(np.abs(signals) <= bounds, axis=1, keepdims=True), signals, np.inf)
 
     def starts(length: int) -> NDArray[np.intp]:

@@ -4,12 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimeline
 from cylinder_friction.recordings.timeline.timestamps import BLOCK, WHOLE_HERTZ, TimeRules, whole_hertz
-from cylinder_friction.recordings.timeline.windowed_sinc import CUT_OFF, windowed_sinc
 
 ON_THE_LINE = 1e-3
 """A segment whose stamps follow one straight line this closely, as a share of a step, is read off that line."""
@@ -30,6 +28,8 @@ def shape_preserving_cubic(at: Array, values: Array, wanted: Array) -> Array:
     inside = np.clip(wanted, at[0], at[-1])
     # Counted from the first sample in steps of one: the divided differences of small steps at large times lose digits.
     step = (at[-1] - at[0]) / (len(at) - 1)
+    from scipy.interpolate import PchipInterpolator  # Even stamps need not wait for it
+
     result: Array = PchipInterpolator((at - at[0]) / step, values)((inside - at[0]) / step)
     return result
 
@@ -99,6 +99,8 @@ def sampled_at(segment: UniformSegment, time_s: Array, rate_hz: float, rules: Ti
     on_samples = np.abs(numbers - nearest).max() <= max(rules.jitter_share, 1e-6)
     if on_samples and (np.diff(nearest) == 1).all():
         return segment.values[nearest], segment.method
+    from cylinder_friction.recordings.timeline.windowed_sinc import CUT_OFF, windowed_sinc  # Numba
+
     change = (
         f"resampled from {segment.rate_hz:.6g} to {rate_hz:.6g} Hz"
         if abs(segment.rate_hz - rate_hz) > WHOLE_HERTZ * rate_hz
