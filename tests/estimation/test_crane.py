@@ -29,8 +29,7 @@ def estimated(tmp_path_factory: pytest.TempPathFactory) -> FrictionOfLogs:
         pytest.skip("the recordings of a crane are not there")
     cylinder = Cylinder(**yaml.safe_load((CONFIGURATION / "cylinder/hmf_2020k_jib.yaml").read_text()))
     into = tmp_path_factory.mktemp("crane") / "friction"
-    with pytest.warns(UserWarning, match="filter windows are in samples and were chosen for 200 Hz"):
-        return estimate_logs(CRANE, cylinder, into, channels=CONFIGURATION / "ingest/crane.yaml")
+    return estimate_logs(CRANE, cylinder, into, channels=CONFIGURATION / "ingest/crane.yaml")
 
 
 @pytest.mark.extended

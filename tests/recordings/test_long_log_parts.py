@@ -95,6 +95,17 @@ def test_a_damaged_part_is_named_and_the_others_are_used(
         raise RecordingError(refused.reason)
 
 
+def test_a_long_log_with_its_newest_row_first_is_refused_and_a_short_one_turned_round(
+    tmp_path: Path, cylinder: Cylinder
+) -> None:
+    made_log(ROWS)[::-1].to_csv(tmp_path / "log.csv", index=False)
+    refused = list(recordings_of({"log.csv": tmp_path / "log.csv"}, recipe(cylinder), PART))
+    words = "where a log too long to be read at once has its newest row first, sort it by time"
+    assert all(isinstance(each, Quarantined) and each.reason.endswith(words) for each in refused)
+    (whole,) = parts_of(tmp_path / "log.csv", recipe(cylinder), None)
+    assert len(whole) == ROWS
+
+
 def test_many_time_columns_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cylinder: Cylinder) -> None:
     lines = ["t;p1;t;p2;x", *(f"{row};1.5;{row};2.5;3.5" for row in range(3_000))]
     (tmp_path / "scope.csv").write_text("\n".join([*lines, ""]))

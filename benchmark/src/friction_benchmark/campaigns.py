@@ -16,7 +16,7 @@ import yaml
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller
-from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of, part_suffix, pieces_from
+from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of, pieces_from
 from cylinder_friction.recordings.files import whole_folder
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.path_names import NameRules
@@ -139,11 +139,10 @@ def campaign_recipe(cylinder: Cylinder, *, load: bool) -> Recipe:
 def _labelled(logged: RigRecording, recipe: Recipe, labeller: Labeller) -> Iterator[LabelledRecording]:
     """Yield a log's recordings: one, unless samples that cannot be bridged part it."""
     file = f"{logged.metadata.name}.csv"
-    pieces = pieces_from([LoggedTable(as_written(logged.logger))], recipe)
+    about = metadata_of(recipe.names.names(file), file, "", recipe)
     truth, signal_filter = logged.truth, default_filter(labeller.cylinder)
-    for number, piece in enumerate(pieces, start=1):
-        metadata = metadata_of(piece, recipe.names.names(file), part_suffix(number, len(pieces)), file, "", recipe)
-        raw = checked(piece, metadata, recipe)
+    for piece in pieces_from([LoggedTable(as_written(logged.logger))], recipe, about):
+        raw = checked(piece, recipe)
         rows = np.rint(raw.column("time_s") / raw.sample_time_s).astype(np.int64)
         load_n = truth["load_force_n"].to_numpy() if "load_force_n" in truth.columns else np.zeros(len(truth))
         yield LabelledRecording(

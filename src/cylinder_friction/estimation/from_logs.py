@@ -36,9 +36,9 @@ from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.recordings.checks.duplicates import SeenRecordings
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, PRESSURES
+from cylinder_friction.recordings.conversion import ROWS_AT_ONCE
 from cylinder_friction.recordings.files import hash_of, read_json
 from cylinder_friction.recordings.ingesting import digest_of
-from cylinder_friction.recordings.long_log_parts import ROWS_AT_ONCE
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertainty
 from cylinder_friction.recordings.reading_logs import Logs, find_logs
 from cylinder_friction.recordings.recording import Recording, RecordingError

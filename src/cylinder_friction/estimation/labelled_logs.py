@@ -16,8 +16,8 @@ from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.offset_identification import MOST_SEARCHED
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan
 from cylinder_friction.recordings.checks.duplicates import SeenRecordings
+from cylinder_friction.recordings.conversion import ROWS_AT_ONCE
 from cylinder_friction.recordings.ingesting import Batch, Converted, Quarantined, batch_of, usable
-from cylinder_friction.recordings.long_log_parts import ROWS_AT_ONCE
 from cylinder_friction.recordings.reading_logs import Logs
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.result_folder import existing

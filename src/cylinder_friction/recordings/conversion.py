@@ -1,12 +1,18 @@
-"""From one logger file to recordings: read, map, screen, align, zero, check."""
+"""From one logger file to recordings: read, map, screen, align, zero, check.
+
+A log too long for memory is cut into parts of some minutes; each part is read as a log of its own.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
+
+import pandas as pd
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits, LoadMode
@@ -21,10 +27,21 @@ from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping,
 from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.path_names import NameRules, PathNames
-from cylinder_friction.recordings.recording import Columns, Recording, RecordingMetadata, RecordingPiece
+from cylinder_friction.recordings.recording import (
+    UNNAMED,
+    Columns,
+    Recording,
+    RecordingError,
+    RecordingMetadata,
+)
 from cylinder_friction.recordings.start_rules import StartRules
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
+
+ROWS_AT_ONCE = 1 << 18
+"""A longer log is cut into parts of about this many rows: 22 minutes at 200 Hz, 4 minutes at 1 kHz."""
+LEAST_SHARE = 0.5
+"""A last part shorter than this share of the part before it is joined to it."""
 
 
 @dataclass(frozen=True)
@@ -87,26 +104,48 @@ def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> LongTabl
     read = partial(open_logged_file, path, rows, recipe.file_format, recipe.csv, database=recipe.database)
     wanted = wanted_channels(recipe.channels)
     tables = read(wanted)
-    if recipe.channels["time_s"].rate_hz is None:
+    if recipe.channels[TIME].rate_hz is None:
         return tables
     first = [next(tables.chunks())] if isinstance(tables, LongTable) else tables
     clocks = {name for table in first for name in table.unread if words_of(name).quantity == "time"}
     return read(wanted | clocks) if clocks else tables
 
 
-def pieces_of(path: Path, recipe: Recipe, *, screened: bool = True) -> list[RecordingPiece]:
-    """Read the unbroken stretches of a file in SI units, each at one constant rate, with all that was repaired.
+def metadata_of(names: PathNames, source_file: str, digest: str, recipe: Recipe) -> RecordingMetadata:
+    """Return what the recordings of a file have in common; a sample time and a start are each one's own."""
+    sensors = {column: each.sensor.identity for column, each in recipe.channels.items() if each.sensor is not None}
+    return RecordingMetadata(
+        name=names.name,
+        condition=names.condition,
+        session=names.session,
+        sample_time_s=math.nan,
+        cylinder=recipe.cylinder,
+        load=names.load,
+        source_file=source_file,
+        source_sha256=digest,
+        asset=names.asset or recipe.asset,
+        sensors={column: known for column, known in sensors.items() if known},
+    )
+
+
+def pieces_of(path: Path, recipe: Recipe, about: RecordingMetadata, *, screened: bool = True) -> list[Recording]:
+    """Read the unbroken stretches of a file in SI units, each at one constant rate, yet to be ``checked``.
 
     If not ``screened``, bad samples stay where they are, to be looked at, and only repairs of time are stated.
     """
     tables = open_tables(path, recipe)
     assert not isinstance(tables, LongTable)
-    return pieces_from(tables, recipe, screened=screened)
+    return pieces_from(tables, recipe, about, screened=screened)
 
 
 def pieces_from(
-    tables: Sequence[LoggedTable], recipe: Recipe, *, screened: bool = True, rows_before: int = 0
-) -> list[RecordingPiece]:
+    tables: Sequence[LoggedTable],
+    recipe: Recipe,
+    about: RecordingMetadata = UNNAMED,
+    *,
+    screened: bool = True,
+    rows_before: int = 0,
+) -> list[Recording]:
     """Map, screen and align tables that are read already; see ``pieces_of``.
 
     ``rows_before`` counts the rows of the file above the tables, if they are a part of it. A clock that is a stated
@@ -122,57 +161,87 @@ def pieces_from(
         limits = sensor_limits(recipe.channels)
         signals, bad = screen_signals(signals, limits, recipe.screen, recipe.limits.stroke_m)
         notes = (*mapped.notes, *bad)
-    pieces = align(signals, recipe.time)
-    return [replace(piece, repairs=(*notes, *piece.repairs), start=mapped.start) for piece in pieces]
+    start = recipe.start.of(mapped.start, about.source_file)
+    pieces = align(signals, recipe.time, replace(about, repairs=notes), start)
+    if len(pieces) == 1:
+        return pieces
+    return [each.described(name=f"{each.name}_part{number}") for number, each in enumerate(pieces, start=1)]
 
 
-def metadata_of(
-    piece: RecordingPiece, names: PathNames, suffix: str, source_file: str, digest: str, recipe: Recipe
-) -> RecordingMetadata:
-    """Return the metadata of one piece. ``suffix`` is what its name has beyond that of its file, such as ``_part2``."""
-    stated = piece.start if piece.start is None or piece.segment == 0 or piece.start.dated_rows else None
-    start = recipe.start.of(stated, source_file)
-    sensors = {column: each.sensor.identity for column, each in recipe.channels.items() if each.sensor is not None}
-    return RecordingMetadata(
-        name=f"{names.name}{suffix}",
-        condition=names.condition,
-        session=names.session,
-        sample_time_s=piece.sample_time_s,
-        cylinder=recipe.cylinder,
-        load=names.load,
-        source_file=source_file,
-        source_sha256=digest,
-        start="" if start is None else start.after(float(piece.columns[TIME][0])).text(),
-        start_source="" if start is None else start.source,
-        asset=names.asset or recipe.asset,
-        sensors={column: known for column, known in sensors.items() if known},
-        repairs=piece.repairs,
-    )
+def pieces_of_tables(
+    tables: LongTable | Sequence[LoggedTable], recipe: Recipe, about: RecordingMetadata
+) -> Iterator[tuple[Recording | RecordingError, str]]:
+    """Yield the pieces of a file in order, and which of several each is; memory holds one part of a long file.
+
+    A part of a long file that gives no piece yields its error.
+
+    Raises:
+        RecordingError: The file cannot be read, or a file that is not long gives no piece.
+    """
+    if isinstance(tables, LongTable):
+        yield from _pieces_of_parts(tables, recipe, about)
+        return
+    pieces = pieces_from(tables, recipe, about)
+    for number, piece in enumerate(pieces, start=1):
+        yield piece, f"piece {number} of {len(pieces)}" if len(pieces) > 1 else ""
 
 
-def part_suffix(number: int, parts: int, width: int = 1) -> str:
-    """Return how the name of one of several parts of a file ends; empty if there is only one."""
-    return f"_part{number:0{width}d}" if parts > 1 else ""
+def _pieces_of_parts(
+    table: LongTable, recipe: Recipe, about: RecordingMetadata
+) -> Iterator[tuple[Recording | RecordingError, str]]:
+    """Yield the pieces of each part in turn. The first part decides the sample rate of all."""
+    number, rows, last, rules = 0, 0, "", recipe.time
+    width, restarted = max(2, len(str(table.count))), False
+    for part in _without_short_end(table.chunks()):
+        first, rows = rows, rows + len(part.channels)
+        found: Sequence[Recording | RecordingError]
+        try:
+            found = pieces_from([part], replace(recipe, time=rules), about, rows_before=first)
+        except RecordingError as error:
+            found = [RecordingError(f"in the part of rows {first + 1} to {rows}, rows counted from there: {error}")]
+        for each in found:
+            number += 1
+            if isinstance(each, Recording):
+                rules = replace(rules, rate_hz=rules.rate_hz or 1.0 / each.sample_time_s)
+                restarted |= each.metadata.start < last  # A start that goes back is one of a clock that restarted
+                last = each.metadata.start
+                each = each.described(name=f"{about.name}_part{number:0{width}d}")
+                each = each.described(start="", start_source="") if restarted else each
+            yield each, f"part {number:0{width}d}"
 
 
-def zeroed(
-    piece: RecordingPiece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | None = None
-) -> tuple[Columns, RecordingMetadata]:
+def _without_short_end(parts: Iterator[LoggedTable]) -> Iterator[LoggedTable]:
+    held: LoggedTable | None = None
+    try:
+        for part in parts:
+            if held is not None and len(part.channels) < LEAST_SHARE * len(held.channels):
+                held = replace(held, channels=pd.concat([held.channels, part.channels], ignore_index=True))
+                continue
+            if held is not None:
+                yield held
+            held = part
+    except RecordingError:  # below a part that is whole
+        if held is not None:
+            yield held
+        raise
+    if held is not None:
+        yield held
+
+
+def zeroed(piece: Recording, recipe: Recipe, session: ZeroReading | None = None) -> tuple[Columns, RecordingMetadata]:
     """Return a piece's columns with the zeros of its pressure sensors taken off, and metadata that record it.
 
     The zeros of its ``session`` are for a piece that shows none itself; a stated window without vented chambers is
     refused.
     """
-    own = find_zero(piece.columns, recipe.zero, recipe.channels, metadata.name)
+    own = find_zero(piece.columns, recipe.zero, recipe.channels, piece.name)
     # If neither shows a zero, the recording's own reason is more specific than the session's.
     if session is not None and session.offsets and not own.offsets:
         own = session
-    return apply_zero(piece.columns, metadata, own, recipe.channels)
+    return apply_zero(piece.columns, piece.metadata, own, recipe.channels)
 
 
-def checked(
-    piece: RecordingPiece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | None = None
-) -> Recording:
+def checked(piece: Recording, recipe: Recipe, session: ZeroReading | None = None) -> Recording:
     """Zero a piece's pressures and check it. The first check that it does not pass raises ``RecordingError``."""
-    columns, with_zero = zeroed(piece, metadata, recipe, session)
+    columns, with_zero = zeroed(piece, recipe, session)
     return checked_recording(with_zero, columns, inspect_recording(columns, recipe.limits, piece.sample_time_s))

@@ -14,10 +14,9 @@ from typing import Any, Protocol, TypeVar
 
 from cylinder_friction.execution.workers import Died, Workers
 from cylinder_friction.recordings.checks.duplicates import Samples, SeenRecordings
-from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of, open_tables
+from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of, open_tables, pieces_of_tables
 from cylinder_friction.recordings.files import hash_of, whole_folder, write_json
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
-from cylinder_friction.recordings.long_log_parts import file_pieces
 from cylinder_friction.recordings.mapping.calibration import ZeroReading, find_zero, session_zero
 from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
 from cylinder_friction.recordings.progress import shown
@@ -156,19 +155,17 @@ def converted(file: LoggedFile) -> Iterator[Converted | Quarantined]:
     """Read, map, screen, align, zero and check a file; yield each recording, or why there is none."""
     piece = ""
     try:
-        names = file.recipe.names.names(file.name)
-        for each in file_pieces(file.tables or open_tables(file.path, file.recipe, file.rows), file.recipe):
-            piece = each.words
-            if isinstance(each.found, RecordingError):
-                yield Quarantined(file.name, str(each.found), piece)
-                continue
-            metadata = metadata_of(each.found, names, each.suffix, file.name, file.digest, file.recipe)
+        about = metadata_of(file.recipe.names.names(file.name), file.name, file.digest, file.recipe)
+        tables = file.tables or open_tables(file.path, file.recipe, file.rows)
+        for found, piece in pieces_of_tables(tables, file.recipe, about):
             try:
-                recording = checked(each.found, metadata, file.recipe, file.zero)
+                if isinstance(found, RecordingError):
+                    raise found
+                recording = checked(found, file.recipe, file.zero)
             except RecordingError as error:
                 yield Quarantined(file.name, str(error), piece)
                 continue
-            yield Converted(recording.metadata, recording, Samples.of(metadata, each.found.columns))
+            yield Converted(recording.metadata, recording, Samples.of(found.metadata, found.columns))
     except (RecordingError, OSError) as error:
         yield Quarantined(file.name, str(error), piece and f"after {piece}")
 
@@ -333,8 +330,9 @@ def zeros_of(name: str, path: Path, recipe: Recipe, rows: int | None) -> list[tu
     readings: list[tuple[str, ZeroReading]] = []
     with suppress(RecordingError, OSError):
         names = recipe.names.names(name)
-        for each in file_pieces(open_tables(path, recipe, rows), recipe):  # those before an error are kept
-            if not isinstance(each.found, RecordingError):
-                reading = find_zero(each.found.columns, recipe.zero, recipe.channels, names.name)
+        about = metadata_of(names, name, "", recipe)
+        for found, _ in pieces_of_tables(open_tables(path, recipe, rows), recipe, about):  # those before an error stay
+            if isinstance(found, Recording):
+                reading = find_zero(found.columns, recipe.zero, recipe.channels, names.name)
                 readings.append((names.session, reading))
     return readings

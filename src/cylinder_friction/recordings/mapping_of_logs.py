@@ -7,9 +7,9 @@ from pathlib import Path
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.columns import QUANTITIES, TIME
+from cylinder_friction.recordings.conversion import ROWS_AT_ONCE
 from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
 from cylinder_friction.recordings.formats.reading import open_logged_file
-from cylinder_friction.recordings.long_log_parts import ROWS_AT_ONCE
 from cylinder_friction.recordings.mapping.guessing import GuessedColumn, GuessedMapping, guess_mapping
 from cylinder_friction.recordings.mapping.mapping_text import channel_lines
 from cylinder_friction.recordings.mapping.units import check_unit, stated_rate, units_agree

@@ -19,7 +19,6 @@ from cylinder_friction.recordings.columns import (
     UNCERTAINTY_COLUMN,
     missing_column,
 )
-from cylinder_friction.recordings.start import Start
 
 Columns = Mapping[str, NDArray[Any]]
 """Columns of equal length by name, in their order."""
@@ -97,6 +96,10 @@ class RecordingMetadata:
         return vars(self) | within
 
 
+UNNAMED = RecordingMetadata("", "", "", 0.0)
+"""Of columns that do not belong to a file yet."""
+
+
 @dataclass(frozen=True, init=False, repr=False, eq=False)
 class Recording:
     """Columns at one constant sample rate; their values are read-only.
@@ -135,6 +138,17 @@ class Recording:
                     all_finite = bool(np.isfinite(values.sum()))  # a finite sum has only finite terms
                 if not all_finite:
                     refuse_not_finite(self.name, values[:, None], (name,))
+
+    @classmethod
+    def unchecked(cls, metadata: RecordingMetadata, columns: Columns) -> Self:
+        """Keep columns as they are, before any check."""
+        recording = object.__new__(cls)
+        recording._set(metadata, columns)
+        return recording
+
+    def described(self, **changes: Any) -> Recording:
+        """Return a copy with these entries of its metadata, and the same columns."""
+        return Recording.unchecked(replace(self.metadata, **changes), self.columns)
 
     def _set(self, metadata: RecordingMetadata, columns: Columns) -> None:
         self.__dict__.update(metadata=metadata, columns=columns)
@@ -249,9 +263,7 @@ class Recording:
 
     def _derived(self, columns: Columns) -> Recording:
         """Return a copy with other columns, whose measured ones hold nothing that was not checked before."""
-        derived = object.__new__(Recording)
-        derived._set(self.metadata, columns)
-        return derived
+        return Recording.unchecked(self.metadata, columns)
 
 
 _CHECKED = {*SAMPLE_COLUMNS, DRIVE_FORCE, TIME}
@@ -287,15 +299,3 @@ class Signal:
     time_s: Array
     # In the column's own unit (Pa, m, N, °C), shape ``(n,)``; NaN where a sample is missing
     values: Array
-
-
-@dataclass(frozen=True)
-class RecordingPiece:
-    """An unbroken stretch of a file at one constant rate."""
-
-    columns: Columns  # ``time_s`` and one a signal, without NaN
-    sample_time_s: float  # Constant time between two rows [s]
-    # What was done to get there, one sentence each with its numbers; empty if nothing was
-    repairs: tuple[str, ...] = ()
-    segment: int = 0  # How often the clock had restarted
-    start: Start | None = None  # When the file's clock was at 0 s; None if that is not known

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cylinder_friction.recordings.recording import RecordingError, RecordingPiece, Signal
+from cylinder_friction.recordings.recording import Recording, RecordingError, Signal
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
@@ -46,7 +46,7 @@ def test_what_needs_nothing_passes_bit_for_bit(time_s: np.ndarray, rate_hz: floa
     (piece,) = align(columns, TimeRules(rate_hz=rate_hz))
     assert list(piece.columns) == ["time_s", "a", "b", "c"]
     assert piece.sample_time_s == pytest.approx(sample_time_s, rel=1e-12)
-    assert piece.repairs == ()
+    assert piece.metadata.repairs == ()
     for column, expected in (("time_s", time_s), ("a", NOISE), ("b", LINE), ("c", EVEN_S)):
         assert piece.columns[column].tobytes() == expected.tobytes()
 
@@ -98,7 +98,7 @@ def test_damaged_time(name: str) -> None:
     columns, lengths, repairs = ROWS_OF_PIECES[name]
     pieces = align(columns, TimeRules())
     assert [len(piece.columns["time_s"]) for piece in pieces] == lengths
-    assert list(pieces[0].repairs) == repairs
+    assert list(pieces[0].metadata.repairs) == repairs
     for piece in pieces:
         assert all(np.isfinite(values).all() for values in piece.columns.values())
         logged = set(columns["a"].values)
@@ -120,7 +120,7 @@ def sine(time_s: np.ndarray, frequency_hz: float = 3.0) -> np.ndarray:
     return np.sin(2.0 * np.pi * frequency_hz * time_s)
 
 
-def inner(piece: RecordingPiece) -> pd.DataFrame:
+def inner(piece: Recording) -> pd.DataFrame:
     """Without the second at either end, where the continuation plays a part."""
     time_s = piece.columns["time_s"]
     return pd.DataFrame(piece.columns)[(time_s > time_s[0] + 1.0) & (time_s < time_s[-1] - 1.0)]
@@ -141,7 +141,7 @@ def test_tables_at_two_rates_come_to_one(rate_hz: float | None, offset_s: float)
     for column in "ab":
         assert np.abs(table[column] - sine(table["time_s"].to_numpy())).max() < 1e-3
     expected = f"a: resampled from 200 to {piece.sample_time_s**-1:g} Hz (windowed sinc, cut-off "
-    assert rate_hz == 200.0 or piece.repairs[0].startswith(expected)
+    assert rate_hz == 200.0 or piece.metadata.repairs[0].startswith(expected)
 
 
 def test_a_slow_channel_in_one_table_is_no_gap() -> None:
@@ -150,7 +150,7 @@ def test_a_slow_channel_in_one_table_is_no_gap() -> None:
     (piece,) = align({"a": Signal(EVEN_S, NOISE), "b": Signal(EVEN_S, slow)}, TimeRules())
     assert piece.sample_time_s == 0.02
     np.testing.assert_array_equal(piece.columns["b"], NOISE[::4])
-    assert piece.repairs == ("a: resampled from 200 to 50 Hz (windowed sinc, cut-off 22.5 Hz)",)
+    assert piece.metadata.repairs == ("a: resampled from 200 to 50 Hz (windowed sinc, cut-off 22.5 Hz)",)
 
 
 def test_a_tone_above_the_new_rate_does_not_alias() -> None:
@@ -166,7 +166,7 @@ def test_uneven_stamps_come_to_an_even_grid(jitter: float) -> None:
     assert piece.sample_time_s == 0.005
     np.testing.assert_allclose(np.diff(piece.columns["time_s"]), 0.005, rtol=1e-9)
     assert np.abs(inner(piece)["a"] - sine(inner(piece)["time_s"].to_numpy(), 1.0)).max() < 2e-3
-    assert re.fullmatch(r"time: resampled from uneven stamps \(\S+ to \S+ ms\) to 200 Hz .*", piece.repairs[0])
+    assert re.fullmatch(r"time: resampled from uneven stamps \(\S+ to \S+ ms\) to 200 Hz .*", piece.metadata.repairs[0])
 
 
 @pytest.mark.parametrize(
@@ -246,7 +246,7 @@ def test_pieces_are_sound_or_refused(columns: Mapping[str, Signal], rate_hz: flo
         assert (steps > 0.0).all()
         if rate_hz is not None:
             assert piece.sample_time_s == 1.0 / rate_hz
-        if any("resampled" in repair or "moved" in repair for repair in piece.repairs):
+        if any("resampled" in repair or "moved" in repair for repair in piece.metadata.repairs):
             np.testing.assert_allclose(
                 steps, 1.0, rtol=1e-9, atol=1e-9 * np.abs(table["time_s"]).max() / piece.sample_time_s
             )
@@ -257,7 +257,7 @@ def test_pieces_are_sound_or_refused(columns: Mapping[str, Signal], rate_hz: flo
             assert np.abs(table[column] - middle).max() <= 3.0 * 2.2 * half + 1e-9
             stamps_s = signal.time_s[np.isfinite(signal.time_s)]
             slack_s = 1e-6 * piece.sample_time_s
-            if not any("coarse" in repair for repair in piece.repairs):
+            if not any("coarse" in repair for repair in piece.metadata.repairs):
                 assert stamps_s.min() - slack_s <= table["time_s"].iloc[0]
                 assert table["time_s"].iloc[-1] <= stamps_s.max() + slack_s
     for column, signal in columns.items():
@@ -269,7 +269,9 @@ def test_stamps_of_two_tables_that_differ_by_rounding_are_one_clock() -> None:
     other_s = 0.1 + np.arange(4000 - 20) * 0.005
     assert not np.isin(other_s, time_s).all()
     (piece,) = align({"a": Signal(time_s, sine(time_s)), "b": Signal(other_s, sine(other_s))}, TimeRules())
-    assert piece.repairs == ("time: 0.1 s at the start and 0 s at the end left out, not covered by every column",)
+    assert piece.metadata.repairs == (
+        "time: 0.1 s at the start and 0 s at the end left out, not covered by every column",
+    )
     assert np.array_equal(piece.columns["a"], sine(time_s)[20:])
     assert np.array_equal(piece.columns["b"], sine(other_s))
 

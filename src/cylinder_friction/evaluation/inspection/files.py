@@ -2,19 +2,18 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 
 from cylinder_friction.evaluation.inspection.subject import Inspected, worst
 from cylinder_friction.recordings.checks.duplicates import Samples, SeenRecordings
 from cylinder_friction.recordings.checks.limits import Finding
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
-from cylinder_friction.recordings.conversion import Recipe, metadata_of, part_suffix, pieces_of, zeroed
+from cylinder_friction.recordings.conversion import Recipe, metadata_of, pieces_of, zeroed
 from cylinder_friction.recordings.ingesting import session_zeros
 from cylinder_friction.recordings.mapping.calibration import NOT_CORRECTED, ZeroReading
 from cylinder_friction.recordings.path_names import PathNames, name_of
 from cylinder_friction.recordings.progress import shown
-from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, RecordingPiece
+from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 
 
 def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspected]:
@@ -40,7 +39,7 @@ def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspect
 
 def _inspect_file(
     name: str, path: Path, recipe: Recipe, zeros: Mapping[str, ZeroReading]
-) -> Iterator[tuple[RecordingPiece | None, Inspected]]:
+) -> Iterator[tuple[Recording | None, Inspected]]:
     """Yield what was found in one file. A path without a session is noted, for it may lie elsewhere later.
 
     What is refused has its recording all the same wherever the signals can be read.
@@ -51,33 +50,33 @@ def _inspect_file(
     except RecordingError as error:
         findings.append(Finding("names", "noted", str(error)))
         names = PathNames(name_of(name), "", "", "")
+    about = metadata_of(names, name, "", recipe)
     try:
-        pieces = pieces_of(path, recipe)
+        pieces = pieces_of(path, recipe, about)
     except (RecordingError, OSError) as error:
         findings.append(Finding("file", "refused", str(error)))
-        pieces = _as_logged(path, recipe)
+        pieces = _as_logged(path, recipe, about)
         if not pieces:
             yield None, Inspected(name, findings)
     for number, piece in enumerate(pieces, start=1):
-        metadata = metadata_of(piece, names, part_suffix(number, len(pieces)), name, "", recipe)
-        found, recording = _checked(piece, metadata, recipe, zeros.get(names.session))
+        found, recording = _checked(piece, recipe, zeros.get(names.session))
         yield piece, Inspected(name, [*findings, *found], recording, number if len(pieces) > 1 else 0)
 
 
-def _as_logged(path: Path, recipe: Recipe) -> list[RecordingPiece]:
+def _as_logged(path: Path, recipe: Recipe, about: RecordingMetadata) -> list[Recording]:
     """Return the pieces of a refused file with its bad samples in it, to be looked at; none if it is unreadable."""
     with suppress(RecordingError, OSError):
-        return pieces_of(path, recipe, screened=False)
+        return pieces_of(path, recipe, about, screened=False)
     return []
 
 
 def _checked(
-    piece: RecordingPiece, metadata: RecordingMetadata, recipe: Recipe, session: ZeroReading | None
+    piece: Recording, recipe: Recipe, session: ZeroReading | None
 ) -> tuple[Sequence[Finding], Recording | None]:
     findings: list[Finding] = []
-    columns = piece.columns
+    columns, metadata = piece.columns, piece.metadata
     try:
-        columns, metadata = zeroed(piece, metadata, recipe, session)
+        columns, metadata = zeroed(piece, recipe, session)
     except RecordingError as error:
         findings.append(Finding("zero", "refused", str(error)))
     findings += [
@@ -85,7 +84,7 @@ def _checked(
     ]
     findings += inspect_recording(columns, recipe.limits, piece.sample_time_s)
     try:
-        return findings, Recording(replace(metadata, sample_time_s=piece.sample_time_s), columns)
+        return findings, Recording(metadata, columns)
     except RecordingError as error:
         if worst(finding.outcome for finding in findings) != "refused":
             findings.append(Finding("recording", "refused", str(error)))

@@ -1,14 +1,22 @@
 """Bring columns as they were sampled to pieces at one constant rate, and report what was bridged or moved."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import OIL_TEMPERATURE, TIME
-from cylinder_friction.recordings.recording import RecordingError, RecordingPiece, Signal
+from cylinder_friction.recordings.recording import (
+    UNNAMED,
+    Columns,
+    Recording,
+    RecordingError,
+    RecordingMetadata,
+    Signal,
+)
+from cylinder_friction.recordings.start import Start
 from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimeline, find_timelines
 from cylinder_friction.recordings.timeline.resampling import fill_lost, own_rate, sampled_at, uniform_segments
 from cylinder_friction.recordings.timeline.stamp_repair import counted
@@ -19,7 +27,29 @@ Spans = list[tuple[float, float]]
 HIGHEST_RATIO = 10.0  # a rate more than this many times that of the fastest channel is a mistake
 
 
-def align(signals: Mapping[str, Signal], rules: TimeRules) -> list[RecordingPiece]:
+@dataclass(frozen=True)
+class _Described:
+    """What recordings of one file have in common."""
+
+    about: RecordingMetadata
+    start: Start | None
+
+    def piece(self, columns: Columns, rate_hz: float, repairs: Sequence[str] = (), segment: int = 0) -> Recording:
+        """Return columns as a recording, yet to be checked. A start holds until the clock restarts."""
+        own = self.start if self.start is not None and (segment == 0 or self.start.dated_rows) else None
+        about = replace(
+            self.about,
+            sample_time_s=1.0 / rate_hz,
+            repairs=(*self.about.repairs, *repairs),
+            start="" if own is None else own.after(float(columns[TIME][0])).text(),
+            start_source="" if own is None else own.source,
+        )
+        return Recording.unchecked(about, columns)
+
+
+def align(
+    signals: Mapping[str, Signal], rules: TimeRules, about: RecordingMetadata = UNNAMED, start: Start | None = None
+) -> list[Recording]:
     """Return the unbroken stretches of a file, each at one constant rate, in the order they were sampled.
 
     - Columns with even stamps of one clock, nothing missing, at the wanted rate: unchanged, stamps included.
@@ -33,14 +63,18 @@ def align(signals: Mapping[str, Signal], rules: TimeRules) -> list[RecordingPiec
     Args:
         signals: Columns; those of one logged table share their ``time_s`` array.
         rules: For repairs, and which rate is wanted.
+        about: What the recordings have in common, and what was repaired before.
+        start: When the file's clock was at 0 s; None if that is not known.
 
     Returns:
-        Pieces, at least one. ``time_s`` continues the logger's time, and starts anew where its clock did.
+        Recordings without NaN, yet to be checked, at least one. ``time_s`` continues the logger's time, and starts anew
+        where its clock did.
 
     Raises:
         RecordingError: The stamps cannot be put in order, a column has no samples, or no stretch is long enough.
     """
-    unchanged = _unchanged(signals, rules)
+    described = _Described(about, start)
+    unchanged = _unchanged(signals, rules, described)
     if unchanged is not None:
         return [unchanged]
     _check(signals)
@@ -58,7 +92,7 @@ def align(signals: Mapping[str, Signal], rules: TimeRules) -> list[RecordingPiec
     one_grid = all(each.grid is timelines[0].grid and each.even and each.stride == 1 for each in timelines)
     same_rate = one_grid and abs(rate_hz * timelines[0].step_s - 1.0) <= WHOLE_HERTZ
     place = _on_logged_grid if same_rate else _on_new_grid
-    pieces, more, short = place(timelines, rate_hz, rules)
+    pieces, more, short = place(timelines, rate_hz, rules, described)
     if not pieces:
         why = "; ".join([*repairs, *_gap_note(timelines, rules)]) or "the columns do not overlap in time"
         raise RecordingError(
@@ -66,9 +100,11 @@ def align(signals: Mapping[str, Signal], rules: TimeRules) -> list[RecordingPiec
             f"({why}), expected at least one; log without gaps, or leave the column with the gaps out of the mapping"
         )
     whole = (
-        *repairs, *_gap_note(timelines, rules), *_edge_note(timelines, rate_hz), *_short_note(short, rules), *more
+        *about.repairs, *repairs, *_gap_note(timelines, rules), *_edge_note(timelines, rate_hz),
+        *_short_note(short, rules), *more,
     )  # fmt: skip
-    return [replace(piece, repairs=(*whole, *piece.repairs)) for piece in pieces]
+    own = [piece.metadata.repairs[len(about.repairs) :] for piece in pieces]
+    return [piece.described(repairs=(*whole, *bridged)) for piece, bridged in zip(pieces, own, strict=True)]
 
 
 def _check(signals: Mapping[str, Signal]) -> None:
@@ -82,8 +118,8 @@ def _check(signals: Mapping[str, Signal]) -> None:
             )
 
 
-def _unchanged(signals: Mapping[str, Signal], rules: TimeRules) -> RecordingPiece | None:
-    """Return the columns as a piece, not copied, if they need no repair and no resampling; else None."""
+def _unchanged(signals: Mapping[str, Signal], rules: TimeRules, described: _Described) -> Recording | None:
+    """Return the columns as a recording, not copied, if they need no repair and no resampling; else None."""
     time_s, *others = {id(signal.time_s): signal.time_s for signal in signals.values()}.values()
     one_clock = all(np.array_equal(time_s, other) for other in others)
     complete = one_clock and all(np.isfinite(signal.values).all() for signal in signals.values())
@@ -94,7 +130,7 @@ def _unchanged(signals: Mapping[str, Signal], rules: TimeRules) -> RecordingPiec
     if abs(wanted_hz - rate_hz) > WHOLE_HERTZ * rate_hz:
         return None
     columns = {column: signal.values for column, signal in signals.items()}
-    return RecordingPiece({TIME: time_s, **columns}, 1.0 / wanted_hz)
+    return described.piece({TIME: time_s, **columns}, wanted_hz)
 
 
 def _origins(timelines: Sequence[ChannelTimeline]) -> list[float]:
@@ -117,8 +153,8 @@ def _check_restarts(timelines: Sequence[ChannelTimeline]) -> None:
 
 
 def _on_logged_grid(
-    timelines: Sequence[ChannelTimeline], rate_hz: float, rules: TimeRules
-) -> tuple[list[RecordingPiece], list[str], Spans]:
+    timelines: Sequence[ChannelTimeline], rate_hz: float, rules: TimeRules, described: _Described
+) -> tuple[list[Recording], list[str], Spans]:
     """Return pieces whose samples are unchanged but for the bridged ones, and stretches that were too short."""
     grid = timelines[0].grid
     spans: Spans = [(-np.inf, np.inf)]
@@ -138,7 +174,7 @@ def _on_logged_grid(
         columns = {each.column: _filled(each, numbers) for each in timelines}
         segment = int(grid.segments[a])
         repairs = _bridged_note(timelines, float(time_s[0]), float(time_s[-1]), segment)
-        pieces.append(RecordingPiece({TIME: time_s, **columns}, 1.0 / rate_hz, tuple(repairs), segment))
+        pieces.append(described.piece({TIME: time_s, **columns}, rate_hz, repairs, segment))
     return pieces, [], short
 
 
@@ -156,10 +192,10 @@ def _filled(timeline: ChannelTimeline, numbers: NDArray[np.int64]) -> Array:
 
 
 def _on_new_grid(
-    timelines: Sequence[ChannelTimeline], rate_hz: float, rules: TimeRules
-) -> tuple[list[RecordingPiece], list[str], Spans]:
+    timelines: Sequence[ChannelTimeline], rate_hz: float, rules: TimeRules, described: _Described
+) -> tuple[list[Recording], list[str], Spans]:
     """Return pieces on the grid of ``rate_hz``, how each column got there, and stretches that were too short."""
-    pieces: list[RecordingPiece] = []
+    pieces: list[Recording] = []
     short: Spans = []
     methods: dict[str, list[str]] = {}
     for segment, start_s in enumerate(_origins(timelines)):
@@ -184,7 +220,7 @@ def _on_new_grid(
                 if method and column not in methods.setdefault(method, []):
                     methods[method].append(column)
             repairs = _bridged_note(timelines, first_s, last_s, segment)
-            pieces.append(RecordingPiece({TIME: time_s, **columns}, 1.0 / rate_hz, tuple(repairs), segment))
+            pieces.append(described.piece({TIME: time_s, **columns}, rate_hz, repairs, segment))
     return pieces, _sentences(methods, len(timelines)), short
 
 

@@ -22,9 +22,6 @@ TOGETHER = 0.8
 """Columns that share this share of their rows were sampled together. Two raster rates of one table share half of their
 rows at most, or the slower shares all of its own."""
 
-ROUNDING = 1e-4
-"""Stamps of two tables this close, as a share of a step, are one: 0.1 s + 37·0.001 s is not 137·0.001 s to the bit."""
-
 SHORT_BLOCK = 32  # samples over which the step is taken where the stamps' rounding hides it from step to step
 
 
@@ -87,7 +84,7 @@ def find_timelines(signals: Mapping[str, Signal], rules: TimeRules) -> tuple[lis
     """
     timelines: list[ChannelTimeline] = []
     repairs: list[str] = []
-    for time_s, values in _share_stamps(_tables(signals)):
+    for time_s, values in _tables(signals):
         blank = np.logical_and.reduce([~np.isfinite(column) for column in values.values()])
         stamps = order_stamps(time_s, blank, rules)
         repairs += _with_subject(stamps.repairs, values, signals)
@@ -109,49 +106,6 @@ def _tables(signals: Mapping[str, Signal]) -> list[tuple[Array, dict[str, Array]
     for column, signal in signals.items():
         tables.setdefault(id(signal.time_s), (signal.time_s, {}))[1][column] = signal.values
     return list(tables.values())
-
-
-def _share_stamps(tables: list[tuple[Array, dict[str, Array]]]) -> list[tuple[Array, dict[str, Array]]]:
-    """Join tables that share a clock: both have increasing stamps, most of which are equal."""
-    result: list[tuple[Array, dict[str, Array]]] = []
-    for time_s, values in tables:
-        for place, (other_s, others) in enumerate(result):
-            if (union := _union(other_s, time_s)) is not None:
-                union_s, other_rows, rows = union
-                result[place] = (union_s, _placed(others, other_rows, union_s) | _placed(values, rows, union_s))
-                break
-        else:
-            result.append((time_s, dict(values)))
-    return result
-
-
-def _union(one_s: Array, other_s: Array) -> tuple[Array, Indices, Indices] | None:
-    """Return the stamps of two tables as one, and the row of each table's stamps in it; None for two clocks.
-
-    Stamps within ``ROUNDING`` of a step are the same one: two tables may add up their steps from different starts. A
-    slower table keeps its clock though its stamps are all among the other's: a gap in one is then none in the other.
-    """
-    if not ((one_s[1:] > one_s[:-1]).all() and (other_s[1:] > other_s[:-1]).all()):
-        return None
-    both_s = np.concatenate([one_s, other_s])
-    order = np.argsort(both_s, kind="stable")
-    step_s = min(float(np.median(np.diff(one_s))), float(np.median(np.diff(other_s))))
-    new = np.concatenate([[True], np.diff(both_s[order]) > ROUNDING * step_s])
-    rows = np.empty(len(both_s), dtype=np.int64)
-    rows[order] = np.cumsum(new) - 1
-    one_rows, other_rows = rows[: len(one_s)], rows[len(one_s) :]
-    # Two stamps of one table that became one are no rounding.
-    if not (np.diff(one_rows).all() and np.diff(other_rows).all()):
-        return None
-    common = len(both_s) - int(new.sum())
-    return (both_s[order][new], one_rows, other_rows) if common >= TOGETHER * max(len(one_s), len(other_s)) else None
-
-
-def _placed(columns: Mapping[str, Array], rows: Indices, union_s: Array) -> dict[str, Array]:
-    result = {name: np.full(len(union_s), np.nan) for name in columns}
-    for name, column in columns.items():
-        result[name][rows] = column
-    return result
 
 
 def _sampled_together(stamps: OrderedStamps, values: Mapping[str, Array]) -> list[tuple[dict[str, Array], Mask]]:

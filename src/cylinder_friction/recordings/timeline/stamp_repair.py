@@ -58,9 +58,12 @@ def order_stamps(time_s: Array, blank: Mask, rules: TimeRules) -> OrderedStamps:
     stamps = time_s[rows]
     forward_s = np.diff(stamps)
     if not (forward_s > 0.0).any():
-        what = f"stands at {stamps[0]:.9g} s" if (forward_s == 0.0).all() else "runs backwards from row to row"
+        stands = (forward_s == 0.0).all()
+        what = f"stands at {stamps[0]:.9g} s" if stands else "runs backwards from row to row"
+        newest = "" if stands else "; where a log too long to be read at once has its newest row first, sort it by time"
         raise RecordingError(
             f"time_s {what} in all {len(stamps)} rows, expected increasing time; check the time channel in the mapping"
+            f"{newest}"
         )
     if forward_s.min() >= 0.0:
         return OrderedStamps(stamps, rows, np.zeros(len(rows), dtype=np.int64), tuple(repairs))
