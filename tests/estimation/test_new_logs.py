@@ -17,7 +17,7 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.from_logs import estimate_logs
-from cylinder_friction.estimation.new_logs import GONE, SETTLED_S
+from cylinder_friction.estimation.result_file import GONE, SETTLED_S
 from cylinder_friction.estimation.results import FrictionOfLogs
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
 from cylinder_friction.recordings.recording import Recording

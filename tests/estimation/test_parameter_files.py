@@ -7,8 +7,7 @@ import re
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.identified_model import IdentifiedModel, determined
-from cylinder_friction.estimation.parameter_files import matlab_script, modelica_record
+from cylinder_friction.estimation.identified_model import IdentifiedModel, determined, matlab_script, modelica_record
 from cylinder_friction.friction_models.identification.procedure import Identification
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
 from cylinder_friction.friction_models.lugre import LuGre

@@ -21,14 +21,13 @@ import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.labelled_logs import LabelledLogs, inputs
-from cylinder_friction.estimation.new_logs import read_results, sort_logs
 from cylinder_friction.estimation.recording_friction import (
     LabelledRecording,
     RecordingFriction,
     loaded_once,
     refused_piece,
 )
-from cylinder_friction.estimation.result_file import FileFormat, Result, packed, write_result
+from cylinder_friction.estimation.result_file import FileFormat, Result, packed, read_results, sort_logs, write_result
 from cylinder_friction.estimation.results import FrictionOfLogs, table_rows
 from cylinder_friction.evaluation.inspection.friction_view import view_of_labelled
 from cylinder_friction.execution.workers import Died, Workers
@@ -209,7 +208,7 @@ def _write_results(
             run.refused.append(refused_piece(each.metadata, result))
         else:
             results.append(result)
-        each.kept.remove()
+        each.result.remove()
     return results
 
 
@@ -232,7 +231,7 @@ def _written(
         of_file: How many recordings its log gave.
         detailed: Whether the page shows friction against velocity, and the Stribeck curve.
     """
-    finished = friction.finished(labelled.kept.read(), offset)
+    finished = friction.finished(labelled.result.read(), offset)
     finished = replace(finished, metadata=replace(finished.metadata, depends_on=depends_on))
     entry, bounded = friction.entry(finished, labelled.load), bool(np.isfinite(finished.column("lower_n")).any())
     compared = packed(labelled.evidence, labelled.samples)

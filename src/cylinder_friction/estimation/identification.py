@@ -11,19 +11,27 @@ from tqdm import tqdm
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.identification_page import write_identification_page
-from cylinder_friction.estimation.identified_model import IdentifiedModel, determined, pressure_problem
+from cylinder_friction.estimation.identified_model import (
+    IdentifiedModel,
+    determined,
+    matlab_script,
+    modelica_record,
+    pressure_problem,
+)
 from cylinder_friction.estimation.labelled_logs import LabelledLogs, inputs
-from cylinder_friction.estimation.off_line_velocity import (
+from cylinder_friction.estimation.results import load_left
+from cylinder_friction.estimation.stribeck_points import IdentifiedCurve, identified_curve, stribeck_points
+from cylinder_friction.estimation.velocity_choices import (
+    FITS_ALIKE,
+    LEAST_SHARE,
     NOISE_MULTIPLE,
     odd_window,
+    shifted_intervals,
     slope,
     slope_noise,
     velocities_on_offer,
+    widened_intervals,
 )
-from cylinder_friction.estimation.parameter_files import matlab_script, modelica_record
-from cylinder_friction.estimation.results import load_left
-from cylinder_friction.estimation.stribeck_points import IdentifiedCurve, identified_curve, stribeck_points
-from cylinder_friction.estimation.velocity_choice import FITS_ALIKE, LEAST_SHARE, shifted_intervals, widened_intervals
 from cylinder_friction.estimators.lugre import condition_of_smallest_friction
 from cylinder_friction.evaluation.friction_levels import (
     FrictionLevel,

@@ -81,7 +81,7 @@ class LabelledLogs:
             yield from map(self._finished, own[::every])
 
     def _finished(self, each: LabelledRecording) -> tuple[Recording, str]:
-        return self.friction.finished(each.kept.read(), self.offsets.get(each.metadata.session)), each.load
+        return self.friction.finished(each.result.read(), self.offsets.get(each.metadata.session)), each.load
 
     def labelled(
         self,

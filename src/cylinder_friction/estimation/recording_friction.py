@@ -23,7 +23,6 @@ from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan
 from cylinder_friction.labelling.up_and_down import holds_load, up_and_down
 from cylinder_friction.realtime.flags import Flag, unknown_in_words
 from cylinder_friction.realtime.trained_for import pressure_noise_pa
-from cylinder_friction.recordings.checks.duplicates import Samples
 from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.ingesting import Converted, LoggedFile, Quarantined, converted
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
@@ -43,15 +42,13 @@ def loaded_once(folder: Path) -> FrictionEstimator:
 
 
 @dataclass(frozen=True)
-class LabelledRecording:
-    """A recording with its friction, until the offset of its session is known."""
+class LabelledRecording(Converted):
+    """A recording with its friction, kept until the offset of its session is known."""
 
-    metadata: RecordingMetadata
-    kept: Kept
+    result: Kept
     evidence: OffsetEvidence | None  # What it shows of the sensors' offset; None with an estimator
     load: str  # Which load was identified and taken off, in words; empty if none was
     rows: int
-    samples: Samples  # By which a copy is known
 
 
 @dataclass(frozen=True)
@@ -114,7 +111,7 @@ class RecordingFriction:
             return refused_piece(each.metadata, str(error))
         evidence = self._evidence(labelled) if estimator is None else None
         load = "" if of_session is None else of_session.sentence()
-        return LabelledRecording(each.metadata, keeper.keep(labelled), evidence, load, len(labelled), each.samples)
+        return LabelledRecording(each.metadata, keeper.keep(labelled), each.samples, evidence, load, len(labelled))
 
     def _evidence(self, labelled: Recording) -> OffsetEvidence:
         known = LOADED.get(self.labeller.load, "")

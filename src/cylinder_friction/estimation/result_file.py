@@ -1,16 +1,21 @@
-"""The result of one recording: a Parquet file of friction that states in its metadata all that later runs need."""
+"""The results in a folder: one Parquet file per recording that states all that later runs need.
+
+Which logs are new to a folder follows from what its results state: by content, not by name or date.
+"""
 
 from __future__ import annotations
 
 import base64
-import io
 import json
-from collections.abc import Collection, Mapping
-from dataclasses import asdict, dataclass, field
+import os
+import time
+from collections import Counter, defaultdict
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
-import numpy as np
+import pyarrow as pa
 
 from cylinder_friction.estimation.results import FrictionOfRecording
 from cylinder_friction.evaluation.friction_levels import FrictionLevel
@@ -19,17 +24,23 @@ from cylinder_friction.labelling.sliding_blocks import SlidingBlocks
 from cylinder_friction.recordings.checks.duplicates import Samples
 from cylinder_friction.recordings.files import whole_file, write_text
 from cylinder_friction.recordings.formats.mdf_results import write_mdf
-from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.result_folder import refuse_foreign
 from cylinder_friction.recordings.storage import read_beside, write_recording
 from cylinder_friction.reporting.friction_page import pane_file
+
+if TYPE_CHECKING:
+    from cylinder_friction.recordings.reading_logs import Logs
 
 FileFormat = Literal["parquet", "csv", "mdf"]
 SUFFIXES = {"csv": ".csv", "mdf": ".mf4"}
 """What further files end in that are asked for beside the Parquet file."""
 ABOUT, COMPARED = "cylinder_friction_result", "cylinder_friction_compared"
 """Names of the texts in a result's metadata: what it states, and what later recordings are compared with."""
-_OF_BLOCKS = ("label_n", "direction", "stroke")
+SETTLED_S = 10.0
+"""A new file that was changed less than this long ago may still be written: it is left for the next run."""
+GONE, KEPT = "its file was not among the logs of the last run", "not among the logs any more, results kept"
+OF_BLOCKS, OF_QUANTITY = ("label_n", "direction", "stroke"), "column "
 
 
 @dataclass(frozen=True)
@@ -136,29 +147,140 @@ def _write_beside(path: Path, finished: Recording, pane: str, log: Path) -> None
 
 def packed(evidence: OffsetEvidence | None, samples: Samples) -> str:
     """Return what later recordings are compared with as text; equal content makes equal text."""
-    arrays: dict[str, Any] = {}
-    about = None
-    if evidence is not None:
-        sliding = evidence.sliding
-        about = {**vars(evidence), "sliding": None}
-        if sliding is not None:
-            about["sliding"] = {"session": sliding.session, "prior_n": sliding.prior_n, "sliding_s": sliding.sliding_s}
-            arrays |= {f"block {name}": getattr(sliding, name) for name in _OF_BLOCKS}
-            arrays |= {f"column {name}": values for name, values in sliding.columns.items()}
-    content = io.BytesIO()
-    np.savez(content, about=np.frombuffer(json.dumps([about, asdict(samples)]).encode(), dtype=np.uint8), **arrays)
-    return base64.b64encode(content.getvalue()).decode()
+    about: dict[str, Any] = {"samples": vars(samples), "evidence": evidence and {**vars(evidence), "sliding": None}}
+    columns: dict[str, Any] = {}
+    if evidence is not None and evidence.sliding is not None:
+        content = dict(vars(evidence.sliding))
+        columns = {f"{OF_QUANTITY}{name}": values for name, values in content.pop("columns").items()}
+        columns |= {name: content.pop(name) for name in OF_BLOCKS}
+        about["evidence"]["sliding"] = content
+    table, sink = pa.table(columns).replace_schema_metadata({"about": json.dumps(about)}), pa.BufferOutputStream()
+    with pa.ipc.new_stream(sink, table.schema) as stream:
+        stream.write_table(table)
+    return base64.b64encode(sink.getvalue()).decode()
 
 
 def unpacked(text: str) -> tuple[OffsetEvidence | None, Samples]:
     """Return what ``packed`` was given."""
-    with np.load(io.BytesIO(base64.b64decode(text)), allow_pickle=False) as content:
-        arrays = dict(content)
-    about, samples = json.loads(arrays.pop("about").tobytes())
-    kinds: dict[str, dict[str, Any]] = {"block": {}, "column": {}}
-    for name, values in arrays.items():
-        kind, _, what = name.partition(" ")
-        kinds[kind][what] = values
-    if about is not None and about["sliding"] is not None:
-        about["sliding"] = SlidingBlocks(**about["sliding"], **kinds["block"], columns=kinds["column"])
-    return None if about is None else OffsetEvidence(**about), Samples(**samples)
+    table = pa.ipc.open_stream(base64.b64decode(text)).read_all()
+    about = json.loads(table.schema.metadata[b"about"])
+    evidence, columns = about["evidence"], {name: table[name].to_numpy() for name in table.column_names}
+    if evidence is not None and evidence["sliding"] is not None:
+        own = {name: columns.pop(name) for name in OF_BLOCKS}
+        quantities = {name.removeprefix(OF_QUANTITY): values for name, values in columns.items()}
+        evidence["sliding"] = SlidingBlocks(**evidence["sliding"], **own, columns=quantities)
+    return None if evidence is None else OffsetEvidence(**evidence), Samples(**about["samples"])
+
+
+@dataclass(frozen=True)
+class Sorted:
+    """Which logs are to be processed, and what becomes of the results that are there."""
+
+    new: dict[str, Path]  # To be processed, by their paths below the root
+    kept: list[Result]  # Those of logs that are gone are marked
+    news: tuple[str, ...]  # One sentence on each kind of change
+
+
+def read_results(folder: Path) -> list[Result]:
+    """Read what the results in a folder state, in the order of their names."""
+    found = (read_result(path) for path in sorted(folder.glob("*.parquet")))
+    return [each for each in found if each is not None]
+
+
+def sort_logs(
+    logs: Logs,
+    digests: Mapping[str, str],
+    folder: Path,
+    results: Iterable[Result],
+    depends_on: Mapping[str, str],
+    now_s: float | None = None,
+) -> Sorted:
+    """Decide which of the logs are new, and which results stay.
+
+    A log is new if not all of its results are there, made of the same bytes under the same name with the same cylinder,
+    mapping, model and code. The other logs of its session are processed again with it, for their offset and load are
+    identified together. A log that is gone keeps its results.
+
+    Args:
+        logs: All logs of this run.
+        digests: SHA-256 of each.
+        folder: Where the results lie.
+        results: What they state.
+        depends_on: SHA-256 of what results depend on beside the logs.
+        now_s: The time [s]; None: that of this machine's clock.
+    """
+    of_file: defaultdict[str, list[Result]] = defaultdict(list)
+    for each in results:
+        of_file[each.entry.source_file].append(each)
+    if not of_file:
+        return Sorted(dict(logs.files), [], ())
+    now_s = time.time() if now_s is None else now_s
+    known = {name: own[0].entry.source_sha256 for name, own in of_file.items()}
+    same_bytes = {name for name, digest in digests.items() if _all_there(of_file.get(name, ()), digest, folder)}
+    same = {name for name in same_bytes if all(each.depends_on == depends_on for each in of_file[name])}
+    changed = digests.keys() - same
+    early = {name for name in changed - same_bytes if 0.0 <= now_s - _changed_s(logs.files[name]) < SETTLED_S}
+    held = {digest: name for name, digest in digests.items() if name not in early}
+    gone = {name for name, digest in known.items() if name not in digests and digest not in held}
+    moved = {name: held[digest] for name, digest in known.items() if name not in digests and digest in held}
+    sessions = {_session(logs, name) for name in changed - early} - {""}
+    mates = {name for name in same if _session(logs, name) in sessions}
+    stay = (same - mates) | (early & known.keys())
+    anew = (changed - early) & same_bytes
+    others = sorted({key for name in anew for each in of_file[name] for key in _unlike(each, depends_on)})
+    counts = Counter(name in known for name in changed - early - anew)
+    news = [
+        (len(anew), f"processed anew, with another {' and another '.join(others)} than before", ""),
+        (counts[False] - len(set(moved.values()) - known.keys()), "new or refused until now", ""),
+        (counts[True], "with new content", ""),
+        (len(mates), "processed again: a log of their session is new", ""),
+        (len(moved), "renamed", _some(f"{old} is {now}" for old, now in moved.items())),
+        (len(early), f"changed less than {SETTLED_S:g} s ago and left for the next run", _some(early)),
+        (len(gone), KEPT, _some(gone)),
+        (len(stay), "as before", ""),
+    ]
+    kept = [each for name in stay for each in of_file[name]]
+    kept += [_marked(each, depends_on) for name in gone for each in of_file[name]]
+    new = {name: path for name, path in logs.files.items() if name in (changed - early) | mates}
+    return Sorted(new, kept, tuple(_in_words(*each) for each in news if each[0]))
+
+
+def _all_there(results: Iterable[Result], digest: str, folder: Path) -> bool:
+    """Return whether these are all results of a log with this SHA-256."""
+    own = list(results)
+    alike = all(each.entry.source_sha256 == digest and each.is_whole(folder) for each in own)
+    return bool(own) and alike and {each.of_file for each in own} == {len(own)}
+
+
+def _unlike(each: Result, depends_on: Mapping[str, str]) -> list[str]:
+    return [key for key in depends_on if each.depends_on.get(key) != depends_on[key]]
+
+
+def _marked(each: Result, depends_on: Mapping[str, str]) -> Result:
+    others = " and another ".join(_unlike(each, depends_on))
+    words = GONE + (f"; it was processed with another {others}" if others else "")
+    return replace(each, entry=replace(each.entry, gone=words))
+
+
+def _changed_s(path: Path) -> float:
+    try:
+        return os.stat(path).st_mtime  # noqa: PTH116 - a plain number
+    except OSError:
+        return 0.0
+
+
+def _session(logs: Logs, name: str) -> str:
+    try:
+        return logs.recipe.names.names(name).session
+    except RecordingError:
+        return ""
+
+
+def _some(names: Iterable[str]) -> str:
+    first, *others = sorted(names) or [""]
+    return ", ".join([first, *others[:2]]) + (", ..." if len(others) > 2 else "")
+
+
+def _in_words(count: int, what: str, which: str) -> str:
+    files = "1 file" if count == 1 else f"{count} files"
+    return f"{files} {what}" + (f": {which}" if which else "")

@@ -10,7 +10,7 @@ from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from cylinder_friction.execution.workers import Died, Workers
 from cylinder_friction.recordings.checks.duplicates import Samples, SeenRecordings
@@ -238,17 +238,7 @@ def digest_of(path: Path) -> str:
         return ""
 
 
-class Found(Protocol):
-    """A recording of a file, in whatever form."""
-
-    @property
-    def metadata(self) -> RecordingMetadata: ...
-
-    @property
-    def samples(self) -> Samples: ...
-
-
-OfFile = TypeVar("OfFile", bound=Found)
+OfFile = TypeVar("OfFile", bound=Converted)
 
 
 def usable(

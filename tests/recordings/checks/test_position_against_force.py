@@ -15,7 +15,7 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits, Finding
 from cylinder_friction.recordings.checks.plausibility import clear_motion
-from cylinder_friction.recordings.checks.position_against_force import check_position_against_force
+from cylinder_friction.recordings.checks.position_checks import check_position_against_force
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
 from cylinder_friction.recordings.conversion import open_tables, pieces_from
 from cylinder_friction.recordings.reading_logs import Logs

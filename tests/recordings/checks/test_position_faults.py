@@ -14,7 +14,7 @@ import pytest
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.checks.position_faults import check_position_steps
+from cylinder_friction.recordings.checks.position_checks import check_position_steps
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
 from cylinder_friction.recordings.conversion import open_tables, pieces_from
 from cylinder_friction.recordings.ingesting import Quarantined, recordings_of

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array, true_runs
 from cylinder_friction.recordings.checks.limits import CheckLimits, Finding, spoken
 from cylinder_friction.recordings.checks.plausibility import check_friction, clear_motion
-from cylinder_friction.recordings.checks.position_against_force import check_position_against_force
-from cylinder_friction.recordings.checks.position_faults import check_position_steps
+from cylinder_friction.recordings.checks.position_checks import check_position_against_force, check_position_steps
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
     LOAD_FORCE,

@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.estimation.off_line_velocity import slope, slope_noise, velocities_on_offer
-from cylinder_friction.estimation.velocity_choice import shifted_intervals
+from cylinder_friction.estimation.velocity_choices import shifted_intervals, slope, slope_noise, velocities_on_offer
 from cylinder_friction.friction_models.identification.procedure import Identification
 from cylinder_friction.friction_models.lugre import LugreParameters
 from cylinder_friction.friction_models.stribeck import StribeckCurve
