@@ -50,6 +50,7 @@ sphinx_gallery_conf = {
 }
 
 
+exclude_patterns = ["examples/*.ipynb"]  # the gallery's downloads
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 600  # for one cell [s]
@@ -57,10 +58,10 @@ nb_merge_streams = True
 
 
 def copy_notebooks(_app: Sphinx) -> None:
-    """Copy the notebooks of ``examples/`` beside the pages that the gallery makes of the programs there."""
-    (ROOT / "docs/examples").mkdir(exist_ok=True)
+    """Copy the notebooks of ``examples/`` to where Sphinx looks for pages."""
+    (ROOT / "docs/notebooks").mkdir(exist_ok=True)
     for notebook in (ROOT / "examples").glob("*.ipynb"):
-        shutil.copy(notebook, ROOT / "docs/examples")
+        shutil.copy(notebook, ROOT / "docs/notebooks")
 
 
 def setup(app: Sphinx) -> None:
