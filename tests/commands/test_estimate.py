@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -93,12 +94,13 @@ def test_a_cylinder_is_stated_as_pairs_or_as_a_file(tmp_path: Path) -> None:
     assert cylinder_of(GEOMETRY) == expected
     (tmp_path / "press.yaml").write_text(GEOMETRY.replace("=", ": ").replace(", ", "\n"), encoding="utf-8")
     assert cylinder_of(str(tmp_path / "press.yaml")) == expected
+    assert cylinder_of(f"{GEOMETRY}, rod_diameter_1_m=0.028") == replace(expected, rod_diameter_1_m=0.028)
 
 
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ("bore_m=0.063", "unknown bore_m; expected bore_diameter_m, rod_diameter_m, stroke_m, moving_mass_kg"),
+        ("bore_m=0.063", "unknown bore_m; expected .*, moving_mass_kg, and if you like name, rod_diameter_1_m"),
         ("bore_diameter_m=0.063", "missing moving_mass_kg, rod_diameter_m, stroke_m"),
     ],
 )

@@ -3,6 +3,7 @@
 The files state nothing but what their kind states; the truth is 308.4 N in steady sliding, at most 0.1 m/s.
 """
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,12 +12,14 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.from_logs import estimate_logs
+from cylinder_friction.estimation.results import remarks
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import read_recording
 
 LOGS = Path(__file__).parents[2] / "../shared/data/field-logs"
 CYLINDER = Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
-HEAVY = Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=300.0)
+HEAVY = replace(CYLINDER, moving_mass_kg=300.0)
+TWO_RODS = replace(CYLINDER, rod_diameter_1_m=0.028)
 STATED = "2026-03-14T08:15:00.000"
 ROWS_200 = {"units": {"time": "200Hz"}}
 
@@ -59,6 +62,7 @@ pytestmark = [
         ("text-cells/tt.csv.gz", {}, 20.0, ""),
         ("text-cells/excel_point.csv.gz", {}, 20.0, ""),
         ("dspace/rec1_001.mat", {}, 20.0, ""),
+        ("double-rod/log.csv.gz", {}, 20.0, ""),
     ],
 )
 def test_the_right_friction_duration_speed_and_start(
@@ -66,7 +70,7 @@ def test_the_right_friction_duration_speed_and_start(
 ) -> None:
     if "channels" in options:
         options = {"channels": LOGS / Path(file).parent / options["channels"]}
-    cylinder = HEAVY if "heavy" in file else CYLINDER
+    cylinder = HEAVY if "heavy" in file else TWO_RODS if "double-rod" in file else CYLINDER
     result = estimate_logs(LOGS / file, cylinder, tmp_path / "friction", **options)
     assert result.refused == []
     (entry,) = result.recordings
@@ -100,3 +104,10 @@ def test_what_a_file_does_not_state_is_asked_for(tmp_path: Path, file: str, word
 def test_coarse_pressures_without_a_stated_resolution_are_refused(tmp_path: Path) -> None:
     (refused,) = estimate_logs(LOGS / "coarse-pressures/log.csv.gz", CYLINDER, tmp_path / "friction").refused
     assert "or its values are rounded: then state its range and bits as its sensor in the mapping" in refused.reason
+
+
+def test_a_second_rod_that_is_not_stated_is_asked_for(tmp_path: Path) -> None:
+    (entry,) = estimate_logs(LOGS / "double-rod/log.csv.gz", CYLINDER, tmp_path / "friction").recordings
+    words = " ".join(remarks(entry))
+    assert "holds a load of about 558 N; map a load cell, use --load position, or state a second rod" in words
+    assert "with equal areas it is 307 and 307 N: if the cylinder has a rod on both sides, state" in words

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal, Self
@@ -75,7 +75,7 @@ class Sources:
         """Return what the recordings of a kind are identified by: for the simulated ones, all they are made from."""
         if self.own and not kind.startswith("twin"):
             return " ".join(digest for _, digest in self.own_hashes)
-        return key_of([kind, seed, self.sizes.simulated(kind), asdict(self.cylinder), self.code])
+        return key_of([kind, seed, self.sizes.simulated(kind), self.cylinder.to_dict(), self.code])
 
     def campaign_folder(self, kind: Kind, seed: int) -> Path:
         return self.folder / f"{kind}-{seed}-{self.key(kind, seed)}"

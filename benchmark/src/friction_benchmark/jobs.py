@@ -68,7 +68,7 @@ class Job:
             "split": [self.split, self.fold, sizes.test_sessions, sizes.validation_sessions],
             "seed": self.seed,
             "recordings": [context.sources.key(kind, self.seed) for kind in kinds],
-            "cylinder": asdict(context.sources.cylinder),
+            "cylinder": context.sources.cylinder.to_dict(),
             "effort": context.effort,
             "worker": context.code,
         }

@@ -185,11 +185,12 @@ def test_a_bad_log_costs_no_other(folder: Path, fleet: Fleet) -> None:
 def test_a_changed_bore_is_named_and_processed_anew(folder: Path, fleet: Fleet) -> None:
     run(folder, fleet)
     before = sessions(folder, "a")
-    wider = replace(fleet.cylinders["a"].dimensions, bore_diameter_m=0.064)
+    wider = replace(fleet.cylinders["a"].dimensions, bore_diameter_m=0.064, rod_diameter_1_m=0.02)
     changed = Fleet({**fleet.cylinders, "a": replace(fleet.cylinders["a"], dimensions=wider)})
     (folder / "logs/a/2026-03-01.csv").unlink()
     health = run(folder, changed)
-    assert health.news[0].startswith("a: fleet.yaml changes bore_diameter_m from 0.063 to 0.064: all its logs were")
+    changes = "a: fleet.yaml changes bore_diameter_m from 0.063 to 0.064, rod_diameter_1_m from 0 to 0.02: all its logs were"
+    assert health.news[0].startswith(changes)
     (reason,) = reasons(health)
     assert reason.startswith("a: a-2026-03-01: its log is gone, and its friction was computed with other dimensions;")
     after = sessions(folder, "a")

@@ -12,7 +12,7 @@ import tempfile
 import warnings
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from dataclasses import fields
+from dataclasses import MISSING, fields
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -179,13 +179,14 @@ def cylinder_of(given: str | None) -> Cylinder:
     else:
         where = f"--cylinder {given}"
         content = yaml.safe_load("{" + given.replace("=", ": ") + "}") if "=" in given else read_yaml(Path(given))
-    known = [each.name for each in fields(Cylinder)]
-    wrong = sorted(set(content if isinstance(content, dict) else {str(given): None}) - set(known))
-    missing = sorted(set(known[1:]) - set(content)) if not wrong else []
+    needed = [each.name for each in fields(Cylinder) if each.default is MISSING]
+    optional = [each.name for each in fields(Cylinder) if each.default is not MISSING]
+    wrong = sorted(set(content if isinstance(content, dict) else {str(given): None}) - {*needed, *optional})
+    missing = sorted(set(needed) - set(content)) if not wrong else []
     if wrong or missing:
         raise ParamsError(
             f"{where}: {'unknown' if wrong else 'missing'} {', '.join(wrong or missing)}; expected "
-            f"{', '.join(known[1:])}, and if you like {known[0]}"
+            f"{', '.join(needed)}, and if you like {', '.join(optional)}"
         )
     return Cylinder(**content)
 

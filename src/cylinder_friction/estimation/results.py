@@ -106,7 +106,8 @@ def load_left(each: FrictionOfRecording) -> str:
     """Return what load friction still holds, and what to do; empty where nothing hints at one."""
     if each.load_left_n is None:
         return ""
-    return f"friction_n holds a load of about {each.load_left_n:.0f} N; map a load cell, or use --load position"
+    remedy = "map a load cell, use --load position, or state a second rod (rod_diameter_1_m)"
+    return f"friction_n holds a load of about {each.load_left_n:.0f} N; {remedy}"
 
 
 def table_rows(result: FrictionOfLogs) -> list[tuple[str, str, float | None, str, str]]:

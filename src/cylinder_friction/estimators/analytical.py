@@ -159,7 +159,7 @@ class AnalyticalEstimator(FrictionEstimator):
         assert self.parameters is not None
         assert self.causal_velocity is not None
         return {
-            "cylinder": asdict(self.cylinder),
+            "cylinder": self.cylinder.to_dict(),
             "friction_model": self.model.name,
             "condition": self.condition,
             "sample_time_s": self.sample_time_s,

@@ -4,7 +4,7 @@ They are the baseline of every learned estimator: pressures times areas already 
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar, Literal, Self
@@ -146,7 +146,7 @@ class ForceBalanceEstimator(LinearEstimator):
         return self._filter
 
     def _write(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002 - everything is JSON
-        return {"cylinder": asdict(self.cylinder), "filtering": self.filtering}
+        return {"cylinder": self.cylinder.to_dict(), "filtering": self.filtering}
 
     @classmethod
     def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:  # noqa: ARG003
@@ -223,7 +223,7 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
         return self._step_model(base_taps=self._balance.taps[0] * response)
 
     def _write(self, folder: Path) -> dict[str, Any]:  # noqa: ARG002
-        return {"cylinder": asdict(self.cylinder), "weight": self.weight}
+        return {"cylinder": self.cylinder.to_dict(), "weight": self.weight}
 
     @classmethod
     def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:  # noqa: ARG003

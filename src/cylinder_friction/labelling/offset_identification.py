@@ -198,7 +198,7 @@ class OffsetModel:
         """Return the content as JSON-compatible values."""
         content = asdict(self) | {"sessions": {name: each.to_dict() for name, each in self.sessions.items()}}
         content |= {name: list(value) for name, value in content.items() if isinstance(value, tuple)}
-        return content | {"precision": [list(row) for row in self.precision]}
+        return content | {"cylinder": self.cylinder.to_dict(), "precision": [list(row) for row in self.precision]}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:

@@ -15,6 +15,7 @@ ALIKE, OTHER_LEVEL = 0.02, 2.0
 """Share by which diameters may differ, and ratio of friction beyond which estimates are not to be used as they are."""
 
 ADAPTED = "adapted"  # The one field that is no number
+ROD_1 = "rod_diameter_1_m"
 
 
 class OtherCylinderError(ValueError):
@@ -31,6 +32,7 @@ class TrainedFor:
     # Standard deviation of the white noise up to which its bounds hold, converter's steps included [Pa]; 0 without any
     pressure_noise_pa: float
     adapted: str = ""  # From which model it was made, in words; empty for one that was trained from scratch
+    rod_diameter_1_m: float = 0.0  # 0 without a rod on side 1
 
     def __post_init__(self) -> None:
         if not all(0.0 <= value < np.inf for name, value in vars(self).items() if name != ADAPTED):
@@ -40,7 +42,8 @@ class TrainedFor:
     def of(cls, recordings: Sequence[Recording], cylinder: Cylinder) -> Self:
         """Return what labelled recordings of a cylinder, as measured, are."""
         friction_n = _mean_level_n(recordings)
-        return cls(cylinder.bore_diameter_m, cylinder.rod_diameter_m, friction_n, pressure_noise_pa(recordings))
+        diameters = cylinder.bore_diameter_m, cylinder.rod_diameter_m
+        return cls(*diameters, friction_n, pressure_noise_pa(recordings), rod_diameter_1_m=cylinder.rod_diameter_1_m)
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any] | None) -> Self | None:
@@ -51,8 +54,8 @@ class TrainedFor:
         return cls(**numbers, adapted=str(values.get(ADAPTED, "")))
 
     def to_dict(self) -> dict[str, float | str]:
-        """Return the content as JSON-compatible values."""
-        return {name: value for name, value in asdict(self).items() if name != ADAPTED or value}
+        """List the content as JSON-compatible values, without what is empty by default."""
+        return {name: value for name, value in asdict(self).items() if value or name not in (ADAPTED, ROD_1)}
 
     def in_words(self) -> str:
         """Return it in words, for whoever reads a model."""
@@ -65,16 +68,18 @@ class TrainedFor:
         )
 
     def _sizes(self) -> str:
-        return f"{1e3 * self.bore_diameter_m:g} mm bore and {1e3 * self.rod_diameter_m:g} mm rod"
+        second = f" and {1e3 * self.rod_diameter_1_m:g} mm rod on side 1" if self.rod_diameter_1_m else ""
+        return f"{1e3 * self.bore_diameter_m:g} mm bore and {1e3 * self.rod_diameter_m:g} mm rod{second}"
 
     def refuse(self, cylinder: Cylinder) -> None:
         """Raise ``OtherCylinderError`` for a cylinder of other areas."""
-        own = self.bore_diameter_m, self.rod_diameter_m
-        given = cylinder.bore_diameter_m, cylinder.rod_diameter_m
+        own = self.bore_diameter_m, self.rod_diameter_m, self.rod_diameter_1_m
+        given = cylinder.bore_diameter_m, cylinder.rod_diameter_m, cylinder.rod_diameter_1_m
         if not np.allclose(given, own, rtol=ALIKE):
+            sizes = " and ".join(f"{1e3 * each:g} mm" for each in given if each)
             raise OtherCylinderError(
-                f"the model was trained for a cylinder of {self._sizes()}, but the one given has {1e3 * given[0]:g} mm "
-                f"and {1e3 * given[1]:g} mm; train one on its recordings, or correct the cylinder; "
+                f"the model was trained for a cylinder of {self._sizes()}, but the one given has {sizes}"
+                "; train one on its recordings, or correct the cylinder; "
                 "--other-cylinder (in Python other_cylinder=True) estimates all the same"
             )
 

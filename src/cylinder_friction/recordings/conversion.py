@@ -84,7 +84,9 @@ class Recipe:
             names=names,
             channels=channels,
             cylinder=cylinder.name,
-            limits=CheckLimits(cylinder.stroke_m, *areas_m2, load, steps, **settings.get("checks", {})),
+            limits=CheckLimits(
+                cylinder.stroke_m, *areas_m2, load, steps, cylinder.rod_diameter_1_m, **settings.get("checks", {})
+            ),
             file_format=settings.get("format", "auto"),
             csv=CsvOptions(**settings.get("csv", {})),
             screen=ScreenRules(**settings.get("screen", {})),

@@ -5,8 +5,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.columns import QUANTITIES, TIME
+from cylinder_friction.cylinder import ONE_CHAMBER, Cylinder
+from cylinder_friction.recordings.columns import PRESSURE_1, PRESSURE_2, QUANTITIES, TIME
 from cylinder_friction.recordings.conversion import ROWS_AT_ONCE
 from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
 from cylinder_friction.recordings.formats.reading import open_logged_file
@@ -44,6 +44,7 @@ def guessed(
     unknown = {name: each.checks for name, each in guess.columns.items() if not each.known}
     if unknown:
         why = "".join(f": {check}" for check in unknown.get(TIME, ()))
+        why += f" ({ONE_CHAMBER})" if PRESSURE_2 in unknown and PRESSURE_1 not in unknown else ""
         raise RecordingError(
             f"{path}: no mapping was given, and that of {', '.join(unknown)} cannot be guessed{why}; state channels, "
             f"starting from\n" + "\n".join(channel_lines(guess))

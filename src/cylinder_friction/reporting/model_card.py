@@ -44,7 +44,9 @@ def model_card(
         f"{', '.join(f'`{column}`' for column in description['input'])}.",
         "",
         f"- Cylinder: {cylinder.name}, bore {1e3 * cylinder.bore_diameter_m:g} mm, rod "
-        f"{1e3 * cylinder.rod_diameter_m:g} mm, stroke {1e3 * cylinder.stroke_m:g} mm",
+        f"{1e3 * cylinder.rod_diameter_m:g} mm, "
+        + (f"second rod {1e3 * cylinder.rod_diameter_1_m:g} mm, " if cylinder.rod_diameter_1_m else "")
+        + f"stroke {1e3 * cylinder.stroke_m:g} mm",
         "- Trained on: " + "; ".join(words.format(recordings[role]) for role, words in _USES if recordings.get(role)),
         *([f"- Hyperparameters: {', '.join(f'{key} {value:.4g}' for key, value in chosen.items())}"] if chosen else []),
         f"- Sampled every {1e3 * description['sample_time_s']:g} ms, late by {1e3 * description['lag_s']:g} ms, "

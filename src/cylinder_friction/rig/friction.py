@@ -28,11 +28,13 @@ def coulomb_friction(f: Any, pressure_1_pa: float, pressure_2_pa: float, place: 
     """Return Coulomb friction [N], the mean of both directions.
 
     ``F_C = F0(T) + c_p max(p1, p2)^0.8 + c_r p2^0.7`` with pressures in bar, times ``place`` (ripple and drift).
+    A rod on side 1 adds ``c_r p1^0.7``.
     """
     higher_bar = max(pressure_1_pa, pressure_2_pa, 0.0) / BAR_PA
     rod_bar = max(pressure_2_pa, 0.0) / BAR_PA
     free = f.coulomb_n * (1.0 - f.coulomb_temperature_1_k * (temperature_c - REFERENCE_C))
-    return place * (free + f.piston_seal_n * higher_bar**0.8 + f.rod_seal_n * rod_bar**0.7)
+    rod_1 = (max(pressure_1_pa, 0.0) / BAR_PA) ** 0.7 if f.rod_on_side_1 else 0.0
+    return place * (free + f.piston_seal_n * higher_bar**0.8 + f.rod_seal_n * (rod_bar**0.7 + rod_1))
 
 
 @numba.njit(cache=True)

@@ -28,7 +28,8 @@ class FrictionParameters:
     asymmetry: float = 0.0943
     coulomb_temperature_1_k: float = 0.002  # Relative fall of ``coulomb_n`` with temperature [1/K]
     piston_seal_n: float = 9.0  # Friction at 1 bar of the higher pressure, growing with its power 0.8 [N]
-    rod_seal_n: float = 8.0  # Friction at 1 bar on the rod side, growing with its power 0.7 [N]
+    rod_seal_n: float = 8.0  # Friction of a rod's seal at 1 bar, growing with its power 0.7 [N]
+    rod_on_side_1: bool = False  # Whether the cylinder has a rod there too; set from the cylinder
     static_ratio: float = 1.5  # Breakaway over Coulomb friction after a long dwell [-]
     # Decay of the Stribeck curve at 40 °C [m/s]; grows as viscosity falls (Hersey)
     stribeck_velocity_m_s: float = 0.008
@@ -169,7 +170,8 @@ def default_rig(cylinder: Cylinder, supply: str = "industrial") -> RigParameters
         mass_kg=cylinder.moving_mass_kg,
         pump_flow_m3_s=PUMP_FLOWS_M3_S[supply],
     )
-    return RigParameters(cylinder, hydraulics, sensors=SensorParameters(position_span_m=cylinder.stroke_m))
+    friction = FrictionParameters(rod_on_side_1=cylinder.rod_diameter_1_m > 0.0)
+    return RigParameters(cylinder, hydraulics, friction, SensorParameters(position_span_m=cylinder.stroke_m))
 
 
 def refuse_unknown(key: str, name: str, known: Collection[str]) -> None:

@@ -134,7 +134,7 @@ def train_hybrid(
     """Train a hybrid of ``hybrid_from``; a killed training goes on."""
     assert hybrid.cylinder is not None
     own = {"design": hybrid.design, "seed": settings.seed, "lag_s": hybrid.lag_s}
-    depends_on = (flat(hybrid.cylinder), chosen, settings.training.model_dump(), data.hashes, own)
+    depends_on = (flat(hybrid.cylinder.to_dict()), chosen, settings.training.model_dump(), data.hashes, own)
     checkpoint = Checkpoint(resume_folder(stage, RESUMED_CODE, *depends_on))
     with tqdm(total=settings.training.epochs, desc=f"train {hybrid.design} hybrid", unit="epoch", disable=None) as bar:
 

@@ -46,7 +46,7 @@ def run(params: Params) -> RunRecord:
             magnitudes_n[recording.metadata.condition].append(float(recording.truth["friction_n"].abs().mean()))
     return RunRecord(
         name="record",
-        params=flat(plan) | flat(params.cylinder, "cylinder."),
+        params=flat(plan) | flat(params.cylinder.to_dict(), "cylinder."),
         metrics={
             "recordings": float(plan.recordings),
             "seconds": plan.recordings * plan.duration_s,

@@ -40,7 +40,7 @@ CURVE = f"{NETWORK_MAE}/validation"
 def run(params: Params) -> RunRecord:
     """Read the training and validation recordings, write the trials, the best parameters and the plots."""
     settings, cylinder, data = params.search, params.cylinder, LearningData.read()
-    depends_on = (settings.model_dump(), flat(cylinder), data.hashes)
+    depends_on = (settings.model_dump(), flat(cylinder.to_dict()), data.hashes)
     journal = resume_folder("search", SEARCHED_CODE, *depends_on) / "trials.log"
     cost = partial(_cost, settings, channel_names(data.inputs, data.position_load))
     plan = SearchPlan(

@@ -19,7 +19,7 @@ from cylinder_friction.recordings.reading_logs import load_settings
 from cylinder_friction_monitoring.errors import MonitoringError, Refused
 from cylinder_friction_monitoring.fleet.doubts import doubts
 from cylinder_friction_monitoring.fleet.files import RESULTS, pane_file, session_file, state_file
-from cylinder_friction_monitoring.fleet.plan import FleetCylinder
+from cylinder_friction_monitoring.fleet.plan import Dimensions, FleetCylinder
 from cylinder_friction_monitoring.fleet.sessions import read_rows, updated_rows, with_starts, write_rows
 from cylinder_friction_monitoring.page.health_page import health_pane
 from cylinder_friction_monitoring.trends.assessment import Entry, ModelBounds
@@ -186,9 +186,10 @@ class CylinderRun:
         model: ModelBounds | None,
     ) -> list[str]:
         news, before = [], earlier.get("dimensions")
-        if before and before != asdict(self.owned.dimensions):
+        if before and Dimensions(**before) != self.owned.dimensions:
             now = asdict(self.owned.dimensions)
-            changes = [f"{name} from {before[name]:g} to {now[name]:g}" for name in now if now[name] != before[name]]
+            old = asdict(Dimensions(**before))
+            changes = [f"{name} from {old[name]:g} to {now[name]:g}" for name in now if now[name] != old[name]]
             news.append(
                 f"fleet.yaml changes {', '.join(changes)}: all its logs were processed anew. If another cylinder was "
                 "fitted, give that one a name of its own instead: its sessions are not comparable"

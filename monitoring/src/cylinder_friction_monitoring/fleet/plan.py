@@ -23,6 +23,7 @@ class Dimensions:
     rod_diameter_m: float
     stroke_m: float
     moving_mass_kg: float
+    rod_diameter_1_m: float = 0.0
 
 
 @dataclass(frozen=True)

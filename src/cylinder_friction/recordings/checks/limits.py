@@ -56,6 +56,7 @@ class CheckLimits(CheckRules):
     annulus_area_m2: float | None = None
     load: LoadMode = "none"  # What the cylinder carries, see ``LoadMode``
     steps: Mapping[str, float] = field(default_factory=dict)  # Of the converters behind columns, in the columns' units
+    rod_diameter_1_m: float = 0.0  # 0 without a rod on side 1
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -65,8 +66,9 @@ class CheckLimits(CheckRules):
         if a1 is not None or a2 is not None:
             both = a1 is not None and a2 is not None
             expect(both, "piston_area_m2 and annulus_area_m2", "both or neither", (a1, a2))
-            expected = f"more than 0 and less than piston_area_m2 ({a1} m²)"
-            expect(0.0 < (a2 or 0.0) < (a1 or 0.0), "annulus_area_m2", expected, a2)
+            bore_m2 = (a1 or 0.0) + math.pi / 4.0 * self.rod_diameter_1_m**2
+            expected = f"more than 0 and less than the bore's area ({bore_m2} m²)"
+            expect(0.0 < (a2 or 0.0) < bore_m2, "annulus_area_m2", expected, a2)
 
     @property
     def areas_m2(self) -> tuple[float, float] | None:

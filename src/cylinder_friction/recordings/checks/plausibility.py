@@ -12,7 +12,7 @@ pressures stand at their sides: P1 and P2 rise and fall together, and only weigh
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -81,6 +81,7 @@ def check_friction(
     sample_time_s: float,
     areas_m2: tuple[float, float] | None,
     load: LoadMode = "none",
+    rod_diameter_1_m: float = 0.0,
 ) -> list[Finding]:
     """Return the findings ``direction`` (swapped, inverted), ``friction_size`` (unit of the pressures), ``load_delay``.
 
@@ -92,6 +93,8 @@ def check_friction(
         motion: Its clear motion.
         sample_time_s: Its sample time [s].
         areas_m2: A1 and A2 [m²]; without them only a recording with a ``drive_force_n`` can be checked.
+        load: What the cylinder carries.
+        rod_diameter_1_m: Diameter of the rod on side 1 [m]; 0 without one.
     """
     shape = _position_terms(columns[POSITION][motion.rows])
     problem = _undecidable(columns, motion, shape, areas_m2, load)
@@ -113,7 +116,10 @@ def check_friction(
     direction = _inverted_load(as_is, turned, load) or _direction(as_is, swapped, load)
     if direction.outcome == "refused":
         return [direction]
-    findings = [direction, _size(as_is, areas_m2)]
+    if direction.outcome == "noted" and load == "none" and not rod_diameter_1_m:
+        (alike,) = _balances(motion, shape, [(p1 - p2) * a2])
+        direction = replace(direction, text=direction.text + _second_rod(as_is, alike))
+    findings = [direction, _size(as_is, areas_m2, rod_diameter_1_m)]
     if load == "measured":
         p1, p2, load_n = (columns[name] for name in (*PRESSURES, LOAD_FORCE))
         drive = p1 * a1 - p2 * a2
@@ -273,6 +279,16 @@ def _opposing(as_is: Balance, load: LoadMode, remedy: str) -> Finding:
     return Finding("direction", "ok", f"friction opposes the motion, with {as_is.friction_n:.3g} N on average")
 
 
+def _second_rod(as_is: Balance, alike: Balance) -> str:
+    """Return the advice to state a second rod if equal areas explain what looks like a load; else nothing."""
+    if as_is.weaker_n > 0.0 or not 0.0 < 0.5 * alike.friction_n < alike.weaker_n:
+        return ""
+    return (
+        f"; with equal areas it is {alike.extending_n:.3g} and {alike.retracting_n:.3g} N: if the cylinder has a rod "
+        "on both sides, state the second one too (rod_diameter_1_m)"
+    )
+
+
 def _against(balance: Balance) -> str:
     return (
         f"the force against the motion is {balance.extending_n:.3g} N extending and {balance.retracting_n:.3g} N "
@@ -280,10 +296,11 @@ def _against(balance: Balance) -> str:
     )
 
 
-def _size(as_is: Balance, areas_m2: tuple[float, float]) -> Finding:
+def _size(as_is: Balance, areas_m2: tuple[float, float], rod_1_m: float) -> Finding:
     """Relate friction to the length of seals that causes it: pressures in a wrong unit show here."""
-    bore_m, rod_m = (math.sqrt(4.0 * area / math.pi) for area in (areas_m2[0], areas_m2[0] - areas_m2[1]))
-    gradient = as_is.friction_n / (math.pi * (bore_m + rod_m) * 1e3)
+    bore_m2 = areas_m2[0] + math.pi / 4.0 * rod_1_m**2
+    bore_m, rod_m = (math.sqrt(4.0 * area / math.pi) for area in (bore_m2, bore_m2 - areas_m2[1]))
+    gradient = as_is.friction_n / (math.pi * (bore_m + rod_m + rod_1_m) * 1e3)
     text = f"friction is {gradient:.3g} N per millimetre of seal ({as_is.friction_n:.3g} N)"
     if as_is.friction_n <= 0.0:
         text += (

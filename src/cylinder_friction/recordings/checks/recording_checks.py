@@ -133,7 +133,7 @@ def inspect_recording(table: Columns, limits: CheckLimits, sample_time_s: float)
         yield finding
     if valid and (DRIVE_FORCE in columns or limits.areas_m2 is not None):
         motion = clear_motion(columns[POSITION], sample_time_s, limits.stroke_m)
-        yield from check_friction(columns, motion, sample_time_s, limits.areas_m2, limits.load)
+        yield from check_friction(columns, motion, sample_time_s, limits.areas_m2, limits.load, limits.rod_diameter_1_m)
         yield check_position_against_force(columns, motion, limits)
 
 

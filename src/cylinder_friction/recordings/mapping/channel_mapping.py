@@ -10,7 +10,8 @@ from typing import Any, Self, get_args
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.columns import QUANTITIES, missing_columns
+from cylinder_friction.cylinder import ONE_CHAMBER
+from cylinder_friction.recordings.columns import PRESSURE_2, QUANTITIES, missing_columns
 from cylinder_friction.recordings.mapping import units
 from cylinder_friction.recordings.recording import RecordingError, SensorUncertainty, expect
 
@@ -203,7 +204,8 @@ def check_mapping(mapping: Mapping[str, ChannelMapping]) -> None:
             raise RecordingError(f"column {column!r} is not known; expected some of {', '.join(QUANTITIES)}")
     missing = missing_columns(mapping)
     if missing:
-        raise RecordingError(f"column {missing[0]!r} has no channel; name the logger's channel that holds it")
+        why = f" ({ONE_CHAMBER})" if missing[0] == PRESSURE_2 else ""
+        raise RecordingError(f"column {missing[0]!r} has no channel; name the logger's channel that holds it{why}")
     for column, source in mapping.items():
         _check_column(column, source)
     for (user, other), (column, source) in itertools.combinations(mapping.items(), 2):
