@@ -53,6 +53,21 @@ def test_a_table_of_names_is_honoured_unless_names_are_given(logs: Path, cylinde
     assert (first.metadata.condition, first.metadata.session) == ("1", "condition1_session01")
 
 
+def test_files_outside_the_folders_of_a_pattern_are_sessions_of_their_own(
+    logs: Path, cylinder: Cylinder, tmp_path: Path
+) -> None:
+    mapping = {"channels": CHANNELS, "name_pattern": r"^(?P<session>(?P<condition>[^_/]+)_[^/]+)/"}
+    paths = [Path(shutil.copy(path, tmp_path)) for path in sorted(logs.glob("*.csv"))[:2]]
+    with pytest.warns(UserWarning, match=r"finds no session in any path, such as 'condition1_.*: each file is a sess"):
+        flat = read_recordings(paths, mapping, cylinder)
+    assert [each.metadata.session for each in flat] == [path.stem for path in paths]
+    (tmp_path / "no-load_monday").mkdir()
+    shutil.move(paths[0], tmp_path / "no-load_monday")
+    with pytest.warns(UserWarning, match="left out .*does not give condition and session"):
+        (kept,) = read_recordings(tmp_path, mapping, cylinder)
+    assert (kept.metadata.condition, kept.metadata.session) == ("no-load", "no-load_monday")
+
+
 def test_a_configuration_brings_its_rules_and_names(logs: Path, cylinder: Cylinder, tmp_path: Path) -> None:
     (tmp_path / "rules").mkdir()
     (tmp_path / "rules/default.yaml").write_text("time: {rate_hz: null}\nchecks: {minimum_duration_s: 5.0}\n")

@@ -189,8 +189,8 @@ def test_a_changed_bore_is_named_and_processed_anew(folder: Path, fleet: Fleet) 
     changed = Fleet({**fleet.cylinders, "a": replace(fleet.cylinders["a"], dimensions=wider)})
     (folder / "logs/a/2026-03-01.csv").unlink()
     health = run(folder, changed)
-    changes = "a: fleet.yaml changes bore_diameter_m from 0.063 to 0.064, rod_diameter_1_m from 0 to 0.02: all its logs were"
-    assert health.news[0].startswith(changes)
+    changes = "changes bore_diameter_m from 0.063 to 0.064, rod_diameter_1_m from 0 to 0.02: all its logs were"
+    assert health.news[0].startswith(f"a: fleet.yaml {changes}")
     (reason,) = reasons(health)
     assert reason.startswith("a: a-2026-03-01: its log is gone, and its friction was computed with other dimensions;")
     after = sessions(folder, "a")

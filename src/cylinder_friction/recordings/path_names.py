@@ -96,6 +96,10 @@ class NameRules:
             )
         return replace(next(iter(fitting.values())), name=name)
 
+    def finds(self, relative_path: str) -> bool:
+        """Whether the pattern finds something in a file's path."""
+        return self._compiled is not None and self._compiled.search(relative_path) is not None
+
     def lines_without_file(self, relative_paths: Iterable[str]) -> list[str]:
         """Return a sentence for each line of the table that fits no file; empty if names come from a pattern."""
         paths = list(relative_paths)

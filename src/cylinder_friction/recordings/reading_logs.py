@@ -161,11 +161,16 @@ def _logs(
     root = _root(paths, settings.get("source"))
     rules = _name_rules(names, settings, root)
     paths = [path for path in paths if rules.table is None or path.absolute() != rules.table.absolute()]
+    files = {Path(os.path.relpath(path, root)).as_posix(): path for path in paths}
+    if names is None and rules.pattern is not None and not any(map(rules.finds, files)):
+        rules = NameRules(condition=ONE_CONDITION)
+        words = f"name_pattern {settings['name_pattern']!r} of the mapping finds no session in any path, such as"
+        warnings.warn(f"{words} {next(iter(files))!r}: each file is a session of its own", stacklevel=4)
     mode: LoadMode = "measured" if LOAD_FORCE in settings["channels"] else "none"
     mode = load or ("position" if settings.get("load") == "position" else mode)
     recipe = Recipe.from_settings(settings, rules, cylinder, mode)
     check_mapping(recipe.channels)
-    return Logs(root, {Path(os.path.relpath(path, root)).as_posix(): path for path in paths}, recipe)
+    return Logs(root, files, recipe)
 
 
 def log_paths(files: Sequence[str | Path]) -> list[Path]:
