@@ -1,13 +1,16 @@
 """The command ``estimate`` on logger files of every size, beside a script as a user would write it for the same files.
 
     python performance/log_throughput.py [--gigabytes 2] [--logs data/raw/rig] [--model models/hybrid] [--folder FOLDER]
+        [--only "200 files" ...]
 
-One file, 200 files of 12,000 rows, 600 of 2,400, and one large one at two sizes, made of the rig's recordings, as CSV.
+One file, 200 files of 12,000 rows, 600 and 1,000 of 2,400, and one large one at two sizes, made of the rig's
+recordings, as CSV.
 The script (``PEER``) reads each with pandas, smooths with SciPy, computes the force balance and its medians, and writes
 Parquet and a summary; it draws nothing. Every run is a process of its own, on one core but for the sides named
 `cores`: rows per second are rows over its seconds of CPU, imports included; memory is its peak. Ratios are those of CPU
-time, time on the clock and memory to the script. Of many files it prints the time of a second run with nothing new and
-of one with ten new files as well, and the size of the page; before all, that of `--help` beside the import of NumPy.
+time, time on the clock and memory to the script. Of many files it prints the clock on all cores over the CPU time, the
+time of a second run with nothing new and of one with ten new files, and the size of the page; before all, that of
+`--help` beside the import of NumPy.
 The two large files show whether memory grows with the file; the larger one's time and memory are extrapolated to ten
 times its size. Large files are removed at the end; needs a finished `dvc repro`, or `--no-model` and the rig's logs.
 """
@@ -36,7 +39,7 @@ import cylinder_friction
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 TIME, PRESSURES = "Time [s]", ["P1 [bar]", "P2 [bar]"]
 RATE_HZ, NOISE_BAR = 200.0, 0.05
-MANY = {"200 files": (200, 12_000), "600 files": (600, 2_400)}
+MANY = {"200 files": (200, 12_000), "600 files": (600, 2_400), "1,000 files": (1_000, 2_400)}
 """Number of files, and rows of each."""
 NAMES = r"(?P<session>(?P<condition>[a-z]+)[0-9]*)"
 PEER = """
@@ -93,6 +96,7 @@ def main() -> int:
     parser.add_argument("--model", type=Path, default=Path("models/hybrid"))
     parser.add_argument("--no-model", action="store_true", help="leave the model out")
     parser.add_argument("--no-large", action="store_true", help="leave the large files out")
+    parser.add_argument("--only", nargs="+", help="cases to run; default: all")
     parser.add_argument("--folder", type=Path, help="where to put a folder to work in; it is removed at the end")
     arguments = parser.parse_args()
     recordings = [pd.read_csv(path) for path in sorted(arguments.logs.glob("*.csv"))]
@@ -108,7 +112,7 @@ def main() -> int:
     peaks: dict[tuple[str, str], Cost] = {}
     with tempfile.TemporaryDirectory(prefix="log-throughput-", dir=arguments.folder) as name:
         work = Path(name)
-        for case in ("one file", *MANY, *sizes):
+        for case in arguments.only or ("one file", *MANY, *sizes):
             folder = work / "logs"
             folder.mkdir()
             rows = written(case, folder, recordings, sizes)
@@ -123,11 +127,13 @@ def main() -> int:
                 peaks[case, side] = cost(side, folder, work / "out", arguments.model)
                 sys.stdout.write(line(case, rows, size_mb, side, peaks[case, side], script))
             if many:
+                on_cores = peaks[case, "label, cores"]
+                sys.stdout.write(f"on all cores: clock {on_cores.clock_s / on_cores.cpu_s:.2f} of the CPU time\n")
                 again(folder, work, arguments.model, script)
             shutil.rmtree(folder)
             shutil.rmtree(work / "out")
     flat = True
-    for side in ("script", "label", *([] if arguments.no_model else ["model"])) if sizes else ():
+    for side in ("script", "label", *([] if arguments.no_model else ["model"])) if ("large", "label") in peaks else ():
         small, large = peaks["a quarter", side], peaks["large", side]
         grows = large.peak_mb / small.peak_mb
         flat &= side == "script" or grows <= FLAT
@@ -179,7 +185,7 @@ def glided(recording: pd.DataFrame, following: pd.DataFrame) -> pd.DataFrame:
 def again(folder: Path, work: Path, model: Path, script: Cost) -> None:
     """Print what further runs over the same files cost, and the size of the page."""
     later = sorted(folder.iterdir())[:NEW_FILES]
-    (work / "later").mkdir()
+    (work / "later").mkdir(exist_ok=True)
     for path in later:
         path.rename(work / "later" / path.name)
     shutil.rmtree(work / "out")

@@ -227,7 +227,7 @@ def test_a_model_takes_its_own_load_by_position_or_that_of_the_session(
 def test_a_long_log_becomes_parts_that_lose_a_filters_length_at_their_ends(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cylinder: Cylinder, load: LoadMode
 ) -> None:
-    monkeypatch.setattr("cylinder_friction.estimation.labelled_logs.ROWS_IN_MEMORY", 15_000)  # further ones on disk
+    monkeypatch.setattr("cylinder_friction.estimation.friction_of_logs.ROWS_IN_MEMORY", 15_000)  # further ones on disk
     made_log(50_000).to_csv(tmp_path / "long.csv", index=False)
     run = partial(estimate_logs, tmp_path / "long.csv", cylinder, channels=STATED, load=load)
     (whole,), parts = (run(tmp_path / f"{rows}", rows_at_once=rows).recordings for rows in (1_000_000, 10_000))

@@ -20,10 +20,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.labelled_logs import LabelledLogs, inputs
-from cylinder_friction.estimation.recording_friction import (
+from cylinder_friction.estimation.friction_of_logs import (
+    LabelledLogs,
     LabelledRecording,
     RecordingFriction,
+    inputs,
     loaded_once,
     refused_piece,
 )

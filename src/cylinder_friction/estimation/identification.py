@@ -10,6 +10,7 @@ from tqdm import tqdm
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimation.friction_of_logs import LabelledLogs, inputs
 from cylinder_friction.estimation.identification_page import write_identification_page
 from cylinder_friction.estimation.identified_model import (
     IdentifiedModel,
@@ -18,7 +19,6 @@ from cylinder_friction.estimation.identified_model import (
     modelica_record,
     pressure_problem,
 )
-from cylinder_friction.estimation.labelled_logs import LabelledLogs, inputs
 from cylinder_friction.estimation.results import load_left
 from cylinder_friction.estimation.stribeck_points import IdentifiedCurve, identified_curve, stribeck_points
 from cylinder_friction.estimation.velocity_choices import (

@@ -6,8 +6,8 @@ from collections import defaultdict
 from pathlib import Path
 from typing import Any
 
+from cylinder_friction.estimation.friction_of_logs import loaded_once
 from cylinder_friction.estimation.from_logs import SUMMARY_FILE
-from cylinder_friction.estimation.recording_friction import loaded_once
 from cylinder_friction.realtime.bounds import bounds_count
 from cylinder_friction.realtime.trained_for import OtherCylinderError
 from cylinder_friction.recordings.files import read_json
