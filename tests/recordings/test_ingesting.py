@@ -1,8 +1,10 @@
 """Files become recordings; a damaged one says why it is repaired or refused, and never stops the good ones."""
 
+import io
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -12,7 +14,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.files import read_json
-from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_folder
+from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_folder, shown
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
@@ -106,15 +108,12 @@ DAMAGED = "condition1_session09_recording01"
 TOLD: dict[str, tuple[Damage, list[str]]] = {
     "one sample lost": (lambda log: log.drop(index=[1500]), ["1 lost sample interpolated"]),
     "cut in the last number": (lambda log: log.to_csv(index=False)[:-3], ["last line"]),
-    "a spike": (lambda log: log.assign(p1=log["p1"].where(log.index != 1234, 180.0)), ["spike"]),
     "a second lost": (lambda log: log.drop(index=range(2000, 2200)), ["split at 1 gap of more than 2 lost"] * 2),
 }
 REFUSED: dict[str, tuple[Damage, str]] = {
     "empty": (lambda _: "", "is empty"),
     "header again in the middle": (lambda log: log.to_csv(index=False) * 2, "line 4002 is the header again"),
     "another rate": (lambda log: log.iloc[::2], "sample time of 0.01 s"),
-    "broken wire": (lambda log: log.assign(p2=log["p2"].where(log.index < 1000, -62.5)), "0 to 250 bar"),
-    "position from the other end": (lambda log: log.assign(x=250.0 - log["x"]), "inverted"),
 }
 
 
@@ -165,3 +164,18 @@ def test_a_recording_that_is_there_twice_counts_once(source: Source, delimiter: 
     recordings, (reason,), _ = ingest_beside(source, again)
     assert recordings == []
     assert says in reason
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize(("stream", "seen"), [(Terminal(), True), (io.StringIO(), False), (None, False)])
+def test_a_bar_is_drawn_on_a_terminal_and_the_items_are_the_same(
+    stream: Any, seen: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sys.stderr", stream)
+    assert list(shown(iter("abc"), "ingest", 3, "file")) == ["a", "b", "c"]
+    drawn = "" if stream is None else stream.getvalue()
+    assert ("ingest" in drawn and "3/3" in drawn) == seen

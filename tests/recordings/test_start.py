@@ -12,8 +12,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.ingesting import recordings_of
 from cylinder_friction.recordings.reading_logs import find_logs
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from cylinder_friction.recordings.start import Start, start_in_header
-from cylinder_friction.recordings.start_rules import StartRules
+from cylinder_friction.recordings.start import Start, StartRules, start_in_header
 from logger_files import CHANNELS, made_log
 
 

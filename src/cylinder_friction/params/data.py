@@ -13,7 +13,7 @@ from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.mapping.calibration import ZeroRules
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, check_mapping
 from cylinder_friction.recordings.path_names import compile_name_pattern
-from cylinder_friction.recordings.start_rules import StartRules
+from cylinder_friction.recordings.start import StartRules
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
 

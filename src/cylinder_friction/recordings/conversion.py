@@ -34,7 +34,7 @@ from cylinder_friction.recordings.recording import (
     RecordingError,
     RecordingMetadata,
 )
-from cylinder_friction.recordings.start_rules import StartRules
+from cylinder_friction.recordings.start import StartRules
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import shutil
+import sys
 import warnings
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
@@ -19,7 +20,6 @@ from cylinder_friction.recordings.files import hash_of, whole_folder, write_json
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.mapping.calibration import ZeroReading, find_zero, session_zero
 from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
-from cylinder_friction.recordings.progress import shown
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 from cylinder_friction.recordings.storage import write_recording
 
@@ -239,6 +239,16 @@ def digest_of(path: Path) -> str:
 
 
 OfFile = TypeVar("OfFile", bound=Converted)
+Item = TypeVar("Item")
+
+
+def shown(items: Iterable[Item], words: str, total: int, unit: str, **look: Any) -> Iterable[Item]:
+    """Return the items, with a bar on standard error if that is a terminal; further options are those of tqdm."""
+    if not (sys.stderr and sys.stderr.isatty()):
+        return items
+    from tqdm import tqdm  # Only who watches waits for it
+
+    return tqdm(items, words, total, unit=unit, **look)
 
 
 def usable(

@@ -9,10 +9,9 @@ from cylinder_friction.recordings.checks.duplicates import Samples, SeenRecordin
 from cylinder_friction.recordings.checks.limits import Finding
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
 from cylinder_friction.recordings.conversion import Recipe, metadata_of, pieces_of, zeroed
-from cylinder_friction.recordings.ingesting import session_zeros
+from cylinder_friction.recordings.ingesting import session_zeros, shown
 from cylinder_friction.recordings.mapping.calibration import NOT_CORRECTED, ZeroReading
 from cylinder_friction.recordings.path_names import PathNames, name_of
-from cylinder_friction.recordings.progress import shown
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 
 
