@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import doctest
+import re
 import shutil
 import subprocess
 import sys
 from contextlib import chdir
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -50,6 +52,31 @@ def test_every_name_has_an_example_that_runs(
     monkeypatch.chdir(checkout)
     finder = doctest.DocTestFinder(recurse=False)
     (found,) = finder.find(getattr(cf, name), name, globs=dict(example))
+    outcome = doctest.DocTestRunner().run(found)
+    assert (outcome.failed, outcome.attempted > 1) == (0, True)
+
+
+def documented() -> list[tuple[str, str]]:
+    """Find the names with an example in the modules of the reference, less those that the package itself offers."""
+    pages = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "docs/api").glob("*.md"))
+    modules = [import_module(name) for name in sorted(set(re.findall(r"automodule:: (cylinder_friction\.\S+)", pages)))]
+    return [
+        (module.__name__, name)
+        for module in modules
+        for name, value in vars(module).items()
+        if getattr(value, "__module__", "") == module.__name__
+        and ">>>" in (value.__doc__ or "")
+        and name not in (*cf.__all__, "load_estimator")
+    ]
+
+
+@pytest.mark.parametrize(("module", "name"), documented())
+def test_the_examples_of_the_reference_run(
+    module: str, name: str, example: dict[str, Any], checkout: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(checkout)
+    value = getattr(import_module(module), name)
+    (found,) = doctest.DocTestFinder(recurse=False).find(value, name, globs=dict(example))
     outcome = doctest.DocTestRunner().run(found)
     assert (outcome.failed, outcome.attempted > 1) == (0, True)
 

@@ -31,6 +31,12 @@ def baselines(
 
     Raises:
         ValueError: A registered class cannot be imported or made, or has the name of a baseline.
+
+    Example:
+        >>> from cylinder_friction.estimators.baselines import baselines
+        >>> fitted = {name: estimator.fit(train) for name, estimator in baselines(cylinder).items() if name == "ridge"}
+        >>> print(cf.compare(fitted, test))  # doctest: +ELLIPSIS
+        Mean absolute error against the label...
     """
     estimators: dict[str, FrictionEstimator] = {
         "force_balance_unfiltered": ForceBalanceEstimator(cylinder, "none", inputs),

@@ -31,10 +31,17 @@ FORGOTTEN = 1e-12
 def force_balance_taps(cylinder: Cylinder, inputs: Sequence[str] = SAMPLE_COLUMNS) -> Array:
     """Return taps, shape ``(1, inputs, 1)``, of P1·A1 - P2·A2 - F_load [N] on raw samples.
 
-    Inertia (about 1 N) is left out, and the load where ``load_force_n`` is not among the inputs.
+    They leave inertia out (about 1 N), and the load if ``load_force_n`` is not among the inputs.
 
     Raises:
         ValueError: A raw pressure or the position is not among the inputs.
+
+    Example:
+        >>> from cylinder_friction.estimators.linear import force_balance_taps
+        >>> force_balance_taps(cylinder).shape
+        (1, 3, 1)
+        >>> float(force_balance_taps(cylinder)[0, 0, 0]) == cylinder.piston_area_m2
+        True
     """
     refuse_missing_inputs(inputs)
     return np.array(balance_weights(cylinder, inputs))[None, :, None]
@@ -45,6 +52,11 @@ def paper_force_balance_taps(cylinder: Cylinder, sample_time_s: float, inputs: S
 
     Forces and position run through a moving average of 10 samples; acceleration, twice the difference of position,
     through one of 30.
+
+    Example:
+        >>> from cylinder_friction.estimators.linear import paper_force_balance_taps
+        >>> paper_force_balance_taps(cylinder, sample_time_s=0.005).shape  # 10 + 1 + 1 + 30 samples, less 3
+        (1, 3, 41)
     """
     average = causal.moving_average_taps(PAPER_WINDOW)
     difference = causal.difference_taps(sample_time_s)
@@ -64,7 +76,14 @@ def refuse_missing_inputs(inputs: Sequence[str]) -> None:
 
 
 def labelled_rows(recordings: Sequence[Recording]) -> tuple[Array, list[Any]]:
-    """Return the labels [N] of all usable rows, one after the other, and each recording's mask."""
+    """Return the labels [N] of all usable rows, one after the other, and each recording's mask.
+
+    Example:
+        >>> from cylinder_friction.estimators.linear import labelled_rows
+        >>> labels_n, masks = labelled_rows(train)
+        >>> len(labels_n) == sum(int(mask.sum()) for mask in masks)
+        True
+    """
     masks = [recording.usable() for recording in recordings]
     labels = [recording.column("friction_n")[mask] for recording, mask in zip(recordings, masks, strict=True)]
     return np.concatenate(labels), masks
@@ -111,6 +130,15 @@ class ForceBalanceEstimator(LinearEstimator):
         filtering: ``none`` takes raw samples; ``paper`` the paper's windows of 10 and 30 samples.
         inputs: Columns of a sample; both raw pressures and the position must be among them, and ``load_force_n``
             for the load.
+
+    Use it as the baseline of every learned estimator. It costs two multiplications per sample, and passes on all
+    sensor noise.
+
+    Example:
+        >>> from cylinder_friction.estimators.linear import ForceBalanceEstimator
+        >>> balance = ForceBalanceEstimator(cylinder, filtering="paper").fit(train)
+        >>> balance.estimate(test[0]).shape == (len(test[0]),)
+        True
     """
 
     kind: ClassVar[str] = "force_balance"
@@ -169,6 +197,14 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
         weight: Share of the new sample, in (0, 1]; None until tuned by ``fit``.
         inputs: Columns of a sample; both raw pressures and the position must be among them, and ``load_force_n``
             for the load.
+
+    Use it if raw pressures are available and microseconds or memory are scarce: no simpler estimator comes closer.
+
+    Example:
+        >>> from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
+        >>> low_pass = LowPassForceBalanceEstimator(cylinder).fit(train)
+        >>> 0.0 < low_pass.weight <= 1.0
+        True
     """
 
     kind: ClassVar[str] = "low_pass_force_balance"

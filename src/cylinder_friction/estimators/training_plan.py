@@ -17,6 +17,12 @@ class Architecture:
     """What the paper's Table I tunes in the network: layers, nodes per layer, dropout rate, learning rate.
 
     The defaults are those that the default search finds on the rig's campaign.
+
+    Example:
+        >>> from cylinder_friction.estimators.training_plan import Architecture
+        >>> small = cf.HybridEstimator(cylinder, architecture=Architecture(layers=1, nodes=8))
+        >>> small.architecture.nodes
+        8
     """
 
     layers: int = 2
@@ -27,7 +33,16 @@ class Architecture:
 
 @dataclass(frozen=True)
 class TrainingPlan:
-    """How long and in which pieces a network is trained."""
+    """How long and in which pieces a network is trained.
+
+    Raises:
+        ValueError: A count is below 1, or ``burn_in``, ``warm_up`` or ``weight_decay`` is negative.
+
+    Example:
+        >>> from cylinder_friction.estimators.training_plan import TrainingPlan
+        >>> cf.HybridEstimator(cylinder, plan=TrainingPlan(epochs=5)).plan.epochs
+        5
+    """
 
     epochs: int = 40  # Passes over the training recordings, at most
     # Epochs without a better validation error before training stops early; None: all epochs are trained, on all

@@ -139,7 +139,14 @@ def equal_to_label(scores: Scores) -> list[str]:
 
 
 def mean_percent(by_condition: Mapping[str, Score], conditions: Sequence[str]) -> tuple[float, float, float]:
-    """Return the mean over some conditions of MAE / mean absolute friction [%] and its 95 % interval, by sessions."""
+    """Return the mean over some conditions of MAE / mean absolute friction [%] and its 95 % interval, by sessions.
+
+    Example:
+        >>> from cylinder_friction.evaluation.comparison import mean_percent
+        >>> percent, lower, upper = mean_percent(comparison.label["hybrid"], comparison.conditions)
+        >>> round(percent, 6) == round(sum(comparison.percent("hybrid", each) for each in comparison.conditions) / 4, 6)
+        True
+    """
     percent = float(np.mean([by_condition[condition].errors.percent for condition in conditions]))
     deviations = {condition: score.sessions.deviation for condition, score in by_condition.items()}
     half = half_width_points(deviations, conditions)
@@ -159,7 +166,13 @@ def points_ahead(scores: Scores, one: str, other: str, condition: str) -> tuple[
 
 
 def error_frame(scores: Scores, conditions: Sequence[str], reference: str) -> pd.DataFrame:
-    """Return one row per estimator and one column per condition: percent and newtons, the denominator in the head."""
+    """Return one row per estimator and one column per condition: percent and newtons, the denominator in the head.
+
+    Example:
+        >>> from cylinder_friction.evaluation.comparison import error_frame
+        >>> error_frame(comparison.label, comparison.conditions, "label").index.tolist()
+        ['hybrid', 'LuGre']
+    """
     columns = {}
     for condition in conditions:
         found = {name: by_condition[condition].errors for name, by_condition in scores.items()}

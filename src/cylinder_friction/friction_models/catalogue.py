@@ -8,7 +8,16 @@ MODELS: dict[str, FrictionModel] = {model.name: model for model in (LuGre(), LuG
 
 
 def model_named(name: str) -> FrictionModel:
-    """Return the model; raises ``ValueError`` with the known names if there is none of that name."""
+    """Return the friction model of a name.
+
+    Raises:
+        ValueError: There is none of that name; the message lists the known names.
+
+    Example:
+        >>> from cylinder_friction.friction_models.catalogue import model_named
+        >>> model_named("pressure_lugre").title
+        'LuGre, pressure-scaled'
+    """
     if name not in MODELS:
         raise ValueError(f"friction model is {name!r}, but expected one of {sorted(MODELS)}")
     return MODELS[name]

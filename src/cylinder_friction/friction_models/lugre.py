@@ -36,6 +36,14 @@ class LugreParameters(StribeckParameters):
         ValueError: A number is not finite or has an impossible sign, or static is below Coulomb.
 
     Source: Canudas de Wit, Olsson, Astrom and Lischinsky 1995; fading damping: Astrom and Canudas de Wit 2008.
+
+    Example:
+        >>> from cylinder_friction.friction_models.lugre import LugreParameters
+        >>> parameters = LugreParameters(300.0, 420.0, 0.01, 1.0, 800.0, 1e7, 2e4, damping_velocity_m_s=0.05)
+        >>> parameters.is_passive()
+        True
+        >>> round(parameters.passive_damping_velocity_m_s, 3)
+        0.14
     """
 
     specs: ClassVar[tuple[ParameterSpec, ...]] = (*STRIBECK, STIFFNESS, DAMPING, DAMPING_VELOCITY, *SCALING)
@@ -124,6 +132,15 @@ class LuGre(FrictionModel):
 
     Source: Canudas de Wit, Olsson, Astrom and Lischinsky 1995. Coulomb friction with a preload and a pressure
     coefficient times the sum of pressures is the usual law in simulation tools (Simscape's Cylinder Friction).
+
+    Example:
+        >>> import numpy as np
+        >>> from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
+        >>> parameters = LugreParameters(300.0, 420.0, 0.01, 1.0, 800.0, 1e7, 2e4, damping_velocity_m_s=0.05)
+        >>> model = LuGre()
+        >>> friction_n = model.simulate(parameters.packed(), np.full(400, 0.1), 0.005, model.new_state())
+        >>> friction_n[-1:].round(1).tolist()  # on the Stribeck curve: 300 N and 800 N s/m times 0.1 m/s
+        [380.0]
     """
 
     short_name = "lugre"
@@ -135,7 +152,13 @@ class LuGre(FrictionModel):
 
 
 def passive_damping_velocity(least_dry_friction_n: float, bristle_damping_n_s_m: float) -> float:
-    """Return the greatest ``vc`` [m/s] at which damping ``s1 * exp(-(v / vc)**2)`` leaves LuGre passive."""
+    """Return the greatest ``vc`` [m/s] at which damping ``s1 * exp(-(v / vc)**2)`` leaves LuGre passive.
+
+    Example:
+        >>> from cylinder_friction.friction_models.lugre import passive_damping_velocity
+        >>> round(passive_damping_velocity(300.0, 2e4), 3)
+        0.14
+    """
     if bristle_damping_n_s_m == 0.0:
         return math.inf
     return 4.0 * math.sqrt(2.0 * math.e) * least_dry_friction_n / bristle_damping_n_s_m

@@ -118,7 +118,13 @@ class ModelParameters:
 
 @dataclass(frozen=True)
 class StribeckParameters(ModelParameters):
-    """The numbers of a model that slides along the Stribeck curve; a subclass adds its own and those of ``SCALING``."""
+    """The numbers of a model that slides along the Stribeck curve; a subclass adds its own and those of ``SCALING``.
+
+    Example:
+        >>> from cylinder_friction.friction_models.parameters import StribeckParameters
+        >>> StribeckParameters(300.0, 420.0, 0.01, 1.0, 800.0).packed().tolist()
+        [300.0, 420.0, 0.01, 1.0, 800.0]
+    """
 
     specs: ClassVar[tuple[ParameterSpec, ...]] = STRIBECK
 
@@ -130,7 +136,14 @@ class StribeckParameters(ModelParameters):
 
 
 def refuse_impossible(numbers: object, specs: Sequence[ParameterSpec]) -> None:
-    """Raise ``ValueError`` naming the first invalid parameter of an object with a field for each of ``specs``."""
+    """Raise ``ValueError`` naming the first invalid parameter of an object with a field for each of ``specs``.
+
+    Example:
+        >>> from cylinder_friction.friction_models.parameters import StribeckParameters
+        >>> StribeckParameters(300.0, 200.0, 0.01, 1.0, 800.0)
+        Traceback (most recent call last):
+        ValueError: StribeckParameters: static_n must be at least coulomb_n (300.0 N), but got 200.0 N
+    """
     owner = type(numbers).__name__
     for spec in specs:
         value = getattr(numbers, spec.name)

@@ -28,6 +28,13 @@ class StribeckCurve:
         ValueError: A number is not finite or not positive (viscous may be zero), or static is below Coulomb.
 
     Source: Armstrong-Helouvry, Dupont and Canudas de Wit 1994, section 2.1.
+
+    Example:
+        >>> import numpy as np
+        >>> from cylinder_friction.friction_models.stribeck import StribeckCurve
+        >>> curve = StribeckCurve(300.0, 420.0, 0.01, 1.0, viscous_n_s_m=800.0, retract_ratio=1.1)
+        >>> curve.friction(np.array([-0.1, 0.0, 0.1])).round(1).tolist()
+        [-410.0, 0.0, 380.0]
     """
 
     coulomb_n: float  # Coulomb friction Fc while extending [N]
@@ -66,6 +73,15 @@ def fit_stribeck(velocity_m_s: Array, friction_n: Array, weight: Array | None = 
 
     Raises:
         ValueError: There are fewer points than parameters.
+
+    Example:
+        >>> import numpy as np
+        >>> from cylinder_friction.friction_models.stribeck import StribeckCurve, fit_stribeck
+        >>> curve = StribeckCurve(300.0, 420.0, 0.01, 1.0, viscous_n_s_m=800.0)
+        >>> speed_m_s = np.geomspace(0.002, 0.2, 20)
+        >>> velocity_m_s = np.concatenate([-speed_m_s, speed_m_s])
+        >>> round(fit_stribeck(velocity_m_s, curve.friction(velocity_m_s)).coulomb_n)
+        300
     """
     velocity, friction = np.asarray(velocity_m_s, dtype=np.float64), np.asarray(friction_n, dtype=np.float64)
     if len(velocity) < CURVE_PARAMETERS:

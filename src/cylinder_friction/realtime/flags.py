@@ -20,7 +20,18 @@ LEAST_ROWS, MOST_UNKNOWN = 1000, 0.25
 
 
 class Flag(IntFlag):
-    """Bits of a step's flags; 0 while all is well. The same numbers in every runtime."""
+    """Bits of a step's flags; 0 while all is well. The same numbers in every runtime.
+
+    Read ``meaning`` and ``advice`` of a flag to tell a person about it. Bounds count while no flag but ``OUTSIDE`` and
+    ``OFFSET_UNKNOWN`` is set.
+
+    Example:
+        >>> from cylinder_friction.realtime.flags import Flag
+        >>> Flag.names(6)
+        ('WARMING', 'OUTSIDE')
+        >>> Flag.OUTSIDE.advice
+        'train on recordings that reach as far'
+    """
 
     kind: FlagKind
     meaning: str
@@ -89,7 +100,13 @@ class Flag(IntFlag):
 
 
 def invalid_flag(column: str) -> Flag:
-    """Return the flag that an invalid value of an input sets."""
+    """Return the flag that an invalid value of an input sets.
+
+    Example:
+        >>> from cylinder_friction.realtime.flags import invalid_flag
+        >>> invalid_flag("position_m").name, invalid_flag("oil_temperature_c").name
+        ('INVALID_POSITION', 'INVALID_OTHER')
+    """
     known = {
         "pressure_1_pa": Flag.INVALID_PRESSURE_1,
         "pressure_2_pa": Flag.INVALID_PRESSURE_2,
@@ -107,7 +124,17 @@ UNKNOWN = {
 
 
 def unknown_in_words(rows: int, by_flag: Mapping[str, int]) -> str:
-    """Return why estimates are not to be used as they are, from how many rows have each flag; empty if they are."""
+    """Return why estimates are not to be used as they are, from how many rows have each flag; empty if they are.
+
+    It speaks only of a thousand rows or more, and only if a model does not know more than a quarter of them.
+
+    Example:
+        >>> from cylinder_friction.realtime.flags import unknown_in_words
+        >>> unknown_in_words(2000, {"OUTSIDE": 900})
+        '45 % of the rows lie outside the range of its training'
+        >>> unknown_in_words(2000, {"OUTSIDE": 100})
+        ''
+    """
     if rows < LEAST_ROWS:
         return ""
     for flag, words in UNKNOWN.items():
@@ -118,7 +145,14 @@ def unknown_in_words(rows: int, by_flag: Mapping[str, int]) -> str:
 
 
 class Estimate(NamedTuple):
-    """One step's output."""
+    """One step's output.
+
+    Example:
+        >>> from cylinder_friction.realtime.flags import Estimate
+        >>> estimate = Estimate(friction_n=310.0, lower_n=295.0, upper_n=325.0, flags=0)
+        >>> estimate.upper_n - estimate.lower_n
+        30.0
+    """
 
     friction_n: float  # Friction [N], positive when it opposes positive velocity
     # Bounds around it [N]; not to be trusted while a flag but ``OUTSIDE`` or ``OFFSET_UNKNOWN`` is set

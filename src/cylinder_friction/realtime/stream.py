@@ -138,6 +138,13 @@ class RealTimeStream(_CompiledStep):
 
     Args:
         model: From an estimator's ``step_model``.
+
+    Example:
+        >>> stream = hybrid.real_time()
+        >>> samples = test[0].samples()
+        >>> stream.warm_up(*samples[0])  # the cylinder has stood here for a while
+        >>> stream.step(*samples[0]).flags & 1  # NOT_READY is not set any more
+        0
     """
 
     def __init__(self, model: StepModel) -> None:
@@ -161,7 +168,15 @@ class RealTimeStream(_CompiledStep):
 
 
 class StrictStream(_CompiledStep):
-    """An estimator's ``stream()`` on the compiled step: equal to ``estimate`` bit for bit; refuses NaN and infinity."""
+    """An estimator's ``stream()`` on the compiled step: equal to ``estimate`` bit for bit; refuses NaN and infinity.
+
+    Use it to replay recordings. In a machine, where a sensor may fail, use ``RealTimeStream``.
+
+    Example:
+        >>> stream = hybrid.stream()
+        >>> stream.step(*test[0].samples()[0]) == float(hybrid.estimate(test[0])[0])
+        True
+    """
 
     def __init__(self, model: StepModel) -> None:
         largest = (float_info.max,) * len(model.inputs)

@@ -47,14 +47,28 @@ _SHOWN_IN = {"pa": ("bar", 1e-5), "m": ("mm", 1e3), "n": ("N", 1.0), "c": ("°C"
 
 
 def in_shown_unit(column: str, lowest: float, highest: float) -> tuple[str, str, str, str]:
-    """Return what a column is, the unit that people read, and two of its values in that unit, to four digits."""
+    """Return what a column is, the unit that people read, and two of its values in that unit, to four digits.
+
+    Example:
+        >>> from cylinder_friction.recordings.columns import in_shown_unit
+        >>> in_shown_unit("pressure_1_pa", 1e5, 2.5e7)
+        ('pressure 1', 'bar', '1', '250')
+    """
     words = column.rpartition("_")
     unit, factor = _SHOWN_IN.get(words[2], ("", 1.0))
     return words[0].replace("_", " "), unit, f"{factor * lowest:.4g}", f"{factor * highest:.4g}"
 
 
 def missing_columns(columns: Collection[str]) -> list[str]:
-    """Return which required columns are missing; a drive force stands in for both pressures."""
+    """Return which required columns are missing; a drive force stands in for both pressures.
+
+    Example:
+        >>> from cylinder_friction.recordings.columns import missing_columns
+        >>> missing_columns(["time_s", "pressure_1_pa", "position_m"])
+        ['pressure_2_pa']
+        >>> missing_columns(["time_s", "drive_force_n", "position_m"])
+        []
+    """
     required = (TIME, POSITION) if DRIVE_FORCE in columns else REQUIRED_COLUMNS
     return [column for column in required if column not in columns]
 

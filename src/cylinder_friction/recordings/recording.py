@@ -36,7 +36,13 @@ def expect(valid: object, name: str, expected: str, found: object) -> None:
 
 @dataclass(frozen=True)
 class SensorUncertainty:
-    """Standard uncertainty (k = 1) of what a sensor reads."""
+    """Standard uncertainty (k = 1) of what a sensor reads.
+
+    Example:
+        >>> from cylinder_friction.recordings.recording import SensorUncertainty
+        >>> SensorUncertainty(zero=3e3, span=0.0005, resolution=6.1e3).zero  # a transmitter zeroed to within 0.03 bar
+        3000.0
+    """
 
     zero: float  # Of its zero, constant within a recording, in the column's unit
     span: float  # Of its gain, as a share of the reading
@@ -54,7 +60,16 @@ class IdentifiedZero:
 
 @dataclass(frozen=True)
 class RecordingMetadata:
-    """Who and when."""
+    """State who and when: name, condition, session, sample time, and what the recording comes from.
+
+    Give recordings one session if they share a calibration of the sensors. Splits keep sessions whole, and each
+    session has one sensor offset.
+
+    Example:
+        >>> from cylinder_friction.recordings.recording import RecordingMetadata
+        >>> RecordingMetadata(name="monday_07", condition="1", session="monday", sample_time_s=0.005).start
+        ''
+    """
 
     name: str  # Unique; also the stem of the recording's file
     condition: str  # Label of the operating condition, for example ``"1"`` for the paper's Test 1 (no load)

@@ -25,6 +25,14 @@ def write_recording(
     """Write ``<folder>/<stem or name>.parquet`` and return its path. Equal recordings make equal bytes.
 
     ``beside`` is kept in the file's metadata: texts by name, which ``read_beside`` reads without the rows.
+
+    Example:
+        >>> from tempfile import mkdtemp
+        >>> from pathlib import Path
+        >>> from cylinder_friction.recordings.storage import read_recording, write_recording
+        >>> path = write_recording(Path(mkdtemp()), labelled[0])
+        >>> path.name == f"{labelled[0].name}.parquet", len(read_recording(path)) == len(labelled[0])
+        (True, True)
     """
     path, table = folder / f"{stem or recording.name}.parquet", _arrow_table(recording)
     with whole_file(path) as draft, pa.OSFile(str(draft), "wb") as file, _writer(file, table) as writer:
@@ -128,7 +136,18 @@ def iterate_recordings(folder: Path) -> Iterator[Recording]:
 
 
 def read_stored(folder: Path) -> list[Recording]:
-    """Return all recordings of a folder, sorted by name."""
+    """Return all recordings of a folder, sorted by name.
+
+    Example:
+        >>> from tempfile import mkdtemp
+        >>> from pathlib import Path
+        >>> from cylinder_friction.recordings.storage import read_stored, write_recording
+        >>> folder = Path(mkdtemp())
+        >>> for recording in labelled:
+        ...     _ = write_recording(folder, recording)
+        >>> len(read_stored(folder)) == len(labelled)
+        True
+    """
     return list(iterate_recordings(folder))
 
 
@@ -152,7 +171,10 @@ class Keeper:
     """Keeps recordings between two steps of a run: in memory up to ``rows`` in all, further ones on disk.
 
     Example:
-        >>> kept = Keeper(tmp_path, rows=0).keep(recordings[0])
+        >>> from pathlib import Path
+        >>> from tempfile import mkdtemp
+        >>> from cylinder_friction.recordings.storage import Keeper
+        >>> kept = Keeper(Path(mkdtemp()), rows=0).keep(recordings[0])
         >>> kept.read().name == recordings[0].name
         True
     """

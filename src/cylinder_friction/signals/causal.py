@@ -52,6 +52,14 @@ class FirFilter:
 
     Raises:
         ValueError: ``taps`` has another number of dimensions, is empty, or is not finite.
+
+    Example:
+        >>> import numpy as np
+        >>> from cylinder_friction.signals.causal import FirFilter, moving_average_taps
+        >>> average = FirFilter(moving_average_taps(4)[None, None, :])
+        >>> state = average.new_state()
+        >>> average.advance(state, np.array([[0.0], [4.0], [8.0]]))[:, 0].tolist()
+        [0.0, 1.0, 3.0]
     """
 
     def __init__(self, taps: Array) -> None:
@@ -91,8 +99,20 @@ class LowPassState:
 class ExponentialLowPass:
     """First-order low-pass, ``y[t] = y[t-1] + weight * (u[t] - y[t-1])``, on every column alike.
 
+    Use it if a filter must cost two operations per sample. Its delay at low frequencies is ``1 / weight - 1`` samples.
+
     Args:
         weight: Share of the new sample, in (0, 1]; 1 lets everything through.
+
+    Raises:
+        ValueError: The weight is outside (0, 1].
+
+    Example:
+        >>> import numpy as np
+        >>> from cylinder_friction.signals.causal import ExponentialLowPass
+        >>> low_pass = ExponentialLowPass(0.5)
+        >>> low_pass.advance(low_pass.new_state(), np.array([[0.0], [4.0], [4.0]]))[:, 0].tolist()
+        [0.0, 2.0, 3.0]
     """
 
     def __init__(self, weight: float) -> None:
@@ -113,14 +133,31 @@ class ExponentialLowPass:
 
 
 def moving_average_taps(window: int) -> Array:
-    """Return the ``window`` equal taps of a causal moving average; its delay is ``(window - 1) / 2`` samples."""
+    """Return the ``window`` equal taps of a causal moving average; its delay is ``(window - 1) / 2`` samples.
+
+    Raises:
+        ValueError: The window has no sample.
+
+    Example:
+        >>> from cylinder_friction.signals.causal import moving_average_taps
+        >>> moving_average_taps(4).tolist()
+        [0.25, 0.25, 0.25, 0.25]
+    """
     if window < 1:
         raise ValueError(f"window must be at least 1 sample, but got {window!r}")
     return np.full(window, 1.0 / window)
 
 
 def difference_taps(sample_time_s: float) -> Array:
-    """Return the taps of the backward difference, per second."""
+    """Return the taps of the backward difference, per second.
+
+    It turns positions into velocities half a sample late, and noise of 1 into ``1.4 / sample_time_s``: smooth too.
+
+    Example:
+        >>> from cylinder_friction.signals.causal import difference_taps
+        >>> difference_taps(0.005).tolist()
+        [200.0, -200.0]
+    """
     return np.array([1.0, -1.0]) / sample_time_s
 
 
@@ -128,6 +165,11 @@ def window_samples(window_s: float, order: int, sample_time_s: float) -> int:
     """Return the odd number of samples that lasts nearest to ``window_s``, at least two more than a polynomial's order.
 
     ``window_s`` is the time between the first and the last sample of the window [s].
+
+    Example:
+        >>> from cylinder_friction.signals.causal import window_samples
+        >>> [window_samples(0.05, 2, sample_time_s) for sample_time_s in (0.01, 0.005, 0.001)]
+        [7, 11, 51]
     """
     half = math.floor(0.5 * window_s / sample_time_s + 0.5 + 1e-9)
     return max(2 * half + 1, (order + 2) | 1)
@@ -143,6 +185,11 @@ def one_sided_savitzky_golay_taps(window: int, order: int, derivative: int, samp
         sample_time_s: Time between two samples [s].
 
     Source: Savitzky and Golay 1964, evaluated at the end point (Gorry 1990).
+
+    Example:
+        >>> from cylinder_friction.signals.causal import one_sided_savitzky_golay_taps
+        >>> one_sided_savitzky_golay_taps(window=5, order=1, derivative=1, sample_time_s=1.0).round(6).tolist()
+        [0.2, 0.1, 0.0, -0.1, -0.2]
     """
     if not 0 <= derivative <= order < window:
         raise ValueError(
@@ -176,7 +223,15 @@ def _solved(matrix: list[list[Fraction]], right: list[Fraction]) -> list[Fractio
 
 
 def cascade_taps(*stages: Array) -> Array:
-    """Return the taps of one-input filters run one after the other."""
+    """Return the taps of one-input filters run one after the other.
+
+    One filter with these taps gives the same output as the chain, with a single state.
+
+    Example:
+        >>> from cylinder_friction.signals.causal import cascade_taps, difference_taps, moving_average_taps
+        >>> cascade_taps(moving_average_taps(2), difference_taps(1.0)).tolist()
+        [0.5, 0.0, -0.5]
+    """
     total = np.ones(1)
     for taps in stages:
         total = np.convolve(total, taps)

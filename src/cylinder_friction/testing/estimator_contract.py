@@ -252,6 +252,11 @@ def check_estimator(make: Callable[[], FrictionEstimator], recordings: Sequence[
 
     Raises:
         ContractError: A promise is broken.
+
+    Example:
+        >>> from cylinder_friction.estimators.linear import ForceBalanceEstimator
+        >>> from cylinder_friction.testing.estimator_contract import check_estimator
+        >>> check_estimator(lambda: ForceBalanceEstimator(cylinder), labelled[:1])
     """
     case = Case(make, recordings)
     for check in CHECKS:

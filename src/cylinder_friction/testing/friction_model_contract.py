@@ -218,6 +218,12 @@ def check_friction_model(
 
     Raises:
         ContractError: A promise is broken.
+
+    Example:
+        >>> from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
+        >>> from cylinder_friction.testing.friction_model_contract import check_friction_model
+        >>> parameters = LugreParameters(300.0, 420.0, 0.01, 1.0, 800.0, 1e7, 2e4, damping_velocity_m_s=0.05)
+        >>> check_friction_model(LuGre, parameters)
     """
     case = FrictionModelCase(kind, parameters, steady_n)
     for check in CHECKS:

@@ -42,7 +42,13 @@ class Trajectory:
 
 
 def trace(model: StepModel, samples: Array) -> Trajectory:
-    """Return the outputs of the compiled step for samples, shape ``(n, inputs)``."""
+    """Return the outputs of the compiled step for samples, shape ``(n, inputs)``.
+
+    Example:
+        >>> from cylinder_friction.testing.golden import trace
+        >>> trace(hybrid.step_model(), test[0].samples()[:100]).newtons.shape
+        (100, 3)
+    """
     return Trajectory(samples, *RealTimeStream(model).run(samples))
 
 
@@ -81,6 +87,11 @@ def golden_samples(recordings: list[Recording], inputs: Sequence[str] = SAMPLE_C
 
     Raises:
         RecordingError: The recordings are too short.
+
+    Example:
+        >>> from cylinder_friction.testing.golden import golden_samples
+        >>> sorted(golden_samples(labelled[:1]))[:3]
+        ['bad_samples', 'end_stop', 'frozen']
     """
     if not recordings or max(map(len, recordings)) < 2 * ROWS:
         raise RecordingError(f"golden trajectories are cut from recordings of at least {2 * ROWS} rows; got none")

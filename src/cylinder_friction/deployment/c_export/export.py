@@ -71,6 +71,15 @@ def export_c(
     Raises:
         NotFittedError: There is nothing fitted or loaded yet.
         ValueError: The estimator cannot run in real time, or name, precision or part is not valid.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from tempfile import mkdtemp
+        >>> from cylinder_friction.deployment.c_export.export import export_c
+        >>> folder = Path(mkdtemp())
+        >>> exported = export_c(hybrid, folder, name="press")
+        >>> sorted(path.name for path in folder.iterdir())
+        ['press.c', 'press.h']
     """
     kind = estimator.kind if part == "whole" else f"{estimator.kind}, {part} alone"
     return export_model(part_of(c_model(estimator), part), folder, name, precision, kind)

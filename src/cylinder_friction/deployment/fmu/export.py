@@ -112,6 +112,11 @@ def model_identifier(stem: str) -> str:
     """Return a file's name as a C identifier in lower case, ``friction_`` before it where it could not be one.
 
     Names that begin with fmi or fmu belong to the C around the estimator.
+
+    Example:
+        >>> from cylinder_friction.deployment.fmu.export import model_identifier
+        >>> model_identifier("press 80-45")
+        'press_80_45'
     """
     name = re.sub(r"[^a-z0-9]+", "_", stem.lower()).strip("_") or "model"
     return name if re.match(r"(?!fm[iu])[a-z]", name) else f"friction_{name}"
