@@ -86,7 +86,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
         raise ValueError(f"{path}: expected a regular file of at most {LARGEST_YAML} bytes")
     text = path.read_text(encoding="utf-8")
     try:
-        content = yaml.safe_load(text)
+        content = yaml.load(text, yaml.CSafeLoader)  # A tenth of the time of the loader in Python
         json.dumps(content, default=str)  # refuses what contains itself
     except (yaml.YAMLError, ValueError, RecursionError, TypeError) as error:
         problem = " ".join(str(error).split()) or type(error).__name__

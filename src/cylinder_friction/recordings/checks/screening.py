@@ -200,7 +200,7 @@ def _spike_height(values: Array, low: float, high: float, step: float | None, ru
         before, here, after = before[valid], here[valid], after[valid]
     up, down = here - before, here - after
     sticks_out = np.maximum(np.maximum(np.minimum(up, down), -np.maximum(up, down)), 0.0)
-    lowest, highest = float(np.quantile(here, 0.01)), float(np.quantile(here, 0.99))
+    lowest, highest = np.quantile(here, (0.01, 0.99)).tolist()
     finest = step or float(np.where(up != 0.0, np.abs(up), math.inf).min())
     finest = finest if math.isfinite(finest) else 0.0
     tallest = max(

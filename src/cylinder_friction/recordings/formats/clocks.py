@@ -73,13 +73,12 @@ def with_dates(table: LoggedTable) -> LoggedTable:
     """
     dates: dict[str, NDArray[Any]] = {}
     notes, utc = [], table.utc
-    for place, name in enumerate(map(str, table.channels.columns)):
-        numbers = table.channels.iloc[:, place].to_numpy()
+    for name, values in table.channels.items():
+        name, numbers = str(name), values.to_numpy()
         epoch = epoch_of(numbers, name)
-        unit = usual(table.units.get(name, ""), "time")
-        once = (table.channels.columns == name).sum() == 1
-        if epoch is None or epoch.of_1970 == 0 or not once:
+        if epoch is None or epoch.of_1970 == 0 or (table.channels.columns == name).sum() > 1:
             continue
+        unit = usual(table.units.get(name, ""), "time")
         if unit and epoch.unit != table.units[name] and abs(float(numbers[0])) * SCALES.get(unit, 1.0) < LATEST_S:
             continue
         dates[name], utc = epoch.stamps(numbers), utc or epoch.utc
@@ -99,9 +98,9 @@ def oldest_first(table: LoggedTable) -> LoggedTable:
     It was if a column of dates, or one that is named time, falls, and none rises.
     """
     ways = [
-        _way(table.channels.iloc[:, place].to_numpy())
-        for place, name in enumerate(map(str, table.channels.columns))
-        if table.channels.dtypes.iloc[place].kind in "Miuf" and words_of(name).quantity == "time"
+        _way(values.to_numpy())
+        for name, values in table.channels.items()
+        if words_of(str(name)).quantity == "time" and values.dtype.kind in "Miuf"
     ]
     if -1 not in ways or 1 in ways:
         return table
