@@ -44,8 +44,8 @@ from cylinder_friction.recordings.reading_logs import Logs, find_logs
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.result_folder import ResultFolder
 from cylinder_friction.reporting.friction_page import friction_pane, write_friction_page
-from cylinder_friction.reporting.level_tables import level_tables
 from cylinder_friction.reporting.page import PLOTTED
+from cylinder_friction.reporting.result_tables import level_tables
 from cylinder_friction.signals.smooth_signals import smooth_recording
 
 if TYPE_CHECKING:

@@ -50,7 +50,7 @@ from cylinder_friction.recordings.ingesting import Quarantined, none_usable, oth
 from cylinder_friction.recordings.reading_logs import find_logs
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.result_folder import ResultFolder
-from cylinder_friction.reporting.level_tables import level_tables
+from cylinder_friction.reporting.result_tables import level_tables
 from cylinder_friction.signals.motion import STEADY_DURATION_S
 from cylinder_friction.signals.noise import sensor_noise
 from cylinder_friction.signals.smooth_signals import has_pressures

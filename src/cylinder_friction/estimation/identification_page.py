@@ -17,9 +17,9 @@ from cylinder_friction.recordings.files import write_text
 from cylinder_friction.recordings.ingesting import Quarantined
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.friction_page import guess_table
-from cylinder_friction.reporting.offset_table import offset_table
 from cylinder_friction.reporting.page import PLOTTED, Cell, Table, page_html
 from cylinder_friction.reporting.page_figure import PageFigure, speed_ticks
+from cylinder_friction.reporting.result_tables import offset_table
 from cylinder_friction.reporting.style import BLUE, GREEN, ORANGE, SERIES
 from cylinder_friction.reporting.time_figure import Line, Panel, over_time
 from cylinder_friction.wording import four_digits

@@ -18,8 +18,8 @@ from cylinder_friction.reporting.inspection.recording_pane import (
     measured_panels,
     stribeck_table,
 )
-from cylinder_friction.reporting.offset_table import offset_table
 from cylinder_friction.reporting.page import NONE, Cell, Table, number_cell, packed, page_html
+from cylinder_friction.reporting.result_tables import offset_table
 from cylinder_friction.reporting.style import BLUE, GREEN, PALE, QUIET
 from cylinder_friction.reporting.time_figure import Line, Panel, over_time
 

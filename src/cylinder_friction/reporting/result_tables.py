@@ -1,4 +1,4 @@
-"""Friction at equal pressures and speed, as tables of a page."""
+"""Tables of a page on results of logs: friction at equal pressures and speed, and the sensors' offset by session."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from cylinder_friction.evaluation.friction_levels import (
     RecordingDifference,
     in_words,
 )
+from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.reporting.page import NONE, Cell, Table, number_cell
 
 
@@ -61,3 +62,25 @@ def _at(levels: Sequence[FrictionLevel], pressure_bar: float) -> Cell:
         seconds = sum(each.seconds for each in own)
         both.append(f"{sum(each.friction_n * each.seconds for each in own) / seconds:.0f}" if own else "–")
     return Cell(" / ".join(both)) if both != ["–", "–"] else NONE
+
+
+def offset_lines(offsets: Sequence[KnownOffset]) -> list[str]:
+    """Return the lines of the printed report, one per session below a head."""
+    width, space = (max(len(getattr(each, name)) for each in offsets) for name in ("session", "value"))
+    lines = [f"  {each.session:<{width}}  {each.value:<{space}}  {each.source}: {each.words}" for each in offsets]
+    return ["offset of the sensors' zeros by session, as friction (k = 2)", *lines]
+
+
+def offset_table(offsets: Sequence[KnownOffset]) -> Table:
+    """Return one row per session."""
+    rows: list[list[str | Cell]] = [
+        [
+            each.session,
+            *(number_cell(number, ".1f") for number in (each.offset_n, each.uncertainty_n, each.stated_n)),
+            each.source,
+            Cell(each.words, style="words"),
+        ]
+        for each in offsets
+    ]
+    head = ("session", "offset [N]", "± [N]", "stated ± [N]", "known from", "how")
+    return Table(head, rows, words=(4, 5), style="stacked")
