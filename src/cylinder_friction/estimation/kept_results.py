@@ -1,4 +1,4 @@
-"""What ``estimate_logs`` keeps in its folder, for programs that go on from there."""
+"""Read what ``estimate_logs`` wrote, for programs that continue from its results."""
 
 from __future__ import annotations
 

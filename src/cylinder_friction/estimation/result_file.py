@@ -197,9 +197,9 @@ def sort_logs(
 ) -> Sorted:
     """Decide which of the logs are new, and which results stay.
 
-    A log is new if not all of its results are there, made of the same bytes under the same name with the same cylinder,
-    mapping, model and code. The other logs of its session are processed again with it, for their offset and load are
-    identified together. A log that is gone keeps its results.
+    A log stays if all of its results are there, made from the same bytes under the same name, with the same cylinder,
+    mapping, model and code. Every other log is new. The other logs of its session are processed again with it: a
+    session's offset and load are identified together. A log that is gone keeps its results.
 
     Args:
         logs: All logs of this run.

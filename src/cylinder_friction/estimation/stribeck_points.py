@@ -21,9 +21,9 @@ from cylinder_friction.signals.motion import steady_rows
 SLOW_PARAMETERS = ("static_n", "stribeck_velocity_m_s", "stribeck_exponent")
 """What only slow sliding determines."""
 LEAST_RISE = 0.05
-"""Share of Coulomb friction by which friction of the slowest sliding must exceed it, for its rise to have been seen."""
+"""Friction rises towards standstill if the slowest sliding exceeds Coulomb friction by this share of it."""
 STEADY_VARIATION = 0.4
-"""How much velocity may vary within ``STEADY_DURATION_S``, over its mean, for sliding to count as steady."""
+"""Greatest variation of velocity within ``STEADY_DURATION_S``, over its mean, while sliding counts as steady."""
 _AT_THE_LIMIT = 0.01
 
 

@@ -17,11 +17,11 @@ from cylinder_friction.signals.causal_velocity import CausalVelocity
 WINDOWS_S = (0.035, 0.055, 0.075, 0.105)
 """Over which the slope of the position is taken; noise and lag of the position decide which fits friction best."""
 NOISE_MULTIPLE = 4.0
-"""Velocity below so many standard deviations of its noise is standstill."""
+"""Velocity below this many standard deviations of its noise is standstill."""
 BACKLASH_MULTIPLE = 8.0
 """Half-width of the backlash, in standard deviations of the mean position over the window."""
 FITS_ALIKE = 0.01
-"""A velocity whose error exceeds the least by at most this share of mean |friction| could have been chosen as well."""
+"""A velocity fits alike if its error exceeds the least by at most this share of mean |friction|."""
 LEAST_SHARE = 0.02
 """Least half-width of an interval, over the value: as much as smoothing of label and velocity bends where noise is
 small."""

@@ -99,9 +99,9 @@ class Recipe:
 
 
 def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> LongTable | list[LoggedTable]:
-    """Open a file's tables with the mapped channels. A table of more ``rows`` is to be read in parts of so many.
+    """Open a file's tables with the mapped channels. A table of more than ``rows`` rows is read in parts of this size.
 
-    If a stated rate takes the place of time, what is called time is read too, for it must not contradict that rate.
+    With a stated rate, channels that are named time are read too: they must not contradict that rate.
     """
     read = partial(open_logged_file, path, rows, recipe.file_format, recipe.csv, database=recipe.database)
     wanted = wanted_channels(recipe.channels)

@@ -293,7 +293,7 @@ def none_usable(where: str, files: int, first: Quarantined) -> RecordingError:
 
 
 def _not_read(source: Source, matching: list[Path]) -> list[str]:
-    """Return a sentence on the files that the pattern leaves out: among logs in .csv, one may end in .CSV."""
+    """Name the files that the pattern leaves out: among logs in .csv, one may end in .CSV."""
     beside = {path for path in source.folder.rglob("*") if not path.is_dir() and not path.name.startswith(".")}
     left_out = sorted(beside - set(matching) - {source.recipe.names.table})
     if not left_out:

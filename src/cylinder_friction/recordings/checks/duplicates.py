@@ -15,13 +15,13 @@ from cylinder_friction.recordings.recording import Columns, RecordingError, Reco
 RESOLUTION = {"position_m": 1e-9, DRIVE_FORCE: 1e-6}
 """Samples that differ by less are the same, read in another unit or format [m, N]; pressures: 1e-3 Pa."""
 OVERLAP_S = 2.0
-"""Recordings that follow each other may overlap by less, for starts are rounded [s]."""
-MOST_NAMED = 3  # Pairs that a sentence names
+"""Shortest overlap that is named [s]: starts are rounded."""
+MOST_NAMED = 3  # Pairs that a sentence names at most
 
 
 @dataclass(frozen=True)
 class Samples:
-    """What a recording is known by."""
+    """What identifies a recording: its samples, and when it was made."""
 
     values: str  # SHA-256 of its samples
     session: str
@@ -30,7 +30,7 @@ class Samples:
 
     @classmethod
     def of(cls, metadata: RecordingMetadata, columns: Columns) -> "Samples":
-        """Return what a recording is known by, from its columns as logged: a zero that is taken off may differ."""
+        """Hash a recording's columns as logged; a zero that is taken off later may differ from run to run."""
         digest = hashlib.sha256()
         for name in (*SAMPLE_COLUMNS, DRIVE_FORCE):
             if name in columns:

@@ -16,13 +16,13 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.checks.limits import Finding
 
-WINDOW_S = 0.1  # Time over which changes are taken, w
-LONGEST_S = 0.25  # Greatest delay, either way, that is looked for
-CLEAR_SHARE = 0.1  # The load changes where it does so by this share of its range within a window,
-LEAST_S = 0.5  # in rows of so long altogether
+WINDOW_S = 0.1  # Time over which changes are taken, w [s]
+LONGEST_S = 0.25  # Greatest delay, late or early, that is searched [s]
+CLEAR_SHARE = 0.1  # The load changes clearly if it changes by this share of its range within a window
+LEAST_S = 0.5  # Fewest rows with a clear change, as a duration [s]
 GREATEST_RESIDUAL = 0.5  # Share of the drive force's changes, as a variance, that the load may leave unexplained
-SURE = 3.0  # A delay is one if it is this many standard errors long,
-SHORTEST_S = 5e-3  # and so long
+SURE = 3.0  # A delay is noted from this many standard errors on
+SHORTEST_S = 5e-3  # Shortest delay that is noted [s]
 
 
 def check_load_delay(

@@ -40,19 +40,19 @@ UP_AND_DOWN, CHANGES = 0.25, 0.95
 RANGE_END_SHARE = 0.01  # This close to an end of the stroke, a position may be the end of its sensor's range
 
 CHECK = "position_against_force"
-WINDOW_S = 0.5  # Positions are means over this long, and the force counts that is nearest to friction within it
+WINDOW_S = 0.5  # Positions are means over this time; of the force, the value nearest to friction within it counts [s]
 SLIDES, DEVIATIONS = 0.02, 5.0
 """A piston slides if it is faster than this share of its usual top speed, and than this multiple of the speed that the
 position's noise shows at standstill."""
 PUSHES, LEAST_S, LEAST_TRAVEL = 0.1, 0.5, 0.005
-"""Sliding needs at least this share of friction; inertia slides on without, for less time or less of the stroke."""
+"""Sliding needs at least this share of friction. Inertia carries the piston for less time [s] or less of the stroke."""
 HOLDS, SURGE_S = 2.0, 1.0
-"""Rest needs at most this multiple of friction; a surge of pressure is over sooner than this."""
-STOP_SHARE = 0.05  # So close to an end of the stroke a stop may hold the piston
-GREATEST_RESIDUAL = 0.5  # Median residual of the fit over friction; above, position does not explain the force
+"""At rest the force is at most this multiple of friction. A surge of pressure is over within this time [s]."""
+STOP_SHARE = 0.05  # Within this share of the stroke from an end, a stop may hold the piston
+GREATEST_RESIDUAL = 0.5  # With a greater median residual, over friction, position does not explain the force
 FEWEST_ROWS = 20  # Of clear motion in either direction
 LEAST_VARIATION_M = 1e-3  # Another cylinder that moves less does not count
-REACH_M = 0.01  # Further from where the piston clearly moved, the load is not known
+REACH_M = 0.01  # Distance from clear motion within which the load is known [m]
 
 _ITERATIONS, _SETTLED, _LEAST_RESIDUAL = 10, 1e-3, 1e-2
 _ROWS = 1024  # Of clear motion, spread evenly, that the fit takes: it has a handful of terms

@@ -24,7 +24,7 @@ from cylinder_friction.recordings.recording import Columns, Recording, Recording
 RATE_TOLERANCE = 1e-3  # a logger's clock may be off by this share of its rate
 
 NOISY_SHARE = 0.25  # A sensor that changes in this share of the rows shows noise, and never stays constant for long
-NEXT_STEP = 1.5  # a value this many steps of its converter away is the next one
+NEXT_STEP = 1.5  # Values at most this many steps of the converter apart are neighbours
 
 
 def checked_recording(metadata: RecordingMetadata, columns: Columns, findings: Iterable[Finding]) -> Recording:
@@ -43,10 +43,10 @@ def checked_recording(metadata: RecordingMetadata, columns: Columns, findings: I
 
 
 class _Survey:
-    """Extremes of a column and the constant stretch over which the piston travels furthest.
+    """Extremes of a column, and the constant stretch over which the piston travels furthest.
 
-    A stretch between two neighbouring ``step``s of the column's converter, if that is known, is none: the value changed
-    by less than the converter shows.
+    ``step`` is that of the column's converter, 0 if it is not known. A stretch between two neighbouring steps does not
+    count: the value changed by less than the converter shows.
     """
 
     def __init__(self, values: Array, position_m: Array, step: float) -> None:
@@ -71,7 +71,7 @@ class _Survey:
 
 
 def _unexplained(values: Array, runs: NDArray[np.int64], step: float) -> Array:
-    """Return how much of each constant stretch a converter of this step leaves unexplained, shape ``(m,)``.
+    """Return the share of each constant stretch that a converter of this step does not explain, shape ``(m,)``.
 
     Between two neighbouring steps nothing is; at an end of the recording, where the next value is not known, half.
     """
@@ -138,7 +138,7 @@ def inspect_recording(table: Columns, limits: CheckLimits, sample_time_s: float)
 
 
 def _length(rows: int, sample_time_s: float, limits: CheckLimits) -> Finding:
-    """Return whether a recording of so many rows is long enough."""
+    """Check that a recording lasts long enough."""
     duration_s = rows * sample_time_s
     text = f"lasts {duration_s:.3g} s ({rows} rows)"
     return Finding.of(
@@ -245,7 +245,7 @@ def _alive(name: str, kind: str, seen: _Survey, least: float, limits: CheckLimit
 
 
 def _of_load(load_n: Array, seen: _Survey, limits: CheckLimits) -> Iterator[Finding]:
-    """Check that a load cell changes; unlike a pressure it may stay constant, unless its noise ceases."""
+    """Check that a load cell changes. Unlike a pressure, a load may stay constant unless the cell's noise ceases."""
     if limits.load != "measured":
         return
     if seen.span == 0.0:

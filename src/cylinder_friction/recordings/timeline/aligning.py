@@ -24,7 +24,7 @@ from cylinder_friction.recordings.timeline.timestamps import WHOLE_HERTZ, TimeRu
 
 Spans = list[tuple[float, float]]
 
-HIGHEST_RATIO = 10.0  # a rate more than this many times that of the fastest channel is a mistake
+HIGHEST_RATIO = 10.0  # A wanted rate above this multiple of the fastest channel's is refused
 
 
 @dataclass(frozen=True)
@@ -134,7 +134,7 @@ def _unchanged(signals: Mapping[str, Signal], rules: TimeRules, described: _Desc
 
 
 def _origins(timelines: Sequence[ChannelTimeline]) -> list[float]:
-    """Return the first stamp of any column since each start of the clock; NaN where there is none."""
+    """Return the first stamp of any column after each start of the clock; NaN if no column has one."""
     origins_s = []
     for segment in range(int(timelines[0].grid.segments[-1]) + 1):
         firsts = [each.time_s[each.segments == segment][:1] for each in timelines]
@@ -155,7 +155,7 @@ def _check_restarts(timelines: Sequence[ChannelTimeline]) -> None:
 def _on_logged_grid(
     timelines: Sequence[ChannelTimeline], rate_hz: float, rules: TimeRules, described: _Described
 ) -> tuple[list[Recording], list[str], Spans]:
-    """Return pieces whose samples are unchanged but for the bridged ones, and stretches that were too short."""
+    """Cut columns of one grid at their gaps and bridge lost samples; return the pieces and what was too short."""
     grid = timelines[0].grid
     spans: Spans = [(-np.inf, np.inf)]
     for each in timelines:
@@ -240,14 +240,14 @@ def _overlap(one: Spans, other: Spans) -> Spans:
 
 
 def _sentences(done: Mapping[str, Sequence[str]], all_columns: int) -> list[str]:
-    """Return a sentence for each thing that was done; its subject is the columns, or time if it is all of them."""
+    """Write a sentence for each repair; its subject is the columns, or time if all columns have it."""
     return [
         f"{'time' if len(columns) == all_columns else ', '.join(columns)}: {what}" for what, columns in done.items()
     ]
 
 
 def _gap_note(timelines: Sequence[ChannelTimeline], rules: TimeRules) -> list[str]:
-    """Return a sentence on the gaps that split the recording, and the columns without samples there."""
+    """State the gaps that split the recording, and the columns without samples in the first."""
     gaps: dict[tuple[float, float], list[str]] = {}
     for each in timelines:
         for place in np.flatnonzero(each.gaps & (np.diff(each.segments) == 0)):
@@ -280,7 +280,7 @@ def _bridged_note(timelines: Sequence[ChannelTimeline], first_s: float, last_s: 
 
 
 def _edge_note(timelines: Sequence[ChannelTimeline], rate_hz: float) -> list[str]:
-    """Return how much time at the ends only some of the columns cover."""
+    """State the time at both ends that only some of the columns cover."""
     starts_s = ends_s = 0.0
     for segment in range(int(timelines[0].grid.segments[-1]) + 1):
         stamps = [each.time_s[each.segments == segment] for each in timelines]

@@ -19,10 +19,10 @@ from cylinder_friction.recordings.timeline.timestamps import (
 )
 
 TOGETHER = 0.8
-"""Columns that share this share of their rows were sampled together. Two raster rates of one table share half of their
-rows at most, or the slower shares all of its own."""
+"""Columns with this share of their rows in common were sampled together. Two raster rates of one table share half of
+their rows at most, or the slower shares all of its own."""
 
-SHORT_BLOCK = 32  # samples over which the step is taken where the stamps' rounding hides it from step to step
+SHORT_BLOCK = 32  # Samples over which a step is averaged if rounding hides it between two stamps
 
 
 @dataclass(frozen=True)

@@ -10,13 +10,13 @@ from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.timeline.timestamps import LATEST_S, Indices, TimeRules, whole_hertz
 
 RUNS_ON = 16
-"""A clock that restarted runs on for so many rows, and ran for as many before."""
+"""Rows before and after a backward step that must run on for it to be a restart of the clock."""
 UNDONE_SHARE = 0.5
-"""A jump near a backward step, of more than this share of it, takes it back: then no clock restarted."""
-FEWEST_STAMPS = 10  # a coarse clock is distinguished from chance by at least this many different stamps
+"""A forward jump near a backward step, by more than this share of it, undoes it: then no clock restarted."""
+FEWEST_STAMPS = 10  # A clock is taken for coarse from this many different stamps on
 
 LAG = 32
-"""Stamps over which the first estimate of a coarse clock's rate is taken, so that their rounding averages out."""
+"""Stamps over which a coarse clock's rate is estimated first, so that rounding averages out."""
 
 
 @dataclass(frozen=True)
@@ -169,7 +169,7 @@ def _spread(time_s: Array, segments: Indices, rules: TimeRules) -> tuple[Array, 
     worst = int(np.argmax(np.abs(stamp_off - step_s * row_off)))
     off_s = abs(float(stamp_off[worst] - step_s * row_off[worst]))
     stretch_of_row = np.repeat(stretch, np.diff(np.append(firsts, len(time_s))))
-    # A tick shows the time that was: a sample is taken when its stamp is reached, or later.
+    # A tick shows a past time: each sample is taken at its stamp or later.
     start_s = np.full(len(stamp_mean), -np.inf)
     np.maximum.at(start_s, stretch, stamps_s - step_s * firsts)
     spread_s = start_s[stretch_of_row] + step_s * np.arange(len(time_s))

@@ -15,19 +15,19 @@ from cylinder_friction.recordings.recording import RecordingError, expect
 
 Indices = NDArray[np.int64]
 
-BLOCK = 1024  # Samples over which a clock must follow a straight line; drift over more than that changes its rate
+BLOCK = 1024  # Samples over which a clock must follow a straight line; slower drift is a change of its rate
 
 RATE_DRIFT = 1e-3
-"""How far the rate of a block may be from the rate of the whole: a velocity would be wrong by as much."""
+"""Greatest deviation of a block's rate from the whole rate; velocity is wrong by the same share."""
 
 WHOLE_HERTZ = 1e-4
-"""A rate this close to a whole number of hertz is that number: clocks are off by some parts per million."""
+"""A rate within this share of a whole number of hertz is rounded to it: clocks are off by parts per million."""
 
 LATEST_S = 1e11
-"""No clock has run for three thousand years [s]: ticks taken for seconds, or a date written as one number."""
+"""Largest credible stamp [s], three thousand years. Larger numbers are ticks, or dates written as one number."""
 
 USUAL_STEP_SHARE = 0.9
-"""If one step is more frequent than this, the stamps are exact, and other steps are lost samples, not rounding."""
+"""If one step makes up this share, stamps are exact, and longer steps are lost samples rather than rounding."""
 
 
 @dataclass(frozen=True)
