@@ -1,11 +1,26 @@
 """``make readme`` puts the pipeline's table and picture in place, and nothing else."""
 
+import json
+import shutil
 from pathlib import Path
 
 import pytest
 
-from cylinder_friction.commands.readme import BEGIN, END, PICTURES, main_rows, update_readme
+from cylinder_friction.commands.readme import (
+    BEGIN,
+    END,
+    JSON_BLOCK,
+    MODEL,
+    PICTURES,
+    SERVING,
+    answered,
+    main_rows,
+    update_answer,
+    update_readme,
+)
 
+ROOT = Path(__file__).parent.parent
+LEARNS_OFFSET = ROOT / "tests/golden/learns_offset/model"
 TABLE = """12 held-out sessions.
 
 Mean absolute error against true friction:
@@ -65,3 +80,32 @@ def test_the_readme_has_five_rows_against_true_friction() -> None:
         "| Label itself (off line, looks ahead)",
     ]
     assert shown[:5] == TABLE.splitlines()[:5]
+
+
+def printed(guide: Path) -> tuple[str, list[dict[str, object]]]:
+    """Return the request that the guide on serving prints, and the rows of the answer."""
+    request, answer, *_ = JSON_BLOCK.findall(guide.read_text(encoding="utf-8"))
+    return request, json.loads(answer)["predictions"]
+
+
+def test_the_answer_in_the_guide_becomes_that_of_the_model(tmp_path: Path) -> None:
+    guide = Path(shutil.copy(ROOT / SERVING, tmp_path))
+    for _ in range(2):
+        update_answer(guide, LEARNS_OFFSET)
+        assert printed(guide) == (printed(ROOT / SERVING)[0], answered(printed(guide)[0], LEARNS_OFFSET))
+    before, after = (JSON_BLOCK.sub("", each.read_text(encoding="utf-8")) for each in (ROOT / SERVING, guide))
+    assert before == after
+
+
+def test_the_printed_answer_has_the_fields_and_flags_of_a_served_model() -> None:
+    request, rows = printed(ROOT / SERVING)
+    expected = answered(request, LEARNS_OFFSET)
+    assert [(list(row), row["flag_names"]) for row in rows] == [(list(row), row["flag_names"]) for row in expected]
+
+
+@pytest.mark.skipif(not (ROOT / MODEL / "estimator.json").is_file(), reason="the pipeline has not run here")
+def test_the_printed_answer_is_that_of_the_pipelines_model() -> None:
+    request, rows = printed(ROOT / SERVING)
+    for row, expected in zip(rows, answered(request, ROOT / MODEL), strict=True):
+        assert row["flag_names"] == expected["flag_names"], "run `make readme`"
+        assert row["friction_n"] == pytest.approx(expected["friction_n"], abs=5.0), "run `make readme`"

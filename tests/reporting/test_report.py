@@ -119,11 +119,12 @@ def test_every_link_of_the_contents_leads_to_a_section(page):
 
 
 def test_the_report_holds_its_tables_figures_and_words(page, analysis):
-    for words in ("Table I:", "Table II:", "Table II, against true friction", "Table III", "Label audit", "Ljung–Box"):
+    numbered = re.findall(r"<h3>((?:Table|Figure) \w+)[:,]", page)
+    assert numbered == ["Table I", "Figure 5", "Table II", *(f"Figure {n}" for n in (6, 7, 8, 9)), "Table III"]
+    assert "Figure 8, with the hybrid of this project: estimated against calculated" in page
+    assert page.count("<details open") == 0, "the answer is above, all else is folded"
+    for words in ("Label audit", "Ljung–Box"):
         assert words in page
-    for number in (5, 6, 8):
-        assert f"Figure {number}:" in page
-    assert "Figures 7 and 9" in page
     assert page.count('class="plot"') == 4
     assert "ridge on lagged samples is clearly better" in page
     percent = analysis.comparison.percent("hybrid", "1")
@@ -140,11 +141,18 @@ def test_a_browser_draws_it_wide_and_narrow(tmp_path, page, new_page):
         shown.on("pageerror", lambda error, found=errors: found.append(str(error)))
         shown.goto(path.as_uri())
         plot = shown.locator(".plot").first
+        shown.evaluate("location.hash = 'over-time'")
         plot.scroll_into_view_if_needed()
         plot.locator(".main-svg").first.wait_for()
         assert shown.evaluate("document.documentElement.scrollWidth") == width
         widths = "Array.from(document.querySelectorAll('main figure'), figure => figure.clientWidth)"
-        assert min(shown.evaluate(widths)) > 300
+        assert min(each for each in shown.evaluate(widths) if each) > 300
+        shown.evaluate("window.dispatchEvent(new Event('beforeprint'))")
+        assert shown.evaluate("document.querySelectorAll('details:not([open])').length") == 0
+        drawn = "Array.from(document.querySelectorAll('.plot .main-svg:first-of-type'), each => each.clientWidth)"
+        assert set(shown.evaluate(drawn)) == {690}, "as wide as paper"
+        shown.evaluate("window.dispatchEvent(new Event('afterprint'))")
+        assert shown.evaluate("document.querySelectorAll('details.section[open]').length") == 1
         assert errors == []
 
 
@@ -159,9 +167,13 @@ def test_where_an_estimator_equals_the_label_the_report_warns_and_shows_none_of_
         analyse(comparison, "paper_hybrid", "lugre", curves, 2.0, 20),
         ReportInputs({}, {}, {}, [], {}, None, [], [], "", []),
     )
-    errors, _, rest = shown[shown.index('<h2 id="label-errors"') :].partition('<h2 id="over-time"')
+    sections = dict(
+        re.findall(r'(?s)<details class="section" id="([\w-]+)">(.*?)(?=<details class="section"|$)', shown)
+    )
+    errors, rest = sections["label-errors"], sections["residuals"]
+    assert "of this project" not in shown, "the paper's own hybrid"
     assert "this states nothing about friction" in errors
     assert "Force balance, moving averages<small>(equals the label by construction)</small>" in errors
-    assert "the hybrid as published against the label" in rest
-    assert "Force balance, moving averages" not in rest[rest.index('<h2 id="residuals"') : rest.index('<h2 id="cost"')]
+    assert "The hybrid as published against the label" in rest
+    assert "Force balance, moving averages" not in rest
     assert "this states nothing about friction" not in page

@@ -1,6 +1,8 @@
-"""The command ``readme``: put the pipeline's latest table and picture into ``README.md``."""
+"""The command ``readme``: put the pipeline's latest numbers and picture into ``README.md`` and the guide on serving."""
 
 import argparse
+import json
+import re
 from pathlib import Path
 
 from cylinder_friction.evaluation.comparison import LABEL_ITSELF
@@ -10,6 +12,8 @@ from cylinder_friction.run_record import records_in
 
 BEGIN, END = "<!-- result: begin (make readme) -->", "<!-- result: end -->"
 EXPECTED = (ValueError,)
+SERVING, MODEL = Path("docs/serving.md"), Path("models/hybrid")
+JSON_BLOCK = re.compile(r"(?<=^```json\n).*?(?=\n^```$)", re.MULTILINE | re.DOTALL)
 PICTURES = {"figure6_friction_over_time.png": "docs/images/friction_over_time.png"}
 
 
@@ -49,8 +53,31 @@ def main_rows(markdown: str) -> str:
     return "\n".join(lines)
 
 
+def update_answer(guide: Path, model: Path) -> None:
+    """Put a model's answer to the request of the guide on serving, its first JSON block, into the second one."""
+    text = guide.read_text(encoding="utf-8")
+    request, answer = list(JSON_BLOCK.finditer(text))[:2]
+    rows = ",\n".join(f"  {json.dumps(row)}" for row in answered(request[0], model))
+    lines = rows.replace(', "flags"', ',\n   "flags"')
+    write_text(guide, f'{text[: answer.start()]}{{"predictions": [\n{lines}]}}{text[answer.end() :]}')
+
+
+def answered(request: str, model: Path) -> list[dict[str, object]]:
+    """Return what the served model answers to a request (``dataframe_split``), with two decimals."""
+    import pandas as pd
+
+    from cylinder_friction.deployment.scoring import ServedModel, score_frame
+    from cylinder_friction.estimators.loading import load_estimator
+
+    rows = pd.DataFrame(**json.loads(request)["dataframe_split"])
+    scored = score_frame(ServedModel(load_estimator(model).step_model()), rows).round(2)
+    return [{str(name): value for name, value in row.items()} for row in scored.to_dict("records")]
+
+
 def run(_options: argparse.Namespace) -> None:
     update_readme(Path("README.md"), Path("reports"))
+    if SERVING.is_file():
+        update_answer(SERVING, MODEL)
     compared = records_in(Path()).get("compare")
     if compared is not None and compared.experiment:
         print(

@@ -20,7 +20,7 @@ from cylinder_friction.reporting.inspection.recording_pane import (
 )
 from cylinder_friction.reporting.page import NONE, Cell, Table, number_cell, packed, page_html
 from cylinder_friction.reporting.result_tables import offset_table
-from cylinder_friction.reporting.style import BLUE, GREEN, PALE, QUIET
+from cylinder_friction.reporting.style import BROWN, GREEN, PALE, QUIET
 from cylinder_friction.reporting.time_figure import Line, Panel, over_time
 
 POINTS = 1000
@@ -44,7 +44,7 @@ def friction_pane(recording: Recording, view: FrictionView | None) -> str:
     if "label_n" in recording.columns:
         friction.append(Line("label, off line", _usable(recording, "label_n"), QUIET, 1.0))
     friction.append(Line("friction", _usable(recording, "friction_n"), GREEN, 1.5))
-    velocity = Line("velocity, extending positive", MM_PER_M * recording.column("velocity_m_s"), BLUE)
+    velocity = Line("velocity, extending positive", MM_PER_M * recording.column("velocity_m_s"), BROWN)
     panels = [Panel("friction [N]", friction, 1.6), Panel("velocity [mm/s]", [velocity]), *measured_panels(recording)]
     html = page_html(
         "templates/friction_pane.html.j2",

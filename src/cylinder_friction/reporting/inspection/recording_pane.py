@@ -23,7 +23,7 @@ from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.reporting.inspection.frequency_figures import MM_PER_M, PA_PER_BAR, spectra
 from cylinder_friction.reporting.inspection.friction_figures import against_position, against_velocity
 from cylinder_friction.reporting.page import Cell, Table, packed, page_html
-from cylinder_friction.reporting.style import BLUE, GREEN, INK, ORANGE, QUIET
+from cylinder_friction.reporting.style import BLUE, BROWN, GREEN, INK, ORANGE, QUIET
 from cylinder_friction.reporting.time_figure import Line, Panel, over_time
 from cylinder_friction.signals.methods import windows_at
 from cylinder_friction.signals.smooth_signals import SignalFilter
@@ -166,7 +166,7 @@ def calculated_panels(view: FrictionView) -> list[Panel]:
     return [
         Panel(
             "velocity [mm/s]",
-            (Line("velocity, extending positive", MM_PER_M * view.signals.velocity_m_s, BLUE),),
+            (Line("velocity, extending positive", MM_PER_M * view.signals.velocity_m_s, BROWN),),
         ),
         Panel(f"{view.friction_name} [N]", (Line(view.friction_name, friction_n, GREEN),), 1.3),
     ]

@@ -1,6 +1,6 @@
 'use strict';
 // Figures are drawn when they come into sight, so that a long page opens at once.
-const NARROW = 520, LONGEST = 20;
+const NARROW = 520, LONGEST = 20, PAPER = 690;
 
 // Panels side by side are too narrow on a small screen: there, they stand one below the other.
 function stack(layout) {
@@ -106,6 +106,12 @@ function show() {
   window.scrollTo(0, 0);
 }
 
+// A link to a folded section opens it.
+function unfold() {
+  const target = location.hash && document.getElementById(decodeURIComponent(location.hash.slice(1)));
+  if (target && target.tagName === 'DETAILS') { target.open = true; target.scrollIntoView(); }
+}
+
 function sort(head) {
   const column = head.cellIndex, body = head.closest('table').tBodies[0];
   const down = head.getAttribute('aria-sort') === 'ascending';
@@ -148,12 +154,29 @@ document.addEventListener('click', function (event) {
 });
 document.addEventListener('input', event => { if (event.target.id === 'find') find(event.target.value); });
 window.addEventListener('hashchange', show);
+window.addEventListener('hashchange', unfold);
 window.addEventListener('DOMContentLoaded', function () {
   watch(document);
   show();
+  unfold();
   document.querySelectorAll('.plot').forEach(place => { inSight.observe(place); });
 });
+
+// On paper everything is unfolded, and figures are as wide as a page of A4 between its margins.
+let opened = [];
+function fit(onPaper) {
+  document.querySelectorAll('.plot .main-svg:first-of-type').forEach(function (drawn) {
+    const place = drawn.closest('.plot'), width = place.closest('.many') ? PAPER / 2 - 5 : PAPER;
+    Plotly.relayout(place, onPaper ? {autosize: false, width: width} : {autosize: true, width: null});
+  });
+}
 window.addEventListener('beforeprint', function () {
-  document.querySelectorAll('details').forEach(fold => { fold.open = true; });
+  opened = Array.from(document.querySelectorAll('details:not([open])'));
+  opened.forEach(fold => { fold.open = true; });
   document.querySelectorAll('.plot').forEach(draw);
+  fit(true);
+});
+window.addEventListener('afterprint', function () {
+  fit(false);
+  opened.forEach(fold => { fold.open = false; });
 });
