@@ -71,7 +71,7 @@ def test_results_are_the_same_whoever_works(
     [
         (["--help"], 0, ("numpy",)),
         (["--mistyped"], 2, ("numpy",)),
-        (["LOG"], 0, ("scipy.signal", "matplotlib", "plotly", "onnx", "pint", "pydantic", "torch")),
+        (["LOG"], 0, ("scipy.signal", "matplotlib", "plotly", "onnx", "pydantic", "torch")),
     ],
     ids=["help", "a mistyped option", "a label"],
 )

@@ -88,18 +88,6 @@ def test_a_guessed_mapping_is_stated(logs: Path, cylinder: Cylinder) -> None:
         pd.testing.assert_frame_equal(one.table, other.table)
 
 
-def test_a_guess_holds_for_files_that_call_a_channel_otherwise(logs: Path, tmp_path: Path, cylinder: Cylinder) -> None:
-    shutil.copytree(logs, tmp_path / "logs")
-    last = max((tmp_path / "logs").iterdir())
-    renamed = pd.read_csv(last).rename(columns={"t [s]": "time [s]", "p_A [bar]": "pressure A [bar]"})
-    renamed.to_csv(last, index=False)
-    (tmp_path / "logs/z.csv").write_text("a\n1\n")
-    with pytest.warns(UserWarning, match="calls it pressure A|left out z.csv"):
-        guessed = read_recordings(tmp_path / "logs", None, cylinder)
-    assert [each.name for each in guessed] == sorted(path.stem for path in logs.iterdir())
-    pd.testing.assert_frame_equal(guessed[-1].table, read_recordings(logs, CHANNELS, cylinder)[-1].table)
-
-
 def test_what_cannot_be_guessed_is_named(tmp_path: Path, cylinder: Cylinder) -> None:
     pd.DataFrame({"t [s]": np.arange(9.0), "p_A [bar]": 1.0, "p_B [mA]": 2.0}).to_csv(tmp_path / "a.csv", index=False)
     with pytest.raises(RecordingError, match=r"a.csv: no mapping was given, and that of pressure_2_pa, position_m"):
@@ -222,7 +210,7 @@ def test_units_that_are_given_or_that_alone_fit_are_taken(
     ("units", "channels", "words"),
     [
         ({"presure": "bar"}, None, "units: got 'presure', expected one of time, pressure, length, .*pressure=bar"),
-        ({"pressure": "furlong"}, None, "unit 'furlong' measures length, but the column holds a pressure"),
+        ({"pressure": "inch"}, None, "unit 'inch' measures length, but the column holds a pressure"),
         ({"pressure": "psi"}, None, r"channel 'p_A \[bar\]' states bar, but pressure=psi was given as its unit; leave"),
         ({"pressure": "bar"}, CHANNELS, r"units: got \{'pressure': 'bar'\} beside a mapping; state them in"),
     ],

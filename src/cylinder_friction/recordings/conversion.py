@@ -48,7 +48,7 @@ LEAST_SHARE = 0.5
 class Recipe:
     """How a logger's file becomes recordings.
 
-    ``channels`` are by column, ``cylinder`` is its name, ``file_format`` is one of ``formats.registry.SETTINGS``, or
+    ``channels`` are by column, ``cylinder`` is its name, ``file_format`` is one of ``formats.reading.SETTINGS``, or
     ``auto``, which looks into the file.
     """
 

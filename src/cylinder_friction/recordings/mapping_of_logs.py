@@ -1,8 +1,7 @@
-"""The mapping of logs that came without one: guessed from the first; the others may call its channels differently."""
+"""The mapping of logs that came without one: guessed from the first, and stated with every guess."""
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from cylinder_friction.cylinder import ONE_CHAMBER, Cylinder
@@ -15,12 +14,9 @@ from cylinder_friction.recordings.mapping.mapping_text import channel_lines
 from cylinder_friction.recordings.mapping.units import check_unit, stated_rate, units_agree
 from cylinder_friction.recordings.recording import RecordingError
 
-MOST_LOOKED_INTO = 50
-"""Without a mapping, at most this many logs are searched for other names of the first one's channels."""
-
 
 def guessed(
-    paths: Sequence[Path], cylinder: Cylinder, units: Mapping[str, str], database: Path | None
+    path: Path, cylinder: Cylinder, units: Mapping[str, str], database: Path | None
 ) -> tuple[GuessedMapping, list[LoggedTable]]:
     """Guess a mapping from the first log and warn of every guess; return it, and what that log holds.
 
@@ -35,10 +31,10 @@ def guessed(
             raise RecordingError(f"units: got {quantity!r}, expected one of {known}, such as pressure=bar")
         if quantity != "time" or stated_rate(unit) is None:
             check_unit(next(column for column in QUANTITIES if QUANTITIES[column] == quantity), unit)
-    path = paths[0]
     try:
         tables = open_logged_file(path, ROWS_AT_ONCE, database=database)
-        guess = guess_mapping(_first(tables), path, cylinder, units)
+        first = [next(tables.chunks())] if isinstance(tables, LongTable) else tables
+        guess = guess_mapping(first, path, cylinder, units)
     except RecordingError as error:
         raise RecordingError(f"{path}: {error}") from error
     unknown = {name: each.checks for name, each in guess.columns.items() if not each.known}
@@ -50,41 +46,9 @@ def guessed(
             f"starting from\n" + "\n".join(channel_lines(guess))
         )
     _refuse_units(path, guess, units)
-    for other in paths[1:MOST_LOOKED_INTO]:
-        guess = _with_alternatives(guess, other, cylinder, units, database)
     lines = "\n".join(channel_lines(guess))
     warnings.warn(f"no mapping was given; guessed from {path.name}:\n{lines}", stacklevel=4)
     return guess, [] if isinstance(tables, LongTable) else tables
-
-
-def _first(tables: LongTable | Sequence[LoggedTable]) -> Sequence[LoggedTable]:
-    return [next(tables.chunks())] if isinstance(tables, LongTable) else tables
-
-
-def _with_alternatives(
-    guess: GuessedMapping, path: Path, cylinder: Cylinder, units: Mapping[str, str], database: Path | None
-) -> GuessedMapping:
-    """Return the guess with what another file calls the channels that it lacks, if only one of its own can be meant."""
-    names = {column: {each.channel.name, *each.alternatives} for column, each in guess.columns.items() if each.channel}
-    try:
-        named = _first(open_logged_file(path, ROWS_AT_ONCE, wanted=(), database=database))
-        there = {str(name) for table in named for name in (*table.channels, *table.unread)}
-        if all(own & there for own in names.values()):
-            return guess
-        tables = _first(open_logged_file(path, ROWS_AT_ONCE, database=database))
-        its_own = guess_mapping(tables, path, cylinder, units).columns
-    except RecordingError:  # is quarantined with its reason later
-        return guess
-    columns = dict(guess.columns)
-    for column, each in columns.items():
-        other = its_own.get(column)
-        if other is None or other.channel is None or other.others or other.unit != each.unit or names[column] & there:
-            continue
-        called = f"{path.name} calls it {other.channel.name}"
-        columns[column] = replace(
-            each, alternatives=(*each.alternatives, other.channel.name), reasons=(*each.reasons, called)
-        )
-    return replace(guess, columns=columns)
 
 
 def _refuse_units(path: Path, guess: GuessedMapping, units: Mapping[str, str]) -> None:

@@ -2,9 +2,8 @@
 
 import csv
 import re
-from collections.abc import Iterable
+from collections.abc import Collection
 from dataclasses import dataclass, replace
-from fnmatch import fnmatchcase
 from functools import cached_property
 from pathlib import Path
 from unicodedata import category
@@ -14,7 +13,6 @@ from cylinder_friction.recordings.recording import RecordingError
 ONE_CONDITION = "1"
 """The condition of files whose names state none."""
 _REQUIRED = ("file", "condition", "session")
-_WILD = frozenset("*?[")
 
 
 @dataclass(frozen=True)
@@ -35,9 +33,8 @@ class NameRules:
     # Regular expression on the path below the source, with the group ``session``, optionally ``condition`` (without it,
     # all files are of condition "1"), ``load`` and ``asset``
     pattern: str | None = None
-    # CSV file with the columns ``file``, ``condition``, ``session``, optionally ``load`` and ``asset``. ``file`` is a
-    # path below the source, with ``/``, or a glob, where ``*`` also stands for ``/``; a path that is written out takes
-    # precedence over any glob.
+    # CSV file with the columns ``file`` (a path below the source), ``condition``, ``session``, optionally ``load`` and
+    # ``asset``
     table: Path | None = None
     # The condition of every file; each is then a session of its own, named as its recording
     condition: str | None = None
@@ -52,16 +49,15 @@ class NameRules:
         return None if self.pattern is None else compile_name_pattern(self.pattern)
 
     @cached_property
-    def _lines(self) -> dict[int, PathNames]:
-        """The table's lines by their number, counted from 1 for the header; a name is a file's path or a glob."""
+    def _lines(self) -> dict[str, PathNames]:
         return {} if self.table is None else read_names_table(self.table)
 
     def names(self, relative_path: str) -> PathNames:
         """Return what is known of a file, by its path relative to the source, with ``/``.
 
         Raises:
-            RecordingError: The pattern does not match, the table has no line for it, more than one glob fits it, or
-                other systems cannot have a file of this name.
+            RecordingError: The pattern does not match, the table has no line for it, or other systems cannot have a
+                file of this name.
         """
         if "\\" in relative_path or {"Cc", "Cs"} & set(map(category, relative_path)):
             raise RecordingError(
@@ -69,51 +65,36 @@ class NameRules:
                 "the file"
             )
         name = name_of(relative_path)
-        if self._compiled is not None:
-            match = self._compiled.search(relative_path)
-            groups = match.groupdict() if match else {}
-            if match and "condition" not in groups:
-                groups["condition"] = ONE_CONDITION
-            if not groups.get("condition") or not groups.get("session"):
-                raise RecordingError(
-                    f"path {relative_path!r} does not give condition and session: the pattern {self.pattern!r} finds "
-                    f"{'nothing in it' if match is None else groups}; rename the file, or change the "
-                    "pattern: name_pattern in the mapping, or --names"
-                )
-            return PathNames(name, *(groups.get(each) or "" for each in ("condition", "session", "load", "asset")))
         if self.condition is not None:
             return PathNames(name, self.condition, name, "")
-        fitting = {number: line for number, line in self._lines.items() if line.name == relative_path}
-        fitting = fitting or {number: line for number, line in self._lines.items() if _fits(line.name, relative_path)}
-        if not fitting:
+        if self._compiled is None:
+            if relative_path not in self._lines:
+                raise RecordingError(
+                    f"path {relative_path!r} has no line in the table of names; add one with its condition, session"
+                )
+            return replace(self._lines[relative_path], name=name)
+        match = self._compiled.search(relative_path)
+        groups = {"condition": ONE_CONDITION, **match.groupdict()} if match else {}
+        if not groups.get("condition") or not groups.get("session"):
             raise RecordingError(
-                f"path {relative_path!r} has no line in the table of names; add one with its condition, session"
+                f"path {relative_path!r} does not give condition and session: the pattern {self.pattern!r} finds "
+                f"{'nothing in it' if match is None else groups}; rename the file, or change the "
+                "pattern: name_pattern in the mapping, or --names"
             )
-        if len(fitting) > 1:
-            raise RecordingError(
-                f"path {relative_path!r} fits lines {', '.join(map(str, fitting))} of the table of names; expected one "
-                "line per file; write the path out, or make the globs narrower"
-            )
-        return replace(next(iter(fitting.values())), name=name)
+        return PathNames(name, *(groups.get(each) or "" for each in ("condition", "session", "load", "asset")))
 
     def finds(self, relative_path: str) -> bool:
         """Whether the pattern finds something in a file's path."""
         return self._compiled is not None and self._compiled.search(relative_path) is not None
 
-    def lines_without_file(self, relative_paths: Iterable[str]) -> list[str]:
-        """Return a sentence for each line of the table that fits no file; empty if names come from a pattern."""
-        paths = list(relative_paths)
+    def lines_without_file(self, relative_paths: Collection[str]) -> list[str]:
+        """Return a sentence for each line of the table that is of no file; empty if names come from a pattern."""
         return [
-            f"line {number} of the table of names: no file fits {line.name!r}; correct the line, or put the file "
-            "where it belongs"
-            for number, line in self._lines.items()
-            if not any(_fits(line.name, path) for path in paths)
+            f"the table of names has a line for {file!r}, which is not there; correct the line, or put the file where "
+            "it belongs"
+            for file in self._lines
+            if file not in relative_paths
         ]
-
-
-def _fits(name: str, path: str) -> bool:
-    """Return whether a line's name is this path, or a glob that matches it."""
-    return name == path or (bool(_WILD & set(name)) and fnmatchcase(path, name))
 
 
 def compile_name_pattern(pattern: str) -> re.Pattern[str]:
@@ -136,24 +117,22 @@ def name_of(path: str) -> str:
     return stem.replace("/", "-")
 
 
-def read_names_table(path: Path) -> dict[int, PathNames]:
-    """Return the lines of a table of names by their numbers; its delimiter is a comma, a semicolon or a tab."""
+def read_names_table(path: Path) -> dict[str, PathNames]:
+    """Return the lines of a table of names by the file that they are for; a comma, a semicolon or a tab separates."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
         raise RecordingError(f"table of names {path.name!r} cannot be read: {error}; expected CSV in UTF-8") from None
-    head = text.split("\n", 1)[0]
-    delimiter = max(",;\t", key=head.count)
+    delimiter = max(",;\t", key=text.split("\n", 1)[0].count)
     rows = [[cell.strip() for cell in row] for row in csv.reader(text.splitlines(), delimiter=delimiter)]
     columns = [cell.casefold() for cell in rows[0]] if rows else []
-    for column in _REQUIRED:
-        if columns.count(column) != 1:
-            raise RecordingError(
-                f"table of names {path.name!r}: expected one column {column!r} in its header, but got "
-                f"{', '.join(map(repr, columns)) or 'nothing'}; write file,condition,session (and perhaps load, asset)"
-            )
-    lines: dict[int, PathNames] = {}
-    numbers: dict[str, int] = {}
+    missing = [column for column in _REQUIRED if columns.count(column) != 1]
+    if missing:
+        raise RecordingError(
+            f"table of names {path.name!r}: expected one column {missing[0]!r} in its header, but got "
+            f"{', '.join(map(repr, columns)) or 'nothing'}; write file,condition,session (and perhaps load, asset)"
+        )
+    lines: dict[str, PathNames] = {}
     for number, row in enumerate(rows[1:], start=2):
         if not any(row):
             continue
@@ -161,14 +140,11 @@ def read_names_table(path: Path) -> dict[int, PathNames]:
         if len(row) != len(columns):
             raise RecordingError(f"{where} has {len(row)} cells, its header {len(columns)}; make them equal")
         cells = dict(zip(columns, row, strict=True))
-        for column in _REQUIRED:
-            if not cells[column]:
-                raise RecordingError(f"{where} has no {column}; fill in the cell")
+        if empty := [column for column in _REQUIRED if not cells[column]]:
+            raise RecordingError(f"{where} has no {empty[0]}; fill in the cell")
         file = cells["file"].replace("\\", "/").removeprefix("./")
-        if numbers.setdefault(file, number) != number:
-            raise RecordingError(
-                f"{where} is for {file!r}, which line {numbers[file]} is for already; expected one line per file"
-            )
+        if file in lines:
+            raise RecordingError(f"{where} is for {file!r} again; expected one line per file")
         more = (cells.get(name, "") for name in ("load", "asset"))
-        lines[number] = PathNames(file, cells["condition"], cells["session"], *more)
+        lines[file] = PathNames(file, cells["condition"], cells["session"], *more)
     return lines

@@ -121,7 +121,7 @@ def find_logs(
     units: Mapping[str, str] | None = None,
     database: str | Path | None = None,
 ) -> Logs:
-    """Find the files and how to read them. Only to guess a mapping are files read, up to ``MOST_LOOKED_INTO``.
+    """Find the files and how to read them. Only to guess a mapping is the first file read.
 
     Arguments and errors are those of ``read_recordings``. ``rate_hz`` is the rate of the recordings [Hz], by default as
     ``channels`` has it, or each file's own; ``database`` (DBC) that of the bus whose frames measurement files hold.
@@ -129,7 +129,7 @@ def find_logs(
     paths = log_paths([files] if isinstance(files, str | Path) else list(files))
     try:
         if channels is None:
-            guess, tables = guessed(paths, cylinder, units or {}, None if database is None else Path(database))
+            guess, tables = guessed(paths[0], cylinder, units or {}, None if database is None else Path(database))
             settings = {"channels": {name: guess.mapped(name) for name in guess.columns}, "database": database}
             logs = _logs(paths, settings, cylinder, names, load, rate_hz)
             read = {name: tables for name, path in logs.files.items() if path == paths[0]}

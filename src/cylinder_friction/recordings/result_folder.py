@@ -5,13 +5,12 @@ The file that makes the folder ours, the *marker*, states what wrote it and list
     {"written_by": "cylinder-friction identify", "files": ["friction_models.html", "friction_models.json"], ...}
 """
 
-import json
 import os
 import shutil
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from pathlib import Path, PurePath
+from pathlib import Path
 from typing import Any
 
 from cylinder_friction.recordings.files import DRAFTS, read_json, write_json
@@ -40,7 +39,13 @@ class ResultFolder:
         Raises:
             FileExistsError: The folder is, holds or lies in an input, or holds something that no earlier run listed.
         """
-        self._refuse_inputs()
+        output = self.folder.resolve()
+        for each in self.inputs:
+            path = each.resolve()
+            inside = path.is_relative_to(output)
+            if inside or output.is_relative_to(path):
+                problem = f"is, or holds, the input {each}" if inside else f"lies in the input {each}"
+                raise FileExistsError(f"{self.folder}: {problem}; name a folder outside of what is read")
         self.listed()
 
     @contextmanager
@@ -87,17 +92,17 @@ class ResultFolder:
                 return
             for unfinished in draft.rglob(DRAFTS):  # of a worker that was killed while it wrote
                 unfinished.unlink()
-            new = [path.relative_to(draft).as_posix() for path in draft.rglob("*") if path.is_file()]
-            content, old = read_json(draft / self.marker), self.listed()
-            kept = set(content.pop("kept", ())) & set(old)
-            for name in set(new) - set(old):
+            new = {path.relative_to(draft).as_posix() for path in draft.rglob("*") if path.is_file()}
+            content, old = read_json(draft / self.marker), set(self.listed())
+            kept = old & set(content.pop("kept", ()))
+            for name in new - old:
                 refuse_foreign(self.folder / name)
-            self.claim({*old, *new})
-            for name in set(new) - {self.marker}:
+            self.claim(old | new)
+            for name in new - {self.marker}:
                 (self.folder / name).parent.mkdir(parents=True, exist_ok=True)
                 (draft / name).replace(self.folder / name)
-            self.remove(set(old) - {*new, *kept})
-            self.claim({*new, *kept}, content)
+            self.remove(old - new - kept)
+            self.claim(new | kept, content)
 
     def claim(self, files: Iterable[str] = (), content: dict[str, Any] | None = None) -> None:
         """Write the marker: from here on these files are ours."""
@@ -120,43 +125,25 @@ class ResultFolder:
         refusal = f"{self.folder}: exists already, and "
         if not marker.is_file():
             raise FileExistsError(f"{refusal}holds no {self.marker} of an earlier run; name a new folder")
-        try:
-            content: Any = json.loads(marker.read_text(encoding="utf-8"))
-        except ValueError:
-            content = None
+        content: Any = None
+        with suppress(ValueError):
+            content = read_json(marker)
         files = content.get("files") if isinstance(content, dict) else None
         if not isinstance(files, list) or content.get("written_by") != self.written_by:
             raise FileExistsError(
                 f"{refusal}its {self.marker} does not list the files of an earlier `{self.written_by}`; "
                 "name a new folder"
             )
-        for name in files:
-            path = PurePath(str(name))
-            if path.is_absolute() or ".." in path.parts or (self.folder / path).is_dir():
+        for name in map(str, files):
+            if Path(name).is_absolute() or ".." in Path(name).parts or (self.folder / name).is_dir():
                 raise FileExistsError(
                     f"{refusal}its {self.marker} lists {name!r}, which is no file inside it; name a new folder"
                 )
         return files
 
-    def _refuse_inputs(self) -> None:
-        output = self.folder.resolve()
-        for each in self.inputs:
-            path = each.resolve()
-            if path == output or path.is_relative_to(output):
-                problem = f"is, or holds, the input {each}"
-            elif output.is_relative_to(path):
-                problem = f"lies in the input {each}"
-            else:
-                continue
-            raise FileExistsError(f"{self.folder}: {problem}; name a folder outside of what is read")
-
 
 def refuse_foreign(path: Path) -> None:
-    """Refuse to write a result over a file that no earlier run wrote.
-
-    Raises:
-        FileExistsError: Something lies there.
-    """
+    """Refuse to write a result over a file that no earlier run wrote (``FileExistsError``)."""
     if os.path.lexists(path):
         raise FileExistsError(
             f"{path}: is in the place of a result, but no earlier run wrote it; move it away, or name a new folder"

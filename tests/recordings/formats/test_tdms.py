@@ -51,18 +51,6 @@ def test_a_segment_that_is_cut_off_is_said(tmp_path: Path) -> None:
     assert all("ends within its last segment, and the samples behind are lost" in table.notes[0] for table in tables)
 
 
-def test_waveforms_without_a_start_beside_others_with_one_are_said(tmp_path: Path) -> None:
-    path = written(
-        tmp_path,
-        ("fast", "P1", np.arange(10.0), wave(0.001, "2026-03-14T08:15:00")),
-        ("slow", "s", np.arange(5.0), {"wf_increment": 0.01, "wf_samples": 5, "wf_start_offset": 0.0}),
-    )
-    fast, slow = read_logged_file(path)
-    assert fast.notes == ()
-    (note,) = slow.notes
-    assert note == "channel 's' states no start time, others do; it was taken to start with the earliest of them"
-
-
 def test_a_logged_clock_takes_precedence_over_that_of_the_waveforms(tmp_path: Path) -> None:
     made_up, stamps = wave(0.001, "2026-03-14T08:15:00"), 0.005 * np.arange(40)
     for name, unit in (("Time (s)", ""), ("Zeit", ""), ("Elapsed", "s"), ("Untitled", "")):

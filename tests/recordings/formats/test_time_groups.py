@@ -50,9 +50,6 @@ FILES = {
     "EOF in every cell, no line end": BANNER + HEADER + "\n" + rows() + "EOF;EOF;EOF;EOF;EOF",
     "all that the scope knows": BANNER + HEADER + METADATA + "\n" + rows("short"),
     "tabs and decimal commas": (BANNER + HEADER + "\n" + rows("short")).replace(".", ",").replace(";", "\t"),
-    "filled with the value before": HEADER
-    + "\n".join(f"{a};{b};{c};{SLOW[i // 2][0]};{SLOW[i // 2][1]}" for i, (a, b, c) in enumerate(FAST))
-    + "\n",
     "each value where it was sampled": HEADER
     + "\n".join(
         f"{a};{b};{c};" + (f"{SLOW[i // 2][0]};{SLOW[i // 2][1]}" if i % 2 == 0 else ";")
@@ -90,13 +87,6 @@ def test_the_scope_counts_milliseconds_and_states_units(read) -> None:  # type: 
     (one,) = read(BANNER + "Name;p1;p2\nUnit;bar;bar\n\n0;1;2\n5;3;4\nEOF\n")
     assert one.units == {"Name": "ms", "p1": "bar", "p2": "bar"}
     assert one.channels.to_dict("list") == {"Name": [0, 5], "p1": [1, 3], "p2": [2, 4]}
-
-
-def test_only_values_repeated_up_to_a_faster_rate_are_left_out(read) -> None:  # type: ignore[no-untyped-def]
-    _, slow = read(FILES["filled with the value before"])
-    assert slow.notes == ("3 rows of 'x' that repeat stamp and values of the row before left out",)
-    _, slow = read("Time;p;Time;x\n0;1;0;1\n1;1;0;2\n2;1;1;3\n3;1;1;4\n")
-    assert slow.channels["x"].tolist() == [1, 2, 3, 4]
 
 
 def test_full_stamps_of_windows_are_dates(read) -> None:  # type: ignore[no-untyped-def]

@@ -220,16 +220,6 @@ def test_a_table_is_named_where_a_channel_is_in_several() -> None:
     assert found["position_m"] == {"channel": "x", "unit": "mm"}
 
 
-def test_time_columns_of_one_table_stamp_what_stands_behind_them() -> None:
-    columns = {"t p [s]": TIME, "p1": 20 + STROKE, "p2": 9 + STROKE, "t x [ms]": 1e3 * TIME, "x": 200 * STROKE}
-    found = channels_of(text_of(columns))
-    assert found["time_s"] == {"channel": "t p [s]", "unit": "s"}
-    assert "time" not in found["pressure_2_pa"]
-    assert found["position_m"]["time"] == "t x [ms]"
-    before_all = {"Date": pd.Timestamp("2026-03-14") + pd.to_timedelta(TIME, "s"), **columns}
-    assert "time" not in channels_of(text_of(before_all))["position_m"]
-
-
 @pytest.mark.parametrize(
     "names", [("JibPaCyl", "JibPbCyl", "JibPistonPosition"), ("Jib Pa Cyl", "Jib Pb Cyl", "Jib Piston Position")]
 )

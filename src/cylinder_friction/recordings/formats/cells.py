@@ -34,7 +34,6 @@ _COMMA = re.compile(rf"(?:{COMMA_NUMBER}|[+-]?inf(?:inity)?)", re.IGNORECASE)
 _DATE = r"(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d{1,2}-[A-Za-z]{3}-(?:\d{4}|\d{2}))"
 _CLOCK = r"\d{1,2}:\d{2}(?::\d{2}(?:[.,:;]\d{1,9})?|[.,]\d{1,9})?(?: ?[AaPp][Mm])?(?:Z|[+-]\d{2}:?\d{2})?"
 _DATE_OR_CLOCK = re.compile(rf"{_DATE}(?:[T ,]+{_CLOCK})?|{_CLOCK}")
-_THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(?:,\d{3})+")
 _TOKEN = re.compile(r'"[^"]*"|\S+(?:[ \t]+(?:\[[^\]]*\]|\([^)]*\)))?')
 
 
@@ -50,11 +49,6 @@ def is_number(cell: str, decimal: str | None) -> bool:
 def is_value(cell: str, decimal: str | None) -> bool:
     """Return whether a cell is a number, a date or a time of day."""
     return is_number(cell, decimal) or bool(_DATE_OR_CLOCK.fullmatch(cell))
-
-
-def has_thousands(cell: str) -> bool:
-    """Return whether a number's commas may separate thousands."""
-    return bool(_THOUSANDS.fullmatch(cell))
 
 
 def split_cells(line: str, delimiter: str) -> list[str]:

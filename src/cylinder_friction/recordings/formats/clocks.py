@@ -1,7 +1,14 @@
-"""Clocks of tables in one form: date and time of day joined, numbers that are dates as dates, oldest row first."""
+"""Clocks of tables in one form: date and time of day joined, numbers that are dates as dates, oldest row first.
 
-from collections.abc import Collection
+A text table with several time columns of one name, each followed by the channels of its rate, becomes several tables.
+So write the TwinCAT Scope (``Name;p1;p2;Name;x``), LabVIEW (``X_Value``) and others that log at several rates. A group
+that ends before the others is padded with empty cells, or its rows are simply shorter.
+"""
+
+from collections import Counter
+from collections.abc import Collection, Sequence
 from dataclasses import replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -9,9 +16,10 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from cylinder_friction.recordings.epochs import NEVER_FALLS, epoch_of
-from cylinder_friction.recordings.formats.logged_table import Column, LoggedTable
+from cylinder_friction.recordings.formats.cells import is_value, split_cells
+from cylinder_friction.recordings.formats.logged_table import RISING_SHARE, Column, LoggedTable, named_columns
 from cylinder_friction.recordings.mapping.channel_words import words_of
-from cylinder_friction.recordings.mapping.units import SCALES, usual
+from cylinder_friction.recordings.mapping.units import conversion
 from cylinder_friction.recordings.timeline.timestamps import LATEST_S
 
 DAY = np.timedelta64(1, "D")
@@ -78,8 +86,8 @@ def with_dates(table: LoggedTable) -> LoggedTable:
         epoch = epoch_of(numbers, name)
         if epoch is None or epoch.of_1970 == 0 or (table.channels.columns == name).sum() > 1:
             continue
-        unit = usual(table.units.get(name, ""), "time")
-        if unit and epoch.unit != table.units[name] and abs(float(numbers[0])) * SCALES.get(unit, 1.0) < LATEST_S:
+        unit = conversion(table.units.get(name, ""), "time")
+        if unit and epoch.unit != table.units[name] and abs(float(numbers[0])) * unit[0] < LATEST_S:
             continue
         dates[name], utc = epoch.stamps(numbers), utc or epoch.utc
         notes.append(f"time: {name!r} counts {epoch.counted} since {epoch.since}")
@@ -115,3 +123,61 @@ def _way(values: NDArray[Any]) -> int:
         return 0
     steps = np.diff(known.astype(np.int64) if known.dtype.kind == "M" else known.astype(np.float64))
     return int((steps > 0).mean() >= NEVER_FALLS) - int((steps < 0).mean() >= NEVER_FALLS)
+
+
+def repeated_names(names: Sequence[str]) -> set[str]:
+    """Return names that occur again behind another column: they may be those of time columns."""
+    counts = Counter(names)
+    adjacent = {one for one, other in pairwise(names) if one == other}
+    return {name for name, count in counts.items() if name and count > 1} - adjacent
+
+
+def padded(lines: list[str], delimiters: Collection[str]) -> list[str]:
+    """Return a text's first lines, rows below a line of repeated names with as many cells as that one has."""
+    for number, line in enumerate(lines):
+        if line[:1].isdecimal():  # a row, as most lines are
+            continue
+        for delimiter in delimiters:
+            cells = split_cells(line, delimiter) if delimiter != "whitespace" else []
+            if cells and cells[0] in repeated_names(cells) and not is_value(cells[0], None):
+                return [*lines[:number], *(_padded(below, delimiter, len(cells)) for below in lines[number:])]
+    return lines
+
+
+def _padded(line: str, delimiter: str, width: int) -> str:
+    """Return a row with empty cells behind its last one, up to ``width`` of them; any other line as it is."""
+    first = next((cell for cell in split_cells(line, delimiter) if cell), "")
+    bare = line.rstrip("\r\n")
+    return bare + delimiter * (width - 1 - bare.count(delimiter)) + line[len(bare) :] if is_value(first, None) else line
+
+
+def split_groups(columns: list[Column], units: dict[str, str], repeated: Collection[str]) -> list[LoggedTable]:
+    """Return one table for each time column of a ``repeated`` name, named ``group 1``, ...; else one table.
+
+    A group ends with its last row that holds anything.
+    """
+    names = [name for name, _ in columns]
+    clock = next((name for name in names if name in repeated and _are_clocks(columns, name)), None)
+    if clock is None:
+        return [LoggedTable(named_columns(columns), units)]
+    starts = [index for index, name in enumerate(names) if name == clock]
+    bounds = [0, *starts[1:], len(columns)]
+    frames = [named_columns(columns[start:end]) for start, end in pairwise(bounds)]
+    filled = [frame[frame.notna().any(axis=1)].reset_index(drop=True) for frame in frames]
+    return [LoggedTable(frame, units, f"group {number}") for number, frame in enumerate(filled, start=1) if len(frame)]
+
+
+def _are_clocks(columns: list[Column], name: str) -> bool:
+    """Return whether every column of a name holds rising stamps; of channels without a sample it may be empty."""
+    rising = [_rises(values) for other, values in columns if other == name]
+    return True in rising and False not in rising
+
+
+def _rises(values: NDArray[Any]) -> bool | None:
+    if values.dtype.kind not in "iufM":
+        return False
+    stamps = values[~np.isnat(values)].astype(np.int64) if values.dtype.kind == "M" else values[np.isfinite(values)]
+    if not len(stamps):
+        return None
+    steps = np.diff(stamps)
+    return bool((steps > 0).any() and (steps >= 0).mean() >= RISING_SHARE)

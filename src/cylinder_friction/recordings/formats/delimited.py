@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -21,26 +21,17 @@ from cylinder_friction.recordings.formats.cells import (
     states_zone,
     text_values,
 )
-from cylinder_friction.recordings.formats.clocks import beside_clocks, joined
+from cylinder_friction.recordings.formats.clocks import beside_clocks, joined, repeated_names, split_groups
 from cylinder_friction.recordings.formats.format import Format
 from cylinder_friction.recordings.formats.header import SCOPE_TIME
 from cylinder_friction.recordings.formats.layout import (
     AUTOMATIC,
-    LOOKED_AT,
     CsvOptions,
     Layout,
     find_layout,
-    known_layout,
 )
-from cylinder_friction.recordings.formats.logged_table import (
-    MOST_INDIVISIBLE,
-    Column,
-    LoggedTable,
-    LongTable,
-)
-from cylinder_friction.recordings.formats.source import HEAD_SIZE, FileSource
-from cylinder_friction.recordings.formats.text import Text, convert_text, open_text
-from cylinder_friction.recordings.formats.time_groups import repeated_names, split_groups
+from cylinder_friction.recordings.formats.logged_table import Column, LoggedTable, LongTable
+from cylinder_friction.recordings.formats.source import HEAD_SIZE, MOST_INDIVISIBLE, FileSource, Text, open_text
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.start import Start, start_in_header
 
@@ -64,12 +55,16 @@ def read_delimited(
     try:
         return _read(open_text(source, options.encoding), options, wanted)
     except UnicodeDecodeError as error:
-        if options.encoding != "auto":
-            raise RecordingError(
-                f"its characters are not {options.encoding}: {error.reason}; name the right encoding, or leave it "
-                "to be found out (auto)"
-            ) from None
-        return _read(convert_text(source), options, wanted)
+        if options.encoding != "auto" or not source.head.isascii():
+            raise _not_utf8(error) from None
+        return _read(open_text(source, "cp1252"), options, wanted)
+
+
+def _not_utf8(error: UnicodeDecodeError) -> RecordingError:
+    return RecordingError(
+        f"its characters are not UTF-8: {error.reason}; name the right encoding, such as csv: {{encoding: cp1252}} in "
+        "the mapping, or save it as UTF-8"
+    )
 
 
 def long_delimited(
@@ -100,9 +95,8 @@ def long_delimited(
         part = replace(text, end=last, notes=text.notes if first == begin else ())
         try:
             return _tables(_Rows(part, layout, first, begin, start), wanted)[0]
-        except UnicodeDecodeError:
-            part = replace(part, file=_Repaired(text.file, source.head.isascii()))
-            return _tables(_Rows(part, layout, first, begin, start), wanted)[0]
+        except UnicodeDecodeError as error:
+            raise _not_utf8(error) from None
 
     def chunks() -> Iterator[LoggedTable]:
         first = begin
@@ -124,23 +118,8 @@ def _line_end(text: Text, place: int) -> int:
     return text.end
 
 
-@dataclass(frozen=True)
-class _Repaired:
-    """A file whose bytes are read as UTF-8 whatever they are, as by ``convert_text``."""
-
-    file: Any
-    ascii_head: bool
-
-    def read_at(self, length: int, offset: int) -> bytes:
-        content: bytes = self.file.read_at(length, offset)
-        return content.decode("latin-1" if self.ascii_head else "utf-8", errors="replace").encode()
-
-    def get_stream(self, offset: int, length: int) -> Any:
-        return pa.BufferReader(self.read_at(length, offset))
-
-
 def _read(text: Text, options: CsvOptions, wanted: Collection[str] | None) -> list[LoggedTable]:
-    lines, layout = _known_lines(text, options) or _first_lines(text, options)
+    lines, layout = _first_lines(text, options)
     begin = text.start + sum(map(len, lines[: layout.first_row]))
     return _tables(_Rows(text, layout, begin, begin, _start(lines, layout)), wanted)
 
@@ -181,18 +160,9 @@ def _tables(rows: "_Rows", wanted: Collection[str] | None) -> list[LoggedTable]:
         if name or not pd.isna(values).all():
             columns.append((name or f"column_{index + 1}", values))
     first, *others = split_groups(joined(columns, clocks, wanted), units, repeated)
-    ended = (rows.ended,) if rows.ended else ()
     unread = tuple(name for name in unread if name not in first.channels)
-    first = replace(first, unread=unread, notes=(*notes, *ended, *first.notes))
+    first = replace(first, unread=unread, notes=(*notes, *filter(None, [rows.ended]), *first.notes))
     return [replace(each, start=rows.start, utc=utc) for each in (first, *others)]
-
-
-def _known_lines(text: Text, options: CsvOptions) -> tuple[list[bytes], Layout] | None:
-    """Return some first whole lines and their layout if an earlier file had it: most logs are of one logger."""
-    head = text.file.read_at(min(_SHORT_HEAD, text.end - text.start), text.start)
-    lines: list[bytes] = head.splitlines(keepends=True)[:-1]
-    layout = known_layout([line.decode() for line in lines], options)
-    return None if layout is None or len(lines) < layout.first_row + LOOKED_AT else (lines, layout)
 
 
 def _first_lines(text: Text, options: CsvOptions) -> tuple[list[bytes], Layout]:
@@ -285,32 +255,32 @@ class _Rows:
         return pa.BufferReader(content.strip(b"\t"))
 
     def _ended_early(self) -> str:
-        """Return that the last rows lack the last channels, which ended before the others; empty where they may not.
+        """Return that the last rows lack channels that ended before, as a scope writes them; empty if they may not.
 
-        A scope leaves out the cells of channels that have ended. Those left must go on where the row before ended, or
-        they would be taken for other channels.
+        The first short row must go on where the row before ended: its cells may be those of other channels.
         """
-        names, delimiter = self.layout.names, self.layout.delimiter
-        rows = [split_cells(line, delimiter) for _, line in self._lines()]
-        whole = next((place for place, row in enumerate(rows) if len(row) != len(names)), len(rows))
-        short = rows[whole:]
-        widths = [len(row) for row in short]
-        if whole < _FEWEST_LINES or not short or widths != sorted(widths, reverse=True) or widths[0] > len(names):
+        names, rows = self.layout.names, [split_cells(line, self.layout.delimiter) for _, line in self._lines()]
+        widths = [len(row) for row in rows]
+        whole = widths.count(len(names))
+        if (
+            whole < _FEWEST_LINES
+            or whole == len(rows)
+            or widths[0] > len(names)
+            or widths != sorted(widths, reverse=True)
+        ):
             return ""
+        shared = [row[: widths[whole]] for row in rows[whole - _FEWEST_LINES : whole + 1]]
         try:
-            before = np.array(
-                [[float(cell) for cell in row[: widths[0]]] for row in rows[whole - _FEWEST_LINES : whole]]
-            )
-            after, *_ = [np.array(row, dtype=np.float64) for row in short]
+            steps = np.abs(np.diff(np.array(shared, dtype=np.float64), axis=0))
+            _ = [np.array(row, dtype=np.float64) for row in rows[whole:]]
+            slack = 1e-6 * np.abs(np.array(shared[-2], dtype=np.float64))
         except ValueError:
             return ""
-        steps = np.abs(np.diff(before, axis=0)).max(axis=0)
-        if (np.abs(after - before[-1]) > LARGEST_STEP * steps + 1e-6 * np.abs(before[-1])).any():
+        if (steps[-1] > LARGEST_STEP * steps[:-1].max(axis=0) + slack).any():
             return ""
-        first = names[min(widths)]
         return (
-            f"the last {len(short)} rows hold {min(widths)} of {len(names)} values: {first!r} and the channels behind "
-            "it end before the others"
+            f"the last {len(rows) - whole} rows hold {widths[-1]} of {len(names)} values: {names[widths[-1]]!r} and "
+            "the channels behind it end before the others"
         )
 
     def _padded(self, content: bytes) -> bytes:

@@ -6,7 +6,7 @@ from datetime import datetime, timedelta
 from typing import Any
 
 from cylinder_friction.recordings.formats.delimited import read_delimited
-from cylinder_friction.recordings.formats.format import Format, Library
+from cylinder_friction.recordings.formats.format import Format
 from cylinder_friction.recordings.formats.layout import MOST_COLUMNS, CsvOptions
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.formats.source import HEAD_SIZE, FileSource
@@ -32,12 +32,8 @@ def read_excel(source: FileSource, wanted: Collection[str] | None) -> list[Logge
             except RecordingError as error:
                 refusals.append(f"sheet {sheet.title!r}: {error}")
                 continue
-            tables += [
-                replace(
-                    table, name=f"{sheet.title} {table.name}".rstrip() if len(workbook.worksheets) > 1 else table.name
-                )
-                for table in found
-            ]
+            title = f"{sheet.title} " if len(workbook.worksheets) > 1 else ""
+            tables += [replace(table, name=f"{title}{table.name}".rstrip()) for table in found]
     if not tables:
         raise RecordingError(refusals[0] if refusals else "holds no sheet with cells; expected a table")
     return tables
@@ -75,6 +71,7 @@ FORMAT = Format(
     "an Excel workbook",
     read_excel,
     fits=lambda head: head.startswith(b"PK") and b"xl/" in head and b"xl/workbook.bin" not in head,
-    needs=Library("openpyxl", "Excel workbooks", "excel"),
+    library="openpyxl",
+    extra="excel",
     crashes="the Excel library",
 )

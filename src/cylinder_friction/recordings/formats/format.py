@@ -16,29 +16,18 @@ from cylinder_friction.wording import in_brief
 
 
 @dataclass(frozen=True)
-class Library:
-    """A library that only this format needs."""
-
-    module: str  # Its name in an import
-    reads: str  # What it reads, in the message that asks for it
-    extra: str  # The extra of this package that brings it
-    package: str = ""  # Its name for pip; empty if that is the module's
-
-
-@dataclass(frozen=True)
 class Format:
-    """One file format. A module beside this one defines it, and ``registry.FORMATS`` lists it."""
+    """One file format. A module beside this one defines it, and ``reading.FORMATS`` lists it."""
 
     name: str
     what: str  # In messages: ``an HDF5 file``
     # Returns the tables of a ``FileSource`` with the wanted channels. For ``options`` it takes ``CsvOptions`` too.
     read: Callable[..., list[LoggedTable]]
     starts: tuple[bytes, ...] = ()  # How its files begin
-    fits: Callable[[bytes], bool] | None = (
-        None  # Whether a file with this head has the format, if ``starts`` is not enough
-    )
+    fits: Callable[[bytes], bool] | None = None  # Whether a file with this head has the format, beyond ``starts``
     setting: str = ""  # What a configuration calls it, if two formats share that; empty for its name
-    needs: Library | None = None
+    library: str = ""  # The library that only this format needs, and the extra of this package that brings it
+    extra: str = ""
     # Reads a file of more rows than its last argument in parts; None if it has fewer. Other arguments as for ``read``.
     read_long: Callable[..., LongTable | None] | None = None
     options: bool = False
@@ -53,18 +42,13 @@ class Format:
 
     def refuse_missing_library(self) -> None:
         """Raise ``RecordingError`` with the command that installs the library this format needs."""
-        if self.needs is not None and find_spec(self.needs.module) is None:
-            package = self.needs.package or self.needs.module
-            raise RecordingError(f"reading {self.needs.reads} needs {not_installed(package, self.needs.extra)}")
+        if self.library and find_spec(self.library) is None:
+            raise RecordingError(f"reading {self.what} needs {not_installed(self.library, self.extra)}")
 
 
 @contextmanager
 def guarded(what: str) -> Iterator[None]:
-    """Turn whatever a library raises over a damaged file into a ``RecordingError``, and keep its warnings quiet.
-
-    These libraries trust what they read, so that damage shows as any exception at all: an index out of range, a key
-    that is missing, a size that no memory holds.
-    """
+    """Turn whatever a library raises over a damaged file into a ``RecordingError``, and keep its warnings quiet."""
     quiet = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
     try:
@@ -74,8 +58,7 @@ def guarded(what: str) -> Iterator[None]:
     except RecordingError:
         raise
     except Exception as error:
-        text = in_brief(error, 300)
-        message = f"{type(error).__name__}: {text}" if text else type(error).__name__
+        message = f"{type(error).__name__}: {in_brief(error, 300)}".removesuffix(": ")
         raise RecordingError(
             f"cannot be read as {what} ({message}); it is damaged, cut off or of another kind"
         ) from None

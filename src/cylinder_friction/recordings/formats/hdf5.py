@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.recordings.formats.format import Format, Library
+from cylinder_friction.recordings.formats.format import Format
 from cylinder_friction.recordings.formats.logged_table import (
     Channel,
     Found,
@@ -26,9 +26,9 @@ _STEPS = ("dt", "sample_time", "sample_time_s", "sampling_time", "sampling_inter
 def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
     """Return one table per compound dataset, and one for all other datasets of equal length.
 
-    A dataset's name is its path, ``pressures/P1``. Units come from its attribute ``unit`` or ``units``. Where a
-    dataset, its group or the file states a sampling rate [Hz] or a sample time [s] as an attribute and there is no time
-    among the channels, a channel ``time`` is made of it.
+    A dataset's name is its path, ``pressures/P1``. Units come from its attribute ``unit`` or ``units``. If a dataset,
+    its group or the file states a sampling rate [Hz] or a sample time [s] as an attribute and there is no time among
+    the channels, a channel ``time`` is made of it.
     """
     import h5py
 
@@ -38,10 +38,18 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
         def visit(path: str, node: Any) -> None:
             if not isinstance(node, h5py.Dataset):
                 return
-            if node.dtype.names and node.shape is not None and len(node.shape) == 1 and node.shape[0] > 0:
-                tables.append(table_of(_fields(node), wanted, path))
+            shape = node.shape or ()
+            if node.dtype.names and len(shape) == 1 and shape[0] > 0:
+                fields = [name for name in node.dtype.names if node.dtype[name].kind in "biuf"]
+                channels = [Channel(name, shape[0], partial(_field, node, name)) for name in fields]
+                tables.append(table_of(channels, wanted, path))
+            elif shape and node.dtype.kind in "biuf" and (arrays := column_arrays(path, shape)):
+                unit, step_s = _unit(node.attrs), _sample_time_s(node)
+                found.channels += [
+                    Channel(name, length, partial(_values, node, at), unit, step_s) for name, length, at in arrays
+                ]
             else:
-                _add(path, node, found)
+                found.others.append(path)
 
         file.visititems(visit)
         if found.channels or not tables:
@@ -49,42 +57,12 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
         return tables
 
 
-def _add(path: str, node: Any, found: Found) -> None:
-    import h5py
-
-    text = h5py.check_string_dtype(node.dtype) is not None
-    shape = node.shape or ()
-    arrays = column_arrays(path, shape) if shape and (text or node.dtype.kind in "biuf") else []
-    if not arrays or (text and len(arrays) > 1):
-        found.others.append(path)
-        return
-    unit, sample_time_s = _unit(node.attrs), _sample_time_s(node)
-
-    def read(at: Any) -> NDArray[Any]:
-        if text:
-            return np.asarray(node.asstr(errors="replace")[at]).reshape(-1)
-        return numeric(np.ascontiguousarray(node[at].reshape(-1)))
-
-    found.channels += [Channel(name, length, partial(read, at), unit, sample_time_s) for name, length, at in arrays]
+def _values(node: Any, at: Any) -> NDArray[Any]:
+    return numeric(np.ascontiguousarray(node[at].reshape(-1)))
 
 
-def _fields(node: Any) -> list[Channel]:
-    """Return the columns of a compound dataset. A field that is an array gives one channel per entry."""
-
-    def read(name: str, at: Any) -> NDArray[Any]:
-        return numeric(np.ascontiguousarray(node.fields(name)[()][at]))
-
-    channels = []
-    for name in node.dtype.names:
-        dtype = node.dtype[name]
-        base, shape = dtype.subdtype or (dtype, ())
-        if base.kind not in "biuf" or len(shape) > 1:
-            continue
-        for index in range(shape[0] if shape else 1):
-            path = f"{name}_{index + 1}" if shape else name
-            at = (slice(None), index) if shape else ()
-            channels.append(Channel(path, node.shape[0], partial(read, name, at)))
-    return channels
+def _field(node: Any, name: str) -> NDArray[Any]:
+    return numeric(np.ascontiguousarray(node.fields(name)[()]))
 
 
 def _unit(attributes: Any) -> str:
@@ -96,23 +74,23 @@ def _unit(attributes: Any) -> str:
 def _sample_time_s(node: Any) -> float | None:
     """Return the sample time that the dataset states, or the nearest group around it."""
     while True:
-        attributes = {key.casefold(): node.attrs[key] for key in node.attrs if key.casefold() in (*_RATES, *_STEPS)}
-        for key, value in attributes.items():
-            if np.ndim(value) == 0 and np.issubdtype(np.asarray(value).dtype, np.number) and value > 0:
-                stated = float(value)
-                return 1.0 / stated if key in _RATES else stated
+        for key, value in node.attrs.items():
+            name = key.casefold()
+            if name in (*_RATES, *_STEPS) and isinstance(value, int | float | np.number) and value > 0:
+                return 1.0 / float(value) if name in _RATES else float(value)
         if node.name == "/":
             return None
         node = node.parent
 
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
-
-
-def _has_signature(head: bytes) -> bool:
-    """Look for the signature, also behind a user's block of 512 bytes or a power of two times that."""
-    return any(head[offset:].startswith(SIGNATURE) for offset in (0, 512, 1024, 2048, 4096, 8192))
-
-
-LIBRARY = Library("h5py", "HDF5", "hdf5")
-FORMAT = Format("hdf5", "an HDF5 file", read_hdf5, fits=_has_signature, needs=LIBRARY, crashes="the HDF5 library")
+# A user's block of 512 bytes or a power of two times that may stand before the signature.
+FORMAT = Format(
+    "hdf5",
+    "an HDF5 file",
+    read_hdf5,
+    fits=lambda head: any(head[offset:].startswith(SIGNATURE) for offset in (0, 512, 1024, 2048, 4096, 8192)),
+    library="h5py",
+    extra="hdf5",
+    crashes="the HDF5 library",
+)

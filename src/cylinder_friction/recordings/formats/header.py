@@ -7,9 +7,7 @@ from cylinder_friction.recordings.mapping.units import ELECTRICAL, OTHER_QUANTIT
 from cylinder_friction.recordings.recording import RecordingError
 
 _RARE = "psig psia kg/cm² dm g mN uN μN uV μV MHz deg_c m/s² m/s^2 mm/s² g/s 1/s min-1 J ohm Ω m³/s cm³/s bit bits -"
-_KNOWN = frozenset(
-    unit.casefold() for units in (*USUAL.values(), ELECTRICAL, OTHER_QUANTITIES, _RARE.split()) for unit in units
-)
+_KNOWN = frozenset({*USUAL, *ELECTRICAL, *OTHER_QUANTITIES, *_RARE.casefold().split()})
 """Units in use, in small letters."""
 
 _BRACKETS = re.compile(r"^(?P<name>.*?)\s*\[\s*(?P<unit>[^\[\]]*?)\s*\]$")

@@ -1,25 +1,19 @@
-"""Read binary files in one process of their own: a damaged file can crash or hang the C library that reads it.
-
-Libhdf5 follows addresses that it finds in the file, asammdf lists of blocks and record sizes, SciPy dimensions. One
-flipped byte may end the process, keep it in a loop or fill the memory.
-"""
+"""Read binary files in one process of their own: a damaged file can crash or hang the C library that reads it."""
 
 import multiprocessing
 import os
 import signal
 import sys
 import threading
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
 from cylinder_friction.recordings.formats.format import Format, guarded
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
-from cylinder_friction.recordings.formats.registry import FORMATS
 from cylinder_friction.recordings.formats.source import open_source
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -70,14 +64,14 @@ def read_isolated(path: Path, of: Format, wanted: Collection[str] | None, databa
     Raises:
         RecordingError: The file is damaged; reading it crashed the library or took too long.
     """
-    if multiprocessing.current_process().daemon:
-        return _read(path, of.name, wanted, database)
     size, path = path.stat().st_size, path.absolute()  # the process stays in the folder where it was started
-    database = None if database is None else database.absolute()
+    more = [None if database is None else str(database.absolute())] if of.databases else []
     limit_s, limit_bytes = LIMIT_S + LIMIT_PER_BYTE_S * size, LIMIT_BYTES + LIMIT_BYTES_PER_BYTE * size
+    if multiprocessing.current_process().daemon:
+        return _read(of.read, of.what, path, None, wanted, *more)
     with _READER.lock:
         try:
-            return _READER.running().submit(_read, path, of.name, wanted, database, limit_bytes).result(limit_s)
+            return _READER.running().submit(_read, of.read, of.what, path, limit_bytes, wanted, *more).result(limit_s)
         except BrokenProcessPool:
             what = f"crashed {of.crashes}"
         except TimeoutError:
@@ -96,8 +90,6 @@ def _begin() -> None:
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
     os.dup2(nowhere, 2)
-    with suppress(OSError):  # if memory runs out, Linux is to end this process and no other
-        Path("/proc/self/oom_score_adj").write_text("1000", encoding="ascii")
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
@@ -109,13 +101,11 @@ def _end_with_parent() -> None:
 
 
 def _read(
-    path: Path, name: str, wanted: Collection[str] | None, database: Path | None, limit_bytes: int | None = None
+    read: Callable[..., list[LoggedTable]], what: str, path: Path, limit_bytes: int | None, *arguments: Any
 ) -> list[LoggedTable]:
     if sys.platform != "win32" and limit_bytes is not None:
         _, most = resource.getrlimit(resource.RLIMIT_DATA)
         limit_bytes = limit_bytes if most == resource.RLIM_INFINITY else min(limit_bytes, most)
         resource.setrlimit(resource.RLIMIT_DATA, (limit_bytes, most))
-    of = FORMATS[name]
-    with guarded(of.what):
-        more = [database if database is None else str(database)] if of.databases else []
-        return of.read(open_source(path), wanted, *more)
+    with guarded(what):
+        return read(open_source(path), *arguments)

@@ -8,9 +8,9 @@ from collections import Counter, deque
 from dataclasses import dataclass
 from functools import cache
 
-from cylinder_friction.recordings.formats.cells import has_thousands, is_missing, is_number, is_value, split_cells
+from cylinder_friction.recordings.formats.cells import is_missing, is_number, is_value, split_cells
+from cylinder_friction.recordings.formats.clocks import padded
 from cylinder_friction.recordings.formats.header import read_header
-from cylinder_friction.recordings.formats.time_groups import padded
 from cylinder_friction.recordings.recording import RecordingError, expect
 
 HEADERS = ("auto", "none", "names", "names_units")
@@ -105,17 +105,15 @@ _FOUND: deque[_Found] = deque(maxlen=8)
 
 
 def find_layout(lines: list[str], options: CsvOptions) -> Layout:
-    """Return the layout of a table from its first whole lines; refuse lines with no layout, or with two."""
-    layout = known_layout(lines, options)
+    """Return the layout of a table from its first whole lines; refuse lines with no layout, or with two.
+
+    It may be that of an earlier file with the same head, with which ``LOOKED_AT`` rows are compared.
+    """
+    layout = next((found.layout for found in _FOUND if found.fits(lines, options)), None)
     if layout is None:
         layout = _found_layout(lines, options)
         _FOUND.appendleft(_Found(options, lines[: layout.first_row], layout))
     return layout
-
-
-def known_layout(lines: list[str], options: CsvOptions) -> Layout | None:
-    """Return the layout that an earlier file with the same head had; ``LOOKED_AT`` rows are compared with it."""
-    return next((found.layout for found in _FOUND if found.fits(lines, options)), None)
 
 
 def _found_layout(lines: list[str], options: CsvOptions) -> Layout:
@@ -144,8 +142,7 @@ def _found_layout(lines: list[str], options: CsvOptions) -> Layout:
 
 def _grid(lines: list[str], content: list[int], delimiter: str, decimal: str | None) -> _Grid | None:
     """Split the last lines into cells. Return None if no column holds numbers or dates."""
-    if delimiter == "," and decimal is None and not any('"' in lines[index] for index in content[-LOOKED_AT:]):
-        decimal = "."
+    decimal = "." if delimiter == "," and decimal is None else decimal
     rows = [split_cells(lines[index], delimiter) for index in content[-LOOKED_AT:]]
     if not rows:
         return None
@@ -215,17 +212,8 @@ def _first_row(grid: _Grid, lines: list[str], content: list[int], header: str) -
 
 
 def _decimal(rows: list[list[str]], grid: _Grid) -> str | None:
-    """Return the decimal sign that these rows show; between commas, quoted numbers with commas have two readings."""
+    """Return the decimal sign that these rows show; None if they hold whole numbers only."""
     cells = [row[index] for row in rows if len(row) == grid.width for index in grid.numeric]
-    points = [cell for cell in cells if "." in cell and is_number(cell, ".")]
-    commas = [cell for cell in cells if "," in cell and is_number(cell, ",")]
-    if not points and not commas:
-        return None
-    if len(commas) <= len(points):
-        return "."
-    if grid.delimiter == "," and all(has_thousands(cell) for cell in commas):
-        raise RecordingError(
-            f"{commas[0]!r} may be {commas[0].replace(',', '.')} or {commas[0].replace(',', '')}; state which sign is "
-            "the decimal one (decimal: ',' or '.')"
-        )
-    return ","
+    points = sum("." in cell and is_number(cell, ".") for cell in cells)
+    commas = sum("," in cell and is_number(cell, ",") for cell in cells) if grid.delimiter != "," else 0
+    return None if not points and not commas else "," if commas > points else "."

@@ -40,10 +40,6 @@ class LongTable:
     chunks: Callable[[], Iterator[LoggedTable]]  # All rows, in order
 
 
-MOST_INDIVISIBLE = 256 * 10**6
-"""A text or Parquet file that cannot be read in parts is read whole up to this size [bytes]."""
-
-
 def named_columns(columns: Sequence[Column]) -> pd.DataFrame:
     """Return columns as a table, not copied; a name may occur twice or be damaged."""
     table = pd.DataFrame(dict(enumerate(values for _, values in columns)), copy=False)

@@ -1,22 +1,32 @@
-"""A file's bytes, unpacked if they are gzipped."""
+"""A file's bytes, unpacked if they are gzipped, and its characters up to the end of its last whole line."""
 
+import codecs
 import gzip
 import io
+import re
 import shutil
 import zlib
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from tempfile import NamedTemporaryFile
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
+
+import pyarrow as pa
 
 from cylinder_friction.recordings.recording import RecordingError
 
-HEAD_SIZE = 65536  # so many bytes are looked at to find out what a file is [bytes]
-
-MOST_IN_MEMORY = 1 << 26  # a file whose bytes must be unpacked or rewritten to be read, is so up to this size [bytes]
-
+HEAD_SIZE = 65536
+"""Bytes that show what a file is."""
+MOST_IN_MEMORY = 1 << 26
+"""A gzipped file is unpacked in memory up to this size [bytes], a larger one on disk."""
 GZIP = b"\x1f\x8b"
+BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+MOST_INDIVISIBLE = 256 * 10**6
+"""A text that cannot be read in parts is read whole up to this size [bytes]."""
+_TAIL = 1 << 16
+_READ_AT_ONCE = 1 << 22  # A file up to this size is held in memory [bytes]
+_EOF = re.compile(rb"(?<=[\r\n])[\s;,|\"]*EOF(?:[\s;,|\"]|EOF)*\Z")
 
 
 @dataclass(frozen=True)
@@ -26,7 +36,7 @@ class FileSource:
     origin: Path | bytes
     head: bytes  # The first ``HEAD_SIZE`` bytes
     size: int  # Of the whole [bytes]
-    kept: Any = None  # What keeps a temporary file that ``origin`` names
+    kept: Any = None  # Keeps the temporary file that ``origin`` names
 
     def handle(self) -> str | io.BytesIO:
         """Return what a library opens: the path as text, or the bytes as a file."""
@@ -41,55 +51,126 @@ class FileSource:
         return self.origin if isinstance(self.origin, bytes) else self.origin.read_bytes()
 
 
-class Head(NamedTuple):
-    """How a file begins."""
-
-    content: bytes  # The first ``HEAD_SIZE`` bytes, unpacked
-    zipped: bool  # Whether the file is gzipped
-
-
-def read_head(path: Path) -> Head:
-    """Read how a file begins; refuse what cannot be opened, is empty, or a damaged gzip."""
+def open_source(path: Path) -> FileSource:
+    """Open a file, unpacked if it is gzipped; refuse what cannot be opened, is empty, or a damaged gzip."""
     if path.exists() and not path.is_file():
         raise RecordingError("is no regular file; copy what comes from it into one")
     try:
         with path.open("rb") as file:
             head = file.read(HEAD_SIZE)
+        source = _unpacked(path) if head.startswith(GZIP) else FileSource(path, head, path.stat().st_size)
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise RecordingError(
+            f"its gzip cannot be unpacked: {error}; the file is damaged or cut off; copy it again"
+        ) from None
     except OSError as error:
         raise RecordingError(f"cannot be opened: {error.strerror or error}") from None
-    if not head:
+    if not source.head:
         raise RecordingError("the file is empty: 0 bytes; expected a log")
-    if not head.startswith(GZIP):
-        return Head(head, zipped=False)
-    unpacked = zlib.decompressobj(16 + zlib.MAX_WBITS)
+    return source
+
+
+def _unpacked(path: Path) -> FileSource:
+    with gzip.open(path) as file:
+        content = file.read(MOST_IN_MEMORY)
+        head = content[:HEAD_SIZE]
+        if len(content) < MOST_IN_MEMORY:
+            return FileSource(content, head, len(content))
+        unpacked = NamedTemporaryFile()  # noqa: SIM115 - removed with the source
+        unpacked.write(content)
+        shutil.copyfileobj(file, unpacked, HEAD_SIZE)
+        unpacked.flush()
+        return FileSource(Path(unpacked.name), head, Path(unpacked.name).stat().st_size, unpacked)
+
+
+def is_text(head: bytes) -> bool:
+    """Return whether bytes are text: it may end in zero bytes, after a power loss, and hold rare damaged characters."""
+    if any(head.startswith(mark) for mark in BYTE_ORDER_MARKS if mark != codecs.BOM_UTF8):
+        return True
+    body = head.rstrip(b"\0")
+    odd = len(body) - len(body.translate(None, bytes(range(9)) + bytes(range(14, 26)) + bytes(range(27, 32)) + b"\x7f"))
+    return bool(body) and b"\0" not in body and odd <= 0.01 * len(body)
+
+
+@dataclass(frozen=True)
+class Text:
+    """A text as UTF-8."""
+
+    file: Any  # A ``pyarrow.NativeFile``: the file itself, or its characters in memory
+    start: int  # Where the text begins, behind a byte order mark [bytes]
+    end: int  # Where its last whole line ends, less the line end [bytes]
+    notes: tuple[str, ...]  # What was left out to get there
+    quote: str | bool  # What stands around cells; False if nothing does
+
+
+def open_text(source: FileSource, encoding: str) -> Text:
+    """Open a text up to its last whole line.
+
+    A last line without its end is left out, for its last number may be cut. So are the zero bytes that a logger leaves
+    behind when it loses power. ``notes`` report both. Under ``auto`` the encoding is that of the byte order mark, or
+    UTF-8, or cp1252 if the beginning is not UTF-8.
+
+    Raises:
+        RecordingError: The bytes are no text in that encoding, or not one line is whole.
+    """
+    mark = next((mark for mark in BYTE_ORDER_MARKS if source.head.startswith(mark)), b"")
+    if encoding == "auto":
+        encoding = BYTE_ORDER_MARKS[mark] if mark else "utf-8" if _is_utf8(source) else "cp1252"
+    start = len(codecs.BOM_UTF8) if mark == codecs.BOM_UTF8 else 0
+    if codecs.lookup(encoding).name in ("utf-8", "utf-8-sig", "ascii"):
+        if not isinstance(source.origin, bytes) and source.size > _READ_AT_ONCE:
+            return _ended(pa.OSFile(str(source.origin)), start, '"')
+        content = source.all_bytes
+    else:
+        content, start = _as_utf8(source, encoding), 0
+    return _ended(pa.BufferReader(content), start, '"' if b'"' in content else False)
+
+
+def _as_utf8(source: FileSource, encoding: str) -> bytes:
+    if source.size > MOST_INDIVISIBLE:
+        raise RecordingError(
+            f"its characters are {encoding} and it has {source.size / 1e6:.0f} MB; only UTF-8 is read in parts, other "
+            f"text whole, up to {MOST_INDIVISIBLE / 1e6:.0f} MB; save it as UTF-8, or split it"
+        )
     try:
-        head = unpacked.decompress(head, HEAD_SIZE)
-    except zlib.error as error:
-        raise _damaged_gzip(error) from None
-    if not head:
-        raise RecordingError("the gzipped file is empty or cut off: it holds 0 bytes; expected a log")
-    return Head(head, zipped=True)
+        text = source.all_bytes.decode(encoding, errors="replace" if encoding == "cp1252" else "strict")
+    except UnicodeDecodeError as error:
+        raise RecordingError(
+            f"its characters are not {encoding}: {error.reason} at position {error.start}; name the right encoding, or "
+            "leave it to be found out (auto)"
+        ) from None
+    return text.removeprefix("\ufeff").encode(errors="replace")
 
 
-def open_source(path: Path, begin: Head | None = None) -> FileSource:
-    """Open a file that begins so. A gzipped file is unpacked, a large one on disk; refused as by ``read_head``."""
-    head, zipped = begin or read_head(path)
+def _is_utf8(source: FileSource) -> bool:
     try:
-        if not zipped:
-            return FileSource(path, head, path.stat().st_size)
-        with gzip.open(path) as file:
-            content = file.read(MOST_IN_MEMORY)
-            if len(content) == MOST_IN_MEMORY:
-                unpacked = NamedTemporaryFile()  # noqa: SIM115 - removed with the source
-                unpacked.write(content)
-                shutil.copyfileobj(file, unpacked, HEAD_SIZE)
-                unpacked.flush()
-                origin = Path(unpacked.name)
-                return FileSource(origin, head, origin.stat().st_size, unpacked)
-    except (OSError, EOFError, zlib.error) as error:
-        raise _damaged_gzip(error) from None
-    return FileSource(content, head, len(content))
+        codecs.getincrementaldecoder("utf-8")().decode(source.head, final=len(source.head) >= source.size)
+    except UnicodeDecodeError:
+        return False
+    return True
 
 
-def _damaged_gzip(error: Exception) -> RecordingError:
-    return RecordingError(f"its gzip cannot be unpacked: {error}; the file is damaged or cut off; copy it again")
+def _ended(file: Any, start: int, quote: str | bool) -> Text:
+    notes: list[str] = []
+    size, length = file.size(), _TAIL
+    while True:
+        begin = max(start, size - length)
+        tail: bytes = file.read_at(size - begin, begin)
+        body = tail.rstrip(b"\0\x1a")
+        if begin == start or b"\n" in body or b"\r" in body:
+            break
+        length *= 16
+    if (zeros := len(tail) - len(body)) > 1:
+        notes.append(f"{zeros} zero bytes at its end were left out, as a logger leaves them that loses power")
+    if body.rstrip(b' \t\n\r\f\v;,|"').endswith(b"EOF") and (match := _EOF.search(body)):
+        body = body[: match.start()]  # a last line that only states its end, perhaps in every cell
+    whole = max(body.rfind(b"\n"), body.rfind(b"\r")) + 1
+    if 0 < whole < len(body):
+        cut = body[whole:][:80].decode(errors="replace")
+        notes.append(f"its last line has no line end and may be cut in a number; it was left out: {cut!r}")
+    end = begin + len(body[:whole].rstrip(b"\r\n"))
+    if end <= start:
+        raise RecordingError(
+            "holds not one whole line; expected a line of names and one line per sample, each with its end"
+        )
+    return Text(file, start, end, tuple(notes), quote)

@@ -1,6 +1,6 @@
 """TDMS (LabVIEW, DIAdem) through npTDMS."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.recordings.epochs import NEVER_FALLS
-from cylinder_friction.recordings.formats.format import Format, Library
+from cylinder_friction.recordings.formats.format import Format
 from cylinder_friction.recordings.formats.logged_table import Channel, LoggedTable, numeric, table_of
 from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.mapping.channel_words import words_of
@@ -41,16 +41,9 @@ def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[Logged
 
 def _cut_off(file: Any) -> list[str]:
     """Return a note on a file that ends within its last segment, as a logger leaves it that loses power."""
-    status = getattr(file, "file_status", None)
-    if status is None or not status.incomplete_final_segment:
-        return []
-    short = [
-        f"{name} has {channel.read_length} of {channel.expected_length}"
-        for name, channel in (status.channel_statuses or {}).items()
-        if channel.read_length < channel.expected_length
-    ]
-    examples = f": {', '.join(short[:3])}" if short else ""
-    return [f"the file ends within its last segment, and the samples behind are lost{examples}"]
+    status = file.file_status
+    incomplete = status is not None and status.incomplete_final_segment
+    return ["the file ends within its last segment, and the samples behind are lost"] if incomplete else []
 
 
 def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | None) -> list[LoggedTable]:
@@ -71,8 +64,7 @@ def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | N
         if step is not None:
             channels.insert(0, Channel("time", length, partial(_time, length, step, offset), "s"))
         tables.append(table_of(channels, wanted, group.name, others=() if tables else others))
-    notes = () if first is None else _without_start(group, alike)
-    return [replace(table, notes=(*table.notes, *notes)) for table in tables]
+    return tables
 
 
 def _unit(channel: Any) -> str:
@@ -90,14 +82,6 @@ def _is_clock(channel: Any, name: str) -> bool:
     stated = words_of(name).quantity == "time" or quantity_of(_unit(channel)) == "time" or values.dtype.kind == "M"
     usual = float(np.median(steps))
     return stated or (usual != 1.0 and bool((np.abs(steps - usual) <= EVEN_SHARE * usual).all()))
-
-
-def _without_start(group: Any, alike: Mapping[Any, Any]) -> tuple[str, ...]:
-    """Return a note on waveforms without a start in a file whose others state one: their place in time is unknown."""
-    names = [channel.name for channel in group.channels() if _clock(channel, None)[0] and _start(channel) is None]
-    if not names or all(step is None for _, step, _ in alike):
-        return ()
-    return (f"channel {names[0]!r} states no start time, others do; it was taken to start with the earliest of them",)
 
 
 def _clock(channel: Any, first: np.datetime64 | None) -> tuple[float | None, float]:
@@ -131,6 +115,7 @@ FORMAT = Format(
     "a TDMS file",
     read_tdms,
     starts=(b"TDSm",),
-    needs=Library("nptdms", "TDMS", "tdms", "npTDMS"),
+    library="nptdms",
+    extra="tdms",
     crashes="the TDMS library",
 )

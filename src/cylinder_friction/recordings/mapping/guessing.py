@@ -4,13 +4,11 @@ import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
@@ -24,21 +22,25 @@ from cylinder_friction.recordings.columns import (
 )
 from cylinder_friction.recordings.epochs import epoch_of
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
-from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts, facts_of
+from cylinder_friction.recordings.mapping.channel_facts import (
+    SIDES,
+    ChannelFacts,
+    Ranked,
+    facts_of,
+    fitting_units,
+    position_sign,
+    ranked_channels,
+    suspicion,
+    usual_unit,
+)
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.mapping.units import (
-    column_scale,
     electrical,
     of_stroke,
-    quantity_of,
     stated_rate,
-    to_column_unit,
 )
 from cylinder_friction.recordings.recording import RecordingError
 
-Ranked = Sequence[tuple[ChannelFacts, float]]
-
-SIDES = dict(zip(PRESSURES, (1, 2), strict=True))
 SIDE_WORDS = {1: "piston side", 2: "rod side"}
 
 NEARLY = 3.0  # candidates within this distance of the best score are named beside it
@@ -46,45 +48,9 @@ NEARLY = 3.0  # candidates within this distance of the best score are named besi
 BELOW_ZERO = 0.05
 """A position that falls below zero by more than this share of its travel does not count from the retracted end."""
 
-LIKELY_UNITS = {
-    "time": (("s", 1e-5, 0.5), ("ms", 0.05, 500.0), ("us", 20.0, 1e6), ("100ns", 200.0, 1e7), ("d", 1e-10, 5e-6)),
-    "pressure": (
-        ("bar", 1.0, 700.0),
-        ("Pa", 1e5, 7e7),
-        ("kPa", 100.0, 7e4),
-        ("psi", 15.0, 1e4),
-        ("MPa", 0.1, 70.0),
-        ("mbar", 1e3, 7e5),
-    ),
-    "length": (("m", 0.01, 2.0), ("mm", 2.0, 5000.0), ("in", 1.0, 100.0), ("cm", 1.0, 300.0)),
-    "force": (("N", 100.0, 5e6), ("kN", 0.1, 5000.0)),
-    "temperature": (("°C", -40.0, 120.0), ("°F", -40.0, 250.0)),
-}
-"""Units of each quantity, likeliest first, and the bounds of the greatest value on a common cylinder.
-
-For time of the step, for length of the travel. The pressures of one file share a unit, so all must fit it together.
-"""
-
-GREATEST_PRESSURE_PA = 7e7  # no force of a cylinder exceeds that of this pressure on its piston
-
-PLAUSIBLE = {
-    "pressure": (2e4, 7e7, "bar", 1e5, "greatest pressure"),
-    "length": (2e-3, 20.0, "mm", 1e-3, "travel"),
-    "force": (1.0, 2e7, "N", 1.0, "greatest force"),
-}
-"""Least and greatest for a cylinder, in the column's unit; the unit of messages and its scale; and the name."""
-
-EVEN_SHARE = 0.01
-"""The median step of an even clock differs from the mean step by no more than this share."""
-
-AREA_RATIOS = (0.5, 0.7, 0.9)  # A2 over A1, which is not known yet: the sign must be the same for all of them
-
 MOST_TAGS, LEAST_RECURRENCE = 1000, 10
 """Names of channels in a column: at most so many, each so many times."""
 _VALUES = re.compile(r"val|wert|messwert|reading|data", re.IGNORECASE)
-
-STROKE_SHARE = 0.02
-"""Steps over which direction is taken are this share of the travel, so that noise does not count as motion."""
 
 
 @dataclass(frozen=True)
@@ -100,7 +66,6 @@ class GuessedColumn:
     checks: tuple[str, ...] = ()
     others: tuple[ChannelFacts, ...] = ()  # Other channels that could be meant, best first
     fitting: tuple[str, ...] | None = None  # Units that the values fit; None where the unit is stated or given
-    alternatives: tuple[str, ...] = ()  # What other files call the channel
     rate_hz: float | None = None  # Of time, if it is given in place of a channel
 
     @property
@@ -128,9 +93,7 @@ class GuessedMapping:
             return ChannelMapping(rate_hz=guessed.rate_hz)
         assert guessed.channel is not None
         table, time = self.place_of(column)
-        return ChannelMapping(
-            guessed.channel.name, guessed.unit, guessed.sign, table, time, alternatives=guessed.alternatives
-        )
+        return ChannelMapping(guessed.channel.name, guessed.unit, guessed.sign, table, time)
 
     def place_of(self, column: str) -> tuple[str, str]:
         """Return which table and which time channel a mapping must name for a column; empty if it need not."""
@@ -173,7 +136,7 @@ def guess_mapping(
     facts = facts_of(tables)
     rate_hz = stated_rate((units or {}).get("time", ""))
     clock_given = "time" in (units or {}) and rate_hz is None
-    ranked = {column: _ranked(column, facts, clock_given) for column in QUANTITIES}
+    ranked = {column: ranked_channels(column, facts, clock_given) for column in QUANTITIES}
     chosen = _of_one_cylinder(ranked)
     forces = (LOAD_FORCE,) if any(column in chosen for column in SIDES) else (DRIVE_FORCE, LOAD_FORCE)
     for column in (*forces, OIL_TEMPERATURE):
@@ -185,7 +148,7 @@ def guess_mapping(
     why = "" if rate_hz else _time_unknown(ranked[TIME], facts)
     if POSITION not in chosen:
         _refuse_row_per_tag(tables, [time for time, _ in ranked[TIME]])
-    stamps = {} if rate_hz or why else _stamps(ranked[TIME], chosen, facts)
+    stamps = {} if rate_hz or why else _stamps(ranked[TIME], chosen)
     time = next((stamps[column] for column in (*SAMPLE_COLUMNS, DRIVE_FORCE, *stamps) if column in stamps), None)
     if time is not None:
         chosen[TIME] = time
@@ -206,65 +169,6 @@ def guess_mapping(
         ambiguous=frozenset(name for name, count in Counter(channel.name for channel in facts).items() if count > 1),
         stamps=stamps,
     )
-
-
-def _ranked(column: str, facts: Sequence[ChannelFacts], clock_given: bool) -> Ranked:
-    """Return the channels that could fill a column, with their scores, best first, then in the file's order."""
-    scores = [
-        (channel, _time_score(channel, clock_given) if column == TIME else _score(column, channel)) for channel in facts
-    ]
-    return sorted(((channel, score) for channel, score in scores if score > 0.0), key=lambda entry: -entry[1])
-
-
-def _score(column: str, channel: ChannelFacts) -> float:
-    """Return how well a channel fits a column; 0 or less if not at all."""
-    quantity, words = QUANTITIES[column], channel.words
-    measures = quantity_of(channel.unit) if channel.unit else None
-    signal = electrical(channel.unit) is not None
-    if channel.dates or not channel.low <= channel.high or (channel.unit and measures != quantity and not signal):
-        return 0.0
-    named = words.quantity == quantity
-    # Any force may be in newtons: only a name makes it a load.
-    if not named and (measures != quantity or column == LOAD_FORCE):
-        return 0.0
-    if not named and words.quantity is not None:
-        return 0.5
-    side = SIDES.get(column)
-    if side is not None and words.side not in (0, side):
-        return 0.0
-    score = 3.0 * named + 2.0 * (measures == quantity) + 2.0 * (side is not None and words.side == side)
-    score += words.at_cylinder - words.at_valve - 1.0 * signal - 2.0 * (channel.low == channel.high)
-    score -= 6.0 * words.wanted_value
-    if column == LOAD_FORCE:
-        score += words.carried
-    if not signal:
-        score -= 1.5 * bool(
-            suspicion(column, channel.unit or (fitting_units(column, [channel]) or [_usual(column)])[0], channel)
-        )
-    return score
-
-
-def _time_score(channel: ChannelFacts, clock_given: bool) -> float:
-    """Return how well a channel fits time. Rows that are counted are no time, nor is any channel that happens to rise.
-
-    Without a name or a unit of time only the first channel of a table may be time, if it rises evenly. A channel that
-    is named time and steps by 1 is time if the unit of time is given.
-    """
-    named = channel.words.quantity == "time"
-    if channel.dates:
-        return 6.0 + named if channel.mean_step else 0.0
-    if not channel.rising or (channel.unit and quantity_of(channel.unit) != "time"):
-        return 0.0
-    if channel.words.quantity not in (None, "time", "temperature") or _counts_rows(channel, named and clock_given):
-        return 0.0
-    even = abs(channel.step - channel.mean_step) <= EVEN_SHARE * channel.mean_step
-    if not (named or channel.unit or (channel.leads and even)):
-        return 0.0
-    return 1.0 + 4.0 * named + 2.0 * bool(channel.unit)
-
-
-def _counts_rows(channel: ChannelFacts, unit_given: bool) -> bool:
-    return channel.counts and not channel.unit and not unit_given
 
 
 def _time_unknown(ranked: Ranked, facts: Sequence[ChannelFacts]) -> str:
@@ -297,7 +201,9 @@ def _refuse_row_per_tag(tables: Sequence[LoggedTable], clocks: Sequence[ChannelF
     for table in tables:
         for place, tags in enumerate(map(str, table.channels.columns)):
             cells = table.channels.iloc[:, place]
-            names = list(dict.fromkeys(filter(_is_text, cells))) if cells.dtype.kind == "O" else []
+            names = (
+                list(dict.fromkeys(cell for cell in cells if isinstance(cell, str))) if cells.dtype.kind == "O" else []
+            )
             values = [str(name) for name in table.channels if _VALUES.search(str(name)) and str(name) != tags]
             if not 2 <= len(names) <= MOST_TAGS or len(cells) < LEAST_RECURRENCE * len(names) or not values:
                 continue
@@ -308,10 +214,6 @@ def _refuse_row_per_tag(tables: Sequence[LoggedTable], clocks: Sequence[ChannelF
                 f"holds their values; expected one column per channel; pivot it, in Python pandas.read_csv(...).{pivot}"
                 ".to_csv('log.csv'), or let the logger write a column per channel"
             )
-
-
-def _is_text(cell: Any) -> bool:
-    return isinstance(cell, str)
 
 
 def _of_one_cylinder(ranked: dict[str, Ranked]) -> dict[str, ChannelFacts]:
@@ -341,22 +243,13 @@ def _take_first_free(column: str, ranked: dict[str, Ranked], chosen: dict[str, C
         chosen[column] = free[0]
 
 
-def _stamps(ranked: Ranked, chosen: dict[str, ChannelFacts], facts: Sequence[ChannelFacts]) -> dict[str, ChannelFacts]:
-    """Return the time channel of each column: the best of its table, or the last one before it where they alternate.
-
-    They alternate where a table has several time channels of one kind, each followed by channels of its rate.
-    """
-    free = [channel for channel, _ in ranked if channel not in chosen.values()]
+def _stamps(ranked: Ranked, chosen: dict[str, ChannelFacts]) -> dict[str, ChannelFacts]:
+    """Return the time channel of each column: the best of its table."""
     stamps: dict[str, ChannelFacts] = {}
     for column, channel in chosen.items():
-        best = [time for time in free if time.table == channel.table]
-        named = [time for time in best if time.words.quantity == "time" and time.dates == best[0].dates]
-        table = [other for other in facts if other.table == channel.table]
-        behind = {id(time) for time, other in pairwise(table) if other not in named}
-        if len(named) > 1 and table[0] in named and all(id(time) in behind for time in named):
-            best = [other for other in table[: table.index(channel)] if other in named][::-1]
-        if best:
-            stamps[column] = best[0]
+        free = (time for time, _ in ranked if time.table == channel.table and time not in chosen.values())
+        if (best := next(free, None)) is not None:
+            stamps[column] = best
     return stamps
 
 
@@ -435,92 +328,10 @@ def _unit(
     alike = [chosen[name] for name in PRESSURES if name in chosen] if column in SIDES else [channel]
     fitting = fitting_units(column, [each for each in alike if not each.unit], cylinder)
     stated_units = [each.unit for each in alike if each.unit in fitting]
-    first, *others = sorted(fitting, key=lambda unit: unit not in stated_units) or [_usual(column)]
+    first, *others = sorted(fitting, key=lambda unit: unit not in stated_units) or [usual_unit(column)]
     also = (
         f"; {' or '.join(others)} would fit too" if others else "" if fitting else "; the values fit none of the usual"
     )
     what = f"steps of {channel.step:.4g}" if column == TIME else channel.described()
     reason = f"{what} fit {first}" if fitting else f"{what}; {first} is usual"
     return _GuessedUnit(first, (reason,), (f"the unit is stated nowhere{also}",), tuple(fitting))
-
-
-def _usual(column: str) -> str:
-    return LIKELY_UNITS[QUANTITIES[column]][0][0] if QUANTITIES[column] != "length" else "mm"
-
-
-def fitting_units(column: str, channels: Sequence[ChannelFacts], cylinder: Cylinder | None = None) -> list[str]:
-    """Return the units that the values of all these channels fit, likeliest first; empty if they fit none."""
-    quantity, greatest = QUANTITIES[column], np.inf
-    sizes = {
-        "time": [each.step or each.mean_step for each in channels],
-        "length": [each.high - each.low for each in channels],
-        "temperature": [each.high for each in channels],
-    }.get(quantity, [max(abs(each.low), abs(each.high)) for each in channels])
-    if cylinder is not None and quantity in ("length", "force"):
-        greatest = 1.05 * cylinder.stroke_m if quantity == "length" else GREATEST_PRESSURE_PA * cylinder.piston_area_m2
-    size = max(sizes)
-    ticks = quantity == "time" and all("tick" in each.name.casefold() for each in channels)
-    return [
-        unit
-        for unit, low, high in LIKELY_UNITS[quantity]
-        if low <= size <= high
-        and (not ticks or unit in ("ms", "100ns"))
-        and (greatest == np.inf or size * column_scale(column, unit) <= greatest)
-    ]
-
-
-def suspicion(column: str, unit: str, channel: ChannelFacts) -> str:
-    """Return why a unit can hardly be right, or nothing."""
-    if QUANTITIES[column] not in PLAUSIBLE:
-        return ""
-    least, greatest, shown_in, scale, what = PLAUSIBLE[QUANTITIES[column]]
-    with np.errstate(over="ignore"):
-        low, high = to_column_unit(np.array([channel.low, channel.high]), unit, column).tolist()
-    size = high - low if QUANTITIES[column] == "length" else max(abs(low), abs(high))
-    if least <= size <= greatest:
-        return ""
-    return f"{unit} would make the {what} {size / scale:.3g} {shown_in}; is that the unit?"
-
-
-def position_sign(chosen: dict[str, ChannelFacts]) -> tuple[int, str]:
-    """Return 1, or -1 with a sentence for the user where the position seems to count the other way.
-
-    Friction takes work and gives none: with F = P1 - r·P2, less a cubic of position (any load that position alone
-    decides), the residual must have the sign of the direction of motion.
-    """
-    known = [chosen[column] for column in SAMPLE_COLUMNS if column in chosen]
-    if len(known) < len(SAMPLE_COLUMNS) or len({(channel.table, len(channel.values)) for channel in known}) > 1:
-        return 1, ""
-    if known[0].unit != known[1].unit or any(electrical(channel.unit) is not None for channel in known[:2]):
-        return 1, ""
-    finite = np.isfinite([channel.values for channel in known]).all(axis=0)
-    first, second, position = (channel.values[finite] for channel in known)
-    if not all(_force_with_direction(first - ratio * second, position) < 0.0 for ratio in AREA_RATIOS):
-        return 1, ""
-    pushes = "the pressures push against the motion, so that friction would drive the piston"
-    if known[2].high > -known[2].low:  # counted the other way, all of it would lie before the retracted end
-        return 1, (
-            f"{pushes}: the two pressures are swapped, or the sign of both is reversed, or the position counts from "
-            "the extended end; then write sign -1, and as offset what its sensor reads with the rod in"
-        )
-    return -1, f"sign -1 because {pushes}; it is 1 if the two pressures are swapped instead"
-
-
-def _force_with_direction(force: Array, position: Array) -> float:
-    """Return the part of a force that changes sign with the direction of motion, 0 where it is not significant."""
-    travel = float(np.ptp(position)) if len(position) else 0.0
-    if travel == 0.0:
-        return 0.0
-    # The rows at which the position has moved on by a step since the last such row.
-    levels = np.floor((position - position.min()) / (STROKE_SHARE * travel))
-    rows = np.concatenate([[0], np.flatnonzero(np.diff(levels) != 0.0) + 1])
-    direction = np.sign(np.diff(position[rows]))
-    middle = (rows[:-1] + rows[1:]) // 2
-    if min((direction > 0).sum(), (direction < 0).sum()) < 5:
-        return 0.0
-    scaled = (position[middle] - position.min()) / travel
-    columns = np.column_stack([np.ones_like(scaled), scaled, scaled**2, scaled**3, direction])
-    solution = np.linalg.lstsq(columns, force[middle], rcond=None)[0]
-    residual = force[middle] - columns @ solution
-    uncertainty = float(np.std(residual)) / np.sqrt(len(residual))
-    return float(solution[-1]) if abs(solution[-1]) > 4.0 * uncertainty else 0.0

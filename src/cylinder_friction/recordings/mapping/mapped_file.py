@@ -43,49 +43,18 @@ def find_channel(tables: Sequence[LoggedTable], name: str, table: str, column: s
             f"table {table!r} (for {column!r}) is missing; got tables {_listed([entry.name for entry in tables])}; "
             f"correct the file or channels.{column}.table"
         )
-    counts = {index: list(tables[index].channels.columns).count(name) for index in searched}
-    holding = [index for index, count in counts.items() if count]
-    there = [str(other) for index in searched for other in (*tables[index].channels.columns, *tables[index].unread)]
-    if len(holding) > 1:
-        problem = f"occurs in tables {_listed([tables[index].name for index in holding])}; state which as"
-    elif not holding:
-        problem = f"is missing; got channels {_listed(there)}{_nearest(name, there)}; correct the file or"
-    elif counts[holding[0]] > 1:
-        there = list(map(str, tables[holding[0]].channels.columns))
-        problem = f"occurs {counts[holding[0]]} times; got channels {_listed(there)}; rename one in the file or correct"
-    else:
+    holding = [index for index in searched for other in tables[index].channels.columns if other == name]
+    if len(holding) == 1:
         return holding[0]
-    key = "table" if len(holding) > 1 else "channel"
+    key = "channel"
+    there = [str(other) for index in searched for other in (*tables[index].channels.columns, *tables[index].unread)]
+    if not holding:
+        problem = f"is missing; got channels {_listed(there)}{_nearest(name, there)}; correct the file or"
+    elif len(set(holding)) == 1:
+        problem = f"occurs {len(holding)} times; got channels {_listed(there)}; rename one in the file or correct"
+    else:
+        problem, key = f"occurs in tables {_listed([tables[each].name for each in holding])}; state which as", "table"
     raise RecordingError(f"channel {name!r} (for {column!r}) {problem} channels.{column}.{key} in the mapping")
-
-
-def numbers(raw: pd.Series[Any], channel: str, column: str, unit: str) -> Array:
-    """Return a channel's cells as numbers, shape ``(n,)``; an empty cell is NaN. No copy where they are float64.
-
-    Raises:
-        RecordingError: The cells are dates or complex numbers, or one holds text.
-    """
-    if raw.dtype == np.float64:
-        return raw.to_numpy()
-    kind = raw.dtype.kind
-    if kind in "mMc" or isinstance(raw.dtype, pd.DatetimeTZDtype):
-        what = "complex numbers" if kind == "c" else "dates or durations"
-        raise RecordingError(
-            f"channel {channel!r} (for {column!r}) holds {what} ({raw.dtype}); expected numbers in {unit}; "
-            f"correct channels.{column}.channel"
-        )
-    if pd.api.types.is_numeric_dtype(raw.dtype):
-        return raw.to_numpy(dtype=np.float64, na_value=np.nan) if raw.isna().any() else raw.to_numpy(dtype=np.float64)
-    cells = raw.astype(object)
-    values: Array = pd.to_numeric(cells, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
-    text = np.isnan(values) & cells.notna().to_numpy()
-    if text.any():
-        row = int(np.flatnonzero(text)[0])
-        raise RecordingError(
-            f"channel {channel!r} (for {column!r}) holds {cells.iloc[row]!r} in row {row + 1} "
-            f"({int(text.sum())} such rows in all); expected numbers in {unit}; repair or cut the log"
-        )
-    return values
 
 
 def _listed(names: Sequence[str]) -> str:
@@ -97,6 +66,30 @@ def _nearest(name: str, there: Sequence[str]) -> str:
     by_folded = {"".join(other.split()).casefold(): other for other in there}
     close = get_close_matches("".join(name.split()).casefold(), by_folded, n=1, cutoff=0.6)
     return f" (nearest: {by_folded[close[0]]!r})" if close else ""
+
+
+def numbers(raw: pd.Series[Any], channel: str, column: str, unit: str) -> Array:
+    """Return a channel's cells as numbers, shape ``(n,)``; an empty cell is NaN. No copy if they are float64.
+
+    Raises:
+        RecordingError: The cells are dates or durations, or one holds text.
+    """
+    if raw.dtype.kind in "iufb":
+        return raw.to_numpy(dtype=np.float64)
+    if raw.dtype.kind in "mMc":
+        raise RecordingError(
+            f"channel {channel!r} (for {column!r}) holds "
+            f"{'dates' if raw.dtype.kind == 'M' else raw.dtype}; expected numbers "
+            f"in {unit}; correct channels.{column}.channel"
+        )
+    values: Array = pd.to_numeric(raw, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
+    rows = np.flatnonzero(np.isnan(values) & raw.notna().to_numpy())
+    if len(rows):
+        raise RecordingError(
+            f"channel {channel!r} (for {column!r}) holds {raw.iloc[rows[0]]!r} in row {rows[0] + 1} "
+            f"({len(rows)} such rows in all); expected numbers in {unit}; repair or cut the log"
+        )
+    return values
 
 
 class MappedFile(NamedTuple):
@@ -137,7 +130,7 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
     signals = {}
     for column in columns:
         source, table = mapping[column], tables[places[column]]
-        notes += _check_stated_unit(table, column, source)
+        _check_stated_unit(table, column, source)
         raw = numbers(table.channels[source.channel], source.channel, column, source.unit)
         time_s = stamps[clocks[column]]
         if len(time_s) != len(raw):
@@ -164,11 +157,10 @@ def _start(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Array]) -> Sta
     for clock, time_s in stamps.items():
         table = tables[clock.table]
         raw = table.channels[clock.channel] if clock.channel else None
-        if raw is not None and pd.api.types.is_datetime64_any_dtype(raw.dtype) and (known := np.isfinite(time_s)).any():
+        if raw is not None and raw.dtype.kind == "M" and (known := np.isfinite(time_s)).any():
             row = int(known.argmax())
-            utc = table.utc or isinstance(raw.dtype, pd.DatetimeTZDtype)
             at = stamps_to_datetimes(raw.iloc[row : row + 1])[0]
-            return Start(at, utc, f"time stamps of {clock.channel!r}", dated_rows=True).after(-float(time_s[row]))
+            return Start(at, table.utc, f"time stamps of {clock.channel!r}", dated_rows=True).after(-float(time_s[row]))
         if epoch_of(time_s) == SECONDS_SINCE_1970:
             counted = f"{clock.channel!r}, which counts from 1970"
             return Start(np.datetime64(0, "ns"), utc=True, source=counted, dated_rows=True)
@@ -302,7 +294,7 @@ def _stamps(
     time = mapping["time_s"]
     columns = {clock: column for column, clock in reversed(list(clocks.items()))}
     raw = {clock: tables[clock.table].channels[clock.channel] for clock in columns if clock.channel}
-    dates = {clock: stamps for clock, stamps in raw.items() if pd.api.types.is_datetime64_any_dtype(stamps.dtype)}
+    dates = {clock: stamps for clock, stamps in raw.items() if stamps.dtype.kind == "M"}
     if dates and len(dates) < len(columns):
         others = ", ".join(repr(clock.channel) for clock in columns if clock not in dates)
         raise RecordingError(
@@ -329,9 +321,6 @@ def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping
     (``time_unit``) or the file.
     """
     raw, stated = table.channels[channel], table.units.get(channel, "")
-    if pd.api.types.is_timedelta64_dtype(raw.dtype):
-        seconds: Array = raw.dt.total_seconds().to_numpy(dtype=np.float64)
-        return seconds - time.offset
     of_time = channel == time.channel
     configured = time_unit or (time.unit if of_time else "")
     if stated and configured:
@@ -357,11 +346,11 @@ def _refuse_other_epoch(values: Array, channel: str, unit: str) -> None:
         )
 
 
-def _check_stated_unit(table: LoggedTable, column: str, source: ChannelMapping) -> list[str]:
-    """Refuse a channel whose file contradicts the mapping; returns a note where what it states is no known unit."""
+def _check_stated_unit(table: LoggedTable, column: str, source: ChannelMapping) -> None:
+    """Refuse a channel whose file contradicts the mapping."""
     stated = table.units.get(source.channel, "")
     if not stated:
-        return []
+        return
     _refuse_other_unit(stated, source.unit, source.channel, column)
     reference = units.stated_reference(stated) if QUANTITIES[column] == "pressure" else None
     if reference is not None and (reference == "absolute") != source.absolute:
@@ -370,10 +359,6 @@ def _check_stated_unit(table: LoggedTable, column: str, source: ChannelMapping) 
             f"but it is read as {'absolute' if source.absolute else 'gauge'} pressure; "
             f"correct channels.{column}.reference"
         )
-    known = units.quantity_of(stated) is not None or units.names_a_unit(stated)
-    if known or len(stated) < 2 or units.bare(stated) == units.bare(source.unit):
-        return []
-    return [f"channel {source.channel!r}: the file's unit {stated!r} is not known; read in {source.unit} as configured"]
 
 
 def _refuse_other_unit(stated: str, configured: str, channel: str, column: str) -> None:

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import yaml
 
-from cylinder_friction.recordings.columns import OTHER_POSITIONS, POSITION, QUANTITIES
-from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts
+from cylinder_friction.recordings.columns import OTHER_POSITIONS, POSITION
+from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts, usual_unit
 from cylinder_friction.recordings.mapping.guessing import GuessedColumn, GuessedMapping
-from cylinder_friction.recordings.mapping.units import COMMON, electrical
+from cylinder_friction.recordings.mapping.units import electrical
 from cylinder_friction.wording import printable
 
 NOT_FOUND = "NOT FOUND"
@@ -82,8 +82,6 @@ def _column_lines(column: GuessedColumn, guess: GuessedMapping) -> list[str]:
             lines.append(f"# if it is another cylinder's, on which the load depends, add {printable(other)}")
     lines += [f"# CHECK: {printable(check)}" for check in column.checks]
     entry = {"channel": quoted(column.channel.name), "unit": _unit(column.unit)}
-    if column.alternatives:
-        entry["alternatives"] = f"[{', '.join(map(quoted, column.alternatives))}]"
     places = zip(("table", "time"), guess.place_of(column.column), strict=True)
     entry |= {key: quoted(place) for key, place in places if place}
     if column.sign != 1:
@@ -99,19 +97,14 @@ def _not_found(column: GuessedColumn) -> list[str]:
     if column.column == "time_s":
         line += ", or write {rate_hz: ...} if the rows come at a constant rate"
     checks = [f"# CHECK: {printable(check)}" for check in column.checks]
-    return [line, *checks, f'{column.column}: {{channel: "{NOT_FOUND}", unit: {_usual_unit(column.column)}}}']
+    return [line, *checks, f'{column.column}: {{channel: "{NOT_FOUND}", unit: {usual_unit(column.column)}}}']
 
 
 def _sensor(column: str, channel: ChannelFacts) -> str:
     """Return a sensor to be corrected: the usual signal of its unit, and a range that no sensor has by chance."""
     kind = electrical(channel.unit)
     signal = {"mA": "[4, 20]", "count": "[0, 4095]"}.get(kind or "", "[0, 10]")
-    return f"{{range: [0, 1], unit: {_unit(_usual_unit(column))}, signal: {signal}}}"
-
-
-def _usual_unit(column: str) -> str:
-    quantity = QUANTITIES[column]
-    return {"pressure": "bar", "length": "mm"}.get(quantity, COMMON[quantity][0])
+    return f"{{range: [0, 1], unit: {_unit(usual_unit(column))}, signal: {signal}}}"
 
 
 def _unit(unit: str) -> str:

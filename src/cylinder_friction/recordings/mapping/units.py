@@ -3,9 +3,8 @@
 import math
 import re
 import unicodedata
-from decimal import Decimal
 from functools import cache
-from typing import Any, Literal
+from typing import Literal
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import POSITION, QUANTITIES
@@ -13,62 +12,68 @@ from cylinder_friction.recordings.recording import RecordingError
 
 Reference = Literal["gauge", "absolute"]
 
-USUAL: dict[str, dict[str, str]] = {
+_SPELLINGS: dict[str, dict[float, str]] = {
+    "time": {
+        1.0: "s sec secs second seconds sek sekunde sekunden", 1e-3: "ms msec", 1e-6: "us μs usec", 1e-9: "ns",
+        1e-7: "100ns ticks", 60.0: "min minute minutes minuten", 3600.0: "h hr hour hours std", 86400.0: "d day",
+    },
     "pressure": {
-        "Pa": "pascal", "hPa": "hectopascal", "kPa": "kilopascal", "MPa": "megapascal",
-        "bar": "bar", "mbar": "millibar", "psi": "psi", "ksi": "ksi", "lbf/in2": "psi", "lb/in2": "psi",
-        "kgf/cm2": "kgf/cm**2", "kg/cm2": "kgf/cm**2", "kp/cm2": "kgf/cm**2", "at": "kgf/cm**2", "atm": "atm",
-        "N/mm2": "newton/millimeter**2", "N/m2": "pascal", "kN/m2": "kilopascal",
+        1.0: "Pa N/m2", 1e2: "hPa mbar", 1e3: "kPa kN/m2", 1e6: "MPa N/mm2", 1e5: "bar",
+        6894.757293168362: "psi lbf/in2 lb/in2", 6894757.293168361: "ksi",
+        98066.5: "kgf/cm2 kg/cm2 kp/cm2 at", 101325.0: "atm",
     },
     "length": {
-        "m": "meter", "meter": "meter", "metre": "meter", "cm": "centimeter", "mm": "millimeter",
-        "um": "micrometer", "μm": "micrometer", "micron": "micrometer",
-        "in": "inch", "inch": "inch", "inches": "inch", "zoll": "inch", "ft": "foot", "mil": "thou", "thou": "thou",
+        1.0: "m meter metre", 1e-2: "cm", 1e-3: "mm", 1e-6: "um μm micron",
+        0.0254: "in inch inches zoll", 0.3048: "ft", 2.54e-5: "mil thou",
     },
-    "time": {
-        "s": "second", "sec": "second", "secs": "second", "second": "second", "seconds": "second",
-        "sek": "second", "sekunde": "second", "sekunden": "second",
-        "ms": "millisecond", "msec": "millisecond", "us": "microsecond", "μs": "microsecond", "usec": "microsecond",
-        "ns": "nanosecond", "100ns": "tick", "100 ns": "tick", "ticks": "tick",
-        "min": "minute", "minute": "minute", "minutes": "minute", "minuten": "minute",
-        "h": "hour", "hr": "hour", "hour": "hour", "hours": "hour", "std": "hour", "d": "day", "day": "day",
-    },
+    # A load cell's display shows what hangs on it: as a force, a mass can only mean its weight.
     "force": {
-        "N": "newton", "newton": "newton", "daN": "dekanewton", "kN": "kilonewton", "lbf": "lbf", "kip": "kip",
-        "kips": "kip", "kgf": "kgf", "kp": "kgf", "tf": "force_metric_ton",
-        # A load cell's display shows what hangs on it; as a force, a mass can only mean its weight.
-        "kg": "kgf", "lb": "lbf", "lbs": "lbf", "t": "force_metric_ton",
-    },
-    "temperature": {
-        "°C": "degC", "degC": "degC", "gradC": "degC", "C": "degC", "celsius": "degC",
-        "K": "kelvin", "kelvin": "kelvin", "°F": "degF", "degF": "degF", "F": "degF", "fahrenheit": "degF",
+        1.0: "N newton", 10.0: "daN", 1e3: "kN", 4.4482216152605: "lbf lb lbs", 4448.2216152605: "kip kips",
+        9.80665: "kgf kp kg", 9806.65: "tf t",
     },
 }  # fmt: skip
-"""Usual spellings of each quantity's units, upper and lower case alike, without blanks; each with pint's own."""
+"""Spellings of the units of each quantity, without blanks, by their factor to the column's unit.
 
-ELECTRICAL = {
-    "V": "V", "volt": "V", "volts": "V", "mV": "mV", "mA": "mA", "μA": "μA", "uA": "μA",
-    "count": "count", "counts": "count", "cnt": "count", "cnts": "count", "digit": "count", "digits": "count",
-    "lsb": "count", "raw": "count", "inc": "count", "increments": "count", "%": "%",
+Upper and lower case are alike, and so are ``cm²``, ``cm2`` and ``cm^2``.
+"""
+_TEMPERATURES = {
+    (1.0, 0.0): "°C degC gradC C celsius",
+    (1.0, -273.15): "K kelvin",
+    (5.0 / 9.0, -160.0 / 9.0): "°F degF F fahrenheit",
+}
+_CONVERSIONS = {
+    quantity: {name.casefold(): (factor, 0.0) for factor, names in factors.items() for name in names.split()}
+    for quantity, factors in _SPELLINGS.items()
+} | {"temperature": {name.casefold(): both for both, names in _TEMPERATURES.items() for name in names.split()}}
+
+USUAL = frozenset(name for names in _CONVERSIONS.values() for name in names)
+"""Every spelling of a unit that a column may be converted from, in small letters."""
+
+_SIGNALS = {
+    "V": "V volt volts", "mV": "mV", "mA": "mA", "μA": "μA uA", "%": "%",
+    "count": "count counts cnt cnts digit digits lsb raw inc increments",
 }  # fmt: skip
+ELECTRICAL = {name.casefold(): signal for signal, names in _SIGNALS.items() for name in names.split()}
 """Signals of a sensor that mean something only with its range; a lone A is left out, for it mostly names a port."""
 
-_BY_QUANTITY = {
-    quantity: {name.casefold(): known for name, known in names.items()} for quantity, names in USUAL.items()
-}
-
-_ELECTRICAL = {name.casefold(): known for name, known in ELECTRICAL.items()}
-_PORTS = frozenset("ABCFHKPTXY")
 OTHER_QUANTITIES = {
     "m/s", "mm/s", "cm/s", "in/s", "m/s2", "mm/s2", "m/min", "l/min", "lpm", "gpm", "l/s", "m3/s", "cm3/s", "mm2/s",
     "rpm", "1/min", "u/min", "rad/s", "°/s", "rad", "deg", "°", "%", "nm", "n·m", "n*m", "w", "kw", "hz", "khz", "a",
 }  # fmt: skip
 """What else a logger records of a machine, in small letters."""
 
+COMMON = {
+    "time": ("s", "ms", "us", "100ns", "min"),
+    "pressure": ("Pa", "kPa", "MPa", "bar", "mbar", "psi", "kgf/cm2"),
+    "length": ("m", "mm", "in", "cm", "um"),
+    "force": ("N", "kN", "lbf", "kgf", "kip"),
+    "temperature": ("°C", "K", "°F"),
+}
+"""Units to offer in a message; the first is the column's own."""
+
+_PORTS = frozenset("ABCFHKPTXY")
 _BRACKETS = {"[": "]", "(": ")", "{": "}", "<": ">"}
 _REFERENCE = re.compile(r"(?P<unit>.+?)[ _,.-]*\(?(?:(?P<absolute>a|abs|absolute?)|g|gauge|rel|relativ|ü)\.?\)?", re.I)
-_TERM = r"[A-Za-zμ°_]+(?:(?:\*\*|\^)?-?[1-9])?"
-_PARSABLE = re.compile(rf"{_TERM}(?:\s?[*/·.]\s?{_TERM})*")
 
 
 @cache
@@ -80,9 +85,13 @@ def bare(unit: str) -> str:
     return text
 
 
+def _squeezed(text: str) -> str:
+    return "".join(text.split()).casefold().replace("^", "").replace("**", "")
+
+
 def electrical(unit: str) -> str | None:
     """Return V, mV, mA, μA, count or % if a unit is a sensor's signal, else None."""
-    return _ELECTRICAL.get(_squeezed(bare(unit)))
+    return ELECTRICAL.get(_squeezed(bare(unit)))
 
 
 def of_stroke(column: str, unit: str) -> bool:
@@ -90,9 +99,10 @@ def of_stroke(column: str, unit: str) -> bool:
     return column == POSITION and electrical(unit) == "%"
 
 
-def usual(unit: str, quantity: str) -> str | None:
-    """Return pint's spelling of a unit that usually measures this quantity, else None; ``barg`` is bar."""
-    text, known = bare(unit), _BY_QUANTITY[quantity]
+@cache
+def conversion(unit: str, quantity: str) -> tuple[float, float] | None:
+    """Return scale and offset to the column's unit; None if the unit does not measure this quantity."""
+    text, known = bare(unit), _CONVERSIONS[quantity]
     found = known.get(_squeezed(text))
     if found is None and quantity == "pressure" and (match := _REFERENCE.fullmatch(text)):
         return known.get(_squeezed(match["unit"]))
@@ -100,9 +110,15 @@ def usual(unit: str, quantity: str) -> str | None:
 
 
 @cache
+def quantity_of(unit: str) -> str | None:
+    """Return which of a recording's quantities a unit measures; None if none of them."""
+    return next((quantity for quantity in _CONVERSIONS if conversion(unit, quantity) is not None), None)
+
+
+@cache
 def stated_reference(unit: str) -> Reference | None:
     """Return the reference that a unit of pressure states itself: ``bara``, ``psi(g)``; None if it states none."""
-    text, known = bare(unit), _BY_QUANTITY["pressure"]
+    text, known = bare(unit), _CONVERSIONS["pressure"]
     match = _REFERENCE.fullmatch(text)
     if _squeezed(text) in known or match is None or _squeezed(match["unit"]) not in known:
         return None
@@ -120,51 +136,15 @@ def names_a_unit(text: str) -> bool:
     text = bare(text)
     if len(text) == 1 and text in _PORTS:
         return False
-    known = electrical(text) is not None or any(usual(text, quantity) is not None for quantity in USUAL)
-    return known or text.casefold() in OTHER_QUANTITIES
-
-
-def parsable(unit: str) -> str | None:
-    """Return a unit's text as pint may parse it without harm, powers written out, or None if it is no unit's text."""
-    text = bare(unit)
-    if len(text) > 40 or not _PARSABLE.fullmatch(text):
-        return None
-    return re.sub(r"(?<=[A-Za-zμ])(?=-?\d)", "**", text).replace("°", "deg").replace("·", "*")
-
-
-def _squeezed(text: str) -> str:
-    return "".join(text.split()).casefold().replace("^", "").replace("**", "")
-
-
-COLUMN_UNITS = {"time": "second", "pressure": "pascal", "length": "meter", "force": "newton", "temperature": "degC"}
-"""What the columns of each quantity are in."""
-
-COMMON = {
-    "time": ("s", "ms", "us", "100ns", "min"),
-    "pressure": ("Pa", "kPa", "MPa", "bar", "mbar", "psi", "kgf/cm2"),
-    "length": ("m", "mm", "in", "cm", "um"),
-    "force": ("N", "kN", "lbf", "kgf", "kip"),
-    "temperature": ("°C", "K", "°F"),
-}
-"""Units to offer in a message; every other unit of the quantity that pint knows will do too."""
-
-
-SCALES = {
-    "pascal": 1.0, "hectopascal": 1e2, "kilopascal": 1e3, "megapascal": 1e6, "bar": 1e5, "millibar": 1e2,
-    "meter": 1.0, "centimeter": 1e-2, "millimeter": 1e-3, "micrometer": 1e-6,
-    "second": 1.0, "millisecond": 1e-3, "microsecond": 1e-6, "nanosecond": 1e-9, "tick": 1e-7,
-    "day": 86400.0, "newton": 1.0, "kilonewton": 1e3, "degC": 1.0,
-}  # fmt: skip
-"""Factors to the columns' units that pint, a quarter of a second to load, need not be asked for."""
+    return electrical(text) is not None or quantity_of(text) is not None or text.casefold() in OTHER_QUANTITIES
 
 
 def check_unit(column: str, unit: str) -> None:
-    """Refuse a unit that does not exist or does not measure what the column holds."""
+    """Refuse a unit that is not known or does not measure what the column holds."""
     wanted = QUANTITIES[column]
-    would_do = f"expected one of {', '.join(COMMON[wanted])}, or another unit of {wanted}"
     if wanted == "pressure" and bare(unit) == "mPa":
         raise RecordingError(f"column {column!r}: unit {unit!r} is millipascal; write MPa for megapascal")
-    if _conversion(unit, wanted) is not None:
+    if conversion(unit, wanted) is not None:
         return
     if electrical(unit) is not None:
         raise RecordingError(
@@ -172,11 +152,8 @@ def check_unit(column: str, unit: str) -> None:
             "state the sensor: {range: [low, high], unit: ..., signal: [low, high]}"
         )
     measured = quantity_of(unit)
-    if measured is None:
-        raise RecordingError(f"column {column!r}: unit {unit!r} is not known; {would_do}")
-    raise RecordingError(
-        f"column {column!r}: unit {unit!r} measures {measured}, but the column holds a {wanted}; {would_do}"
-    )
+    problem = "is not known" if measured is None else f"measures {measured}, but the column holds a {wanted}"
+    raise RecordingError(f"column {column!r}: unit {unit!r} {problem}; expected one of {', '.join(COMMON[wanted])}")
 
 
 def to_column_unit(values: Array, unit: str, column: str) -> Array:
@@ -184,21 +161,21 @@ def to_column_unit(values: Array, unit: str, column: str) -> Array:
 
     Temperatures are converted with their zero, so 32 °F is 0 °C. Refuses as ``check_unit``.
     """
-    scale, offset = _checked_conversion(unit, column)
+    scale, offset = _checked(unit, column)
     scaled = values if scale == 1.0 else values * scale
     return scaled if offset == 0.0 else scaled + offset
 
 
 def column_scale(column: str, unit: str) -> float:
     """Return how many of the column's unit one of ``unit`` is, for differences: 1 °F is 5/9 °C."""
-    return _checked_conversion(unit, column)[0]
+    return _checked(unit, column)[0]
 
 
-def _checked_conversion(unit: str, column: str) -> tuple[float, float]:
+def _checked(unit: str, column: str) -> tuple[float, float]:
     check_unit(column, unit)
-    conversion = _conversion(unit, QUANTITIES[column])
-    assert conversion is not None
-    return conversion
+    found = conversion(unit, QUANTITIES[column])
+    assert found is not None
+    return found
 
 
 @cache
@@ -209,53 +186,10 @@ def units_agree(stated: str, configured: str) -> bool:
     in use (``rod side``, ``A``, ``-``) contradicts nothing.
     """
     quantity, signal = quantity_of(configured), electrical(configured)
-    if bare(stated) == bare(configured) or (quantity is None and signal is None):
+    if bare(stated) == bare(configured) or not names_a_unit(stated) or (quantity is None and signal is None):
         return True
     if signal is not None or quantity is None:
         plain = {signal, electrical(stated)} == {"count", "%"}  # numbers either way, whose ends the sensor states
-        return plain or electrical(stated) == signal or not names_a_unit(stated)
-    one, two = _conversion(stated, quantity), _conversion(configured, quantity)
-    if one is None or two is None:
-        return not names_a_unit(stated)
-    return all(math.isclose(a, b, rel_tol=1e-9, abs_tol=1e-12) for a, b in zip(one, two, strict=True))
-
-
-@cache
-def quantity_of(unit: str) -> str | None:
-    """Return which of a recording's quantities a unit measures; None if none of them."""
-    for quantity in COLUMN_UNITS:
-        if usual(unit, quantity) is not None:
-            return quantity
-    if electrical(unit) is not None:
-        return None
-    return next((quantity for quantity in COLUMN_UNITS if _conversion(unit, quantity) is not None), None)
-
-
-@cache
-def _conversion(unit: str, quantity: str) -> tuple[float, float] | None:
-    """Return scale and offset to the quantity's own unit, each the nearest float; None if it is no such unit."""
-    known = usual(unit, quantity)
-    if known in SCALES:
-        return SCALES[known], 0.0
-    text = known or parsable(unit)
-    if text is None or (quantity == "pressure" and bare(unit) == "mPa"):
-        return None
-    registry = _registry()
-    try:
-        parsed, own = registry.Unit(text), registry.Unit(COLUMN_UNITS[quantity])
-        if "delta" in text or parsed.dimensionality != own.dimensionality:
-            return None
-        zero, one = (registry.Quantity(Decimal(value), parsed).to(own).magnitude for value in (0, 1))
-    except Exception:  # pint meets free text here, and has a dozen exceptions for what is no unit
-        return None
-    return float(one - zero), float(zero)
-
-
-@cache
-def _registry() -> Any:
-    """Return the one registry, made when the first unit is looked up; decimal, so that no factor is rounded twice."""
-    from pint import UnitRegistry
-
-    registry: Any = UnitRegistry(non_int_type=Decimal)
-    registry.define("tick = 100 * nanosecond")  # as Windows and .NET count
-    return registry
+        return plain or electrical(stated) == signal
+    one, two = conversion(stated, quantity), conversion(configured, quantity)
+    return one is not None and two is not None and math.isclose(one[0], two[0]) and one[1] == two[1]
