@@ -38,7 +38,7 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
         def visit(path: str, node: Any) -> None:
             if not isinstance(node, h5py.Dataset):
                 return
-            shape = node.shape or ()
+            shape: tuple[int, ...] = node.shape or ()
             if node.dtype.names and len(shape) == 1 and shape[0] > 0:
                 fields = [name for name in node.dtype.names if node.dtype[name].kind in "biuf"]
                 channels = [Channel(name, shape[0], partial(_field, node, name)) for name in fields]
