@@ -77,17 +77,6 @@ def test_a_marker_that_is_not_ours_is_refused(tmp_path: Path, content: Any, expe
     assert names(tmp_path) == before
 
 
-def test_a_link_in_the_place_of_a_result_loses_the_link_alone(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    write(out, "a")
-    (tmp_path / "mine").write_text("mine", encoding="utf-8")
-    (out / "a").unlink()
-    (out / "a").symlink_to(tmp_path / "mine")
-    write(out, "b")
-    assert (tmp_path / "mine").read_text() == "mine"
-    assert names(out) == ["b", MARKER]
-
-
 def test_a_folder_that_is_read_is_not_written(tmp_path: Path) -> None:
     log = tmp_path / "logs/log.csv"
     log.parent.mkdir()
@@ -121,14 +110,6 @@ def test_two_runs_at_once_one_is_refused(tmp_path: Path) -> None:
         (draft / MARKER).write_text("{}", encoding="utf-8")
     write(out, "c")
     assert names(tmp_path) == ["out/c", f"out/{MARKER}"]
-
-
-def test_a_lookalike_of_our_draft_folder_keeps_what_is_in_it(tmp_path: Path) -> None:
-    drafts = tmp_path / ".out.draft"
-    (drafts / "mine").mkdir(parents=True)
-    (drafts / "mine/notes").write_text("mine", encoding="utf-8")
-    write(tmp_path / "out", "a")
-    assert names(drafts) == ["mine/notes"]
 
 
 def test_what_the_new_marker_keeps_stays_and_what_nobody_listed_cannot_be_kept(tmp_path: Path) -> None:

@@ -4,8 +4,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, SensorScale
@@ -233,19 +231,6 @@ def test_channel_in_two_tables_needs_its_table() -> None:
     wrong = MAPPING | {"pressure_1_pa": ChannelMapping("a", "bar", table="run 3")}
     with pytest.raises(RecordingError, match=r"table 'run 3' .* is missing; got tables 'run 1', 'run 2'"):
         map_signals(tables, wrong)
-
-
-@settings(deadline=None)
-@given(st.lists(st.none() | st.floats(width=32) | st.integers(-100, 100) | st.text(max_size=4), min_size=1, max_size=8))
-def test_text_never_becomes_nan_in_silence(cells: list[Any]) -> None:
-    source = table("", t=np.arange(len(cells)), a=pd.Series(cells, dtype=object))
-    mapping = {"time_s": ChannelMapping("t", "s"), "pressure_1_pa": ChannelMapping("a", "Pa")}
-    try:
-        values = map_signals([source], mapping).signals["pressure_1_pa"].values
-    except RecordingError:
-        assert any(isinstance(cell, str) for cell in cells)
-        return
-    np.testing.assert_array_equal(np.isnan(values), [cell is None or cell != cell for cell in cells])
 
 
 @pytest.mark.parametrize(
