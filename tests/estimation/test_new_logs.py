@@ -112,7 +112,8 @@ def test_offsets_of_new_sessions_are_identified_beside_those_of_before(run: Run,
     first = run()
     deliver(folder, *range(5, 12))
     result = run()
-    assert {each.source for each in first.offsets} == {"stated uncertainty"}
+    assert {each.source for each in first.offsets} == {"strokes in both directions"}
+    assert first.offsets[0].words.startswith("deviation from the mean of 5 sessions of its condition")
     found = {each.session: each for each in result.offsets}
     assert repr([found[each.session] for each in first.offsets]) == repr(first.offsets)
     assert {found[f"log{number:02d}"].source for number in range(5, 12)} == {"strokes in both directions"}

@@ -14,8 +14,14 @@ def calls() -> pd.DataFrame:
 
 def test_no_call_is_worse_than_one_that_identifies_nothing(calls: pd.DataFrame) -> None:
     assert calls["ratio"].max() <= 1.05
-    few = calls[calls["call"].isin(["one condition", "two sessions", "one session"])]
+    few = calls[calls["call"].isin(["two sessions", "one session"])]
     assert set(few["ratio"]) == {1.0}, "what a call does not determine is left alone"
+
+
+def test_sessions_of_one_condition_show_by_how_much_each_deviates(calls: pd.DataFrame) -> None:
+    alone = calls[calls["call"].eq("one condition") & calls["kind"].eq("wide zeros")]
+    assert alone["ratio"].median() < 0.85
+    assert alone["offset held %"].mean() >= 85.0
 
 
 def test_many_sessions_make_it_better_and_stated_intervals_hold_the_truth(calls: pd.DataFrame) -> None:

@@ -42,7 +42,7 @@ def test_a_constant_asymmetry_goes_into_the_load_and_is_within_its_uncertainty(a
     error = found.load_n(grid) - boom_load(grid)
     assert error.mean() == pytest.approx(-asymmetry_n, abs=5.0)
     assert (np.abs(error) < 2.0 * found.uncertainty_n(grid)).all()
-    assert found.asymmetry_n == pytest.approx(0.15 * found.coulomb_n)
+    assert found.asymmetry_n >= 0.15 * found.coulomb_n
 
 
 def test_the_load_of_several_sessions_is_their_mean_and_as_uncertain_as_one_more() -> None:

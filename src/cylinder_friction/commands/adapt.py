@@ -34,6 +34,7 @@ def run(options: argparse.Namespace) -> None:
         return
     low_pass = "" if result["low_pass_n"] is None else f"; a tuned low-pass: {result['low_pass_n']:.1f} N"
     lines = [f"source   {name}", f"for      {result['trained_for']}{low_pass}", f"bounds   {result['bounds']}"]
+    lines += [f"loss     {result['loss']}"] if result["loss"] else []
     print("\n".join([*(f"note     {note}" for note in notes), *lines, f"model    {options.output}"]))
 
 
@@ -48,6 +49,7 @@ def _adapted(
     from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
     from cylinder_friction.estimators.loading import load_estimator
     from cylinder_friction.evaluation.validation import mean_absolute_error_n
+    from cylinder_friction.labelling.apparent_loss import loss_of_labels
     from cylinder_friction.labelling.label import label, position_load
     from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES
     from cylinder_friction.recordings.files import write_json
@@ -65,6 +67,7 @@ def _adapted(
         load = position_load(recordings, cylinder) if mode == "position" else None
         adapted = source.adapt(labelled, cylinder, load)
         adapted.save(folder)
+        loss = loss_of_labels(labelled, cylinder)
         low_pass_n = None
         if set(PRESSURES) <= set(adapted.inputs):
             low_pass = LowPassForceBalanceEstimator(cylinder, inputs=adapted.inputs)
@@ -76,6 +79,7 @@ def _adapted(
             "source": name,
             "trained_for": adapted.trained_for.in_words(),
             "bounds": adapted.bounds.in_words(),
+            "loss": "" if loss is None else loss.sentence(cylinder),
             "low_pass_n": low_pass_n,  # Error of a low-pass tuned on the same recordings, against the label [N]
             "recordings": [each.name for each in labelled],
         }

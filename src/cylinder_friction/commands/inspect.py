@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from cylinder_friction.commands.estimate import add_reading_arguments, cylinder_of, reported, units_of
 from cylinder_friction.evaluation.inspection.files import inspect_files
+from cylinder_friction.labelling.apparent_loss import named_loss
 from cylinder_friction.labelling.known_offset import known_offsets
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan
@@ -62,8 +63,11 @@ def _inspected(files: Mapping[str, Path], recipe: Recipe, making: Panes, page: P
     evidence = [pane.offset for pane in panes if pane.offset is not None]
     offsets = known_offsets(evidence, making.labeller.cylinder, making.plan)
     write_page(page, panes, making, offsets)
-    subjects = [pane.subject for pane in panes]
-    return text_report(subjects, offsets).rstrip("\n"), any(each.outcome == "refused" for each in subjects)
+    subjects, loss = [pane.subject for pane in panes], named_loss(evidence)
+    report = text_report(subjects, offsets).rstrip("\n")
+    if loss is not None:
+        report = f"{report}\n\nloss     {loss.sentence(making.labeller.cylinder)}"
+    return report, any(each.outcome == "refused" for each in subjects)
 
 
 def _without_project(options: argparse.Namespace) -> tuple[str, bool]:

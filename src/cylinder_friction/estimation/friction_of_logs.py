@@ -17,6 +17,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.results import FrictionOfRecording, known_number
 from cylinder_friction.evaluation.friction_levels import friction_levels
 from cylinder_friction.execution.workers import Died, Workers
+from cylinder_friction.labelling.apparent_loss import ApparentLoss, named_loss
 from cylinder_friction.labelling.known_offset import (
     STROKES,
     KnownOffset,
@@ -74,6 +75,7 @@ class LabelledRecording(Converted):
     evidence: OffsetEvidence | None  # What it shows of the sensors' offset; None with an estimator
     load: str  # Which load was identified and taken off, in words; empty if none was
     rows: int
+    load_uncertainty_n: float = 0.0  # Expanded uncertainty (k = 2) of an identified load [N]
 
 
 @dataclass(frozen=True)
@@ -135,8 +137,9 @@ class RecordingFriction:
         except ValueError as error:  # shorter than the filter, or not what the estimator takes
             return refused_piece(each.metadata, str(error))
         evidence = self._evidence(labelled) if estimator is None else None
-        load = "" if of_session is None else of_session.sentence()
-        return LabelledRecording(each.metadata, keeper.keep(labelled), each.samples, evidence, load, len(labelled))
+        load, off_n = ("", 0.0) if of_session is None else (of_session.sentence(), of_session.expanded_n)
+        kept = keeper.keep(labelled)
+        return LabelledRecording(each.metadata, kept, each.samples, evidence, load, len(labelled), off_n)
 
     def _evidence(self, labelled: Recording) -> OffsetEvidence:
         known = LOADED.get(self.labeller.load, "")
@@ -147,8 +150,11 @@ class RecordingFriction:
         position_m, velocity_m_s, friction_n = map(recording.column, ("position_m", "velocity_m_s", "friction_n"))
         return up_and_down(position_m, velocity_m_s, friction_n, recording.usable(), self.plan.slowest_m_s)
 
-    def finished(self, recording: Recording, known: KnownOffset | None) -> Recording:
-        """Return a recording with its bounds, and without the offset of its session if strokes determine it."""
+    def finished(self, recording: Recording, known: KnownOffset | None, loss: ApparentLoss | None = None) -> Recording:
+        """Return a recording with its bounds, and without the offset of its session if strokes determine it.
+
+        Bounds are wider by a ``loss`` between sensors and cylinder that nobody stated.
+        """
         if known is None:
             return recording.without_columns(UNCERTAINTY_COLUMN)
         friction_n, half_n = recording.column("friction_n"), np.full(len(recording), math.nan)
@@ -157,6 +163,8 @@ class RecordingFriction:
         if known.source == STROKES:
             friction_n = friction_n - known.offset_n
             half_n = np.sqrt(np.maximum(half_n**2 - known.stated_n**2, 0.0) + known.uncertainty_n**2)
+        if loss is not None:
+            half_n = half_n + loss.most_n(recording.column("velocity_m_s"))
         bounds = {"lower_n": friction_n - half_n, "upper_n": friction_n + half_n}
         return recording.with_columns(friction_n=friction_n, **bounds).without_columns(UNCERTAINTY_COLUMN)
 
@@ -172,6 +180,8 @@ class RecordingFriction:
         if estimator is not None and estimator.trained_for is not None and level is not None:
             trained = replace(estimator.trained_for, pressure_noise_pa=level.noise_pa)
             other, noisy = trained.differences([recording], noise_pa)
+        trained_for = None if estimator is None else estimator.trained_for
+        fits = trained_for is None or trained_for.fits(self.labeller.cylinder)  # a model's own areas hold no load
         shares = {name: 100.0 * count / rows for name, count in counts.items() if count}
         return FrictionOfRecording(
             name=about.name,
@@ -191,7 +201,7 @@ class RecordingFriction:
             load=load or known,
             not_known=other or unknown_in_words(rows, counts),
             unlike_training="; ".join(filter(None, (noisy, self._missed(recording)))),
-            load_left_n=known_number(load_n) if holds_load(load_n, half_n) else None,
+            load_left_n=known_number(load_n) if fits and holds_load(load_n, half_n) else None,
             repairs=tuple(about.repairs),
             levels=friction_levels([recording]),
         )
@@ -234,6 +244,8 @@ class LabelledLogs:
     Attributes:
         refused: Files and recordings that could not be used, once ``labelled`` has ended.
         offsets: What is known of the sensors' offset by session, from then on; empty with an estimator.
+        load_uncertainty_n: Greatest expanded uncertainty (k = 2) of a session's identified load [N], from then on.
+        loss: What looks like a loss between sensors and cylinder, from then on; None if nothing does.
     """
 
     def __init__(
@@ -255,6 +267,8 @@ class LabelledLogs:
         self.friction = RecordingFriction(labeller, default_filter(cylinder), OffsetPlan(), model)
         self.refused: list[Quarantined] = []
         self.offsets: dict[str, KnownOffset] = {}
+        self.loss: ApparentLoss | None = None
+        self.load_uncertainty_n = 0.0
 
     def recordings(self, most_rows: int) -> Iterator[tuple[Recording, str]]:
         """Yield each usable recording with friction, bounds, velocity and usable rows, and its load in words.
@@ -269,7 +283,8 @@ class LabelledLogs:
             yield from map(self._finished, own[::every])
 
     def _finished(self, each: LabelledRecording) -> tuple[Recording, str]:
-        return self.friction.finished(each.result.read(), self.offsets.get(each.metadata.session)), each.load
+        offset = self.offsets.get(each.metadata.session)
+        return self.friction.finished(each.result.read(), offset, self.loss), each.load
 
     def labelled(
         self,
@@ -296,9 +311,12 @@ class LabelledLogs:
                 labelled.append(outcome)
         if overlaps := batch.seen.overlaps():
             warnings.warn(overlaps, stacklevel=4)
+        self.load_uncertainty_n = max((each.load_uncertainty_n for each in labelled), default=0.0)
         shown = [each.evidence for each in labelled if each.evidence is not None]
         if shown:
-            known = known_offsets([*_spread(evidence), *shown], self.cylinder, self.friction.plan)
+            every = [*_spread(evidence), *shown]
+            known = known_offsets(every, self.cylinder, self.friction.plan)
+            self.loss = named_loss(every)
             sessions = {each.session for each in shown}
             self.offsets = {each.session: each for each in known if each.session in sessions}
         return labelled

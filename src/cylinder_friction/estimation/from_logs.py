@@ -32,6 +32,7 @@ from cylinder_friction.estimation.result_file import FileFormat, Result, packed,
 from cylinder_friction.estimation.results import FrictionOfLogs, table_rows
 from cylinder_friction.evaluation.inspection.friction_view import view_of_labelled
 from cylinder_friction.execution.workers import Died, Workers
+from cylinder_friction.labelling.apparent_loss import ApparentLoss
 from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.recordings.checks.duplicates import SeenRecordings
 from cylinder_friction.recordings.checks.limits import LoadMode
@@ -153,6 +154,7 @@ def estimate_logs(
             found.news,
             depends_on,
             logs.guessed,
+            _loss_in_words(run, into),
         )
         own_files = [name for each in results for name in (each.file, *each.beside)]
         _write_summary(target, result, own_files)
@@ -193,6 +195,7 @@ def _write_results(
             run.friction,
             each,
             run.offsets.get(each.metadata.session),
+            run.loss,
             of_file[each.metadata.source_file],
             folder,
             file_format,
@@ -217,6 +220,7 @@ def _written(
     friction: RecordingFriction,
     labelled: LabelledRecording,
     offset: KnownOffset | None,
+    loss: ApparentLoss | None,
     of_file: int,
     folder: Path,
     file_format: FileFormat,
@@ -229,10 +233,11 @@ def _written(
 
     Args:
         offset: What is known of the sensors' offset; None with an estimator.
+        loss: What looks like a loss between sensors and cylinder; None if nothing does.
         of_file: How many recordings its log gave.
         detailed: Whether the page shows friction against velocity, and the Stribeck curve.
     """
-    finished = friction.finished(labelled.result.read(), offset)
+    finished = friction.finished(labelled.result.read(), offset, loss)
     finished = replace(finished, metadata=replace(finished.metadata, depends_on=depends_on))
     entry, bounded = friction.entry(finished, labelled.load), bool(np.isfinite(finished.column("lower_n")).any())
     compared = packed(labelled.evidence, labelled.samples)
@@ -260,8 +265,16 @@ def _write_summary(target: ResultFolder, result: FrictionOfLogs, files: Sequence
     if page.is_file() and {name: there.get(name) for name in stated} == stated:
         return
     tables = level_tables(result.differences, result.levels)
-    write_friction_page(page, table_rows(result), result.offsets, result.bounds, result.guessed, tables)
+    bounds = f"{result.bounds}. {result.loss}" if result.loss else result.bounds
+    write_friction_page(page, table_rows(result), result.offsets, bounds, result.guessed, tables)
     target.claim([PAGE_FILE, *files], content)
+
+
+def _loss_in_words(run: LabelledLogs, folder: Path) -> str:
+    """State what looks like a loss; without new logs, what the earlier run stated."""
+    if not run.logs.files:
+        return str(read_json(folder / SUMMARY_FILE).get("loss", ""))
+    return "" if run.loss is None else run.loss.sentence(run.cylinder)
 
 
 def _depends_on(

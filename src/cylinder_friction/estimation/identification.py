@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from tqdm import tqdm
 
 from cylinder_friction.arrays import Array
@@ -43,6 +44,7 @@ from cylinder_friction.friction_models.identification.intervals import INTERVAL_
 from cylinder_friction.friction_models.identification.known_curve import undetermined
 from cylinder_friction.friction_models.identification.procedure import SearchEffort, identify
 from cylinder_friction.friction_models.lugre import LuGre
+from cylinder_friction.labelling.apparent_loss import ApparentLoss
 from cylinder_friction.labelling.known_offset import KnownOffset, mean_uncertainty_n
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.files import write_json, write_text
@@ -58,6 +60,8 @@ from cylinder_friction.signals.smooth_signals import has_pressures
 MODELS_FILE, PAGE_FILE = "friction_models.json", "friction_models.html"
 CONFIDENCE, DAMPING_RATIO = 0.95, 0.5
 POPULATION, GENERATIONS = 10, 50
+AS_GOOD = 1.05
+"""Error of the plain model over that of the pressure-scaled one up to which pressure explains nothing."""
 MOST_ROWS = 1 << 20
 """Of a longer log only some parts are used, spread evenly over it: memory holds all that is identified from."""
 SIMULATED_RECORDINGS, PIECE_S, POLISHED_PIECE_S = 16, 10.0, 60.0
@@ -65,11 +69,12 @@ SIMULATED_RECORDINGS, PIECE_S, POLISHED_PIECE_S = 16, 10.0, 60.0
 INTERVALS_OF_PARAMETERS = (
     f"{INTERVAL_METHOD}; widened to hold what is identified with every velocity whose error exceeds the least by at "
     f"most {100.0 * FITS_ALIKE:g} % of mean |friction|, to {100.0 * LEAST_SHARE:g} % either way at least, and by what "
-    "is stated of the sensors' zeros"
+    "is stated of the sensors' zeros, or uncertain of an identified load"
 )
 INTERVALS_OF_POINTS = (
-    "Student's t over the medians of strokes, with what is stated of the sensors' zeros; where nothing is stated, they "
-    "may shift friction beyond its interval; a single stroke has no interval"
+    "Student's t over the medians of strokes, with what is stated of the sensors' zeros, or uncertain of an identified "
+    "load; where nothing is stated of zeros, they may shift friction beyond its interval; a single stroke has no "
+    "interval"
 )
 
 
@@ -84,6 +89,8 @@ class FrictionModels:
     refused: list[Quarantined] = field(default_factory=list)
     offsets: list[KnownOffset] = field(default_factory=list)
     guessed: dict[str, Any] | None = None  # As in ``FrictionOfLogs``
+    loss: str = ""  # As in ``FrictionOfLogs``
+    simpler: str = ""  # That the model of fewer parameters describes all recordings as well, in words; else empty
     # Friction of steady sliding at each level of pressure and speed, by recording
     levels: Mapping[str, tuple[FrictionLevel, ...]] = field(default_factory=dict)
 
@@ -104,6 +111,8 @@ class FrictionModels:
             "offsets": {each.session: each.value for each in self.offsets},
             "refused": [asdict(each) for each in self.refused],
             "guessed": self.guessed,
+            "loss": self.loss,
+            "simpler": self.simpler,
             "levels": {name: [asdict(each) for each in own] for name, own in self.levels.items()},
             "differences": [asdict(each) for each in self.differences],
         }
@@ -170,15 +179,18 @@ def identify_logs(
         recordings = [recording for recording, _ in labelled if recording.name not in others]
         if not recordings:
             raise none_usable(logs.root.as_posix(), len(logs.files), refused[0])
-        search = ModelSearch(recordings, cylinder, generations, seed, run.offsets)
+        search = ModelSearch(recordings, cylinder, generations, seed, run.offsets, run.loss, run.load_uncertainty_n)
+        models = search.plain(), search.pressure_scaled()
         result = FrictionModels(
             into,
             tuple(recording.name for recording in recordings),
             search.curves(),
-            (search.plain(), search.pressure_scaled()),
+            models,
             refused,
             list(run.offsets.values()),
             logs.guessed,
+            "" if run.loss is None else run.loss.sentence(cylinder),
+            search.simpler(*models),
             {recording.name: friction_levels([recording]) for recording in recordings},
         )
         _write(folder, result, search, cylinder)
@@ -195,8 +207,10 @@ class ModelSearch:
         generations: int,
         seed: int,
         offsets: Mapping[str, KnownOffset],
+        loss: ApparentLoss | None = None,
+        load_n: float = 0.0,
     ) -> None:
-        self.cylinder, self.offsets = cylinder, offsets
+        self.cylinder, self.offsets, self.loss, self.load_n = cylinder, offsets, loss, load_n
         sample_time_s = recordings[0].sample_time_s
         noise_m = max(sensor_noise(recording.column("position_m")) for recording in recordings)
         window = odd_window(STEADY_DURATION_S, sample_time_s)
@@ -215,10 +229,11 @@ class ModelSearch:
 
     def curves(self) -> tuple[IdentifiedCurve, ...]:
         conditions = sorted({recording.metadata.condition for recording in self.recordings})
-        return tuple(
+        curves = [
             identified_curve(condition, own, self.slowest_m_s, CONFIDENCE, self._zeros_n(own))
             for condition, own in ((each, self._of(each)) for each in conditions)
-        )
+        ]
+        return tuple(curves if self.loss is None else (each.with_loss(self.loss) for each in curves))
 
     def plain(self) -> IdentifiedModel:
         return self._identified(LuGre(), self._of(condition_of_smallest_friction(self.recordings)))
@@ -230,6 +245,22 @@ class ModelSearch:
         problem = pressure_problem([_pressure(recording)[recording.usable()] for recording in self.recordings])
         return _unidentified(model, self.recordings, problem) if problem else self._identified(model, self.recordings)
 
+    def simpler(self, plain: IdentifiedModel, scaled: IdentifiedModel) -> str:
+        """Return that the plain model describes all recordings as well as the pressure-scaled one; else empty."""
+        if plain.found is None or scaled.found is None:
+            return ""
+        errors = []
+        for model in (plain, scaled):
+            off_n = [self.simulated(model, each) - each.column("friction_n") for each in self.recordings]
+            rows = [each.usable() for each in self.recordings]
+            errors.append(float(np.mean([np.abs(off[own]).mean() for off, own in zip(off_n, rows, strict=True)])))
+        if errors[0] > AS_GOOD * errors[1]:
+            return ""
+        return (
+            f"{plain.title} describes all recordings as well ({errors[0]:.1f} N) as {scaled.title} ({errors[1]:.1f} "
+            "N), with one parameter fewer; use its parameters"
+        )
+
     def simulated(self, identified: IdentifiedModel, recording: Recording) -> Array:
         """Return the friction of an identified model along a recording [N], shape ``(n,)``."""
         assert identified.found is not None
@@ -239,6 +270,9 @@ class ModelSearch:
         return model.simulate(values, velocity(recording), recording.sample_time_s, state, pressure)
 
     def _zeros_n(self, recordings: Sequence[Recording]) -> float:
+        """Return by how much zeros, or an identified load that has absorbed them, may shift friction [N] (k = 2)."""
+        if self.load_n:
+            return self.load_n
         sessions = {each.metadata.session for each in recordings} & self.offsets.keys()
         return mean_uncertainty_n([self.offsets[name] for name in sorted(sessions)])
 
@@ -270,7 +304,8 @@ class ModelSearch:
             found, model, recordings, self.velocities, pressure, mass_kg=mass_kg, damping_ratio=DAMPING_RATIO
         )
         found = replace(found, intervals=shifted_intervals(found, intervals, self._zeros_n(recordings)))
-        parameters = determined(model, found, points, DAMPING_RATIO)
+        no_viscous = "" if self.loss is None else self.loss.unknown_viscous
+        parameters = determined(model, found, points, DAMPING_RATIO, no_viscous)
         names = tuple(recording.name for recording in recordings)
         return IdentifiedModel(model.name, model.title, names, "", parameters, found.velocity, found)
 

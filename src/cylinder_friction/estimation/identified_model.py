@@ -48,6 +48,8 @@ WIDEST = 4.0
 LEAST_PRESSURE_SPAN = 1.5
 """Greatest over least sum of pressures while usable; below it, pressure and preload take each other's place."""
 _AT_THE_EDGE = 0.01
+_AT_THE_LIMIT = 0.05
+"""Share of a limit of the search within which the end of an interval counts as that limit."""
 _FOLLOWS_FROM = {"bristle_damping_n_s_m": "bristle_stiffness_n_m", "damping_velocity_m_s": "stribeck_velocity_m_s"}
 
 
@@ -99,7 +101,7 @@ class IdentifiedModel:
 
 
 def determined(
-    model: LuGre, found: Identification, points: Sequence[SteadyPoint], damping_ratio: float
+    model: LuGre, found: Identification, points: Sequence[SteadyPoint], damping_ratio: float, no_viscous: str = ""
 ) -> tuple[IdentifiedParameter, ...]:
     """Return every parameter of the model, without a number where the motion does not determine it.
 
@@ -108,6 +110,7 @@ def determined(
         found: With which result.
         points: Of steady sliding in the recordings that it was identified from.
         damping_ratio: Of the mass on its bristles, as assumed.
+        no_viscous: Why viscous friction is not known; empty if nothing speaks against it.
     """
     assert isinstance(found.parameters, LugreParameters)
     searched = {spec.name for spec in model.searched}
@@ -115,6 +118,7 @@ def determined(
     no_rise = no_rise_seen(found.parameters.curve, points)
     for spec in model.searched:
         why_not[spec.name] = (no_rise if spec.name in SLOW_PARAMETERS else "") or _unknown(spec, found)
+    why_not["viscous_n_s_m"] = no_viscous or why_not["viscous_n_s_m"]
     parameters = []
     for spec in model.specs:
         if spec.relative_to == "pressure" and not model.pressure_scaled:
@@ -153,6 +157,14 @@ def _unknown(spec: ParameterSpec, found: Identification) -> str:
     lower, upper = found.intervals[spec.name]
     if upper > WIDEST * lower:
         return f"its interval spans a factor of {min(upper / lower, 1e6):.2g}, more than {WIDEST:g}"
+    at_limit = lower <= (1.0 + _AT_THE_LIMIT) * spec.lower or upper >= (1.0 - _AT_THE_LIMIT) * spec.upper
+    if spec.relative_to == "" and spec.logarithmic and not spec.may_be_zero and at_limit:
+        return (
+            f"its interval ends at a limit of the search, {four_digits(spec.lower)} to {four_digits(spec.upper)} "
+            f"{spec.unit}, so that it may be anything beyond {four_digits(lower)} {spec.unit}"
+            if upper >= (1.0 - _AT_THE_LIMIT) * spec.upper
+            else f"its interval ends at the lower limit of the search, {four_digits(spec.lower)} {spec.unit}"
+        )
     value = found.parameters.value(spec.name)
     if spec.relative_to == "" and not _inside(spec, value):
         return f"the search ends at its limit, {four_digits(spec.lower)} to {four_digits(spec.upper)} {spec.unit}"

@@ -58,6 +58,7 @@ class FrictionOfLogs:
     depends_on: Mapping[str, str] = field(default_factory=dict)
     # From which file channels and units were guessed, and each column's with its reasons; None with a mapping
     guessed: dict[str, Any] | None = None
+    loss: str = ""  # What looks like a loss between sensors and cylinder, in words; empty if nothing does
 
     @property
     def levels(self) -> dict[str, tuple[FrictionLevel, ...]]:
@@ -82,6 +83,7 @@ class FrictionOfLogs:
             "depends_on": dict(self.depends_on),
             "news": list(self.news),
             "guessed": self.guessed,
+            "loss": self.loss,
         }
 
 

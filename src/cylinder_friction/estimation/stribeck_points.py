@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -15,6 +15,7 @@ from cylinder_friction.friction_models.identification.steady_points import (
 )
 from cylinder_friction.friction_models.parameters import STRIBECK_EXPONENT
 from cylinder_friction.friction_models.stribeck import StribeckCurve
+from cylinder_friction.labelling.apparent_loss import ApparentLoss
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.motion import steady_rows
 
@@ -36,6 +37,15 @@ class IdentifiedCurve:
     points: tuple[StribeckPoint, ...]
     curve: StribeckCurve | None  # None where the points do not determine one, and ``why_not`` states why
     why_not: str
+    no_viscous: str = ""  # Why viscous friction is not known; empty if nothing speaks against it
+
+    def with_loss(self, loss: ApparentLoss) -> Self:
+        """Return the points and the curve as far as they are known while a loss between sensors and cylinder is not."""
+        points = [
+            replace(each, half_width_n=each.half_width_n + float(loss.most_n(np.array(each.velocity_m_s))))
+            for each in self.points
+        ]
+        return replace(self, points=tuple(points), no_viscous=loss.unknown_viscous)
 
     @property
     def why_not_slow(self) -> str:
@@ -55,7 +65,9 @@ class IdentifiedCurve:
         curve: dict[str, float | None] = asdict(self.curve)
         if self.why_not_slow:
             curve |= dict.fromkeys(SLOW_PARAMETERS)
-        return content | {"curve": curve, "why_not": self.why_not_slow}
+        if self.no_viscous:
+            curve["viscous_n_s_m"] = None
+        return content | {"curve": curve, "why_not": "; ".join(filter(None, (self.why_not_slow, self.no_viscous)))}
 
 
 def no_rise_seen(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> str:

@@ -10,7 +10,13 @@ from dataclasses import dataclass, replace
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.offset_identification import LEAST_NARROWING, OffsetModel, SessionOffset, offset_model
-from cylinder_friction.labelling.sliding_blocks import OffsetPlan, SlidingBlocks, sliding_blocks, zero_uncertainty_n
+from cylinder_friction.labelling.sliding_blocks import (
+    OffsetPlan,
+    SlidingBlocks,
+    sliding_blocks,
+    stated_zero_n,
+    zero_uncertainty_n,
+)
 from cylinder_friction.labelling.uncertainty import sensitivities
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, LOAD_FORCE
 from cylinder_friction.recordings.recording import Recording, RecordingError
@@ -23,6 +29,8 @@ LEAST_SESSIONS, LEAST_NARROWING_OF_FEW = 12, 0.4
 """Fewer sessions hardly show how much their friction differs: strokes must leave a smaller share of what is stated."""
 UNEXPECTED = 1.5
 """Friction more asymmetric than what the plan states, times this, may be so in another way in each session."""
+LEAST_IN_CONDITION = 3
+"""So many sessions of a condition have a mean from which each deviates."""
 ODD_SHARE = 0.1
 """Up to this share of sessions may be too uneven and is left out; of more it is friction, or the zeros, not a load."""
 
@@ -35,9 +43,20 @@ class OffsetEvidence:
     # Standard uncertainty of the zeros behind the driving force, as friction [N]; None where it is not stated
     stated_n: float | None
     vented_n: float | None  # What was taken off as read with vented chambers, as friction [N]; None without
-    sliding: SlidingBlocks | None  # None where strokes do not count, and ``why_not`` states why
-    why_not: str = ""
+    sliding: SlidingBlocks | None  # None without labels
+    why_not: str = ""  # Why strokes do not count for the offset; empty if they do
     uneven: str = ""  # Why what does not turn with the direction is no offset of zeros as stated; empty where it may be
+    condition: str = ""
+
+    @property
+    def sliding_key(self) -> float:
+        """What tells the recordings of a session apart."""
+        return 0.0 if self.sliding is None else float(self.sliding.label_n.sum())
+
+    @property
+    def strokes(self) -> SlidingBlocks | None:
+        """The steady sliding that the offset is identified from; None if strokes do not count."""
+        return None if self.why_not or self.vented_n is not None else self.sliding
 
 
 @dataclass(frozen=True)
@@ -76,17 +95,21 @@ def offset_evidence(
     session, zeros = labelled.metadata.session or labelled.name, labelled.metadata.zero_offset
     identified = () if LOAD_FORCE in labelled.metadata.uncertainty else (LOAD_FORCE,)  # it has no sensor
     stated_n = zero_uncertainty_n(labelled.without_columns(*identified), cylinder)
+    condition, sliding = (
+        labelled.metadata.condition,
+        replace(sliding_blocks(labelled, cylinder, plan, stated_n or 0.0), session=session),
+    )
     if zeros:
         areas = sensitivities(labelled, cylinder)
-        return OffsetEvidence(session, stated_n, sum(areas[name] * zero for name, zero in zeros.items()), None)
-    sliding = None
+        vented_n = sum(areas[name] * zero for name, zero in zeros.items())
+        return OffsetEvidence(session, stated_n, vented_n, sliding, condition=condition)
     if not why_not:
         try:
-            sliding = replace(sliding_blocks(labelled, cylinder, plan), session=session)
+            sliding = replace(sliding, prior_n=stated_zero_n(labelled, cylinder))
         except RecordingError as error:
             why_not = str(error)
-    uneven = "" if sliding is None else too_uneven(uneven_n, friction_n, sliding.prior_n, plan)
-    return OffsetEvidence(session, stated_n, None, sliding, why_not, uneven)
+    uneven = "" if why_not else too_uneven(uneven_n, friction_n, sliding.prior_n, plan)
+    return OffsetEvidence(session, stated_n, None, sliding, why_not, uneven, condition)
 
 
 def too_uneven(uneven_n: float, friction_n: float, zero_n: float | None, plan: OffsetPlan) -> str:
@@ -96,21 +119,77 @@ def too_uneven(uneven_n: float, friction_n: float, zero_n: float | None, plan: O
         return ""
     return (
         f"{four_digits(uneven_n)} N does not turn with the direction, where the stated zeros and an asymmetry of "
-        f"friction explain {four_digits(largest_n)} N; a load acts, or a sensor is worse than stated"
+        f"friction explain {four_digits(largest_n)} N; a load acts, friction is more asymmetric, or a zero is worse "
+        "than stated"
     )
 
 
 def known_offsets(evidence: Sequence[OffsetEvidence], cylinder: Cylinder, plan: OffsetPlan) -> list[KnownOffset]:
-    """Return what is known of each session, in their order; friction's part is found from all of them together."""
+    """Return what is known of each session, in their order; friction's part is found from all of them together.
+
+    Which evidence comes first changes no digit.
+    """
+    order = list(dict.fromkeys(each.session for each in evidence))
+    evidence = sorted(evidence, key=lambda each: (each.session, each.sliding_key))
     odd = {each.session for each in evidence if each.uneven}
-    if len(odd) <= ODD_SHARE * len({each.session for each in evidence if each.sliding is not None}):
+    if len(odd) <= ODD_SHARE * len({each.session for each in evidence if each.strokes is not None}):
         evidence = [replace(each, sliding=None) if each.session in odd else each for each in evidence]
-    sliding = [each.sliding for each in evidence if each.sliding is not None and len(each.sliding.direction)]
+    sliding = [each.strokes for each in evidence if each.strokes is not None and len(each.strokes.direction)]
     model = offset_model(sliding, cylinder, cautious(plan, {each.session for each in sliding})) if sliding else None
     sessions: dict[str, list[OffsetEvidence]] = {}
     for each in evidence:
         sessions.setdefault(each.session, []).append(each)
-    return [_known(name, own, model, plan) for name, own in sessions.items()]
+    known = [_known(name, sessions[name], model, plan) for name in order]
+    deviations = _deviations({each.session for each in known if each.source == STATED}, evidence, model, plan)
+    return [deviations.get(each.session, each) for each in known]
+
+
+def _deviations(
+    left: set[str], evidence: Sequence[OffsetEvidence], model: OffsetModel | None, plan: OffsetPlan
+) -> dict[str, KnownOffset]:
+    """Return the deviation of each session that is ``left`` from the mean of its condition, if strokes show it."""
+    conditions: dict[str, list[SlidingBlocks]] = {}
+    for each in evidence:
+        if each.strokes is not None and len(set(each.strokes.direction.tolist())) == 2:
+            conditions.setdefault(each.condition, []).append(each.strokes)
+    found: dict[str, KnownOffset] = {}
+    for sliding in conditions.values():
+        names = {each.session for each in sliding}
+        if model is None or not left & names or len(names) < LEAST_IN_CONDITION:
+            continue
+        alone = names == set(model.sessions)
+        own = (model if alone else offset_model(sliding, model.cylinder, cautious(plan, names))).about_mean()
+        if shows_deviations(own):
+            found |= {name: _deviation(each, own) for name, each in own.sessions.items()}
+    return {name: each for name, each in found.items() if name in left}
+
+
+def shows_deviations(model: OffsetModel) -> bool:
+    """Return whether strokes determine by how much sessions of one condition deviate from their mean.
+
+    Friction's asymmetry is common to the sessions of a condition, zeros are not.
+    """
+    sessions = model.sessions.values()
+    prior_n = max(each.prior_n for each in sessions)
+    worst_n = max(each.standard_uncertainty_n for each in sessions)
+    return _own_asymmetry_n(model) <= prior_n and worst_n < LEAST_NARROWING * prior_n
+
+
+def _own_asymmetry_n(model: OffsetModel) -> float:
+    """Return by how much, as fitted, an asymmetry of a session's own shifts its friction [N] (k = 1)."""
+    return 0.5 * model.plan.asymmetry_sd * model.level_n
+
+
+def _deviation(found: SessionOffset, model: OffsetModel) -> KnownOffset:
+    words = (
+        f"deviation from the mean of {len(model.sessions)} sessions of its condition ({found.strokes_extend} strokes "
+        f"extending and {found.strokes_retract} retracting), if friction is as asymmetric in each: another ratio of "
+        f"both directions, by {200.0 * abs(found.offset_n) / model.level_n:.1f} %, would look the same; ± "
+        f"{COVERAGE_FACTOR * found.common_uncertainty_n:.1f} N of it common to all, whose mean looks like an asymmetry "
+        "of friction"
+    )
+    uncertainty_n = COVERAGE_FACTOR * found.standard_uncertainty_n
+    return KnownOffset(found.session, STROKES, words, uncertainty_n, COVERAGE_FACTOR * found.prior_n, found.offset_n)
 
 
 def mean_uncertainty_n(known: Sequence[KnownOffset]) -> float:
@@ -166,18 +245,18 @@ def undetermined(found: SessionOffset, model: OffsetModel, plan: OffsetPlan) -> 
     if model.plan.asymmetry > UNEXPECTED * plan.asymmetry:
         return (
             f"friction extending and retracting differs from its mean by {100.0 * model.plan.asymmetry:.0f} %, where "
-            f"{100.0 * plan.asymmetry:.0f} % is expected, and may differ in another way in each session; where you "
-            "know that it does not, state the asymmetry (offset.asymmetry)"
+            f"{100.0 * plan.asymmetry:.0f} % is expected, and may differ in another way in each session; give at least "
+            f"{LEAST_IN_CONDITION} sessions of each condition together"
         )
     few = len(model.sessions) < LEAST_SESSIONS
     if found.standard_uncertainty_n < (LEAST_NARROWING_OF_FEW if few else LEAST_NARROWING) * found.prior_n:
         return ""
-    own_n = 0.5 * model.plan.asymmetry_sd * model.level_n
-    if len(model.sessions) > 2 and own_n > found.prior_n:
+    if len(model.sessions) > 2 and _own_asymmetry_n(model) > found.prior_n:
         return (
-            f"sessions differ by about ± {COVERAGE_FACTOR * own_n:.0f} N in what does not turn with the direction, "
-            f"where the stated zeros explain ± {COVERAGE_FACTOR * found.prior_n:.0f} N: friction of each is asymmetric "
-            "in its own way, or the zeros are worse than stated, and then the bounds are too narrow"
+            "what does not turn with the direction differs from session to session by ± "
+            f"{COVERAGE_FACTOR * model.even_spread_n:.0f} N, where the stated zeros explain ± "
+            f"{COVERAGE_FACTOR * found.prior_n:.0f} N: friction of each is asymmetric in its own way, a load differs, "
+            "or zeros are worse than stated; in the last two cases bounds are too narrow"
         )
     return (
         "strokes in both directions narrow it no further, as friction of each session may be asymmetric in its own "

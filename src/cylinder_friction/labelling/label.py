@@ -16,7 +16,7 @@ from cylinder_friction.labelling.load import LoadPlan, pooled_load
 from cylinder_friction.labelling.mass import MotionPlan, motion_points
 from cylinder_friction.labelling.session import SessionIdentification, identify_session
 from cylinder_friction.labelling.strokes import stroke_points
-from cylinder_friction.labelling.uncertainty import label_uncertainty, smoothing_deviation
+from cylinder_friction.labelling.uncertainty import label_uncertainty, line_uncertainty, smoothing_deviation
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import LOAD_FORCE, OTHER_POSITIONS, UNCERTAINTY_COLUMN
@@ -149,7 +149,8 @@ class Labeller:
         if self.load == "position" and identified is not None and identified.load is not None:
             columns[LOAD_FORCE] = np.asarray(load_n)
             load_uncertainty_n = identified.load.uncertainty_n(recording.samples(identified.load.columns))
-        smoothing_n = smoothing_deviation(recording, self.cylinder, signal_filter)
+        lines_n = line_uncertainty(recording, self.cylinder, recording.column("velocity_m_s"))
+        smoothing_n = np.hypot(smoothing_deviation(recording, self.cylinder, signal_filter), lines_n)
         uncertainty_n = label_uncertainty(recording, self.cylinder, load_uncertainty_n, smoothing_n)
         if uncertainty_n is not None:
             columns[UNCERTAINTY_COLUMN] = uncertainty_n

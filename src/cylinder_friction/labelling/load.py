@@ -3,13 +3,14 @@
 What drives the piston less inertia is load plus friction, and friction turns its sign with the direction where the
 load at a position does not:
 
-    F_drive - m·a = L(x) + F_C·sgn(v) + s_2·v
+    F_drive - m·a = L(x) + F_C·sgn(v) + s_2·v + k·v·|v|
 
 L is a polynomial in position, and in those of other cylinders where it depends on them, whose orders cross-validation
-chooses; friction is Coulomb and viscous, the same in
-both directions, over rows that clearly move. **A difference of friction between the directions that does not depend
-on position is indistinguishable from load**: half of it goes into L. How large it may be is therefore stated, as a
-share of Coulomb friction, and enters the load's uncertainty beside the scatter of the strokes.
+chooses. Friction is the same in both directions over rows that clearly move: Coulomb, viscous and, where lines between
+sensors and cylinder lose pressure, quadratic friction, each term as far as strokes determine it. **A difference of
+friction between the directions that does not depend on position is indistinguishable from load**: half of it goes into
+L. How large it may be is therefore stated, as a share of friction, and enters the load's uncertainty beside the scatter
+of the strokes.
 """
 
 import math
@@ -52,6 +53,9 @@ _FOLDS = 5
 _BLOCKS_PER_DIRECTION = 10
 _AS_GOOD = 1.01
 """Cross-validated error of the chosen order over the least one, at most."""
+_ALIKE = 1.1
+"""Up to this factor of the least residual another set of speed terms describes friction as well: Coulomb friction is
+uncertain by what they make of it."""
 _OWN_SHARE = 0.05
 """Viscous friction is identified if position and direction leave this share of velocity's square unexplained."""
 _LEAST_POINTS_PER_COEFFICIENT = 4
@@ -151,12 +155,19 @@ class LoadIdentification:
     def sentence(self) -> str:
         """Return the result in words."""
         (low_n, high_n), (from_m, to_m) = self.load_range_n, self.coverage.range_m
+        load = f"{low_n:.0f} N" if f"{low_n:.0f}" == f"{high_n:.0f}" else f"{low_n:.0f} to {high_n:.0f} N"
         return (
-            f"the load is {low_n:.0f} to {high_n:.0f} N between {from_m:.3g} and {to_m:.3g} m{self._elsewhere()}, from "
-            f"strokes ({self.strokes_extend} out, {self.strokes_retract} in); Coulomb friction {self.coulomb_n:.4g} N "
-            f"({self.coulomb_interval_n[0]:.4g} to {self.coulomb_interval_n[1]:.4g}), "
-            f"{self.coulomb_extend_n:.4g} extending and {self.coulomb_retract_n:.4g} retracting"
+            f"the load is {load} ± {self.expanded_n:.0f} N between {from_m:.3g} and {to_m:.3g} m{self._elsewhere()}, "
+            f"from strokes ({self.strokes_extend} out, {self.strokes_retract} in); "
+            f"± {COVERAGE_FACTOR * self.asymmetry_n:.0f} N of that is asymmetric friction, which strokes do not tell "
+            f"from a load; Coulomb friction {self.coulomb_n:.4g} N ({self.coulomb_interval_n[0]:.4g} to "
+            f"{self.coulomb_interval_n[1]:.4g}), the mean of both directions"
         )
+
+    @property
+    def expanded_n(self) -> float:
+        """Expanded uncertainty (k = 2) of the load [N], the median over positions."""
+        return COVERAGE_FACTOR * math.hypot(float(np.median(self.scatter_n)), self.asymmetry_n)
 
     def _elsewhere(self) -> str:
         ranges_m = [] if self.around is None else self.around.ranges_m
@@ -210,17 +221,23 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
     order, other_order = _orders(points, coverage, around, blocks, plan)
     shape = _polynomials(_positions(points), coverage, around, order, other_order)
     of_load = shape.shape[1]
-    design = np.column_stack([shape, direction, points.velocity_m_s])
-    fit = robust_fit(design, points.force_n)
-    drawn = bootstrap_coefficients(design, fit, points.force_n, blocks, groups, plan.repeats, plan.seed)
-    viscous_interval = quantile_interval(drawn[:, -1], plan.confidence)
-    if viscous_interval[0] <= 0.0 or _own_share(design) < _OWN_SHARE:
-        design, viscous_interval = design[:, :-1], (0.0, 0.0)
+    dry = np.column_stack([shape, direction])
+    linear = points.velocity_m_s[:, None]
+    fits = []
+    for terms in (linear[:, :0], linear, linear * np.abs(linear), np.hstack([linear, linear * np.abs(linear)])):
+        design = np.hstack([dry, terms])
         fit = robust_fit(design, points.force_n)
         drawn = bootstrap_coefficients(design, fit, points.force_n, blocks, groups, plan.repeats, plan.seed)
-    viscous = float(fit.coefficients[of_load + 1]) if design.shape[1] > of_load + 1 else 0.0
+        if not terms.shape[1] or _determined(design, drawn[:, of_load:], plan.confidence):
+            fits.append((float(np.abs(fit.residuals).sum()), terms is linear or terms.shape[1] > 1, design, fit, drawn))
+    least = min(each[0] for each in fits)
+    _, is_viscous, design, fit, drawn = next(each for each in fits if each[0] <= _AS_GOOD * least)
+    alike = [each[-1][:, of_load] for each in fits if each[0] <= _ALIKE * least]
+    viscous = float(fit.coefficients[of_load + 1]) if is_viscous else 0.0
+    viscous_interval = quantile_interval(drawn[:, of_load + 1], plan.confidence) if is_viscous else (0.0, 0.0)
     coulomb = float(fit.coefficients[of_load])
-    coulomb_interval_n = quantile_interval(drawn[:, of_load], plan.confidence)
+    ends = [quantile_interval(each, plan.confidence) for each in alike]
+    coulomb_interval_n = min(low for low, _ in ends), max(high for _, high in ends)
     if coulomb > 0.0 and coulomb_interval_n[0] <= 0.0:
         raise RecordingError(
             f"load and friction cannot be separated: Coulomb friction would be {coulomb:.4g} N, but may be "
@@ -232,7 +249,8 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
             "motion; check the sign of position and of the forces in the mapping"
         )
     grid = np.linspace(*coverage.range_m, GRID)
-    dry_n = points.force_n - shape @ fit.coefficients[:of_load] - viscous * points.velocity_m_s
+    friction_n = points.force_n - shape @ fit.coefficients[:of_load]
+    dry_n = friction_n - design[:, of_load + 1 :] @ fit.coefficients[of_load + 1 :]
     if around is None:
         along = _polynomials(grid[:, None], coverage, None, order, 0)
         scatter_n = np.std(drawn[:, :of_load] @ along.T, axis=0)
@@ -254,7 +272,7 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
         coefficients_n=tuple(float(value) for value in fit.coefficients[:of_load]),
         coverage=coverage,
         scatter_n=tuple(map(float, scatter_n)),
-        asymmetry_n=plan.asymmetry * coulomb,
+        asymmetry_n=plan.asymmetry * max(coulomb, float(np.mean(np.abs(friction_n)))),
         coulomb_n=coulomb,
         coulomb_interval_n=coulomb_interval_n,
         coulomb_extend_n=float(np.median(dry_n[direction > 0.0])),
@@ -386,6 +404,15 @@ def _polynomials(
         along = legendre.legvander(_scaled(other_m, range_m), other_order)
         products = (products[:, :, None] * along[:, None, :]).reshape(len(products), -1)
     return np.asarray(products)
+
+
+def _determined(design: Array, drawn: Array, confidence: float) -> bool:
+    """Return whether strokes determine dry friction and each term of speed, drawn in this order, none of them negative.
+
+    The last column of the design is the last of these terms.
+    """
+    positive = all(quantile_interval(each, confidence)[0] > 0.0 for each in drawn.T)
+    return positive and _own_share(design) >= _OWN_SHARE
 
 
 def _own_share(design: Array) -> float:

@@ -99,6 +99,7 @@ class SessionOffset:
     strokes_extend: int
     strokes_retract: int
     sliding_s: float  # Steady sliding that was used [s]
+    even_n: float = math.nan  # Half the sum of mean friction extending and retracting: what does not turn [N]
 
     @property
     def relative_uncertainty_n(self) -> float:
@@ -149,6 +150,33 @@ class OffsetModel:
         """Places of what explains the common asymmetry, h, among what explains friction: constant, pressure, load."""
         pressure = [1] if PRESSURE_1 in self.inputs else []
         return [0, *pressure, *([self.speed_place + 4] if LOAD_FORCE in self.inputs else [])]
+
+    def about_mean(self) -> Self:
+        """Return the model with each session's deviation from their mean as its offset.
+
+        The mean, which an asymmetry of friction looks like, stays in friction, as uncertain as the stated zeros of so
+        many sessions leave it. What is left rests on asymmetry not changing from session to session.
+        """
+        mean_n = sum(each.offset_n for each in self.sessions.values()) / len(self.sessions)
+        common_n = 1.0 / math.sqrt(sum(1.0 / max(each.prior_n, 1e-9) ** 2 for each in self.sessions.values()))
+        coefficients = list(self.coefficients)
+        coefficients[len(coefficients) - len(self.even_places)] += mean_n / self.level_n
+        sessions = {
+            name: replace(
+                each,
+                offset_n=each.offset_n - mean_n,
+                standard_uncertainty_n=math.hypot(each.relative_uncertainty_n, common_n),
+                common_uncertainty_n=common_n,
+            )
+            for name, each in self.sessions.items()
+        }
+        return replace(self, coefficients=tuple(coefficients), common_uncertainty_n=common_n, sessions=sessions)
+
+    @property
+    def even_spread_n(self) -> float:
+        """By how much sessions differ in what does not turn with the direction [N]; 0 of one session."""
+        values = [each.even_n for each in self.sessions.values() if math.isfinite(each.even_n)]
+        return float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
 
     def identify(self, recordings: Iterable[Recording]) -> SessionOffset:
         """Return the offset of a further session from its own labelled recordings, given the friction of the others.
@@ -506,5 +534,7 @@ def _session_offsets(
     for session, offset_n, uncertainty_n in zip(sessions, offsets_n.tolist(), uncertainties_n.tolist(), strict=True):
         extend, retract = (len(np.unique(session.stroke[session.direction == sign])) for sign in (1.0, -1.0))
         common, prior = min(common_n, uncertainty_n), (session.prior_n, extend, retract, session.sliding_s)
-        found.append(SessionOffset(session.session, offset_n, uncertainty_n, common, *prior))
+        ways = [session.label_n[session.direction == sign] for sign in (1.0, -1.0)]
+        even_n = 0.5 * sum(float(way.mean()) for way in ways) if min(map(len, ways)) else math.nan
+        found.append(SessionOffset(session.session, offset_n, uncertainty_n, common, *prior, even_n))
     return found

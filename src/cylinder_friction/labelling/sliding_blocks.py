@@ -91,8 +91,10 @@ class SlidingBlocks:
         )
 
 
-def sliding_blocks(recording: Recording, cylinder: Cylinder, plan: OffsetPlan | None = None) -> SlidingBlocks:
-    """Return the steady sliding of a labelled recording.
+def sliding_blocks(
+    recording: Recording, cylinder: Cylinder, plan: OffsetPlan | None = None, prior_n: float | None = None
+) -> SlidingBlocks:
+    """Return the steady sliding of a labelled recording, with the stated uncertainty of its zeros unless given.
 
     Raises:
         RecordingError: It lacks labels, or the uncertainty of a sensor's zero is not stated.
@@ -108,7 +110,7 @@ def sliding_blocks(recording: Recording, cylinder: Cylinder, plan: OffsetPlan | 
     means = {name: pieces.mean(recording.column(name))[whole] for name in names}
     return SlidingBlocks(
         recording.metadata.session,
-        _stated_zero_n(recording, cylinder),
+        stated_zero_n(recording, cylinder) if prior_n is None else prior_n,
         float(pieces.counts[whole].sum()) * step_s,
         means.pop("friction_n"),
         np.sign(means["velocity_m_s"]),
@@ -117,7 +119,8 @@ def sliding_blocks(recording: Recording, cylinder: Cylinder, plan: OffsetPlan | 
     )
 
 
-def _stated_zero_n(recording: Recording, cylinder: Cylinder) -> float:
+def stated_zero_n(recording: Recording, cylinder: Cylinder) -> float:
+    """Return ``zero_uncertainty_n``, or refuse a recording without it with a ``RecordingError``."""
     known_n = zero_uncertainty_n(recording, cylinder)
     if known_n is not None:
         return known_n

@@ -7,7 +7,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, DRIVE_FORCE, LOAD_FORCE
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.noise import noise_deviation
-from cylinder_friction.signals.smooth_signals import SignalFilter, has_pressures
+from cylinder_friction.signals.smooth_signals import SignalFilter, at_cylinder, has_pressures
 
 DITHER = 0.5
 """Noise of this many steps makes the rounding of a converter noise too, which averaging reduces (Widrow 1961)."""
@@ -15,6 +15,7 @@ DITHER = 0.5
 
 def smoothing_deviation(recording: Recording, cylinder: Cylinder, signal_filter: SignalFilter) -> Array:
     """Return the standard deviation that smoothing leaves in the label [N], shape ``(n,)``; see ``deviation``."""
+    recording = at_cylinder(recording, signal_filter)
     force_n = sum(
         (area * recording.column(column) for column, area in sensitivities(recording, cylinder).items()),
         start=np.zeros(len(recording)),
@@ -69,6 +70,19 @@ def label_uncertainty(
         if stated.span:
             variance += np.square((area * stated.span) * recording.column(column))
     return np.asarray(COVERAGE_FACTOR * np.sqrt(variance))
+
+
+def line_uncertainty(recording: Recording, cylinder: Cylinder, velocity_m_s: Array) -> Array | float:
+    """Return the standard uncertainty (k = 1) of the label from losses that are stated [N], ``(n,)``, or 0.
+
+    Both lines are as wrong as each other, so that their uncertainties add.
+    """
+    lines = recording.metadata.line_loss
+    areas = {name: abs(area) for name, area in sensitivities(recording, cylinder).items() if name in lines}
+    lost_n = (
+        area * lines[name].standard_uncertainty * lines[name].lost_pa(velocity_m_s) for name, area in areas.items()
+    )
+    return sum(map(np.abs, lost_n), start=0.0)
 
 
 def sensitivities(recording: Recording, cylinder: Cylinder) -> dict[str, float]:

@@ -14,7 +14,7 @@ from cylinder_friction.signals.noise import OTHER_NOISE, median_noise, times_as_
 ALIKE, OTHER_LEVEL = 0.02, 2.0
 """Share by which diameters may differ, and ratio of friction beyond which estimates are not to be used as they are."""
 
-ADAPTED = "adapted"  # The one field that is no number
+TEXTS = ("adapted", "line_loss")  # The fields that are no numbers
 ROD_1 = "rod_diameter_1_m"
 
 
@@ -33,29 +33,33 @@ class TrainedFor:
     pressure_noise_pa: float
     adapted: str = ""  # From which model it was made, in words; empty for one that was trained from scratch
     rod_diameter_1_m: float = 0.0  # 0 without a rod on side 1
+    line_loss: str = ""  # Which loss between sensors and cylinder its labels are without, in words; empty if none
 
     def __post_init__(self) -> None:
-        if not all(0.0 <= value < np.inf for name, value in vars(self).items() if name != ADAPTED):
+        if not all(0.0 <= value < np.inf for name, value in vars(self).items() if name not in TEXTS):
             raise ValueError(f"trained_for: got {vars(self)}; expected finite numbers of at least 0")
 
     @classmethod
     def of(cls, recordings: Sequence[Recording], cylinder: Cylinder) -> Self:
         """Return what labelled recordings of a cylinder, as measured, are."""
         friction_n = _mean_level_n(recordings)
-        diameters = cylinder.bore_diameter_m, cylinder.rod_diameter_m
-        return cls(*diameters, friction_n, pressure_noise_pa(recordings), rod_diameter_1_m=cylinder.rod_diameter_1_m)
+        diameters, rod_1_m = (cylinder.bore_diameter_m, cylinder.rod_diameter_m), cylinder.rod_diameter_1_m
+        lines = next((each.metadata.line_loss for each in recordings if each.metadata.line_loss), {})
+        words = ", ".join(f"{name} {line.in_words()}" for name, line in lines.items())
+        noise_pa = pressure_noise_pa(recordings)
+        return cls(*diameters, friction_n, noise_pa, rod_diameter_1_m=rod_1_m, line_loss=words)
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any] | None) -> Self | None:
         """Return what ``to_dict`` gave; None for None."""
         if values is None:
             return None
-        numbers = {name: float(value) for name, value in values.items() if name != ADAPTED}
-        return cls(**numbers, adapted=str(values.get(ADAPTED, "")))
+        known: dict[str, Any] = {name: float(value) for name, value in values.items() if name not in TEXTS}
+        return cls(**known | {name: str(values.get(name, "")) for name in TEXTS})
 
     def to_dict(self) -> dict[str, float | str]:
         """List the content as JSON-compatible values, without what is empty by default."""
-        return {name: value for name, value in asdict(self).items() if value or name not in (ADAPTED, ROD_1)}
+        return {name: value for name, value in asdict(self).items() if value or name not in (*TEXTS, ROD_1)}
 
     def in_words(self) -> str:
         """Return it in words, for whoever reads a model."""
@@ -64,18 +68,26 @@ class TrainedFor:
         return (
             f"a cylinder of {self._sizes()}, with friction of {self.friction_n:.0f} N on average; where that leaves "
             f"{low_n:.0f} to {high_n:.0f} N, its estimates are not to be used as they are"
-            f"{noisy if self.pressure_noise_pa > 0.0 else ''}{self.adapted and '; '}{self.adapted}"
+            f"{noisy if self.pressure_noise_pa > 0.0 else ''}{self.adapted and '; '}{self.adapted}{self._lines()}"
         )
+
+    def _lines(self) -> str:
+        return f"; with sensors behind lines that lose pressure: {self.line_loss}" if self.line_loss else ""
 
     def _sizes(self) -> str:
         second = f" and {1e3 * self.rod_diameter_1_m:g} mm rod on side 1" if self.rod_diameter_1_m else ""
         return f"{1e3 * self.bore_diameter_m:g} mm bore and {1e3 * self.rod_diameter_m:g} mm rod{second}"
 
-    def refuse(self, cylinder: Cylinder) -> None:
-        """Raise ``OtherCylinderError`` for a cylinder of other areas."""
+    def fits(self, cylinder: Cylinder) -> bool:
+        """Return whether a cylinder has the areas of training."""
         own = self.bore_diameter_m, self.rod_diameter_m, self.rod_diameter_1_m
         given = cylinder.bore_diameter_m, cylinder.rod_diameter_m, cylinder.rod_diameter_1_m
-        if not np.allclose(given, own, rtol=ALIKE):
+        return np.allclose(given, own, rtol=ALIKE)
+
+    def refuse(self, cylinder: Cylinder) -> None:
+        """Raise ``OtherCylinderError`` for a cylinder of other areas."""
+        if not self.fits(cylinder):
+            given = cylinder.bore_diameter_m, cylinder.rod_diameter_m, cylinder.rod_diameter_1_m
             sizes = " and ".join(f"{1e3 * each:g} mm" for each in given if each)
             raise OtherCylinderError(
                 f"the model was trained for a cylinder of {self._sizes()}, but the one given has {sizes}"

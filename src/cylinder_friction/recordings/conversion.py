@@ -18,10 +18,11 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits, LoadMode
 from cylinder_friction.recordings.checks.recording_checks import checked_recording, inspect_recording
 from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
-from cylinder_friction.recordings.columns import TIME
+from cylinder_friction.recordings.columns import PRESSURES, TIME
 from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
 from cylinder_friction.recordings.formats.reading import open_logged_file
+from cylinder_friction.recordings.line_loss import LineLoss
 from cylinder_friction.recordings.mapping.calibration import ZeroReading, ZeroRules, apply_zero, find_zero
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, sensor_limits, wanted_channels
 from cylinder_friction.recordings.mapping.channel_words import words_of
@@ -240,7 +241,18 @@ def zeroed(piece: Recording, recipe: Recipe, session: ZeroReading | None = None)
     # If neither shows a zero, the recording's own reason is more specific than the session's.
     if session is not None and session.offsets and not own.offsets:
         own = session
-    return apply_zero(piece.columns, piece.metadata, own, recipe.channels)
+    return apply_zero(piece.columns, replace(piece.metadata, line_loss=_line_losses(recipe)), own, recipe.channels)
+
+
+def _line_losses(recipe: Recipe) -> dict[str, LineLoss]:
+    """Return what lines to pressure sensors lose, as the mapping states it."""
+    areas = dict(zip(PRESSURES, recipe.limits.areas_m2 or (0.0, 0.0), strict=True))
+    sensors = {column: each.sensor for column, each in recipe.channels.items() if each.sensor is not None}
+    return {
+        column: replace(sensor.line_loss, area_m2=areas[column])
+        for column, sensor in sensors.items()
+        if sensor.line_loss is not None
+    }
 
 
 def checked(piece: Recording, recipe: Recipe, session: ZeroReading | None = None) -> Recording:

@@ -19,6 +19,7 @@ from cylinder_friction.recordings.columns import (
     UNCERTAINTY_COLUMN,
     missing_column,
 )
+from cylinder_friction.recordings.line_loss import LineLoss
 
 Columns = Mapping[str, NDArray[Any]]
 """Columns of equal length by name, in their order."""
@@ -92,6 +93,8 @@ class RecordingMetadata:
     zero_offset: Mapping[str, float] = field(default_factory=dict)
     # Of the sensor behind a column; absent where nobody stated it
     uncertainty: Mapping[str, SensorUncertainty] = field(default_factory=dict)
+    # What the line between a pressure sensor and its chamber loses, by column, as stated; friction is without it
+    line_loss: Mapping[str, LineLoss] = field(default_factory=dict)
     # Of the sensor behind a column, identified with those of other sessions; the column still holds what was measured
     identified_zero: Mapping[str, IdentifiedZero] = field(default_factory=dict)
     # What ingest repaired, one sentence each; empty for a recording that came in as it should
@@ -101,14 +104,16 @@ class RecordingMetadata:
     def from_dict(cls, values: dict[str, Any]) -> Self:
         known = {column: SensorUncertainty(**entry) for column, entry in values.get("uncertainty", {}).items()}
         zeros = {column: IdentifiedZero(**entry) for column, entry in values.get("identified_zero", {}).items()}
+        lines = {column: LineLoss(**entry) for column, entry in values.get("line_loss", {}).items()}
         repairs = tuple(values.get("repairs", ()))
-        return cls(**values | {"uncertainty": known, "identified_zero": zeros, "repairs": repairs})
+        return cls(**values | {"uncertainty": known, "identified_zero": zeros, "line_loss": lines, "repairs": repairs})
 
     def to_dict(self) -> dict[str, Any]:
         within = {name: dict(getattr(self, name)) for name in ("sensors", "depends_on", "zero_offset")}
-        for name in ("uncertainty", "identified_zero"):
+        for name in ("uncertainty", "identified_zero", "line_loss"):
             within[name] = {column: dict(vars(each)) for column, each in getattr(self, name).items()}
-        return vars(self) | within
+        known = vars(self) | within
+        return known if self.line_loss else {name: value for name, value in known.items() if name != "line_loss"}
 
 
 UNNAMED = RecordingMetadata("", "", "", 0.0)

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, POSITION, SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, POSITION, PRESSURES, SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.noise import noise_deviation
 
@@ -89,8 +89,23 @@ def has_pressures(recording: Recording) -> bool:
     return all(column in recording.columns for column in SAMPLE_COLUMNS)
 
 
+def at_cylinder(recording: Recording, signal_filter: SignalFilter) -> Recording:
+    """Return a recording with the pressures of the chambers: those of the sensors less what lines are stated to lose.
+
+    While the piston extends, oil flows towards the piston side and away from the rod side.
+    """
+    lines = recording.metadata.line_loss
+    if not lines:
+        return recording
+    velocity_m_s, _ = signal_filter.motion(recording.column(POSITION), recording.sample_time_s)
+    signs = dict(zip(PRESSURES, (1.0, -1.0), strict=True))
+    chambers = {name: recording.column(name) - line.lost_pa(signs[name] * velocity_m_s) for name, line in lines.items()}
+    return recording.with_columns(**chambers)
+
+
 def smooth_recording(recording: Recording, signal_filter: SignalFilter) -> SmoothSignals | SmoothDrive:
     """Return the smooth signals of a recording: of its pressures, or of its drive force where it has no pressures."""
+    recording = at_cylinder(recording, signal_filter)
     if has_pressures(recording):
         samples = np.stack([recording.column(column) for column in SAMPLE_COLUMNS]).T  # each signal contiguous
         return signal_filter.smooth(samples, recording.sample_time_s)

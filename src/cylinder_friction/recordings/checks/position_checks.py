@@ -68,7 +68,8 @@ def check_position_against_force(columns: Mapping[str, Array], motion: ClearMoti
     friction_n, load_n, residual_n, known = 0.0, np.zeros(1), 0.0, np.zeros(1, dtype=np.bool_)
     if force_n is not None and min(np.count_nonzero(motion.direction == each) for each in (-1.0, 1.0)) >= FEWEST_ROWS:
         positions_m = np.column_stack([position_m, *(columns[name] for name in OTHER_POSITIONS if name in columns)])
-        friction_n, load_n, residual_n = _fit(force_n, positions_m, motion)
+        velocity_m_s = np.gradient(sliding_mean(position_m, 3), time_s)
+        friction_n, load_n, residual_n = _fit(force_n, positions_m, velocity_m_s, motion)
         lowest_m, highest_m = (end(positions_m[motion.rows], axis=0) for end in (np.min, np.max))
         known = ((positions_m > lowest_m - REACH_M) & (positions_m < highest_m + REACH_M)).all(axis=1)
         known &= np.abs(position_m / limits.stroke_m - 0.5) < 0.5 - STOP_SHARE
@@ -132,15 +133,20 @@ def _when(time_s: Array, begin: int, end: int) -> str:
     return f"from {time_s[begin]:.2f} to {time_s[end - 1]:.2f} s"
 
 
-def _fit(drive_n: Array, positions_m: Array, motion: ClearMotion) -> tuple[float, Array, float]:
-    """Return friction [N], the load at every row, shape ``(n,)`` [N], and the median absolute residual [N]."""
+def _fit(drive_n: Array, positions_m: Array, velocity_m_s: Array, motion: ClearMotion) -> tuple[float, Array, float]:
+    """Return dry friction [N], the load at every row, shape ``(n,)`` [N], and the median absolute residual [N].
+
+    What grows with the square of speed, as lines lose pressure, is neither.
+    """
     spread = slice(None, None, -(-len(motion.rows) // _ROWS))
     rows, direction = motion.rows[spread], motion.direction[spread]
     varied = np.std(positions_m[rows], axis=0)
     used = np.append(True, varied[1:] > LEAST_VARIATION_M)
     scaled = ((positions_m - positions_m[rows].mean(axis=0)) / np.maximum(varied, 1e-12))[:, used]
     load = np.column_stack([powers(np.clip(scaled[:, 0], -3.0, 3.0)), scaled[:, 1:]])
-    terms, force_n = np.column_stack([direction, load[rows]]), drive_n[rows]
+    square = velocity_m_s[rows] * np.abs(velocity_m_s[rows])
+    square = square / max(float(np.abs(square).max()), 1e-12)
+    terms, force_n = np.column_stack([direction, load[rows], square]), drive_n[rows]
     weights, factors = np.ones(len(rows)), np.zeros(terms.shape[1])
     for _ in range(_ITERATIONS):
         weighted = terms * weights[:, None]
@@ -149,7 +155,9 @@ def _fit(drive_n: Array, positions_m: Array, motion: ClearMotion) -> tuple[float
             break
         off_n = np.abs(force_n - terms @ factors)
         weights = 1.0 / np.maximum(off_n, _LEAST_RESIDUAL * float(np.median(off_n)) + 1e-9)
-    return float(factors[0]), load @ factors[1:], float(np.median(off_n))
+    if factors[-1] < 0.0:  # friction that falls with speed: its level is that of usual speeds
+        factors[0] += factors[-1] * float(np.median(np.abs(square)))
+    return float(factors[0]), load @ factors[1:-1], float(np.median(off_n))
 
 
 def _longer(where: Mask, least: float) -> list[tuple[int, int]]:

@@ -11,12 +11,12 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import ONE_CHAMBER
-from cylinder_friction.recordings.columns import PRESSURE_2, QUANTITIES, missing_columns
+from cylinder_friction.recordings.columns import PRESSURE_2, PRESSURES, QUANTITIES, missing_columns
+from cylinder_friction.recordings.line_loss import RECTANGULAR, LineLoss
 from cylinder_friction.recordings.mapping import units
 from cylinder_friction.recordings.recording import RecordingError, SensorUncertainty, expect
 
-HALF_WIDTH_TO_STANDARD = 1.0 / math.sqrt(3.0)
-"""From the half-width of a rectangular distribution to its standard deviation (JCGM 100:2008, 4.3.7)."""
+HALF_WIDTH_TO_STANDARD = RECTANGULAR
 
 
 @dataclass(frozen=True)
@@ -36,6 +36,7 @@ class SensorScale:
     zero_uncertainty: float | None = None
     # How late its signal is, for example by the filter of its amplifier [s]; taken off its time stamps
     delay_s: float = 0.0
+    line_loss: LineLoss | None = None  # Of a pressure sensor away from the cylinder: what the line to it loses
     serial: str = ""  # Serial number
     calibrated: str = ""  # Day of its last calibration, 2026-03-27
 
@@ -63,7 +64,8 @@ class SensorScale:
         """Return the sensor of a dictionary, for example out of YAML, where pairs are lists."""
         pairs = {key: tuple(values[key]) for key in ("range", "signal") if values.get(key) is not None}
         texts = {key: str(values[key]) for key in ("serial", "calibrated") if values.get(key) is not None}
-        return cls(**{**values, **pairs, **texts})
+        line = {} if values.get("line_loss") is None else {"line_loss": LineLoss(**values["line_loss"])}
+        return cls(**{**values, **pairs, **texts, **line})
 
     @property
     def identity(self) -> dict[str, str]:
@@ -238,6 +240,8 @@ def _check_column(column: str, source: ChannelMapping) -> None:
                 f"column {column!r}: the sensor's unit {source.sensor.unit!r} is absolute pressure, but the channel "
                 "is read as gauge; set reference: absolute, or give the range in gauge pressure"
             )
+    if source.sensor is not None and source.sensor.line_loss is not None and column not in PRESSURES:
+        raise RecordingError(f"column {column!r}: sensor.line_loss is for the cylinder's pressures alone; leave it out")
     if source.reference == "absolute" and QUANTITIES[column] != "pressure":
         raise RecordingError(f"column {column!r}: reference: absolute is for pressures alone; leave it out")
     if source.reference == "absolute" and units.stated_reference(source.reading_unit) == "gauge":

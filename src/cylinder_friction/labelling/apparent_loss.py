@@ -1,0 +1,129 @@
+"""A force that looks like a loss between pressure sensors and the cylinder that nobody stated."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+
+from cylinder_friction.arrays import Array
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.friction_models.stribeck import HUBER_NOISE_MULTIPLE
+from cylinder_friction.labelling.known_offset import OffsetEvidence, offset_evidence
+from cylinder_friction.labelling.sliding_blocks import OffsetPlan, SlidingBlocks
+from cylinder_friction.recordings.columns import PRESSURES
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.wording import four_digits
+
+LEAST_SHARE = 0.3
+"""A force that grows with the square of speed is named if at the highest speed it exceeds this share of friction: the
+curvature of friction itself stays below."""
+HIGHEST_SPEED = 0.98
+"""Quantile of the speed of steady sliding that counts as the highest."""
+STRIBECK_SPEEDS_M_S = (0.003, 0.006, 0.012, 0.025)
+MOST_SESSIONS = 12
+LEAST_BLOCKS = 30
+MARGIN = 1.1
+"""By this factor a loss may be larger than it looks."""
+_PRESSURE_POWER = 0.8
+_ROUNDS = 12
+
+
+@dataclass(frozen=True)
+class ApparentLoss:
+    """A force against motion that grows with speed as a line between sensors and cylinder would make it."""
+
+    square_n: float  # At ``speed_m_s``, growing with the square of speed [N]
+    linear_n: float  # At ``speed_m_s``, growing with speed, of which friction itself is a part [N]
+    friction_n: float  # Mean friction without the former [N]
+    speed_m_s: float  # The highest speed of steady sliding [m/s]
+
+    unknown_viscous = "part of it may be what a line between sensors and cylinder loses; state sensor.line_loss"
+
+    @property
+    def named(self) -> bool:
+        """Whether it is more than friction's own curvature."""
+        return self.square_n > LEAST_SHARE * self.friction_n
+
+    def most_n(self, velocity_m_s: Array) -> Array:
+        """Return how large the loss may be [N], shape ``(n,)``: what friction does not share, and what it may."""
+        part = np.abs(velocity_m_s) / self.speed_m_s
+        return np.asarray(MARGIN * part * (self.square_n * part + self.linear_n))
+
+    def sentence(self, cylinder: Cylinder) -> str:
+        """Return what it looks like, and what to do."""
+        ratio = cylinder.annulus_area_m2 / cylinder.piston_area_m2
+        lost_bar = 1e-5 * self.square_n / (cylinder.piston_area_m2 * (1.0 + ratio**3))
+        return (
+            f"{four_digits(self.square_n)} N of friction at {self.speed_m_s:.2g} m/s grow with the square of speed, as "
+            f"if a line between sensors and cylinder lost about {lost_bar:.2g} bar; are the sensors at the cylinder's "
+            "ports? If they are not, state the loss (sensor.line_loss in the mapping); until then bounds are wider by "
+            "what the line may lose, and viscous friction is not known"
+        )
+
+
+def apparent_loss(evidence: Sequence[OffsetEvidence]) -> ApparentLoss | None:
+    """Return the force that looks like a loss in steady sliding, named or not: the median over conditions.
+
+    None without pressures, or with too little sliding. Beside it friction of each condition is Coulomb, Stribeck,
+    viscous and pressure-dependent friction, none of which is negative, and each session has an offset.
+    """
+    conditions: dict[str, dict[str, list[SlidingBlocks]]] = {}
+    for each in evidence:
+        if each.sliding is not None and set(PRESSURES) <= set(each.sliding.columns):
+            conditions.setdefault(each.condition, {}).setdefault(each.session, []).append(each.sliding)
+    found = []
+    for sessions in conditions.values():
+        own = list(sessions.values())[:: -(-len(sessions) // MOST_SESSIONS)]
+        blocks = [SlidingBlocks.together(parts) for parts in own]
+        blocks = [each for each in blocks if len(each.direction)]
+        if sum(len(each.direction) for each in blocks) >= LEAST_BLOCKS:
+            found.append(_fitted(blocks))
+    if not found:
+        return None
+    speed = float(np.median([each.speed_m_s for each in found]))
+    parts = [(each.square_n / each.speed_m_s**2, each.linear_n / each.speed_m_s, each.friction_n) for each in found]
+    square, linear, friction_n = np.median(parts, axis=0).tolist()
+    return ApparentLoss(square * speed**2, linear * speed, friction_n, speed)
+
+
+def named_loss(evidence: Sequence[OffsetEvidence]) -> ApparentLoss | None:
+    """Return ``apparent_loss`` if it is more than friction's own curvature."""
+    loss = apparent_loss(evidence)
+    return loss if loss is not None and loss.named else None
+
+
+def loss_of_labels(labelled: Sequence[Recording], cylinder: Cylinder) -> ApparentLoss | None:
+    """Return ``named_loss`` of labelled recordings."""
+    plan, nan = OffsetPlan(), math.nan
+    return named_loss([offset_evidence(each, cylinder, plan, nan, nan, "") for each in labelled])
+
+
+def _fitted(sessions: Sequence[SlidingBlocks]) -> ApparentLoss:
+    """Return what sessions of one condition show, by least squares with Huber's weights and no negative term."""
+    blocks, session = (
+        SlidingBlocks.together(sessions),
+        np.repeat(np.arange(len(sessions)), [len(s.stroke) for s in sessions]),
+    )
+    direction, speed = blocks.direction, np.abs(blocks.columns["velocity_m_s"])
+    highest = float(np.quantile(speed, HIGHEST_SPEED))
+    part = speed / highest
+    mean_bar = 0.5e-5 * sum(np.maximum(blocks.columns[name], 0.0) for name in PRESSURES)
+    offsets = direction[:, None] * np.eye(len(sessions))[session]
+    known = np.column_stack([offsets, -offsets, np.ones_like(part), mean_bar**_PRESSURE_POWER, part, part**2])
+    against_n = blocks.label_n * direction
+    fits = []
+    for stribeck_m_s in STRIBECK_SPEEDS_M_S:
+        design = np.column_stack([np.exp(-speed / stribeck_m_s), known])
+        weights = np.ones(len(part))
+        for _ in range(_ROUNDS):
+            root = np.sqrt(weights)
+            coefficients, _ = nnls(design * root[:, None], against_n * root)
+            off_n = np.abs(against_n - design @ coefficients)
+            threshold = HUBER_NOISE_MULTIPLE * 1.4826 * float(np.median(off_n))
+            weights = np.minimum(1.0, threshold / np.maximum(off_n, max(threshold, 1e-9)))
+        fits.append((float(off_n.sum()), *coefficients[-2:].tolist()))
+    _, linear_n, square_n = min(fits)
+    friction_n = float(np.mean(np.abs(against_n - square_n * part**2)))
+    return ApparentLoss(square_n, linear_n, friction_n, highest)

@@ -1,0 +1,75 @@
+"""What the line between a pressure sensor and its chamber loses, as a mapping states it."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from cylinder_friction.arrays import Array
+
+OIL_DENSITY_KG_M3 = 870.0
+BAR_PA = 1e5
+RECTANGULAR = 1.0 / math.sqrt(3.0)
+"""From the half-width of a rectangular distribution to its standard deviation (JCGM 100:2008, 4.3.7)."""
+
+
+@dataclass(frozen=True)
+class LineLoss:
+    """Loss of pressure between a sensor at a valve or block and its chamber: at a speed of the piston, or of a hose.
+
+    A loss that was measured at one speed grows with the square of speed, but for its laminar part. That of a hose
+    follows from its dimensions (Hagen and Poiseuille; turbulent: Blasius), without fittings.
+
+    Raises:
+        ValueError: Neither way is stated, or both are, or a number is out of its range.
+    """
+
+    bar: float | None = None  # Lost at ``speed_m_s`` [bar]
+    speed_m_s: float | None = None  # Of the piston [m/s]
+    laminar_percent: float = 0.0  # Part of it that is in proportion to speed [%]
+    length_m: float | None = None  # Of the hose [m]
+    bore_mm: float | None = None  # Its inner diameter [mm]
+    oil_mm2_s: float | None = None  # Kinematic viscosity of the oil at work [mm²/s]
+    uncertainty_percent: float = 20.0  # Within which the stated loss is right, ± [%]
+    area_m2: float = 0.0  # Of the piston on this side, for the flow through a hose [m²]; set from the cylinder
+
+    def __post_init__(self) -> None:
+        measured, hose = (self.bar, self.speed_m_s), (self.length_m, self.bore_mm, self.oil_mm2_s)
+        stated = [one for one in (measured, hose) if any(value is not None for value in one)]
+        if len(stated) != 1 or not all(value is not None and 0.0 < value < math.inf for value in stated[0]):
+            raise ValueError(
+                "sensor: line_loss: expected positive bar and speed_m_s, or positive length_m, bore_mm and oil_mm2_s, "
+                f"but got { ({name: value for name, value in vars(self).items() if value}) }"
+            )
+        for name in ("laminar_percent", "uncertainty_percent"):
+            if not 0.0 <= getattr(self, name) <= 100.0:
+                raise ValueError(f"sensor: line_loss: {name}: expected 0 to 100, but got {getattr(self, name)!r}")
+
+    @property
+    def standard_uncertainty(self) -> float:
+        """Standard uncertainty (k = 1) as a share of the loss."""
+        return RECTANGULAR * self.uncertainty_percent / 100.0
+
+    def in_words(self) -> str:
+        """Return the statement in words."""
+        unsure = f"± {self.uncertainty_percent:g} %"
+        if self.bar is not None:
+            return f"{self.bar:g} bar at {self.speed_m_s:g} m/s {unsure}"
+        return f"{self.length_m:g} m of {self.bore_mm:g} mm bore {unsure}"
+
+    def lost_pa(self, velocity_m_s: Array) -> Array:
+        """Return by how much the sensor reads above its chamber [Pa], shape ``(n,)``.
+
+        ``velocity_m_s`` is the piston's, positive while oil flows towards the chamber.
+        """
+        if self.bar is not None and self.speed_m_s is not None:
+            part, laminar = velocity_m_s / self.speed_m_s, self.laminar_percent / 100.0
+            return self.bar * BAR_PA * part * (laminar + (1.0 - laminar) * np.abs(part))
+        assert self.length_m is not None
+        assert self.bore_mm is not None
+        assert self.oil_mm2_s is not None
+        bore_m, viscosity_m2_s = 1e-3 * self.bore_mm, 1e-6 * self.oil_mm2_s
+        flow_m_s = velocity_m_s * self.area_m2 / (0.25 * math.pi * bore_m**2)
+        reynolds = np.maximum(np.abs(flow_m_s) * bore_m / viscosity_m2_s, 1e-9)
+        factor = np.maximum(64.0 / reynolds, np.where(reynolds > 2300.0, 0.316 * reynolds**-0.25, 0.0))
+        return np.asarray(factor * self.length_m / bore_m * 0.5 * OIL_DENSITY_KG_M3 * flow_m_s * np.abs(flow_m_s))

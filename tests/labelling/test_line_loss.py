@@ -1,0 +1,58 @@
+"""Losses between sensors and cylinder: what is stated is taken off the label, with its uncertainty."""
+
+from dataclasses import replace
+
+import numpy as np
+from tests.made_recordings import made_recording
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.labelling.label import label
+from cylinder_friction.labelling.uncertainty import line_uncertainty
+from cylinder_friction.recordings.line_loss import LineLoss
+from cylinder_friction.recordings.recording import Recording, SensorUncertainty
+
+LINE = LineLoss(2.0, 0.05)
+
+
+def lossy(recording: Recording) -> Recording:
+    """Return a recording as sensors at a valve would read it."""
+    lost_pa = LINE.lost_pa(recording.column("velocity_m_s"))
+    p1, p2 = (recording.column(f"pressure_{side}_pa") for side in (1, 2))
+    return recording.with_columns(pressure_1_pa=p1 + lost_pa, pressure_2_pa=p2 - lost_pa)
+
+
+def stated(recording: Recording, line: LineLoss) -> Recording:
+    sensors = {f"pressure_{side}_pa": SensorUncertainty(1e3, 0.0) for side in (1, 2)}
+    lines = dict.fromkeys(sensors, line)
+    return replace(recording, metadata=replace(recording.metadata, uncertainty=sensors, line_loss=lines))
+
+
+def test_a_stated_loss_is_taken_off(cylinder: Cylinder) -> None:
+    raw = made_recording(cylinder, seconds=30.0)
+    seen = lossy(raw)
+    (true,), (wrong,) = label([raw], cylinder), label([seen], cylinder)
+    (right,) = label([stated(seen, LINE)], cylinder)
+    rows = true.usable()
+
+    def error(each: Recording) -> float:
+        return float(np.abs(each.column("friction_n") - true.column("friction_n"))[rows].mean())
+
+    assert error(wrong) > 200.0
+    assert error(right) < 8.0
+
+
+def test_a_loss_stated_20_percent_wrong_is_within_the_bounds(cylinder: Cylinder) -> None:
+    raw = made_recording(cylinder, seconds=30.0)
+    (found,) = label([stated(lossy(raw), replace(LINE, bar=1.2 * 2.0))], cylinder)
+    error_n = np.abs(found.column("friction_n") - raw.column("friction_n"))[found.usable()]
+    half_n = found.column("friction_uncertainty_n")[found.usable()]
+    assert np.mean(error_n <= half_n) > 0.9
+    assert np.median(half_n) < 450.0
+
+
+def test_both_lines_are_as_wrong_as_each_other(cylinder: Cylinder) -> None:
+    recording = stated(made_recording(cylinder, seconds=5.0), LINE)
+    lost_n = 2e5 * (cylinder.piston_area_m2 + cylinder.annulus_area_m2)
+    unsure_n = line_uncertainty(recording, cylinder, np.array([0.05, -0.05]))
+    np.testing.assert_allclose(unsure_n, lost_n * 0.2 / np.sqrt(3.0))
+    assert line_uncertainty(made_recording(cylinder, seconds=5.0), cylinder, np.array([0.05])) == 0.0
