@@ -8,7 +8,7 @@ campaign of four or three conditions with six sessions each is labelled; zeros a
 one condition, from twelve, from two and from one. Prints, per kind and grouping, the label's mean absolute error
 with identified zeros over that without (median, worst decile, largest; share above 1.05), both errors in percent of
 mean friction, how often the label's bounds hold true friction, intervals of Stribeck points those of true friction,
-and how often an offset lies within what is stated.
+and how often an offset lies within what is stated. ``claims.py`` counts sentences on losses, loads and rates.
 
 With ``--train`` a hybrid is trained on four sessions of each condition, as the pipeline does; of those held out it
 prints the error and how often its bounds hold true friction, with and without what it learns of their zeros.
@@ -21,6 +21,7 @@ import importlib
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -62,6 +63,7 @@ class Kind:
     stated_bar: float  # What is stated for it
     specimen: str = "wide"  # Of the default rig; ``servo`` is the other rig
     asymmetry_sd: float = 0.0  # Of friction retracting over extending, from session to session
+    options: tuple[tuple[str, Any], ...] = ()  # Further fields of ``CampaignPlan``
 
 
 KINDS = {
@@ -70,6 +72,10 @@ KINDS = {
     "stated too large": Kind(0.05, 0.15),
     "stated too small": Kind(0.15, 0.05),
     "asymmetry by session": Kind(0.15, 0.15, asymmetry_sd=0.02),
+    "asymmetry by condition": Kind(0.15, 0.15, options=(("asymmetry_by_condition", 0.1),)),
+    "pressure lag": Kind(0.15, 0.15, options=(("pressure_lag_s", 0.01),)),
+    "100 Hz": Kind(0.15, 0.15, options=(("sample_time_s", 0.01),)),
+    "500 Hz": Kind(0.15, 0.15, options=(("sample_time_s", 0.002),)),
     "servo rig": Kind(0.15, 0.15, "servo"),
     "servo rig, large zeros": Kind(0.5, 0.5, "servo"),
 }
@@ -89,10 +95,17 @@ def recordings(
         residual_offset_bar=kind.zero_bar,
         asymmetry_sd=kind.asymmetry_sd,
         specimen=kind.specimen,  # type: ignore[arg-type]
+        **dict(kind.options),
     )
-    recorded = list(campaign(RIG, plan))
+    logs, truths = raw_recordings(RIG, plan, kind)
+    return RIG, label(logs, RIG), [truth["friction_n"].to_numpy() for truth in truths]
+
+
+def raw_recordings(cylinder: Cylinder, plan: CampaignPlan, kind: Kind) -> tuple[list[Recording], list[pd.DataFrame]]:
+    """Return the recordings of a campaign with their sensors stated, and the truth of each."""
+    recorded = list(campaign(cylinder, plan))
     logs = [_stated(Recording(each.metadata, _in_si(each.logger)), kind) for each in recorded]
-    return RIG, label(logs, RIG), [each.truth["friction_n"].to_numpy() for each in recorded]
+    return logs, [each.truth for each in recorded]
 
 
 def _servo_recordings(

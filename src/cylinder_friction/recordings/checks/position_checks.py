@@ -136,7 +136,7 @@ def _when(time_s: Array, begin: int, end: int) -> str:
 def _fit(drive_n: Array, positions_m: Array, velocity_m_s: Array, motion: ClearMotion) -> tuple[float, Array, float]:
     """Return dry friction [N], the load at every row, shape ``(n,)`` [N], and the median absolute residual [N].
 
-    What grows with the square of speed, as lines lose pressure, is neither.
+    What grows with the square of speed and exceeds dry friction, as lines lose pressure, is neither.
     """
     spread = slice(None, None, -(-len(motion.rows) // _ROWS))
     rows, direction = motion.rows[spread], motion.direction[spread]
@@ -146,8 +146,16 @@ def _fit(drive_n: Array, positions_m: Array, velocity_m_s: Array, motion: ClearM
     load = np.column_stack([powers(np.clip(scaled[:, 0], -3.0, 3.0)), scaled[:, 1:]])
     square = velocity_m_s[rows] * np.abs(velocity_m_s[rows])
     square = square / max(float(np.abs(square).max()), 1e-12)
-    terms, force_n = np.column_stack([direction, load[rows], square]), drive_n[rows]
-    weights, factors = np.ones(len(rows)), np.zeros(terms.shape[1])
+    terms, force_n = np.column_stack([direction, load[rows]]), drive_n[rows]
+    factors, residual_n = _least_absolute(np.column_stack([terms, square]), force_n)
+    if not factors[-1] > factors[0] > 0.0:
+        factors, residual_n = _least_absolute(terms, force_n)
+    return float(factors[0]), load @ factors[1 : terms.shape[1]], residual_n
+
+
+def _least_absolute(terms: Array, force_n: Array) -> tuple[Array, float]:
+    """Return the factors with about the least absolute residual, and the median of that [N]."""
+    weights, factors = np.ones(len(terms)), np.zeros(terms.shape[1])
     for _ in range(_ITERATIONS):
         weighted = terms * weights[:, None]
         before, factors = factors, solve_normal_equations(weighted.T @ terms, weighted.T @ force_n)
@@ -155,9 +163,7 @@ def _fit(drive_n: Array, positions_m: Array, velocity_m_s: Array, motion: ClearM
             break
         off_n = np.abs(force_n - terms @ factors)
         weights = 1.0 / np.maximum(off_n, _LEAST_RESIDUAL * float(np.median(off_n)) + 1e-9)
-    if factors[-1] < 0.0:  # friction that falls with speed: its level is that of usual speeds
-        factors[0] += factors[-1] * float(np.median(np.abs(square)))
-    return float(factors[0]), load @ factors[1:-1], float(np.median(off_n))
+    return factors, float(np.median(off_n))
 
 
 def _longer(where: Mask, least: float) -> list[tuple[int, int]]:

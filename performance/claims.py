@@ -1,0 +1,225 @@
+"""Is what the commands say of losses, loads, zeros and bounds true? Each sentence is counted against the simulation.
+
+    python performance/claims.py [--quick] [--seeds N]
+
+Campaigns of the simulated rig, with options that are off by default: sensors at a valve behind a line that loses
+pressure (one per condition and all together), that loss stated rightly and 20 % wrong, a weight that strokes identify,
+and one motion at 100, 200, 500 and 1000 Hz. Prints a row per sentence or figure: the place in the code that makes it,
+how many were counted, and how many were true. ``--quick`` takes one seed and shorter recordings.
+"""
+
+import argparse
+import warnings
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+from zero_sweep import PLAN, RIG, Kind, identified, raw_recordings
+
+from cylinder_friction.arrays import Array
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.labelling.apparent_loss import apparent_loss
+from cylinder_friction.labelling.known_offset import STROKES, KnownOffset, OffsetEvidence, offset_evidence
+from cylinder_friction.labelling.label import Labeller, label
+from cylinder_friction.labelling.up_and_down import holds_load, up_and_down
+from cylinder_friction.recordings.columns import PRESSURES, UNCERTAINTY_COLUMN
+from cylinder_friction.recordings.line_loss import LineLoss
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.rig.campaign import LOSS_SPEED_M_S
+from cylinder_friction.rig.campaign_plan import CampaignPlan
+from cylinder_friction.signals.methods import default_filter
+from cylinder_friction.signals.smooth_signals import filtered
+
+KIND = Kind(0.15, 0.15)
+LOSSES_BAR = (0.0, 1.0, 3.0, 6.0, 12.0)
+"""Lost at 0.1 m/s; the rig moves at up to 0.07 m/s."""
+WEIGHT_N, LAMINAR = 4218.0, 0.2
+Row = tuple[str, str, bool | float]
+"""Place in the code, sentence or figure, and whether it was true, or its value."""
+
+
+def campaign_of(
+    seed: int, quick: bool, duration_s: float | None = None, **options: float
+) -> tuple[list[Recording], list[pd.DataFrame], Cylinder]:
+    """Return raw recordings of a campaign, their truth and the cylinder."""
+    mass_kg = RIG.moving_mass_kg + options.get("weight_n", 0.0) / 9.81
+    cylinder = replace(RIG, moving_mass_kg=mass_kg)
+    plan = CampaignPlan(
+        seed=seed,
+        sessions_per_condition=2 if quick else 4,
+        recordings_per_session=1,
+        duration_s=duration_s or (20.0 if quick else 30.0),
+        residual_offset_bar=KIND.zero_bar,
+        specimen="wide",
+        **options,  # type: ignore[arg-type]
+    )
+    return *raw_recordings(cylinder, plan, KIND), cylinder
+
+
+def evidence_of(labelled: Recording, cylinder: Cylinder) -> OffsetEvidence:
+    """Return what a labelled recording shows, as the commands collect it."""
+    signals = map(labelled.column, ("position_m", "velocity_m_s", "friction_n"))
+    return offset_evidence(labelled, cylinder, PLAN, *up_and_down(*signals, labelled.usable(), PLAN.slowest_m_s), "")
+
+
+def loss_n(bar: float, speed_m_s: float, cylinder: Cylinder) -> float:
+    """Return the simulated loss as friction at a speed [N], compressibility left out."""
+    total_n = 0.0
+    for area, part in ((cylinder.piston_area_m2, 1.0), (cylinder.annulus_area_m2, None)):
+        share = (part or cylinder.annulus_area_m2 / cylinder.piston_area_m2) * speed_m_s / LOSS_SPEED_M_S
+        total_n += area * 1e5 * bar * share * (LAMINAR + (1.0 - LAMINAR) * share)
+    return total_n
+
+
+def losses(seed: int, quick: bool) -> Iterator[Row]:
+    """Yield whether losses are named if there is one, and only then, and what bounds hold."""
+    place = "labelling/apparent_loss.py sentence"
+    for bar in LOSSES_BAR[:4] if quick else LOSSES_BAR:
+        logs, truths, cylinder = campaign_of(seed, quick, line_loss_bar=bar)
+        labelled = label(logs, cylinder)
+        evidence = [evidence_of(each, cylinder) for each in labelled]
+        conditions = sorted({each.condition for each in evidence})
+        for own in (evidence, *([each for each in evidence if each.condition == name] for name in conditions)):
+            found = apparent_loss(own)
+            if found is None:
+                continue
+            sessions = {each.session for each in own}
+            friction_n = float(
+                np.mean(
+                    [
+                        truth["friction_n"].abs().mean()
+                        for each, truth in zip(labelled, truths, strict=True)
+                        if each.metadata.session in sessions
+                    ]
+                )
+            )
+            if bar == 0.0:
+                yield place, "no loss is named where there is none", not found.named
+            elif loss_n(bar, found.speed_m_s, cylinder) > friction_n:
+                yield place, "a loss larger than friction is named", found.named
+            if found.named and bar:
+                for each, truth in zip(labelled, truths, strict=True):
+                    if each.metadata.session in sessions:
+                        also_n = found.most_n(each.column("velocity_m_s"))
+                        yield "estimation: bounds", "held %, unstated loss named", held(each, truth, also_n)
+        if bar:
+            yield from stated_losses(logs, truths, bar, cylinder)
+
+
+def held(labelled: Recording, truth: pd.DataFrame, also_n: Array | float = 0.0) -> float:
+    """Return how often bounds hold true friction [%]."""
+    rows, half_n = labelled.usable(), labelled.column(UNCERTAINTY_COLUMN) + also_n
+    off_n = np.abs(labelled.column("friction_n") - truth["friction_n"].to_numpy())
+    return 100.0 * float(np.mean((off_n <= half_n)[rows]))
+
+
+def free_error(labelled: Recording, truth: pd.DataFrame) -> float:
+    """Return the label's error free of its mean [N]."""
+    rows = labelled.usable()
+    off_n = (labelled.column("friction_n") - truth["friction_n"].to_numpy())[rows]
+    return float(np.mean(np.abs(off_n - off_n.mean())))
+
+
+def stated_losses(
+    logs: Sequence[Recording], truths: Sequence[pd.DataFrame], bar: float, cylinder: Cylinder
+) -> Iterator[Row]:
+    """Yield what becomes of a loss that is stated: rightly, and 20 % too large or too small."""
+    areas = (cylinder.piston_area_m2, cylinder.annulus_area_m2)
+    own_speeds = (LOSS_SPEED_M_S, LOSS_SPEED_M_S * areas[0] / areas[1])
+    for each, truth in zip(logs, truths, strict=True):
+        for factor in (1.0, 1.2, 0.8):
+            lines = {
+                name: LineLoss(factor * bar, speed, laminar_percent=100.0 * LAMINAR, uncertainty_percent=20.0)
+                for name, speed in zip(PRESSURES, own_speeds, strict=True)
+            }
+            (found,) = label([replace(each, metadata=replace(each.metadata, line_loss=lines))], cylinder)
+            if factor == 1.0:
+                known = without_loss(each, truth, bar, cylinder)
+                ratio = free_error(found, truth) / free_error(label([known], cylinder)[0], truth)
+                yield "signals/smooth_signals.py at_cylinder", "error, loss stated, over sensors at the ports", ratio
+            else:
+                yield "labelling/uncertainty.py", "held %, loss stated 20 % wrong", held(found, truth)
+
+
+def without_loss(recording: Recording, truth: pd.DataFrame, bar: float, cylinder: Cylinder) -> Recording:
+    """Return the recording as sensors at the ports would read it, from the true velocity."""
+    ratio = cylinder.annulus_area_m2 / cylinder.piston_area_m2
+    columns = {}
+    for name, share in zip(PRESSURES, (1.0, -ratio), strict=True):
+        part = share * truth["velocity_m_s"].to_numpy() / LOSS_SPEED_M_S
+        columns[name] = recording.column(name) - 1e5 * bar * part * (LAMINAR + (1.0 - LAMINAR) * np.abs(part))
+    return recording.with_columns(**columns)
+
+
+def loads(seed: int, quick: bool) -> Iterator[Row]:
+    """Yield whether an identified weight, and Coulomb friction beside it, lie within what is printed."""
+    place = "labelling/load.py sentence"
+    for bar in (0.0, 3.0):
+        logs, _, cylinder = campaign_of(seed, quick, weight_n=WEIGHT_N, line_loss_bar=bar)
+        labeller, smoothing = Labeller(cylinder, load="position"), default_filter(cylinder)
+        unloaded = label(logs[:1], cylinder)[0]
+        signals = map(unloaded.column, ("position_m", "velocity_m_s", "friction_n"))
+        load_n, half_n = up_and_down(*signals, unloaded.usable(), PLAN.slowest_m_s)
+        yield "estimation: holds a load of about", "a load that is not taken off is named", holds_load(load_n, half_n)
+        for each in logs:
+            try:
+                found = labeller.identify([filtered(each, smoothing)], smoothing).load
+            except ValueError:
+                yield place, "share of sessions whose load is refused with a reason", 1.0
+                continue
+            assert found is not None
+            yield place, "share of sessions whose load is refused with a reason", 0.0
+            middle_n = 0.5 * sum(found.load_range_n)
+            yield place, f"the load is ... ±, loss of {bar:g} bar", abs(middle_n - WEIGHT_N) <= found.expanded_n
+
+
+def zeros(seed: int, quick: bool) -> Iterator[Row]:
+    """Yield whether each offset lies within what is printed, by its source."""
+    logs, truths, cylinder = campaign_of(seed, quick=False, duration_s=20.0 if quick else 30.0)
+    labelled = label(logs, cylinder)
+    for condition in sorted({each.metadata.condition for each in labelled}):
+        pairs = [pair for pair in zip(labelled, truths, strict=True) if pair[0].metadata.condition == condition]
+        known: dict[str, KnownOffset] = identified([each for each, _ in pairs], cylinder)
+        for each, truth in pairs:
+            found, rows = known[each.metadata.session], each.usable()
+            off_n = float((each.column("friction_n") - truth["friction_n"].to_numpy())[rows].mean())
+            taken_n = found.offset_n if found.source == STROKES else 0.0
+            sentence = "deviation from the mean ... ±" if found.source == STROKES else "not identified: within ±"
+            yield "labelling/known_offset.py", sentence, abs(off_n - taken_n) <= found.uncertainty_n
+
+
+def rates(seed: int, quick: bool) -> Iterator[Row]:
+    """Yield the label's error at each rate over that at 200 Hz, of one motion."""
+    errors: dict[float, list[float]] = {}
+    for step_s in (0.01, 0.005, 0.002, 0.001):
+        logs, truths, cylinder = campaign_of(seed, quick, sample_time_s=step_s)
+        errors[step_s] = [free_error(*pair) for pair in zip(label(logs, cylinder), truths, strict=True)]
+    for step_s, own in errors.items():
+        ratio = float(np.mean(own) / np.mean(errors[0.005]))
+        yield "signals/zero_phase.py", f"error at {1.0 / step_s:.0f} Hz over that at 200 Hz", ratio
+
+
+PARTS = {"losses": losses, "loads": loads, "zeros": zeros, "rates": rates}
+
+
+def main() -> None:
+    """Print one row per sentence or figure."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("parts", metavar="PART", nargs="*", default=list(PARTS), help=f"of: {', '.join(PARTS)}")
+    parser.add_argument("--quick", action="store_true", help="one seed, shorter recordings")
+    parser.add_argument("--seeds", type=int, default=4, help="campaigns of each kind")
+    arguments = parser.parse_args()
+    warnings.simplefilter("ignore", UserWarning)
+    seeds = range(1 if arguments.quick else arguments.seeds)
+    found = [row for name in arguments.parts for seed in seeds for row in PARTS[name](seed, arguments.quick)]
+    table = pd.DataFrame(found, columns=["place", "sentence or figure", "value"])
+    table["value"] = [100.0 * each if isinstance(each, bool | np.bool_) else float(each) for each in table["value"]]
+    groups = table.groupby(["place", "sentence or figure"], sort=False)["value"]
+    worst = groups.quantile(0.9).round(2)
+    shown = pd.DataFrame({"counted": groups.size(), "mean": groups.mean().round(2), "worst decile": worst})
+    print(shown.to_string())
+
+
+if __name__ == "__main__":
+    main()
