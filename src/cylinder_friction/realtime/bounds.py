@@ -15,13 +15,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import brentq
 from scipy.special import ndtr, ndtri, stdtrit
 
 from cylinder_friction.arrays import Array, Mask
+from cylinder_friction.realtime.compiled import compiled, compiled_part
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.model import Bounds
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, SAMPLE_COLUMNS, UNCERTAINTY_COLUMN
@@ -261,7 +261,7 @@ def _widened(
     return min(lower, quantile(1.0 - side)), max(upper, quantile(side))
 
 
-@numba.njit(cache=True)
+@compiled
 def regimes(velocity_m_s: Array, standstill_m_s: float, creep_m_s: float, reversal_samples: int) -> NDArray[np.int64]:
     """Return the regime of each step, shape ``(n,)``: see ``next_regime``."""
     result = np.empty(velocity_m_s.shape[0], dtype=np.int64)
@@ -273,7 +273,7 @@ def regimes(velocity_m_s: Array, standstill_m_s: float, creep_m_s: float, revers
     return result
 
 
-@numba.njit(cache=True)
+@compiled_part
 def next_regime(
     velocity_m_s: float, direction: int, left: int, standstill_m_s: float, creep_m_s: float, reversal_samples: int
 ) -> tuple[int, int, int]:

@@ -3,10 +3,10 @@
 from dataclasses import asdict, dataclass
 from typing import Any, Self
 
-import numba
 import numpy as np
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.realtime.compiled import compiled, compiled_part
 from cylinder_friction.signals.backlash import AGE, CENTRE, DIRECTION, new_backlash, push
 
 HISTORY_NAMES = ("direction", "dwell", "dwell_before", "travel_short", "travel_long", "moving_time")
@@ -56,7 +56,7 @@ def new_history() -> Array:
     return np.concatenate([[0.0, 0.0, np.nan, 0.0], new_backlash()])
 
 
-@numba.njit(cache=True)
+@compiled_part
 def history_step(position_m: float, state: Array, settings: Array, sample_time_s: float, result: Array) -> None:
     """Take the next smoothed position: changes ``state`` (see ``new_history``) and fills ``result``, shape ``(6,)``.
 
@@ -88,7 +88,7 @@ def history_step(position_m: float, state: Array, settings: Array, sample_time_s
     result[5] = 1.0 - np.exp(-state[3] / settings[MOVING])
 
 
-@numba.njit(cache=True)
+@compiled
 def history_rows(position_m: Array, state: Array, settings: Array, sample_time_s: float) -> Array:
     """Return ``history_step`` at each position, shape ``(n, 6)``; changes ``state``."""
     result = np.empty((position_m.shape[0], 6))

@@ -17,13 +17,14 @@ settled); the error is 3.6e-8 in exact arithmetic and below 4e-7 in single preci
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Self
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.realtime.compiled import compiled, compiled_part
 
 TANH_LIMIT = np.float32(9.0)
 TANH_NUMERATOR = tuple(
@@ -45,7 +46,7 @@ _P0, _P1, _P2, _P3, _P4 = TANH_NUMERATOR
 _Q0, _Q1, _Q2, _Q3, _Q4 = TANH_DENOMINATOR
 
 
-@numba.njit(cache=True, inline="always")
+@partial(compiled, inline="always")
 def tanh(x: np.float32) -> np.float32:
     """Return tanh of a finite number, float32 in and out."""
     x = min(max(x, -TANH_LIMIT), TANH_LIMIT)
@@ -55,7 +56,7 @@ def tanh(x: np.float32) -> np.float32:
     return x * numerator / denominator
 
 
-@numba.njit(cache=True, inline="always")
+@partial(compiled, inline="always")
 def sigmoid(x: np.float32) -> np.float32:
     """Return ``1 / (1 + exp(-x))`` of a finite number, float32 in and out, by ``(1 + tanh(x / 2)) / 2``."""
     return HALF * tanh(HALF * x) + HALF
@@ -138,7 +139,7 @@ class Lstm:
         return hidden, _head(hidden, w.head, w.head_bias)
 
 
-@numba.njit(cache=True)
+@compiled
 def _run(
     input_weights: Single, recurrent: Single, bias: Single, inputs: int, features: Single, hidden: Single, cell: Single
 ) -> Single:
@@ -151,7 +152,7 @@ def _run(
     return result
 
 
-@numba.njit(cache=True)
+@compiled_part
 def lstm_step(
     input_weights: Single,
     recurrent: Single,
@@ -167,15 +168,13 @@ def lstm_step(
     for layer in range(layers):
         for gate in range(4 * nodes):
             gates[gate] = bias[layer, gate]
-        if layer == 0:
-            add_product(gates, input_weights[0], features, inputs)
-        else:
-            add_product(gates, input_weights[layer], hidden[layer - 1], nodes)
+        sources, count = (features, inputs) if layer == 0 else (hidden[layer - 1], nodes)
+        add_product(gates, input_weights[layer], sources, count)
         add_product(gates, recurrent[layer], hidden[layer], nodes)
         _cell_step(gates, hidden[layer], cell[layer])
 
 
-@numba.njit(cache=True)
+@compiled_part
 def add_product(sums: Single | Array, weights: Single | Array, values: Single | Array, count: int) -> None:
     """Add ``weights[source] * values[source]`` to the sums, source after source, eight at a time for speed."""
     eights = count - count % AT_A_TIME
@@ -197,7 +196,7 @@ def add_product(sums: Single | Array, weights: Single | Array, values: Single | 
             sums[place] += weights[source, place] * value
 
 
-@numba.njit(cache=True, error_model="numpy")  # Python's asks before each division, one number at a time
+@partial(compiled_part, error_model="numpy")  # Python's asks before each division, one number at a time
 def _cell_step(gates: Single, hidden: Single, cell: Single) -> None:
     nodes = hidden.shape[0]
     logistic, candidates = gates[: 3 * nodes], gates[3 * nodes :]
@@ -214,7 +213,7 @@ def _cell_step(gates: Single, hidden: Single, cell: Single) -> None:
         hidden[node] = out if abs(out) >= TINY else ZERO
 
 
-@numba.njit(cache=True)
+@compiled
 def _head(hidden: Single, head: Single, bias: float) -> Single:
     result = np.empty(hidden.shape[0], dtype=np.float32)
     for row in range(hidden.shape[0]):
@@ -222,7 +221,7 @@ def _head(hidden: Single, head: Single, bias: float) -> Single:
     return result
 
 
-@numba.njit(cache=True)
+@compiled_part
 def head_of(hidden: Single, head: Single, bias: float | np.float32) -> np.float32:
     """Return the linear head's output for one hidden state."""
     total = np.float32(bias)

@@ -19,10 +19,10 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, NamedTuple, Self
 
-import numba
 import numpy as np
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.realtime.compiled import compiled, compiled_part
 from cylinder_friction.recordings.columns import REFERENCE_C
 
 OWN = 5  # What a session has of its own: offset [N], asymmetry, scale, slope, and the present stroke's error [N]
@@ -194,14 +194,14 @@ def refuse_impossible(offset_n: float, uncertainty_n: float | None) -> None:
         )
 
 
-@numba.njit(cache=True)
+@compiled_part
 def supported(settings: OffsetSettings, state: Array) -> bool:
     """Return whether friction of this session is like that of training; where not, zeros are not separable."""
     scale, slope = state[MEANS + SCALE], state[MEANS + SLOPE]
     return bool(settings.scale_support * scale * scale + settings.slope_support * slope * slope <= 1.0)
 
 
-@numba.njit(cache=True)
+@compiled
 def show(settings: OffsetSettings, state: Array) -> None:
     """Put the offset and its standard uncertainty [N] where the next step finds them."""
     variance = state[COVARIANCE]
@@ -212,7 +212,7 @@ def show(settings: OffsetSettings, state: Array) -> None:
     state[DEVIATION] = np.sqrt(learned + settings.common_n * settings.common_n)
 
 
-@numba.njit(cache=True)
+@compiled_part
 def offset_step(
     tracker: OffsetNumbers, state: Array, place: int, velocity_m_s: float, sample: Array, valid: bool
 ) -> None:
@@ -244,7 +244,7 @@ def offset_step(
     show(settings, state)
 
 
-@numba.njit(cache=True)
+@compiled
 def _rows(tracker: OffsetNumbers, state: Array, place: int, velocity_m_s: Array, samples: Array) -> Array:
     result = np.empty((samples.shape[0], 2))
     for row in range(samples.shape[0]):
@@ -253,51 +253,56 @@ def _rows(tracker: OffsetNumbers, state: Array, place: int, velocity_m_s: Array,
     return result
 
 
-@numba.njit(cache=True)
+@compiled_part
 def _begin_stroke(settings: OffsetSettings, state: Array, direction: float) -> None:
     state[DIRECTION] = direction
     state[RUN] = 0.0
     state[MEANS + STROKE] = 0.0
-    covariance = state[COVARIANCE:GAIN].reshape(OWN, OWN)
     for own in range(OWN):
-        covariance[STROKE, own] = 0.0
-        covariance[own, STROKE] = 0.0
+        state[COVARIANCE + STROKE * OWN + own] = 0.0
+        state[COVARIANCE + own * OWN + STROKE] = 0.0
     deviation = settings.rest_n if direction == 0.0 else settings.stroke_n
-    covariance[STROKE, STROKE] = deviation * deviation
+    state[COVARIANCE + STROKE * OWN + STROKE] = deviation * deviation
     _clear(state)
 
 
-@numba.njit(cache=True)
+@compiled_part
 def _clear(state: Array) -> None:
     state[COUNT] = 0.0
     state[SUM_VELOCITY] = 0.0
-    state[SUMS:] = 0.0
+    for place in range(SUMS, state.shape[0]):
+        state[place] = 0.0
 
 
-@numba.njit(cache=True)
-def _mean(weights: Array, row: int, state: Array) -> float:
-    total = 0.0
+@compiled_part
+def _means(weights: Array, state: Array) -> tuple[float, float, float, float]:
+    """Average a block: force balance [N], pressure [Pa], load [N] and temperature [°C]."""
+    balance, pressure, load, warm = 0.0, 0.0, 0.0, 0.0
     for channel in range(weights.shape[1]):
-        total += weights[row, channel] * state[SUMS + channel]
-    return total / state[COUNT]
+        total = state[SUMS + channel]
+        balance += weights[BALANCE, channel] * total
+        pressure += weights[PRESSURE, channel] * total
+        load += weights[LOAD, channel] * total
+        warm += weights[WARM, channel] * total
+    count = state[COUNT]
+    return balance / count, pressure / count, load / count, warm / count
 
 
-@numba.njit(cache=True)
+@compiled_part
 def _take_block(tracker: OffsetNumbers, state: Array, place: int, velocity_m_s: float) -> None:
     """Let what the session has of its own explain a block's mean force balance."""
-    settings, weights, direction = tracker.settings, tracker.weights, state[DIRECTION]
+    settings, direction = tracker.settings, state[DIRECTION]
     if direction == 0.0 and state[EXTENDED] + state[RETRACTED] > 0.0:
         return
-    pressure = _mean(weights, PRESSURE, state)
-    load = _mean(weights, LOAD, state)
-    warm = _mean(weights, WARM, state) - REFERENCE_C
+    balance, pressure, load, warm = _means(tracker.weights, state)
+    warm -= REFERENCE_C
     speed = direction * state[SUM_VELOCITY] / state[COUNT] if direction != 0.0 else settings.speed_mean
     ranged = (pressure, speed, load, warm)
     for each in range(RANGED):
         if ranged[each] < tracker.ranges[0, each] or ranged[each] > tracker.ranges[1, each]:
             return
     acceleration = (velocity_m_s - state[FIRST_VELOCITY]) / settings.duration_s
-    balance = _mean(weights, BALANCE, state) - settings.mass_kg * acceleration
+    balance -= settings.mass_kg * acceleration
     known = _friction(tracker.friction, pressure, speed, load, warm)
     known += _along(tracker, state[SUMS + place] / state[COUNT])
     even = settings.even_constant_n + settings.even_pressure * pressure
@@ -309,7 +314,7 @@ def _take_block(tracker: OffsetNumbers, state: Array, place: int, velocity_m_s: 
         state[EXTENDED], state[RETRACTED], state[LEVEL] = before
 
 
-@numba.njit(cache=True)
+@compiled_part
 def _friction(friction: Array, pressure: float, speed: float, load: float, warm: float) -> float:
     root = np.sqrt(max(pressure, 0.0))
     logarithm = np.log(max(speed, 1e-12))
@@ -321,7 +326,7 @@ def _friction(friction: Array, pressure: float, speed: float, load: float, warm:
     return result + warm * changing
 
 
-@numba.njit(cache=True)
+@compiled_part
 def _along(tracker: OffsetNumbers, position_m: float) -> float:
     """Return the polynomial in position, by Horner's rule."""
     first_m, last_m = tracker.settings.first_position_m, tracker.settings.last_position_m
@@ -333,7 +338,7 @@ def _along(tracker: OffsetNumbers, position_m: float) -> float:
     return result
 
 
-@numba.njit(cache=True)
+@compiled_part
 def _level(state: Array, direction: float, level: float) -> float:
     """Return friction's level [N]; until both directions were seen that of the first block.
 
@@ -349,7 +354,7 @@ def _level(state: Array, direction: float, level: float) -> float:
     return level if state[EXTENDED] * state[RETRACTED] != 0.0 else state[LEVEL]
 
 
-@numba.njit(cache=True)
+@compiled_part
 def _update(
     settings: OffsetSettings, state: Array, left: float, explains: tuple[float, float, float, float, float]
 ) -> bool:
@@ -358,12 +363,12 @@ def _update(
     Returns whether it was one; too large a surprise changes nothing.
     """
     means, gain = state[MEANS:COVARIANCE], state[GAIN:SUMS]
-    covariance = state[COVARIANCE:GAIN].reshape(OWN, OWN)
+    covariance = state[COVARIANCE:GAIN]
     variance = settings.noise_n * settings.noise_n
     for row in range(OWN):
         gain[row] = 0.0
         for column in range(OWN):
-            gain[row] += covariance[row, column] * explains[column]
+            gain[row] += covariance[row * OWN + column] * explains[column]
         variance += explains[row] * gain[row]
         left -= explains[row] * means[row]
     if left * left > LARGEST_SURPRISE * LARGEST_SURPRISE * (variance + settings.largest_variance):
@@ -371,5 +376,5 @@ def _update(
     for row in range(OWN):
         means[row] += gain[row] * left / variance
         for column in range(OWN):
-            covariance[row, column] -= gain[row] * gain[column] / variance
+            covariance[row * OWN + column] -= gain[row] * gain[column] / variance
     return True

@@ -5,13 +5,14 @@ precision, LSTM and forest in single. Every sum adds in the order in which the e
 two agree bit for bit on valid samples.
 """
 
+from functools import partial
 from math import isfinite
 
-import numba
 import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.bounds import next_regime
+from cylinder_friction.realtime.compiled import compiled, compiled_part
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.history import history_step
 from cylinder_friction.realtime.load_table import load_at, load_unknown
@@ -51,8 +52,7 @@ FLAG_FROZEN, FLAG_RECOVERING = int(Flag.FROZEN), int(Flag.RECOVERING)
 FLAG_OFFSET_UNKNOWN, FLAG_UNMODELLED_FORCE = int(Flag.OFFSET_UNKNOWN), int(Flag.UNMODELLED_FORCE)
 
 # Nothing here allocates an array, so none needs its references counted; that would take a third of a step's time
-_compiled = numba.njit(cache=True, _nrt=False)  # type: ignore[call-overload]
-_part = numba.njit(cache=True, _nrt=False, inline="always")  # type: ignore[call-overload]
+_compiled, _part = partial(compiled, _nrt=False), partial(compiled_part, _nrt=False, inline="always")
 
 
 @_compiled
@@ -92,7 +92,8 @@ def _uncorrected(model: Model, state: State, sample: Array, seen: Single, newton
     flags = _check(model.inputs, state, sample)
     bad = flags != 0
     if state.counters[READY] == 0 and bad:
-        newtons[:] = 0.0
+        for each in range(newtons.shape[0]):
+            newtons[each] = 0.0
         return FLAG_NOT_READY | flags
     if model.inputs.load.shape[0] > 0:
         state.now[sample.shape[0]] = load_at(model.inputs.load, state.now)
@@ -102,7 +103,7 @@ def _uncorrected(model: Model, state: State, sample: Array, seen: Single, newton
     for output in range(model.zeros.shape[0]):
         state.outputs[output] -= state.offset[OFFSET] * model.zeros[output]
     linear = model.features.limits.shape[0]
-    base_n, velocity_m_s = state.outputs[linear], state.outputs[linear + 1]
+    base_n, velocity_m_s = float(state.outputs[linear]), float(state.outputs[linear + 1])
     if _outside(model.inputs, state.now):
         flags |= FLAG_OUTSIDE
     if _frozen(model.inputs, model.guard, state, base_n):

@@ -15,13 +15,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numba
 import numpy as np
 from scipy.optimize import minimize_scalar
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.realtime.bounds import CREEP, SLIDING, causal_velocity, regimes_of
+from cylinder_friction.realtime.compiled import compiled_part
 from cylinder_friction.realtime.guard import TRAINED_MARGIN
 from cylinder_friction.realtime.model import Bounds, Guard, StepModel
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURE_1, PRESSURE_2, PRESSURES
@@ -94,7 +94,7 @@ def force_limits(model: StepModel) -> Array:
     return np.concatenate([[guard.force_weights, pressures], lines], axis=1)
 
 
-@numba.njit(cache=True)
+@compiled_part
 def unmodelled_force(
     limits: Array, sample: Array, regime: int, direction: int, left: int, clear_samples: int, least_pressure_pa: float
 ) -> tuple[bool, int]:
