@@ -21,7 +21,7 @@ from true_friction import report
 
 from cylinder_friction.commands.cli import main as cylinder_friction
 from cylinder_friction.execution.selection import workers_from_environment
-from cylinder_friction.recordings.files import read_json
+from cylinder_friction.files.whole_files import read_json
 from cylinder_friction.run_record import STAGES as ALL_STAGES
 
 PUBLISHED_BEST_PERCENT = 5.57

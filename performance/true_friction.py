@@ -22,8 +22,8 @@ from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
+from cylinder_friction.files.whole_files import read_json
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
-from cylinder_friction.recordings.files import read_json
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.splits import ROLES
 from cylinder_friction.recordings.storage import read_stored

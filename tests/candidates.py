@@ -10,7 +10,7 @@ from mlflow.entities.model_registry import ModelVersion
 from cylinder_friction.dvc_hashes import dvc_hash, hashes_in
 from cylinder_friction.estimators.saved_folder import read_description, write_description
 from cylinder_friction.evaluation.reported import error_metrics
-from cylinder_friction.recordings.files import read_yaml
+from cylinder_friction.files.whole_files import read_yaml
 from cylinder_friction.run_record import Dataset, RunRecord
 from cylinder_friction.tracking.gate import Candidate, Registered
 from cylinder_friction.tracking.lineage import shaping_params

@@ -12,7 +12,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.deployment.c_export.export import export_c
 from cylinder_friction.deployment.fmu.variables import fmu_variables
 from cylinder_friction.estimators.hybrid import HybridEstimator
-from cylinder_friction.recordings.files import read_json
+from cylinder_friction.files.whole_files import read_json
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.model_card import model_card
 from cylinder_friction.tracking.model_folder import described

@@ -22,7 +22,7 @@ from websockets.sync.client import connect
 from cylinder_friction.arrays import Array
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.execution.ports import free_port
-from cylinder_friction.recordings.files import write_json
+from cylinder_friction.files.whole_files import write_json
 from cylinder_friction_live.access import Access
 from cylinder_friction_live.app import HISTORY_FOLDER
 from cylinder_friction_live.client import Client, LiveClientError

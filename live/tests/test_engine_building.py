@@ -12,7 +12,7 @@ from cylinder_friction.deployment.c_export.compiled import NoCompilerError
 from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, GoldenError
 from cylinder_friction.estimators import loading
 from cylinder_friction.estimators.hybrid import HybridEstimator
-from cylinder_friction.recordings.files import write_json
+from cylinder_friction.files.whole_files import write_json
 from cylinder_friction_live.engine import LIBRARY, Engine
 from cylinder_friction_live.engine_building import built_engine, engine_of
 

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from cylinder_friction.files.whole_files import write_json
 from cylinder_friction.friction_models.stribeck import StribeckCurve
-from cylinder_friction.recordings.files import write_json
 from cylinder_friction_live.stribeck import StribeckError, stribeck_lines
 
 CURVE = {

@@ -25,7 +25,7 @@ import yaml
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.result_file import Result, read_results
-from cylinder_friction.recordings.files import read_json, write_json
+from cylinder_friction.files.whole_files import read_json, write_json
 from cylinder_friction.recordings.storage import read_recording, write_recording
 from cylinder_friction_monitoring.fleet.demonstration import CHANNELS, DIMENSIONS
 from cylinder_friction_monitoring.fleet.files import RESULTS, session_file

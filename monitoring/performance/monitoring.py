@@ -31,9 +31,9 @@ from scipy.signal import lfilter
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.files.whole_files import write_json
 from cylinder_friction.labelling.label import label
 from cylinder_friction.recordings.columns import OIL_TEMPERATURE, POSITION, PRESSURES, TIME
-from cylinder_friction.recordings.files import write_json
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction_monitoring.lives import Fate, LifePlan, life
 from cylinder_friction_monitoring.trends.assessment import Entry

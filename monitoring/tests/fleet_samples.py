@@ -10,7 +10,7 @@ from typing import Any
 import yaml
 
 from cylinder_friction.estimation.from_logs import SUMMARY_FILE
-from cylinder_friction.recordings.files import write_json
+from cylinder_friction.files.whole_files import write_json
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction_monitoring.fleet.fleet_file import load_fleet
 from cylinder_friction_monitoring.fleet.nightly import code_hash

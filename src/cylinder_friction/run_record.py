@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from cylinder_friction.execution.measuring import Took
-from cylinder_friction.recordings.files import json_hash
+from cylinder_friction.files.whole_files import json_hash
 
 Scalar = str | int | float | bool
 Table = dict[str, list[Any]]

@@ -14,9 +14,9 @@ from cylinder_friction.estimators.adaptation import adaptation_inputs, feature_p
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training import network_from, weights_of
 from cylinder_friction.estimators.training_plan import TrainingPlan
+from cylinder_friction.files.whole_files import read_json
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.realtime.trained_for import OtherCylinderError
-from cylinder_friction.recordings.files import read_json
 from cylinder_friction.recordings.recording import Recording, RecordingError
 
 PRESS = Cylinder(name="press", bore_diameter_m=0.08, rod_diameter_m=0.045, stroke_m=0.25, moving_mass_kg=6.0)

@@ -18,8 +18,8 @@ from cylinder_friction.estimation.from_logs import estimate_logs
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.execution.selection import workers_from_environment
 from cylinder_friction.execution.workers import VARIABLE
+from cylinder_friction.files.whole_files import hash_of
 from cylinder_friction.params.checking import Params, check_params
-from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.stages import filter as filter_stage
 from cylinder_friction.stages import ingest, label

@@ -14,7 +14,7 @@ import mlflow
 import pytest
 import yaml
 
-from cylinder_friction.recordings.files import hash_of
+from cylinder_friction.files.whole_files import hash_of
 from pipeline_workspace import copy_of, environment, run
 
 pytestmark = [pytest.mark.extended]

@@ -9,7 +9,7 @@ import mlflow
 import pytest
 import yaml
 
-from cylinder_friction.recordings.files import hash_of
+from cylinder_friction.files.whole_files import hash_of
 from cylinder_friction.run_record import STAGES
 from pipeline_workspace import MAKE, PROJECT, commit, copy_of, run, run_here
 

@@ -15,7 +15,7 @@ import yaml
 from sqlalchemy import make_url
 
 import team_servers as servers
-from cylinder_friction.recordings.files import hash_of
+from cylinder_friction.files.whole_files import hash_of
 from cylinder_friction.run_record import STAGES
 from pipeline_workspace import PROJECT, copy_of, run
 

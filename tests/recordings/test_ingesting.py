@@ -11,9 +11,9 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.files.whole_files import read_json
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.conversion import Recipe
-from cylinder_friction.recordings.files import read_json
 from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_folder, shown
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.path_names import NameRules

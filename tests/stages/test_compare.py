@@ -18,9 +18,9 @@ from cylinder_friction.estimators.linear import ForceBalanceEstimator, LowPassFo
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.evaluation.known_notes import notes_of
+from cylinder_friction.files.whole_files import write_json
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.params.checking import Params
-from cylinder_friction.recordings.files import write_json
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.run_record import RunRecord

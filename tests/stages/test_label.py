@@ -9,7 +9,7 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.files import hash_of, read_json, write_json
+from cylinder_friction.files.whole_files import hash_of, read_json, write_json
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_recording, read_stored, recording_paths, write_recording
 from cylinder_friction.run_record import RunRecord

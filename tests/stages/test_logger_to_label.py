@@ -8,8 +8,8 @@ import pytest
 from cylinder_friction.arrays import Array
 from cylinder_friction.commands.params import compose_params
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.files.whole_files import read_json
 from cylinder_friction.params.checking import Params, check_params
-from cylinder_friction.recordings.files import read_json
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.stages import filter as filter_stage

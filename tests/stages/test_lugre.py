@@ -9,8 +9,8 @@ import pytest
 
 from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.files.whole_files import hash_of
 from cylinder_friction.params.checking import Params
-from cylinder_friction.recordings.files import hash_of
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.run_record import RunRecord

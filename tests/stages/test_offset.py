@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.files.whole_files import hash_of, read_json, write_json
 from cylinder_friction.labelling.load import LoadIdentification
 from cylinder_friction.labelling.strokes import TravelCovered
-from cylinder_friction.recordings.files import hash_of, read_json, write_json
 from cylinder_friction.recordings.recording import Recording, RecordingError, SensorUncertainty
 from cylinder_friction.recordings.storage import read_stored, write_recording
 from cylinder_friction.run_record import RunRecord

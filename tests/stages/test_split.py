@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from cylinder_friction.recordings.files import read_json
+from cylinder_friction.files.whole_files import read_json
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import recording_paths, write_recording
 from cylinder_friction.stages import split

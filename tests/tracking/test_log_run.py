@@ -187,7 +187,7 @@ def test_while_dvc_runs_a_stage_its_lock_states_the_hashes_and_nothing_is_read(
     monkeypatch.chdir(written_pipeline)
     monkeypatch.setenv("DVC_STAGE", "train")
     monkeypatch.setattr("cylinder_friction.dvc_hashes.dvc_hash", lambda _: pytest.fail("it was hashed again"))
-    monkeypatch.setattr("cylinder_friction.recordings.files.hash_of", lambda _: pytest.fail("it was hashed again"))
+    monkeypatch.setattr("cylinder_friction.files.whole_files.hash_of", lambda _: pytest.fail("it was hashed again"))
     (used,) = datasets({"test": Path("data/processed/test")}).values()
     assert used.md5.endswith(".dir")
 

@@ -13,7 +13,7 @@ import pytest
 from mlflow import MlflowClient
 
 from candidates import NAME, candidate_in, champion, measured, other_model, versions
-from cylinder_friction.recordings.files import read_json, write_json
+from cylinder_friction.files.whole_files import read_json, write_json
 from cylinder_friction.tracking import model_version, registry
 from cylinder_friction.tracking.gate import Incumbent, Registered
 from cylinder_friction.tracking.model_version import ensure_version

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array, Mask
-from cylinder_friction.recordings.files import read_json, whole_file, write_json
+from cylinder_friction.files.whole_files import read_json, whole_file, write_json
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,8 +5,8 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 from cylinder_friction.execution.measuring import measured
+from cylinder_friction.files.whole_files import hash_of, read_json, write_json
 from cylinder_friction.import_graph import relative_to_source, used_files
-from cylinder_friction.recordings.files import hash_of, read_json, write_json
 from cylinder_friction.run_record import Dataset, RunRecord, Scalar
 from cylinder_friction.stages._stage import artifacts, datasets, flat
 from cylinder_friction.tracking.log_run import log_run, track_or_warn

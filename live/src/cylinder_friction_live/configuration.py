@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
-from cylinder_friction.recordings.files import read_yaml
+from cylinder_friction.files.whole_files import read_yaml
 from cylinder_friction_live.access import Access
 from cylinder_friction_live.settings import LiveLimits, MqttSettings, OpcUaServerSettings, SessionRules
 

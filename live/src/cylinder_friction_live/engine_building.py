@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import cylinder_friction
 from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, GoldenError
-from cylinder_friction.recordings.files import write_json, write_text
+from cylinder_friction.files.whole_files import write_json, write_text
 from cylinder_friction_live.engine import DESCRIPTION, LIBRARY, NAME, Engine, processor
 
 if TYPE_CHECKING:

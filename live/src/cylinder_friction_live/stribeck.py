@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from cylinder_friction.recordings.files import read_json
+from cylinder_friction.files.whole_files import read_json
 
 _SPEEDS_M_S = np.geomspace(1e-4, 2.0, 150)
 _NO_RISE = {"stribeck_velocity_m_s": 0.01, "stribeck_exponent": 2.0}

@@ -9,7 +9,7 @@ import pyarrow.parquet as pq
 from mlflow.entities import Metric, Run
 from mlflow.utils.mlflow_tags import MLFLOW_RUN_NOTE
 
-from cylinder_friction.recordings.files import read_json
+from cylinder_friction.files.whole_files import read_json
 from cylinder_friction.tracking.store import Store, open_store
 from cylinder_friction_monitoring.trends.moments import moment
 

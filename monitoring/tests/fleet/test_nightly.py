@@ -18,7 +18,7 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.linear import RidgeEstimator
-from cylinder_friction.recordings.locks import locked
+from cylinder_friction.files.locks import locked
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction_monitoring.errors import MonitoringError
 from cylinder_friction_monitoring.fleet import one_cylinder

@@ -49,10 +49,10 @@ def _adapted(
     from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
     from cylinder_friction.estimators.loading import load_estimator
     from cylinder_friction.evaluation.validation import mean_absolute_error_n
+    from cylinder_friction.files.whole_files import write_json
     from cylinder_friction.labelling.apparent_loss import loss_of_labels
     from cylinder_friction.labelling.label import label, position_load
     from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES
-    from cylinder_friction.recordings.files import write_json
     from cylinder_friction.recordings.reading_logs import read_recordings
     from cylinder_friction.recordings.result_folder import ResultFolder, existing
 

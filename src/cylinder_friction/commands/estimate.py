@@ -166,8 +166,8 @@ def cylinder_of(given: str | None) -> Cylinder:
     import yaml
 
     from cylinder_friction.cylinder import Cylinder
+    from cylinder_friction.files.whole_files import read_yaml
     from cylinder_friction.params.file import PARAMS_FILE, ParamsError
-    from cylinder_friction.recordings.files import read_yaml
 
     if given is None and not PARAMS_FILE.is_file():
         raise ParamsError(

@@ -13,7 +13,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> None:
-    from cylinder_friction.recordings.files import write_text
+    from cylinder_friction.files.whole_files import write_text
     from cylinder_friction.recordings.formats.reading import read_logged_file
     from cylinder_friction.recordings.mapping.guessing import guess_mapping
     from cylinder_friction.recordings.mapping.mapping_text import mapping_yaml

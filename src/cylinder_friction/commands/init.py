@@ -6,9 +6,9 @@ import tomllib
 from pathlib import Path
 
 from cylinder_friction.commands.code import write_code
+from cylinder_friction.files.whole_files import write_text
 from cylinder_friction.import_graph import SOURCE
 from cylinder_friction.params.checking import load_params
-from cylinder_friction.recordings.files import write_text
 from cylinder_friction.rig.campaign import campaign
 from cylinder_friction.stages.record import write_logger_csv
 from cylinder_friction.tracking.repository import CODE_FILE, git

@@ -7,9 +7,9 @@ from typing import Any
 
 import yaml
 
+from cylinder_friction.files.whole_files import write_text
 from cylinder_friction.params.checking import PARAMS_FILE, check_params
 from cylinder_friction.params.composing import CONF, composed
-from cylinder_friction.recordings.files import write_text
 
 HEADER = "# Composed from conf/ by `cylinder-friction params`; change it there, or here for one run.\n"
 

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from cylinder_friction.evaluation.comparison import LABEL_ITSELF
-from cylinder_friction.recordings.files import write_bytes, write_text
+from cylinder_friction.files.whole_files import write_bytes, write_text
 from cylinder_friction.reporting.estimator_titles import title
 from cylinder_friction.run_record import records_in
 

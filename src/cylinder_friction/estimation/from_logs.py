@@ -32,13 +32,13 @@ from cylinder_friction.estimation.result_file import FileFormat, Result, packed,
 from cylinder_friction.estimation.results import FrictionOfLogs, table_rows
 from cylinder_friction.evaluation.inspection.friction_view import view_of_labelled
 from cylinder_friction.execution.workers import Died, Workers
+from cylinder_friction.files.whole_files import hash_of, read_json
 from cylinder_friction.labelling.apparent_loss import ApparentLoss
 from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.recordings.checks.duplicates import SeenRecordings
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, PRESSURES
 from cylinder_friction.recordings.conversion import ROWS_AT_ONCE
-from cylinder_friction.recordings.files import hash_of, read_json
 from cylinder_friction.recordings.ingesting import digest_of
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertainty
 from cylinder_friction.recordings.reading_logs import Logs, find_logs

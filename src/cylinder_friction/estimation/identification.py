@@ -40,6 +40,7 @@ from cylinder_friction.evaluation.friction_levels import (
     differences,
     friction_levels,
 )
+from cylinder_friction.files.whole_files import write_json, write_text
 from cylinder_friction.friction_models.identification.intervals import INTERVAL_METHOD
 from cylinder_friction.friction_models.identification.known_curve import undetermined
 from cylinder_friction.friction_models.identification.procedure import SearchEffort, identify
@@ -47,7 +48,6 @@ from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.labelling.apparent_loss import ApparentLoss
 from cylinder_friction.labelling.known_offset import KnownOffset, mean_uncertainty_n
 from cylinder_friction.recordings.checks.limits import LoadMode
-from cylinder_friction.recordings.files import write_json, write_text
 from cylinder_friction.recordings.ingesting import Quarantined, none_usable, other_rates
 from cylinder_friction.recordings.reading_logs import find_logs
 from cylinder_friction.recordings.recording import Recording

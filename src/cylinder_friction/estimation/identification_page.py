@@ -10,10 +10,10 @@ import numpy as np
 from cylinder_friction.arrays import Array
 from cylinder_friction.estimation.identified_model import SYMBOLS, IdentifiedModel, IdentifiedParameter, meaning
 from cylinder_friction.estimation.stribeck_points import SLOW_PARAMETERS, IdentifiedCurve
+from cylinder_friction.files.whole_files import write_text
 from cylinder_friction.friction_models.identification.steady_points import StribeckPoint
 from cylinder_friction.friction_models.parameters import RETRACT_RATIO, STRIBECK
 from cylinder_friction.labelling.known_offset import KnownOffset
-from cylinder_friction.recordings.files import write_text
 from cylinder_friction.recordings.ingesting import Quarantined
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.friction_page import guess_table

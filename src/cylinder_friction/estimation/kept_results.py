@@ -8,9 +8,9 @@ from typing import Any
 
 from cylinder_friction.estimation.friction_of_logs import loaded_once
 from cylinder_friction.estimation.from_logs import SUMMARY_FILE
+from cylinder_friction.files.whole_files import read_json
 from cylinder_friction.realtime.bounds import bounds_count
 from cylinder_friction.realtime.trained_for import OtherCylinderError
-from cylinder_friction.recordings.files import read_json
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recording
 

@@ -19,10 +19,10 @@ import pyarrow as pa
 
 from cylinder_friction.estimation.results import FrictionOfRecording
 from cylinder_friction.evaluation.friction_levels import FrictionLevel
+from cylinder_friction.files.whole_files import whole_file, write_text
 from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence
 from cylinder_friction.labelling.sliding_blocks import SlidingBlocks
 from cylinder_friction.recordings.checks.duplicates import Samples
-from cylinder_friction.recordings.files import whole_file, write_text
 from cylinder_friction.recordings.formats.mdf_results import write_mdf
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.result_folder import refuse_foreign

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from cylinder_friction.recordings.files import json_hash, write_json
+from cylinder_friction.files.whole_files import json_hash, write_json
 
 DESCRIPTION_FILE = "estimator.json"
 LARGEST_FILE = 64 * 2**20  # Bytes of any file of a model

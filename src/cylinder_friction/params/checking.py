@@ -9,6 +9,7 @@ from typing import Any
 from pydantic import Field, field_validator, model_validator
 
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.files.whole_files import read_yaml
 from cylinder_friction.params.data import (
     FilterParams,
     IngestParams,
@@ -26,7 +27,6 @@ from cylinder_friction.params.learning import (
     TrainParams,
 )
 from cylinder_friction.params.section import Section, checked
-from cylinder_friction.recordings.files import read_yaml
 from cylinder_friction.rig.campaign_plan import CampaignPlan
 
 __all__ = [

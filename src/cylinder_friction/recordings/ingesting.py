@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from cylinder_friction.execution.workers import Died, Workers
+from cylinder_friction.files.whole_files import hash_of, whole_folder, write_json
 from cylinder_friction.recordings.checks.duplicates import Samples, SeenRecordings
 from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of, open_tables, pieces_of_tables
-from cylinder_friction.recordings.files import hash_of, whole_folder, write_json
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.mapping.calibration import ZeroReading, find_zero, session_zero
 from cylinder_friction.recordings.mapping.channel_mapping import check_mapping

@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import Any
 
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.files.whole_files import read_yaml
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES
 from cylinder_friction.recordings.conversion import Recipe
-from cylinder_friction.recordings.files import read_yaml
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.ingesting import Quarantined, none_usable, other_rates, recordings_of
 from cylinder_friction.recordings.mapping.channel_mapping import SensorScale, check_mapping

@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.files import whole_file
+from cylinder_friction.files.whole_files import whole_file
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 
 _METADATA_KEY = b"cylinder_friction"

@@ -9,8 +9,8 @@ from urllib.parse import quote
 import numpy as np
 
 from cylinder_friction.evaluation.inspection.friction_view import FrictionView
+from cylinder_friction.files.whole_files import write_text
 from cylinder_friction.labelling.known_offset import KnownOffset
-from cylinder_friction.recordings.files import write_text
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.reporting.inspection.frequency_figures import MM_PER_M
 from cylinder_friction.reporting.inspection.friction_figures import against_velocity, of_recordings

@@ -16,10 +16,10 @@ from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.training_plan import Architecture, Checkpoint, TrainingPlan
 from cylinder_friction.evaluation.validation import mean_absolute_error_n
+from cylinder_friction.files.whole_files import read_json, write_json
 from cylinder_friction.import_graph import code_key
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
-from cylinder_friction.recordings.files import read_json, write_json
 from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import (

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from cylinder_friction.estimators.baselines import baselines
-from cylinder_friction.recordings.files import whole_folder
+from cylinder_friction.files.whole_files import whole_folder
 from cylinder_friction.stages._stage import BASELINES_FOLDER, PAPER_HYBRID_FOLDER
 from cylinder_friction.stages._training import (
     LearningData,

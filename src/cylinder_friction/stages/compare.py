@@ -21,8 +21,8 @@ from cylinder_friction.evaluation.reported import error_metrics, reported_errors
 from cylinder_friction.evaluation.starts import Starts, starts
 from cylinder_friction.evaluation.timing import StepTime, time_steps
 from cylinder_friction.evaluation.views import LearningCurve
+from cylinder_friction.files.whole_files import read_json, whole_folder, write_json, write_text
 from cylinder_friction.realtime.model import Bounds
-from cylinder_friction.recordings.files import read_json, whole_folder, write_json, write_text
 from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.recordings.truth import known_truth
 from cylinder_friction.reporting.comparison_tables import markdown_tables

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from cylinder_friction.execution.selection import workers_from_environment
-from cylinder_friction.recordings.files import whole_folder, write_json
+from cylinder_friction.files.whole_files import whole_folder, write_json
 from cylinder_friction.recordings.storage import read_recording, recording_paths, write_recording
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.signals.methods import filters_by_method, warn_of_rates

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from cylinder_friction.execution.selection import workers_from_environment
+from cylinder_friction.files.whole_files import write_json
 from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, OTHER_POSITIONS
 from cylinder_friction.recordings.conversion import Recipe
-from cylinder_friction.recordings.files import write_json
 from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_folder
 from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import RecordingError

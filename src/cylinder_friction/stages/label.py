@@ -13,12 +13,12 @@ import pandas as pd
 from tqdm import tqdm
 
 from cylinder_friction.execution.selection import workers_from_environment
+from cylinder_friction.files.whole_files import read_json, whole_folder, write_json, write_text
 from cylinder_friction.labelling.audit import Audit, AuditRow
 from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.recordings.columns import ALL_CONDITIONS
-from cylinder_friction.recordings.files import read_json, whole_folder, write_json, write_text
 from cylinder_friction.recordings.storage import read_metadata, read_recording, recording_paths, write_recording
 from cylinder_friction.recordings.truth import read_truth
 from cylinder_friction.run_record import RunRecord

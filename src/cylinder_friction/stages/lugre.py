@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 
 from cylinder_friction.estimators.analytical import AnalyticalEstimator
 from cylinder_friction.estimators.lugre import LugreEstimator, PressureLugreEstimator
+from cylinder_friction.files.whole_files import whole_folder, write_json
 from cylinder_friction.friction_models.identification.procedure import SearchEffort
 from cylinder_friction.friction_models.lugre import LuGre
-from cylinder_friction.recordings.files import whole_folder, write_json
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.run_record import RunRecord, Table, by_columns

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.files.whole_files import read_json, whole_folder, write_json, write_text
 from cylinder_friction.labelling.known_offset import ODD_SHARE, cautious, undetermined
 from cylinder_friction.labelling.label import with_common_load
 from cylinder_friction.labelling.load import LoadIdentification, pooled_load, refuse_unlike_loads
@@ -16,7 +17,6 @@ from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros
 from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan, zero_uncertainty_n
 from cylinder_friction.realtime.position_load import channel_names
 from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, PRESSURE_1, SAMPLE_COLUMNS
-from cylinder_friction.recordings.files import read_json, whole_folder, write_json, write_text
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recording, write_recording
 from cylinder_friction.run_record import RunRecord

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from cylinder_friction.recordings.files import whole_folder, write_text
+from cylinder_friction.files.whole_files import whole_folder, write_text
 from cylinder_friction.rig.campaign import campaign
 from cylinder_friction.rig.sensors import DECIMALS
 from cylinder_friction.run_record import RunRecord

@@ -11,7 +11,7 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.estimators.saved_folder import DESCRIPTION_FILE
 from cylinder_friction.evaluation.measured_errors import errors_by_condition
 from cylinder_friction.evaluation.reported import error_metrics, reported_errors
-from cylinder_friction.recordings.files import read_json, read_yaml, write_json
+from cylinder_friction.files.whole_files import read_json, read_yaml, write_json
 from cylinder_friction.recordings.storage import iterate_recordings
 from cylinder_friction.reporting.model_card import model_card
 from cylinder_friction.run_record import RunRecord, by_columns

@@ -12,9 +12,9 @@ from cylinder_friction.estimators.front_end import feature_count
 from cylinder_friction.evaluation.validation import mean_absolute_error_n
 from cylinder_friction.execution.measuring import Took
 from cylinder_friction.execution.selection import workers_from_environment
+from cylinder_friction.files.whole_files import whole_folder, write_json
 from cylinder_friction.realtime.lstm import lstm_multiply_adds
 from cylinder_friction.realtime.position_load import channel_names
-from cylinder_friction.recordings.files import whole_folder, write_json
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.reporting.search_figures import write_search_page
 from cylinder_friction.run_record import RunRecord

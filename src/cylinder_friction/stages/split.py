@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from cylinder_friction.recordings.files import write_json
+from cylinder_friction.files.whole_files import write_json
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.splits import split_sessions
 from cylinder_friction.recordings.storage import read_metadata, recording_paths

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from cylinder_friction.recordings.files import read_json, whole_folder
+from cylinder_friction.files.whole_files import read_json, whole_folder
 from cylinder_friction.stages._stage import BEST_FILE, HYBRID_FOLDER, LSTM_FOLDER
 from cylinder_friction.stages._training import LearningData, hybrid_from, train_hybrid, training_record, write_hybrid
 

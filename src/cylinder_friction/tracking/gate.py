@@ -8,7 +8,7 @@ from typing import Annotated, Any, Self
 from pydantic import BeforeValidator, PlainSerializer, TypeAdapter
 
 from cylinder_friction.evaluation.reported import Reference
-from cylinder_friction.recordings.files import json_hash
+from cylinder_friction.files.whole_files import json_hash
 
 _Error = Annotated[
     float,

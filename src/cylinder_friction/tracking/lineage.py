@@ -13,7 +13,7 @@ from mlflow.entities.model_registry import ModelVersion
 from mlflow.exceptions import MlflowException
 
 from cylinder_friction.dvc_hashes import LOCK_FILE, locked_hashes
-from cylinder_friction.recordings.files import hash_of, json_hash
+from cylinder_friction.files.whole_files import hash_of, json_hash
 from cylinder_friction.tracking.model_folder import download_model, version_of
 from cylinder_friction.tracking.model_version import COMMIT, FILES, REASON, WRITTEN_ON_LOADING
 from cylinder_friction.tracking.repository import LineageError, TrackingError, asked_git, git, repository_root

@@ -26,7 +26,7 @@ from mlflow.utils.mlflow_tags import (
 )
 
 from cylinder_friction.execution.measuring import Took, now_ms
-from cylinder_friction.recordings.files import json_hash
+from cylinder_friction.files.whole_files import json_hash
 from cylinder_friction.run_record import STAGES, Dataset, RunRecord, records_in
 from cylinder_friction.tracking.repository import TrackingError, commit_of
 from cylinder_friction.tracking.store import Store, open_store

@@ -18,9 +18,9 @@ from cylinder_friction.deployment.golden_recording import recorded
 from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE
 from cylinder_friction.deployment.scoring import RECORDING_COLUMN, TIME_COLUMN
 from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.files.whole_files import write_json
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.recordings.columns import LOAD_FORCE
-from cylinder_friction.recordings.files import write_json
 from cylinder_friction.tracking.repository import LineageError, TrackingError
 from cylinder_friction.tracking.store import Store, open_store
 

@@ -17,7 +17,7 @@ from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
 from cylinder_friction.dvc_hashes import dvc_hash
 from cylinder_friction.evaluation.reported import error_metrics
 from cylinder_friction.execution.measuring import now_ms
-from cylinder_friction.recordings.files import hash_of, json_hash
+from cylinder_friction.files.whole_files import hash_of, json_hash
 from cylinder_friction.run_record import RunRecord, records_in
 from cylinder_friction.tracking.gate import Candidate
 from cylinder_friction.tracking.log_run import allowed, log_pipeline

@@ -23,7 +23,7 @@ from mlflow.utils import chunk_list
 from mlflow.utils.credentials import get_default_host_creds
 from mlflow.utils.rest_utils import http_request
 
-from cylinder_friction.recordings.locks import locked
+from cylinder_friction.files.locks import locked
 from cylinder_friction.tracking.repository import TrackingError, repository_root
 from cylinder_friction.wording import in_brief
 

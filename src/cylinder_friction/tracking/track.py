@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from cylinder_friction.dvc_hashes import LOCK_FILE, dvc_hash, hashes_in
-from cylinder_friction.recordings.files import read_json
+from cylinder_friction.files.whole_files import read_json
 from cylinder_friction.run_record import RUNS_FOLDER, STAGES, RunRecord
 from cylinder_friction.tracking.gate import Registered
 from cylinder_friction.tracking.log_run import find_run, log_in

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cylinder_friction.recordings.files import write_text
+from cylinder_friction.files.whole_files import write_text
 from cylinder_friction.reporting.page import Cell, Table, page_html
 from friction_benchmark.folds import HELD_OUT
 from friction_benchmark.report import charts, task_tables

@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 
 import pyarrow.parquet as pq
 
-from cylinder_friction.recordings.files import read_json
+from cylinder_friction.files.whole_files import read_json
 from cylinder_friction_monitoring.errors import MonitoringError
 from cylinder_friction_monitoring.fleet.files import session_file, state_file
 from cylinder_friction_monitoring.fleet.sessions import TEXT, numbers

@@ -10,7 +10,7 @@ from typing import cast
 import yaml
 
 from cylinder_friction import Cylinder
-from cylinder_friction.recordings.files import read_yaml, whole_file, whole_folder, write_text
+from cylinder_friction.files.whole_files import read_yaml, whole_file, whole_folder, write_text
 from cylinder_friction.rig.bench import DECIMALS
 from cylinder_friction_monitoring.fleet.processes import cores, done_in_order
 from cylinder_friction_monitoring.lives import FATES, Fate, LifePlan, life

@@ -8,7 +8,7 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from cylinder_friction.recordings.files import read_yaml
+from cylinder_friction.files.whole_files import read_yaml
 from cylinder_friction_monitoring.errors import MonitoringError
 from cylinder_friction_monitoring.fleet.plan import Assignment, Fleet, FleetCylinder
 

@@ -13,8 +13,8 @@ from typing import Any
 
 from cylinder_friction import Recording, estimate_logs
 from cylinder_friction.estimation.kept_results import OtherCylinderError, kept_recordings, made_with_model, stated_share
+from cylinder_friction.files.whole_files import read_json, write_json, write_text
 from cylinder_friction.recordings.columns import LOAD_FORCE
-from cylinder_friction.recordings.files import read_json, write_json, write_text
 from cylinder_friction.recordings.reading_logs import load_settings
 from cylinder_friction_monitoring.errors import MonitoringError, Refused
 from cylinder_friction_monitoring.fleet.doubts import doubts

@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 
 from cylinder_friction import Recording
 from cylinder_friction.estimation.kept_results import friction_of, kept_recordings
-from cylinder_friction.recordings.files import json_hash
+from cylinder_friction.files.whole_files import json_hash
 from cylinder_friction_monitoring.errors import MonitoringError
 from cylinder_friction_monitoring.trends.assessment import IndicatorTrend
 from cylinder_friction_monitoring.trends.moments import utc_time

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from cylinder_friction.recordings.files import write_text
+from cylinder_friction.files.whole_files import write_text
 from cylinder_friction.reporting.frame import NONE, Cell, Table, packed, page_html
 from cylinder_friction_monitoring.errors import Refused
 from cylinder_friction_monitoring.page.health_figures import life_figure, strokes_figure, trend_picture

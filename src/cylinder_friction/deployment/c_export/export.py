@@ -22,11 +22,11 @@ from cylinder_friction.deployment.descriptions import described_inputs, flags_of
 from cylinder_friction.deployment.rendering import Type, model_hash, render
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.lugre import LugreEstimator
+from cylinder_friction.files.whole_files import write_text
 from cylinder_friction.realtime.bounds import unknown_bounds
 from cylinder_friction.realtime.history import History
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.sensor_offset import OWN
-from cylinder_friction.recordings.files import write_text
 
 Precision = Literal["double", "float"]
 Part = Literal["whole", "lstm", "base"]

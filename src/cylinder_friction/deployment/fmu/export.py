@@ -21,9 +21,9 @@ from cylinder_friction.deployment.descriptions import flags_of
 from cylinder_friction.deployment.fmu.variables import UNITS, fmu_variables
 from cylinder_friction.deployment.rendering import render
 from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.files.whole_files import write_bytes
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.model import StepModel
-from cylinder_friction.recordings.files import write_bytes
 
 FmiVersion = Literal[2, 3]
 HEADER = "fmu_model.h"

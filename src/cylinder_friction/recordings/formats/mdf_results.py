@@ -9,8 +9,8 @@ from typing import Any
 
 import pandas as pd
 
+from cylinder_friction.files.whole_files import whole_file
 from cylinder_friction.recordings.columns import QUANTITIES, TIME
-from cylinder_friction.recordings.files import whole_file
 from cylinder_friction.recordings.formats.format import guarded
 from cylinder_friction.recordings.formats.mdf import FORMAT, opened_mdf
 from cylinder_friction.recordings.formats.source import open_source

@@ -8,8 +8,8 @@ from statistics import fmean
 from cylinder_friction.evaluation.inspection.filter_costs import MOTION_HZ, FilterCost
 from cylinder_friction.evaluation.inspection.sliding_friction import WAYS
 from cylinder_friction.evaluation.inspection.subject import OUTCOMES, VERDICTS, count_outcomes
+from cylinder_friction.files.whole_files import write_text
 from cylinder_friction.labelling.known_offset import KnownOffset
-from cylinder_friction.recordings.files import write_text
 from cylinder_friction.reporting.inspection.frequency_figures import MM_PER_M, MS_PER_S, filter_figure
 from cylinder_friction.reporting.inspection.friction_figures import compared, of_files
 from cylinder_friction.reporting.inspection.recording_pane import Pane, Panes

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from cylinder_friction.recordings.files import hash_of, read_yaml
+from cylinder_friction.files.whole_files import hash_of, read_yaml
 
 
 @pytest.mark.parametrize("size", [0, 1, 2**18, 2**20 + 7])
