@@ -131,6 +131,17 @@ def test_a_package_brings_a_command(plugin: None, capsys: pytest.CaptureFixture[
     assert "greet" in output_of(["--print-completion", "bash"], capsys)
 
 
+def test_a_package_that_cannot_be_imported_is_named(
+    plugin: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "others_greet.py").write_text("raise ImportError('100 % gone')\n")
+    words = "this command is part of others, which cannot be imported (ImportError: 100 % gone)"
+    assert words in " ".join(output_of(["--help"], capsys).split())
+    assert main(["greet", "Kim", "--loud"]) == 1
+    assert f"cylinder-friction greet: {words}" in (printed := capsys.readouterr().err)
+    assert printed.endswith("install others again, or remove it: pip uninstall others\n")
+
+
 def test_a_command_of_the_project_imports_no_plugin(plugin: None) -> None:
     parser("check")
     assert "others_greet" not in sys.modules

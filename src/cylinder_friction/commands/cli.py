@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from cylinder_friction.commands.plugins import ELSEWHERE, not_installed, plugins
+from cylinder_friction.commands.plugins import ELSEWHERE, load, not_installed, plugins
 from cylinder_friction.extras import MissingExtraError, explained
 
 COMMANDS = {
@@ -143,7 +143,7 @@ def parser(command: str | None = None) -> argparse.ArgumentParser:
     if command not in COMMANDS:
         for name, entry in plugins().items():
             if name not in COMMANDS:
-                module = entry.load()
+                module = load(entry)
                 _add(commands, name, module.HELP, module)
     if command is None:
         _add_completion(result)

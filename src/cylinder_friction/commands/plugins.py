@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import argparse
 from importlib.metadata import EntryPoint, entry_points
+from types import SimpleNamespace
+from typing import Any
 
 GROUP = "cylinder_friction.commands"
 """In ``pyproject.toml``: ``[project.entry-points."cylinder_friction.commands"]`` with ``NAME = "MODULE"``.
@@ -17,9 +20,34 @@ ELSEWHERE = {
 """Known commands that another package brings: the command's name to that of the package."""
 
 
+class PluginError(RuntimeError):
+    """A package brings a command that cannot be imported."""
+
+
 def plugins() -> dict[str, EntryPoint]:
     """Find the commands that installed packages register, by name, sorted."""
     return {each.name: each for each in sorted(entry_points(group=GROUP), key=lambda each: each.name)}
+
+
+def load(entry: EntryPoint) -> Any:
+    """Import the module of a command. If that fails, the command is listed with the reason, and refuses to run."""
+    try:
+        return entry.load()
+    except Exception as error:
+        package = entry.dist.name if entry.dist else entry.value
+        reason = (
+            f"this command is part of {package}, which cannot be imported ({type(error).__name__}: {error}); install "
+            f"{package} again, or remove it: pip uninstall {package}"
+        )
+
+    def add_arguments(parser: argparse.ArgumentParser) -> None:
+        parser.add_argument("arguments", nargs=argparse.REMAINDER)
+
+    def run(_options: argparse.Namespace) -> int:
+        raise PluginError(reason)
+
+    words = reason.replace("%", "%%")
+    return SimpleNamespace(HELP=words, add_arguments=add_arguments, run=run, EXPECTED=(PluginError,))
 
 
 def not_installed(command: str) -> str:
