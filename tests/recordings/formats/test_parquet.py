@@ -46,6 +46,25 @@ def test_row_numbers_of_pandas_are_no_channel_but_its_times_are(tmp_path: Path) 
     assert set(read_logged_file(path)[0].channels.columns) == {"P1", "t"}
 
 
+@pytest.mark.parametrize("large", [pa.string(), pa.large_string()])
+@pytest.mark.parametrize("wanted", [None, ["stamp", "P1"]])
+def test_dates_that_are_text_are_dates(tmp_path: Path, large: pa.DataType, wanted: list[str] | None) -> None:
+    stamps = [f"2026-03-14T08:15:00.{5 * row:03d}+01:00" for row in range(40)]
+    pq.write_table(pa.table({"stamp": pa.array(stamps, large), "P1": np.arange(40.0)}), tmp_path / "log")
+    (read,) = read_logged_file(tmp_path / "log", wanted=wanted)
+    assert read.utc
+    assert read.channels["stamp"].iloc[1] == np.datetime64("2026-03-14T07:15:00.005")
+
+
+def test_a_date_and_a_time_of_day_in_two_columns_are_one_stamp(tmp_path: Path) -> None:
+    clock = pa.array(5000 * np.arange(40), pa.int64()).cast(pa.time64("us"))
+    days = pa.array([20000] * 40, pa.int32()).cast(pa.date32())
+    pq.write_table(pa.table({"Date": days, "Time": clock, "P1": np.arange(40.0)}), tmp_path / "log")
+    (read,) = read_logged_file(tmp_path / "log", wanted=["Time", "P1"])
+    assert list(read.channels) == ["Time", "P1"]
+    assert read.channels["Time"].iloc[2] == np.datetime64("2024-10-04T00:00:00.010")
+
+
 def test_no_rows_are_refused(tmp_path: Path) -> None:
     pd.DataFrame({"P1": np.empty(0)}).to_parquet(tmp_path / "log")
     with pytest.raises(RecordingError, match="holds no rows; expected one row per sample"):

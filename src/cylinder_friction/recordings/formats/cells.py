@@ -120,6 +120,15 @@ class TextColumn(NamedTuple):
     note: str = ""  # What was taken as missing
 
 
+def column_values(column: Any, decimal: str, name: str) -> TextColumn:
+    """Return a column of any simple type; text as by ``text_values``."""
+    values = plain_values(column)
+    if values is None:
+        return text_values(column, decimal, name)
+    clock = bool(pa.types.is_time(column.type))
+    return TextColumn(values, "s" if clock else "", clock)
+
+
 def text_values(column: Any, decimal: str, name: str) -> TextColumn:
     """Return a column of text as numbers (``7.2``, ``+  7.2``, ``7.2 bar``), dates or times of day; else as text.
 

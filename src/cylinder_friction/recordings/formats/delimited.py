@@ -14,12 +14,11 @@ import pyarrow.csv as pa_csv
 
 from cylinder_friction.recordings.formats.cells import (
     MISSING,
+    column_values,
     holds_decimal_commas,
     is_number,
-    plain_values,
     split_cells,
     states_zone,
-    text_values,
 )
 from cylinder_friction.recordings.formats.clocks import beside_clocks, joined, repeated_names, split_groups
 from cylinder_friction.recordings.formats.format import Format
@@ -141,24 +140,21 @@ def _tables(rows: "_Rows", wanted: Collection[str] | None) -> list[LoggedTable]:
     columns: list[Column] = []
     units, utc, clocks, notes = dict(layout.units), False, [], list(text.notes)
     for index, column in zip(loaded, table.columns, strict=True):
-        name, values, clock = names[index], plain_values(column), pa.types.is_time(column.type)
+        name = names[index]
         utc |= states_zone(column)
-        if values is None:
+        if pa.types.is_string(column.type):
             rows.refuse_second_header(column, name)
-            try:
-                cells = text_values(column, decimal, name)
-            except RecordingError:
-                if wanted is None or name in wanted:
-                    raise
-                continue
-            values, clock = cells.values, cells.clock
-            units |= {name: cells.unit} if cells.unit else {}
-            notes += [cells.note] if cells.note else []
-        if clock:
-            units[name] = "s"
-            clocks.append(name)
-        if name or not pd.isna(values).all():
-            columns.append((name or f"column_{index + 1}", values))
+        try:
+            cells = column_values(column, decimal, name)
+        except RecordingError:
+            if wanted is None or name in wanted:
+                raise
+            continue
+        units |= {name: cells.unit} if cells.unit else {}
+        notes += [cells.note] if cells.note else []
+        clocks += [name] if cells.clock else []
+        if name or not pd.isna(cells.values).all():
+            columns.append((name or f"column_{index + 1}", cells.values))
     first, *others = split_groups(joined(columns, clocks, wanted), units, repeated)
     unread = tuple(name for name in unread if name not in first.channels)
     first = replace(first, unread=unread, notes=(*notes, *filter(None, [rows.ended]), *first.notes))

@@ -6,13 +6,10 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from cylinder_friction.recordings.formats.cells import plain_values, states_zone, text_objects
+from cylinder_friction.recordings.formats.cells import column_values, states_zone
+from cylinder_friction.recordings.formats.clocks import beside_clocks, joined
 from cylinder_friction.recordings.formats.format import Format
-from cylinder_friction.recordings.formats.logged_table import (
-    LoggedTable,
-    LongTable,
-    named_columns,
-)
+from cylinder_friction.recordings.formats.logged_table import Column, LoggedTable, LongTable, named_columns
 from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -21,7 +18,8 @@ def read_parquet(source: FileSource, wanted: Collection[str] | None) -> list[Log
     """Return the file's one table; only the wanted columns are read, in one thread.
 
     The index that pandas stores is a channel if it has a name or holds time stamps (then named ``index``); row numbers
-    are left out. Units come from a field's metadata, key ``unit`` or ``units``.
+    are left out. Text is read as in a text table: dates, times of day, numbers. Units come from a field's metadata, key
+    ``unit`` or ``units``.
     """
     with _opened(source) as file:
         table = file.read(columns=_read_names(file, wanted), use_threads=False, use_pandas_metadata=False)
@@ -52,8 +50,10 @@ def _opened(source: FileSource) -> Any:
 
 
 def _is_read(field: Any, wanted: Collection[str] | None) -> bool:
-    simple = not pa.types.is_nested(field.type) and not _is_row_number(field)
-    return simple and (wanted is None or _name(field) in wanted)
+    """Return whether a field is a channel that is wanted, or may be time: then it must not contradict the clock."""
+    if pa.types.is_nested(field.type) or _is_row_number(field):
+        return False
+    return wanted is None or _name(field) in wanted or bool(wanted and beside_clocks([_name(field)]))
 
 
 def _read_names(file: Any, wanted: Collection[str] | None) -> list[str]:
@@ -63,10 +63,21 @@ def _read_names(file: Any, wanted: Collection[str] | None) -> list[str]:
 def _table(file: Any, table: Any, wanted: Collection[str] | None) -> LoggedTable:
     fields = [field for field in file.schema_arrow if not _is_row_number(field)]
     units = {_name(each): unit for each in fields if not pa.types.is_nested(each.type) and (unit := _unit(each))}
-    columns = [(_name(each), _values(column)) for each, column in zip(table.schema, table.columns, strict=True)]
+    columns, clocks, notes, utc = list[Column](), list[str](), list[str](), False
+    for field, column in zip(table.schema, table.columns, strict=True):
+        name = _name(field)
+        if pa.types.is_dictionary(column.type):
+            column = column.cast(column.type.value_type)
+        column = column.cast(pa.string()) if pa.types.is_large_string(column.type) else column
+        cells = column_values(column, ".", name)
+        columns.append((name, cells.values))
+        clocks += [name] if cells.clock else []
+        units |= {name: cells.unit} if cells.unit else {}
+        notes += [cells.note] if cells.note else []
+        utc |= states_zone(column)
     unread = tuple(_name(each) for each in fields if not _is_read(each, wanted))
-    utc = any(states_zone(column) for column in table.columns if pa.types.is_timestamp(column.type))
-    return LoggedTable(named_columns(columns if len(unread) < len(fields) else []), units, unread=unread, utc=utc)
+    found = joined(columns, clocks, wanted) if len(unread) < len(fields) else []
+    return LoggedTable(named_columns(found), units, unread=unread, notes=tuple(notes), utc=utc)
 
 
 def _is_row_number(field: Any) -> bool:
@@ -81,13 +92,6 @@ def _unit(field: Any) -> str:
     metadata = field.metadata or {}
     unit = metadata.get(b"unit") or metadata.get(b"units") or b""
     return str(unit.decode(errors="replace")).strip()
-
-
-def _values(column: Any) -> Any:
-    if pa.types.is_dictionary(column.type):
-        column = column.cast(column.type.value_type)
-    values = plain_values(column)
-    return text_objects(column.cast(pa.string())) if values is None else values
 
 
 # Hundreds of hours come this way, and Arrow withstands damage: it is read in the caller's process.
