@@ -45,6 +45,8 @@ def _adapted(
 
     A load that position decides is identified and becomes part of the model.
     """
+    import numpy as np
+
     from cylinder_friction.estimators.hybrid import HybridEstimator
     from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
     from cylinder_friction.estimators.loading import load_estimator
@@ -52,9 +54,12 @@ def _adapted(
     from cylinder_friction.files.whole_files import write_json
     from cylinder_friction.labelling.apparent_loss import loss_of_labels
     from cylinder_friction.labelling.label import label, position_load
+    from cylinder_friction.realtime.position_load import PositionLoad
     from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES
+    from cylinder_friction.recordings.line_loss import RECTANGULAR
     from cylinder_friction.recordings.reading_logs import read_recordings
     from cylinder_friction.recordings.result_folder import ResultFolder, existing
+    from cylinder_friction.recordings.stated_load import StatedLoad
 
     read = existing([*files, channels, model])
     with ResultFolder(into, SUMMARY_FILE, "cylinder-friction adapt", read).written() as folder:
@@ -62,9 +67,15 @@ def _adapted(
         if not isinstance(source, HybridEstimator):
             raise ValueError(f"{name}: is of the kind {source.kind!r}, expected a hybrid; no other can be adapted")
         recordings = read_recordings(files, channels, cylinder, **reading)
-        mode: LoadMode = reading["load"] or ("measured" if LOAD_FORCE in recordings[0].columns else "none")
-        labelled = label(recordings, cylinder, load=mode)
-        load = position_load(recordings, cylinder) if mode == "position" else None
+        measured: LoadMode = "measured" if LOAD_FORCE in recordings[0].columns else "none"
+        mode, load = reading["load"] or measured, None
+        if isinstance(mode, StatedLoad):  # part of the model, as no sensor tells it
+            load = PositionLoad(
+                0.0, cylinder.stroke_m, np.full(2, mode.force_n), np.full(2, RECTANGULAR * mode.within_n)
+            )
+            recordings = [each.without_columns(LOAD_FORCE) for each in recordings]
+        labelled = label(recordings, cylinder, load=load or mode)
+        load = position_load(recordings, cylinder) if mode == "position" else load
         adapted = source.adapt(labelled, cylinder, load)
         adapted.save(folder)
         loss = loss_of_labels(labelled, cylinder)

@@ -15,7 +15,7 @@ from contextlib import ExitStack
 from dataclasses import MISSING, fields
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, TypeVar, get_args
 
 from cylinder_friction.commands._model import model_folder
 
@@ -23,6 +23,8 @@ if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimation.identification import FrictionModels
     from cylinder_friction.estimation.results import FrictionOfLogs
+    from cylinder_friction.recordings.checks.limits import LoadMode
+    from cylinder_friction.recordings.stated_load import StatedLoad
 
 EXPECTED = (ValueError, OSError)
 EXAMPLE_CYLINDER = "bore_diameter_m=0.063,rod_diameter_m=0.028,stroke_m=0.25,moving_mass_kg=6"
@@ -66,10 +68,28 @@ def add_reading_arguments(parser: argparse.ArgumentParser) -> None:
     words = "accuracy of pressure sensors that state none, ± %% of full scale; 0.5 is typical; default: unknown"
     parser.add_argument("--sensor-class", type=float, metavar="PERCENT", help=words)
     parser.add_argument(
-        "--load", choices=("none", "measured", "position"), help="what the cylinder carries; default: as mapped"
+        "--load",
+        metavar="none|measured|position|NEWTONS",
+        type=load_of,
+        help="what the cylinder carries, a weighed load as 4218 or 4218+-40; default: as mapped",
     )
     parser.add_argument("--dbc", type=Path, help="DBC file of the bus, for MDF files of CAN frames")
     parser.add_argument("--names", help="regular expression on a file's path, with the groups condition and session")
+
+
+def load_of(given: str) -> LoadMode | StatedLoad:
+    """Return how the load is known, or the constant load itself, from what ``--load`` states."""
+    from cylinder_friction.recordings.checks.limits import LoadMode
+    from cylinder_friction.recordings.recording import RecordingError
+    from cylinder_friction.recordings.stated_load import StatedLoad
+
+    modes: tuple[LoadMode, ...] = get_args(LoadMode)
+    if given in modes:
+        return modes[modes.index(given)]
+    try:
+        return StatedLoad.parsed(given)
+    except RecordingError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
 
 
 def units_of(given: Sequence[str]) -> dict[str, str]:

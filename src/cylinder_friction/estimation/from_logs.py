@@ -44,6 +44,7 @@ from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertai
 from cylinder_friction.recordings.reading_logs import Logs, find_logs
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.result_folder import ResultFolder
+from cylinder_friction.recordings.stated_load import StatedLoad
 from cylinder_friction.reporting.friction_page import friction_pane, write_friction_page
 from cylinder_friction.reporting.page import PLOTTED
 from cylinder_friction.reporting.result_tables import level_tables
@@ -69,7 +70,7 @@ def estimate_logs(
     *,
     channels: str | Path | Mapping[str, Any] | None = None,
     model: FrictionEstimator | str | Path | None = None,
-    load: LoadMode | None = None,
+    load: LoadMode | StatedLoad | None = None,
     names: str | None = None,
     units: Mapping[str, str] | None = None,
     sensor_class: float | None = None,

@@ -52,6 +52,7 @@ from cylinder_friction.recordings.ingesting import Quarantined, none_usable, oth
 from cylinder_friction.recordings.reading_logs import find_logs
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.result_folder import ResultFolder
+from cylinder_friction.recordings.stated_load import StatedLoad
 from cylinder_friction.reporting.result_tables import level_tables
 from cylinder_friction.signals.motion import STEADY_DURATION_S
 from cylinder_friction.signals.noise import sensor_noise
@@ -124,7 +125,7 @@ def identify_logs(
     into: str | Path = "friction_models",
     *,
     channels: str | Path | Mapping[str, Any] | None = None,
-    load: LoadMode | None = None,
+    load: LoadMode | StatedLoad | None = None,
     names: str | None = None,
     units: Mapping[str, str] | None = None,
     sensor_class: float | None = None,

@@ -12,17 +12,18 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits, LoadMode
 from cylinder_friction.recordings.checks.recording_checks import checked_recording, inspect_recording
 from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
-from cylinder_friction.recordings.columns import PRESSURES, TIME
+from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, TIME
 from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
 from cylinder_friction.recordings.formats.reading import open_logged_file
-from cylinder_friction.recordings.line_loss import LineLoss
+from cylinder_friction.recordings.line_loss import RECTANGULAR, LineLoss
 from cylinder_friction.recordings.mapping.calibration import ZeroReading, ZeroRules, apply_zero, find_zero
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, sensor_limits, wanted_channels
 from cylinder_friction.recordings.mapping.channel_words import words_of
@@ -34,8 +35,10 @@ from cylinder_friction.recordings.recording import (
     Recording,
     RecordingError,
     RecordingMetadata,
+    SensorUncertainty,
 )
 from cylinder_friction.recordings.start import StartRules
+from cylinder_friction.recordings.stated_load import StatedLoad
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
@@ -67,7 +70,9 @@ class Recipe:
     database: Path | None = None  # Of a bus (DBC), which files of its frames are decoded with
 
     @classmethod
-    def from_settings(cls, settings: Mapping[str, Any], names: NameRules, cylinder: Cylinder, load: LoadMode) -> Recipe:
+    def from_settings(
+        cls, settings: Mapping[str, Any], names: NameRules, cylinder: Cylinder, load: LoadMode | StatedLoad
+    ) -> Recipe:
         """Return the recipe of an ingest configuration, ``conf/ingest/*.yaml`` as nested dictionaries.
 
         ``settings`` holds ``channels``, and where they differ from the defaults ``format``, ``csv``, ``time``,
@@ -80,13 +85,16 @@ class Recipe:
         }
         channels = {column: each.for_stroke(column, cylinder.stroke_m) for column, each in channels.items()}
         steps = {column: limits.step for column, limits in sensor_limits(channels).items() if limits.step}
+        stated = load if isinstance(load, StatedLoad) else None
+        mode: LoadMode = "measured" if isinstance(load, StatedLoad) else load
+        rod_1_m = cylinder.rod_diameter_1_m
         areas_m2 = (cylinder.piston_area_m2, cylinder.annulus_area_m2)
         return cls(
             names=names,
             channels=channels,
             cylinder=cylinder.name,
             limits=CheckLimits(
-                cylinder.stroke_m, *areas_m2, load, steps, cylinder.rod_diameter_1_m, **settings.get("checks", {})
+                cylinder.stroke_m, *areas_m2, mode, steps, rod_1_m, stated, **settings.get("checks", {})
             ),
             file_format=settings.get("format", "auto"),
             csv=CsvOptions(**settings.get("csv", {})),
@@ -116,6 +124,7 @@ def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> LongTabl
 
 def metadata_of(names: PathNames, source_file: str, digest: str, recipe: Recipe) -> RecordingMetadata:
     """Return what the recordings of a file have in common; a sample time and a start are each one's own."""
+    stated = recipe.limits.stated_load
     sensors = {column: each.sensor.identity for column, each in recipe.channels.items() if each.sensor is not None}
     return RecordingMetadata(
         name=names.name,
@@ -123,7 +132,8 @@ def metadata_of(names: PathNames, source_file: str, digest: str, recipe: Recipe)
         session=names.session,
         sample_time_s=math.nan,
         cylinder=recipe.cylinder,
-        load=names.load,
+        load=names.load if stated is None else stated.in_words(),
+        uncertainty={} if stated is None else {LOAD_FORCE: SensorUncertainty(RECTANGULAR * stated.within_n, 0.0)},
         source_file=source_file,
         source_sha256=digest,
         asset=names.asset or recipe.asset,
@@ -166,6 +176,9 @@ def pieces_from(
         notes = (*mapped.notes, *bad)
     start = recipe.start.of(mapped.start, about.source_file)
     pieces = align(signals, recipe.time, replace(about, repairs=notes), start)
+    if recipe.limits.stated_load is not None:
+        force_n = recipe.limits.stated_load.force_n
+        pieces = [each.with_columns(load_force_n=np.full(len(each), force_n)) for each in pieces]
     if len(pieces) == 1:
         return pieces
     return [each.described(name=f"{each.name}_part{number}") for number, each in enumerate(pieces, start=1)]

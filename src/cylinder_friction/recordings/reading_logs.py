@@ -6,7 +6,7 @@ import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.files.whole_files import read_yaml
@@ -19,6 +19,7 @@ from cylinder_friction.recordings.mapping.channel_mapping import SensorScale, ch
 from cylinder_friction.recordings.mapping_of_logs import guessed
 from cylinder_friction.recordings.path_names import ONE_CONDITION, NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
+from cylinder_friction.recordings.stated_load import StatedLoad
 
 _PACKAGE = Path(__file__).parents[1]
 FULL_SCALE_BAR = 250.0
@@ -31,7 +32,7 @@ def read_recordings(
     cylinder: Cylinder,
     *,
     names: str | None = None,
-    load: LoadMode | None = None,
+    load: LoadMode | StatedLoad | None = None,
     units: Mapping[str, str] | None = None,
     sensor_class: float | None = None,
     database: str | Path | None = None,
@@ -53,7 +54,7 @@ def read_recordings(
             files. Without any, each file is a session of its own, named as the file, and all belong to condition "1".
         load: What the cylinder carries: ``none``, ``measured`` (``load_force_n``) or ``position``, decided by
             position alone. By default ``position`` where ``channels`` states that load, ``measured`` if
-            ``load_force_n`` is mapped, else ``none``.
+            ``load_force_n`` is mapped, else ``none``. Or a constant load, ``StatedLoad(4218.0, within_n=40.0)``.
         units: Without ``channels``, the unit of each quantity (``pressure``, ``length``, ``time``, ``force``,
             ``temperature``) that the file does not state, such as ``{"pressure": "bar"}``.
         sensor_class: Accuracy of the pressure sensors, ± percent of full scale, where ``channels`` states none; full
@@ -116,7 +117,7 @@ def find_logs(
     cylinder: Cylinder,
     *,
     names: str | None = None,
-    load: LoadMode | None = None,
+    load: LoadMode | StatedLoad | None = None,
     rate_hz: float | None = None,
     units: Mapping[str, str] | None = None,
     database: str | Path | None = None,
@@ -153,7 +154,7 @@ def _logs(
     settings: Mapping[str, Any],
     cylinder: Cylinder,
     names: str | None,
-    load: LoadMode | None,
+    load: LoadMode | StatedLoad | None,
     rate_hz: float | None,
 ) -> Logs:
     if rate_hz is not None:
@@ -167,8 +168,13 @@ def _logs(
         words = f"name_pattern {settings['name_pattern']!r} of the mapping finds no session in any path, such as"
         warnings.warn(f"{words} {next(iter(files))!r}: each file is a session of its own", stacklevel=4)
     mode: LoadMode = "measured" if LOAD_FORCE in settings["channels"] else "none"
-    mode = load or ("position" if settings.get("load") == "position" else mode)
-    recipe = Recipe.from_settings(settings, rules, cylinder, mode)
+    mapped = settings.get("load")
+    if mapped not in (None, *get_args(LoadMode)):
+        load = load or StatedLoad.parsed(str(mapped))
+    if isinstance(load, StatedLoad) and mode == "measured":
+        raise RecordingError(f"load: {load.force_n:g} N is stated, but {LOAD_FORCE} is mapped too; leave one out")
+    mode = "position" if mapped == "position" else mode
+    recipe = Recipe.from_settings(settings, rules, cylinder, load or mode)
     check_mapping(recipe.channels)
     return Logs(root, files, recipe)
 

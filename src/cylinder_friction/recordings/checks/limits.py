@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from typing import Literal, Self, get_args
 
 from cylinder_friction.recordings.recording import expect
+from cylinder_friction.recordings.stated_load import StatedLoad
 
 LoadMode = Literal["none", "measured", "position"]
 """What the cylinder carries: nothing, what ``load_force_n`` measures, or a load that position decides."""
@@ -57,6 +58,7 @@ class CheckLimits(CheckRules):
     load: LoadMode = "none"  # What the cylinder carries, see ``LoadMode``
     steps: Mapping[str, float] = field(default_factory=dict)  # Of the converters behind columns, in the columns' units
     rod_diameter_1_m: float = 0.0  # 0 without a rod on side 1
+    stated_load: StatedLoad | None = None  # A constant load in place of what a load cell would measure
 
     def __post_init__(self) -> None:
         super().__post_init__()

@@ -246,7 +246,7 @@ def _alive(name: str, kind: str, seen: _Survey, least: float, limits: CheckLimit
 
 def _of_load(load_n: Array, seen: _Survey, limits: CheckLimits) -> Iterator[Finding]:
     """Check that a load cell changes. Unlike a pressure, a load may stay constant unless the cell's noise ceases."""
-    if limits.load != "measured":
+    if limits.load != "measured" or limits.stated_load is not None:
         return
     if seen.span == 0.0:
         text = f"load_force_n is constant (at {seen.highest:.4g} N); the load cell is idle, stuck or not connected"
