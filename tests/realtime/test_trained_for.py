@@ -26,7 +26,7 @@ def test_it_is_saved_and_read_with_the_model(small_hybrid: HybridEstimator, tmp_
     assert read.trained_for is not None
     assert read.trained_for.in_words().startswith("a cylinder of 63 mm bore and 28 mm rod, with friction of ")
     low, high = f"{read.trained_for.friction_n / 2:.0f}", f"{2 * read.trained_for.friction_n:.0f}"
-    assert f"where that leaves {low} to {high} N, its estimates are not to be used" in read.trained_for.in_words()
+    assert f"if it leaves {low} to {high} N, its estimates are not to be used" in read.trained_for.in_words()
     assert "noisier" not in replace(read.trained_for, pressure_noise_pa=0.0).in_words(), "it has no pressures"
     assert read.step_model().trained_for == read.trained_for
     with pytest.raises(ValueError, match="expected finite numbers"):

@@ -23,7 +23,7 @@ class FrictionOfRecording:
     rows: int
     duration_s: float
     usable_percent: float  # Of the rows; not near end stops or edges, where the force balance is not friction alone
-    # Half of extending less retracting at equal positions [N]; None where the piston did not pass any both ways
+    # Half of extending less retracting at equal positions [N]; None if the piston passed none both ways
     friction_n: float | None
     flags_percent: dict[str, float] | None  # Of the rows, by name of the estimator's flag; None without an estimator
     load: str  # Which load was taken off, in words
@@ -33,14 +33,14 @@ class FrictionOfRecording:
     load_left_n: float | None  # A load that friction still holds, about [N]; None where nothing hints at one
     repairs: tuple[str, ...]  # What reading had to repair
     condition: str = ""
-    asset: str = ""  # The machine, where it is stated
+    asset: str = ""  # The machine, if it is stated
     # When its first sample was taken, as in ``RecordingMetadata``, and what states that; empty where nothing does
     start: str = ""
     start_source: str = ""
-    # Serial number and day of calibration of the sensor behind a column, where they are stated
+    # Serial number and day of calibration of the sensor behind a column, if they are stated
     sensors: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     levels: tuple[FrictionLevel, ...] = ()  # Friction of steady sliding at each level of pressure and speed
-    gone: str = ""  # That its file was not among the logs of the last run, in words; empty where it was
+    gone: str = ""  # That its file was not among the logs of the last run, in words; empty if it was
 
 
 @dataclass(frozen=True)
@@ -105,7 +105,7 @@ def remarks(each: FrictionOfRecording) -> list[str]:
 
 
 def load_left(each: FrictionOfRecording) -> str:
-    """Return what load friction still holds, and what to do; empty where nothing hints at one."""
+    """Return what load friction still holds, and what to do; empty if nothing hints at one."""
     if each.load_left_n is None:
         return ""
     remedy = "map a load cell, use --load position, or state a second rod (rod_diameter_1_m)"

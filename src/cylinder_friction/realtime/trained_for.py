@@ -41,7 +41,7 @@ class TrainedFor:
 
     @classmethod
     def of(cls, recordings: Sequence[Recording], cylinder: Cylinder) -> Self:
-        """Return what labelled recordings of a cylinder, as measured, are."""
+        """Describe labelled recordings of a cylinder, as measured."""
         friction_n = _mean_level_n(recordings)
         diameters, rod_1_m = (cylinder.bore_diameter_m, cylinder.rod_diameter_m), cylinder.rod_diameter_1_m
         lines = next((each.metadata.line_loss for each in recordings if each.metadata.line_loss), {})
@@ -51,7 +51,7 @@ class TrainedFor:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any] | None) -> Self | None:
-        """Return what ``to_dict`` gave; None for None."""
+        """Read what ``to_dict`` gave; None for None."""
         if values is None:
             return None
         known: dict[str, Any] = {name: float(value) for name, value in values.items() if name not in TEXTS}
@@ -62,11 +62,11 @@ class TrainedFor:
         return {name: value for name, value in asdict(self).items() if value or name not in (*TEXTS, ROD_1)}
 
     def in_words(self) -> str:
-        """Return it in words, for whoever reads a model."""
+        """State in words where the model belongs, for people who read it."""
         low_n, high_n = self.friction_n / OTHER_LEVEL, self.friction_n * OTHER_LEVEL
         noisy = f"; if pressures are noisier than {1e-3 * self.pressure_noise_pa:.2g} kPa, its bounds are too narrow"
         return (
-            f"a cylinder of {self._sizes()}, with friction of {self.friction_n:.0f} N on average; where that leaves "
+            f"a cylinder of {self._sizes()}, with friction of {self.friction_n:.0f} N on average; if it leaves "
             f"{low_n:.0f} to {high_n:.0f} N, its estimates are not to be used as they are"
             f"{noisy if self.pressure_noise_pa > 0.0 else ''}{self.adapted and '; '}{self.adapted}{self._lines()}"
         )
@@ -96,7 +96,7 @@ class TrainedFor:
             )
 
     def differences(self, recordings: Sequence[Recording], noise_pa: float) -> tuple[str, str]:
-        """Return why estimates are not to be used as they are, and what else is unlike training; empty where nothing.
+        """State why estimates are not to be used as they are, and what else is unlike training; empty if nothing is.
 
         The recordings of a session are labelled, and their ``label_n`` is known beside the estimate; ``noise_pa`` is
         their ``pressure_noise_pa``.

@@ -47,7 +47,7 @@ def read_recordings(
         channels: Which channel fills which column: the path of a YAML file such as ``conf/ingest/rig.yaml`` (its
             rules for time, spikes, zeros and checks hold too), the same as a dictionary, or only what stands under
             ``channels`` in it. None guesses the mapping from the first file, and a warning states every guess; a unit
-            that no file states is guessed only where the values fit no other.
+            that no file states is guessed only if the values fit no other.
         cylinder: Whose recordings they are; they are checked against its stroke and areas.
         names: Regular expression on a file's path with the groups ``condition`` and ``session`` (and ``load``). By
             default the ``name_pattern`` or the ``name_table`` of ``channels``; the table lies in the folder of the

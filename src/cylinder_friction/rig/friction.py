@@ -73,7 +73,7 @@ def steady_film(f: Any, velocity_m_s: float, viscosity: float) -> float:
 
 @numba.njit(cache=True)
 def film_rate(f: Any, film: float, velocity_m_s: float, viscosity: float) -> tuple[float, float]:
-    """Return where the film tends to [-] and how fast [1/s]; it builds fast, thins slowly, slowest at rest."""
+    """Return the film's limit [-] and rate [1/s]; it builds fast and thins slowly, slowest at rest."""
     target = steady_film(f, velocity_m_s, viscosity)
     if film <= target:
         return target, 1.0 / f.film_build_s

@@ -161,7 +161,7 @@ def measured_panels(recording: Recording) -> list[Panel]:
 
 
 def calculated_panels(view: FrictionView) -> list[Panel]:
-    """Return the panels of velocity and friction; friction has gaps where it is not usable."""
+    """Return the panels of velocity and friction; friction has gaps at rows that are not usable."""
     friction_n = np.where(view.usable, view.friction_n, np.nan)
     return [
         Panel(
