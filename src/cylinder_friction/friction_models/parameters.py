@@ -15,7 +15,7 @@ class ParameterSpec:
     """One number of a friction model."""
 
     name: str  # Field of the model's parameters, with its unit at the end
-    unit: str  # As ``pint`` parses it
+    unit: str  # SI, such as ``N s/m``
     meaning: str  # In a few words
     # Bounds of the search
     lower: float
