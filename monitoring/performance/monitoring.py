@@ -293,13 +293,15 @@ def _acknowledged(healthy: list[Resampled], plan: MonitorPlan, number: int) -> t
     true = change * np.clip((np.arange(days) - begins + 1.0) / within, 0.0, 1.0) ** power
     true *= -1.0 if number % 3 == 0 and change < 0.9 else 1.0
     rows = [grown([row], float(each), 1, 0)[0] for row, each in zip(rows, true, strict=True)]
-    entries, longest, silent, quiet = list[Entry](), 0, 0, list[bool]()
-    for day in range(begins, days):
+    beyond = 100.0 * np.abs(true) > LIMIT_PERCENT
+    first = min(nights(rows, plan))[0]  # before this session there is no alarm
+    silent = longest = int(beyond[:first].sum())
+    entries, quiet = list[Entry](), list[bool]()
+    for day in range(first, days):
         answer = assess(CYLINDER.name, rows[: day + 1], entries, plan, datetime.fromisoformat(rows[day].start)).answer
-        beyond = 100.0 * abs(true[day]) > LIMIT_PERCENT
-        silent = silent + 1 if beyond and answer != "alarm" else 0
+        silent = silent + 1 if beyond[day] and answer != "alarm" else 0
         longest = max(longest, silent)
-        if entries and not beyond:
+        if entries and not beyond[day]:
             quiet.append(answer != "alarm")
         if answer == "alarm":
             entries.append(Entry(CYLINDER.name, rows[day].start, "performance", "acknowledge"))
@@ -353,8 +355,8 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--seed", type=int, default=7)
     parser.add_argument("--scratch", type=Path, default=Path("build/monitoring"))
-    parser.add_argument("--lives", type=int, default=11, help="per cylinder and disturbance, for false alarms")
-    parser.add_argument("--years", type=int, default=100, help="in which every alarm is acknowledged")
+    parser.add_argument("--lives", type=int, default=11, help="per cylinder and disturbance; 0: those years alone")
+    parser.add_argument("--years", type=int, default=100, help="in which every alarm is acknowledged; 0: none")
     parser.add_argument("--kept", action="store_true", help="use what an earlier run kept, and simulate nothing")
     parser.add_argument("--servo", action="store_true", help="healthy lives and growing friction on the servo rig")
     given = parser.parse_args()
@@ -374,7 +376,10 @@ def main() -> None:
             undisturbed(healthy, 4 * given.lives * HEALTHY // FAULTY, MonitorPlan(baseline_sessions=baseline))
         delays(healthy, plan)
         return
-    acknowledged(healthy, given.years, plan)
+    if given.years:
+        acknowledged(healthy, given.years, plan)
+    if not given.lives:
+        return
     false_alarms(bank, len(healthy), given.lives, plan)
     delays(healthy, plan)
     others(healthy, plan)

@@ -1,7 +1,5 @@
 """A small fleet: made logs in folders, the files that name them, and sessions built by hand."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -9,7 +7,7 @@ from typing import Any
 
 import yaml
 
-from cylinder_friction.estimation.from_logs import SUMMARY_FILE
+from cylinder_friction.estimation.from_logs import SUMMARY_FILE, WRITTEN_BY
 from cylinder_friction.files.whole_files import write_json
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction_monitoring.fleet.fleet_file import load_fleet
@@ -53,7 +51,8 @@ def write_kept(folder: Path, fleet: Fleet, rows: Sequence[SessionRow]) -> None:
     run = CylinderRun(name, fleet.cylinders[name], folder, folder, code_hash(), NOW)
     about = {"source_sha256": "", "gone": False, "source_file": "", "name": ""}
     recordings = [{**about, "session": row.session} for row in rows]
-    write_json(run.results / SUMMARY_FILE, {"recordings": recordings})
+    listed = {"written_by": WRITTEN_BY, "files": [SUMMARY_FILE]}
+    write_json(run.results / SUMMARY_FILE, {**listed, "recordings": recordings})
     kept = {
         row.session: KeptRow(row, key_of([each], run.made_by), "") for row, each in zip(rows, recordings, strict=True)
     }

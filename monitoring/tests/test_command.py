@@ -1,7 +1,5 @@
 """The command ``monitor``: what it prints, its exit status, and entries."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """The pages of a fleet's health: what needs a person comes first, and a cylinder's life is drawn once it is chosen."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -15,8 +13,11 @@ from cylinder_friction_monitoring.fleet.files import pane_file
 from cylinder_friction_monitoring.page.health_page import health_pane, write_health_page
 from cylinder_friction_monitoring.trends.assessment import Assessment, Baseline, Change, Entry, IndicatorTrend
 from cylinder_friction_monitoring.trends.cylinder_line import CylinderLine, in_order, line_of
+from cylinder_friction_monitoring.trends.sentences import rate
 from cylinder_friction_monitoring.trends.session_row import SessionRow
+from cylinder_friction_monitoring.trends.verdict import assess
 from fleet_samples import session
+from health_rows import changed, sessions
 
 SESSIONS = 60
 
@@ -67,6 +68,33 @@ def test_what_needs_a_person_comes_first(tmp_path: Path) -> None:
     first = page
     made(tmp_path)
     assert (tmp_path / "health.html").read_text() == first, "equal input makes equal bytes"
+
+
+def test_every_cylinder_and_what_the_fleet_file_states_of_it_are_one_click_away(tmp_path: Path) -> None:
+    lines = made(tmp_path)
+    write_health_page(tmp_path / "health.html", [replace(each, about="simulated: <wear>") for each in lines], [], [])
+    page = (tmp_path / "health.html").read_text()
+    assert page.partition('<section id="fleet">')[0].count("#pane=press") == 4, "the healthy ones too"
+    assert page.count("<details><summary>About it</summary>simulated: &lt;wear&gt;</details>") == 4
+    (tmp_path / "a.js").write_text(health_pane(Assessment("a", "not yet", ""), [], [], {}, "simulated: wear"))
+    pane = packed_pages.unpacked_pane(tmp_path / "a.js")
+    assert "<summary>About this cylinder</summary><p>simulated: wear</p>" in pane
+
+
+def test_a_leak_has_one_unit_and_a_rate_no_more_than_was_seen(tmp_path: Path) -> None:
+    rows = changed(sessions(230), 130, 60, times={"leak_m3_s_pa": 10.0, "friction_n": 0.8})
+    found = assess("press", rows)
+    assert "l/min at 100 bar" in found.words
+    (tmp_path / "a.js").write_text(health_pane(found, rows, [], {}))
+    pane = packed_pages.unpacked_pane(tmp_path / "a.js")
+    assert "leak [l/min at 100 bar]" in pane
+    assert "0.36" in pane, "ten times 6e-14 m³/(s Pa)"
+    assert "m³" not in pane
+    assert "e-13" not in pane
+    falling = replace(found.changes[0], indicator="friction_n", change=-80.0, per_year=-1061.0)
+    assert [rate(replace(falling, change=change))[1] for change in (-90.0, -80.0, -15.0)] == ["month", "week", "day"]
+    (tmp_path / "a.js").write_text(health_pane(replace(found, changes=(falling,)), rows, [], {}))
+    assert "<dd>-20.3 N a week" in packed_pages.unpacked_pane(tmp_path / "a.js")
 
 
 def test_an_acknowledged_alarm_and_a_silent_cylinder_find_their_places() -> None:

@@ -1,12 +1,14 @@
 """Lives of a fleet: what each fate does to what the logger sees."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.rig.campaign import RigRecording
+from cylinder_friction_monitoring.fleet.demonstration import SIMULATED, write_life
 from cylinder_friction_monitoring.lives import FATES, Fate, LifePlan, life
 
 CYLINDER = Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
@@ -43,8 +45,7 @@ def test_equal_plans_give_equal_lives(healthy: list[RigRecording]) -> None:
 
 def test_fate_acts_from_its_session_on(healthy: list[RigRecording]) -> None:
     later = lived("load", replace(PLAN, begins=1))
-    assert later[0].logger.equals(healthy[0].logger)
-    assert not later[1].logger.equals(healthy[1].logger)
+    assert [one.logger.equals(other.logger) for one, other in zip(later, healthy, strict=True)] == [True, False]
 
 
 def test_drift_is_in_the_transmitter_alone(healthy: list[RigRecording]) -> None:
@@ -67,6 +68,13 @@ def test_wear_depends_on_work_and_changes_friction(healthy: list[RigRecording]) 
 def test_other_fates_change_what_is_measured(fate: Fate, healthy: list[RigRecording]) -> None:
     assert fate in FATES
     assert not lived(fate)[1].logger.equals(healthy[1].logger)
+
+
+def test_what_a_demonstration_simulates_is_kept_in_words(tmp_path: Path) -> None:
+    write_life(tmp_path, 3, "leak", replace(PLAN, sessions=3, begins=1, takes=2))
+    assert len(list(tmp_path.glob("*.csv"))) == 3
+    words = "Simulated: the leak grows tenfold, friction stays; from 2025-01-07 on. Leak: 3.2 times on 2025-01-08."
+    assert (tmp_path / SIMULATED).read_text() == words
 
 
 def test_unknown_fate_is_refused() -> None:

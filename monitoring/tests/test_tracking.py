@@ -1,7 +1,5 @@
 """A fleet in MLflow: a run per cylinder, a step per session, baselines as an artifact, nothing twice."""
 
-from __future__ import annotations
-
 import json
 from datetime import UTC, datetime
 from pathlib import Path

@@ -17,6 +17,7 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.from_logs import estimate_logs
+from cylinder_friction.estimation.kept_results import kept_recordings, restore_summary
 from cylinder_friction.estimation.result_file import GONE, SETTLED_S
 from cylinder_friction.estimation.results import FrictionOfLogs
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
@@ -261,3 +262,14 @@ def test_after_a_kill_at_any_moment_the_next_run_ends_in_the_same_bytes(folder: 
         for each in (written, expected):  # which state what was new
             each.pop("summary.json", None)
         assert written == expected
+
+
+def test_a_damaged_summary_is_written_anew_from_the_results(run: Run, folder: Path) -> None:
+    run()
+    out = folder.with_name("out")
+    known, summary = kept_recordings(out), out / "summary.json"
+    summary.write_bytes(summary.read_bytes()[:100])
+    assert restore_summary(out).startswith("JSONDecodeError: ")
+    assert (kept_recordings(out), restore_summary(out)) == (known, "")
+    assert run().new == ()
+    assert restore_summary(folder.with_name("none")) == ""

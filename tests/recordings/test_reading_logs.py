@@ -105,6 +105,9 @@ def test_missing_files_and_channels_are_refused(logs: Path, cylinder: Cylinder, 
         read_recordings([], CHANNELS, cylinder)
     with pytest.raises(RecordingError, match=r"nothing\*.csv: no such file, and no file matches it as a pattern"):
         read_recordings(tmp_path / "nothing*.csv", CHANNELS, cylinder)
+    (tmp_path / "usb").mkdir()
+    with pytest.raises(RecordingError, match=r"usb: is an empty folder; expected logs in it"):
+        read_recordings(tmp_path / "usb", CHANNELS, cylinder)
     (tmp_path / "empty.yaml").write_text("source: here\n")
     with pytest.raises(RecordingError, match="expected a key 'channels' with one entry per column, but got source"):
         read_recordings(logs, tmp_path / "empty.yaml", cylinder)

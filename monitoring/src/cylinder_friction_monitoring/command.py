@@ -1,7 +1,5 @@
 """The arguments of ``cylinder-friction monitor``; ``night`` does the work."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import get_args

@@ -1,15 +1,15 @@
-"""What monitoring refuses: an error, and logs or sessions that a run leaves aside."""
+"""Errors of monitoring, and logs, sessions or files that a run does not use."""
 
 from dataclasses import dataclass
 
 
 class MonitoringError(ValueError):
-    """Something that cannot be used; the message states what, where, found, expected and what to do."""
+    """An input that cannot be used; the message states what, where, found, expected and what to do."""
 
 
 @dataclass(frozen=True)
 class Refused:
-    """A file, or a ``piece`` of one, that did not become a session, and why."""
+    """A file, or a ``piece`` of one, that is not used, and why."""
 
     file: str
     reason: str

@@ -1,6 +1,4 @@
-"""One night of ``cylinder-friction monitor``: entries, the run over the fleet, database and MLflow, what is printed."""
-
-from __future__ import annotations
+"""Run ``cylinder-friction monitor``: add an entry, process the fleet, update database and MLflow, print the result."""
 
 import argparse
 import json
@@ -14,7 +12,7 @@ from cylinder_friction_monitoring.errors import MonitoringError
 from cylinder_friction_monitoring.fleet.database import update_database
 from cylinder_friction_monitoring.fleet.demonstration import write_demonstration
 from cylinder_friction_monitoring.fleet.entries import add_entry, entries_of, refuse_far
-from cylinder_friction_monitoring.fleet.files import session_file, state_file
+from cylinder_friction_monitoring.fleet.files import read_or_name, session_file, state_file
 from cylinder_friction_monitoring.fleet.fleet_file import REGISTERED, load_fleet
 from cylinder_friction_monitoring.fleet.nightly import PAGE_FILE, FleetHealth, monitor_fleet
 from cylinder_friction_monitoring.fleet.plan import Fleet
@@ -23,7 +21,7 @@ from cylinder_friction_monitoring.fleet.sessions import session_starts
 from cylinder_friction_monitoring.trends.assessment import Entry
 
 MANY_CYLINDERS = 8
-"""With fewer cylinders other processes do not pay."""
+"""Fewest cylinders for which further processes pay."""
 
 
 def run_night(options: argparse.Namespace) -> int:
@@ -56,12 +54,13 @@ def _enter(options: argparse.Namespace, fleet: Fleet, now: datetime) -> None:
     of = " ".join(options.of or ())
     entry = Entry(cylinder, time, options.name, kind, options.words, options.until or "", of)
     if cylinder in fleet.cylinders and not options.confirm:
-        refuse_far(entry, session_starts(options.into / session_file(cylinder)), now)
+        starts = read_or_name(options.into, session_file(cylinder), session_starts, list[str](), "", [])
+        refuse_far(entry, starts, now)
     add_entry(options.into, entry, fleet)
 
 
 def _with_model_folders(fleet: Fleet, scratch: Path) -> Fleet:
-    """Return a fleet whose registered models are folders below ``scratch``."""
+    """Replace the registered models of a fleet by folders below ``scratch``."""
     names = sorted({each.model for each in fleet.cylinders.values() if each.model})
     folders = {name: str(_model_folder(name, scratch / str(number))) for number, name in enumerate(names)}
     cylinders = {name: replace(each, model=folders.get(each.model, "")) for name, each in fleet.cylinders.items()}
@@ -69,7 +68,7 @@ def _with_model_folders(fleet: Fleet, scratch: Path) -> Fleet:
 
 
 def _model_folder(name: str, scratch: Path) -> Path:
-    """Return the folder of a saved model; a registered one is copied below ``scratch``."""
+    """Find the folder of a saved model; copy a registered one below ``scratch``."""
     if not name.startswith(REGISTERED):
         return Path(name)
     from cylinder_friction.tracking.model_folder import estimator_folder  # MLflow: only for registered models
@@ -78,10 +77,10 @@ def _model_folder(name: str, scratch: Path) -> Path:
 
 
 def _copied(health: FleetHealth, fleet: Fleet, options: argparse.Namespace) -> list[str]:
-    """Bring database and MLflow up to the files; return why they are not, which costs neither page nor alarm."""
+    """Bring database and MLflow up to the files. Return what failed; page and alarms do not depend on it."""
     problems, into = list[str](), options.into
     try:
-        update_database(fleet.database, into, health.lines, entries_of(into, fleet))
+        update_database(fleet.database, into, health.lines, entries_of(into, fleet, []))
     except MonitoringError as error:
         problems.append(str(error))
     if options.track:

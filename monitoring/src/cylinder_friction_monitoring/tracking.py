@@ -1,6 +1,4 @@
-"""A fleet's health in MLflow: a run per cylinder, a step per session, the baselines as an artifact."""
-
-from __future__ import annotations
+"""Log a fleet's health to MLflow: a run per cylinder, a step per session, the baselines as an artifact."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -15,22 +13,15 @@ from cylinder_friction_monitoring.trends.moments import moment
 
 CYLINDER_TAG, STATE_TAG = "cylinder", "health_state"
 COUNTED = "duration_s"
-"""A metric that every session has: its steps are the sessions that a run holds."""
+"""A metric of every session: its steps tell which sessions a run holds."""
 
 
 def track_health(root: Path, cylinders: Iterable[tuple[str, str, Path, Path]]) -> int:
-    """Bring each cylinder's run up to date and return how many runs changed; equal states are logged once.
+    """Bring each cylinder's run up to date. Return how many runs changed.
 
-    A session is a step: the second of its start since 1970, or its number where it states no start. Values of a step
-    stay; a session that was processed anew is not logged again.
-
-    Args:
-        root: Anywhere in the repository.
-        cylinders: Of each, its name, the SHA-256 of all that its answer rests on, its table of sessions (Parquet) and
-            what is known of it (JSON).
-
-    Raises:
-        RuntimeError: The store cannot be reached.
+    The step of a session is the second of its start since 1970, or its number without a start. A session that was
+    processed anew is not logged again. ``cylinders`` holds name, state, table of sessions and assessment of each.
+    ``RuntimeError`` is raised if the store cannot be reached.
     """
     changed = 0
     with open_store(root) as store:

@@ -1,7 +1,5 @@
 """Each log belongs to one cylinder, by folder, path, table or a field, or is refused with the reason."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest
@@ -78,6 +76,9 @@ def test_a_field_of_the_log_states_it(fleet: Fleet, tmp_path: Path) -> None:
         ("cylinders: {a: {dimension: 1}}", "cylinders.a.dimension: unknown key; check its spelling against docs/"),
         ("cylinders: {a: {}}", "cylinders.a.dimensions: missing; see docs/monitoring.md"),
         ("cylinders: {}", "cylinders: Dictionary should have at least 1 item"),
+        ("cylinders:\n  a: {}\n  b: {}\n  a: {}\n", "line 4: 'a' is there already, in line 2; keep one, or rename it"),
+        ("[a, b]", "fleet.yaml: expected keys and values, but got "),
+        ("cylinders: [a", "fleet.yaml: is no YAML of plain keys and values (while parsing"),
         ("assign: {by: table}\ncylinders: {a: {}}", "assign: by: table needs table"),
         ("assign: {by: pattern, pattern: x}\ncylinders: {a: {}}", "has no group (?P<cylinder>...)"),
     ],
@@ -89,12 +90,29 @@ def test_a_wrong_fleet_file_is_refused(tmp_path: Path, text: str, words: str) ->
     assert words in str(refused.value)
 
 
+def test_a_fleet_file_is_read_as_its_owner_means_it(tmp_path: Path) -> None:
+    fleet = write_fleet(tmp_path, "a")
+    text = (tmp_path / "fleet.yaml").read_text()
+    more = "  no: {bulk_modulus_pa: 1e9, dead_volume_m3: 1.2E-4}\n"
+    more += "  2026-03-01: {services: [{time: 2026-03-01, words: no}]}\n"
+    (tmp_path / "fleet.yaml").write_text(text.replace("cylinders:\n", f"cylinders:\n{more}"))
+    read = load_fleet(tmp_path / "fleet.yaml").cylinders
+    assert list(read) == ["no", "2026-03-01", "a"]
+    assert (read["no"].bulk_modulus_pa, read["no"].dead_volume_m3) == (1e9, 1.2e-4)
+    assert read["2026-03-01"].services[0].words == "no"
+    assert read["a"] == fleet.cylinders["a"]
+
+
 def test_wrong_names_services_and_limits_are_refused(tmp_path: Path) -> None:
     for names, own, words in (
         (("../x",), {}, "got the name '../x', expected letters"),
         (("a", "A"), {}, "A and a differ by case alone"),
         (("a",), {"services": [{"time": "March"}]}, "got 'March', expected a time such as 2026-03-01"),
-        (("a",), {"limit_percent": {"wear": 3.0}}, "got indicator 'wear'"),
+        (("a",), {"limit_percent": {"wear": 3.0}}, "got indicator 'wear', but expected one of friction_n"),
+        (("a",), {"limit_percent": {"friction_n": -20.0}}, "limit_percent.friction_n: expected a positive number"),
+        (("a",), {"baseline_sessions": 10}, "baseline_sessions must be at least 30, but got 10"),
+        (("a",), {"false_alarms_per_year": 2.0}, "false_alarms_per_year must be at most 1, but got 2.0"),
+        (("a",), {"bulk_modulus_pa": -1.0}, "bulk_modulus_pa must be a positive number, but got -1.0"),
         (("a",), {"dimensions": {"bore_diameter_m": 63.0}}, "cylinders.a.dimensions.rod_diameter_m: missing"),
     ):
         with pytest.raises(MonitoringError) as refused:

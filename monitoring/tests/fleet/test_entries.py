@@ -1,13 +1,11 @@
 """Entries are added by name and time, and never changed."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 
 import pytest
 
-from cylinder_friction_monitoring.errors import MonitoringError
+from cylinder_friction_monitoring.errors import MonitoringError, Refused
 from cylinder_friction_monitoring.fleet.entries import ENTRIES_FILE, add_entry, entries_of
 from cylinder_friction_monitoring.trends.assessment import Entry
 from fleet_samples import write_fleet
@@ -53,8 +51,14 @@ def test_what_is_no_entry_is_refused(tmp_path: Path, entry: Entry, words: str) -
 def test_a_damaged_line_is_named(tmp_path: Path) -> None:
     fleet = write_fleet(tmp_path, "a")
     (tmp_path / ENTRIES_FILE).write_text('{"cylinder": "a"}\n')
+    add_entry(tmp_path / "other", Entry("a", "2026-01-01", "Kim", "comment"), fleet)
+    whole = (tmp_path / "other" / ENTRIES_FILE).read_text()
+    (tmp_path / ENTRIES_FILE).write_text(f'{{"cylinder": "a"}}\n{whole}{whole[:40]}')
     with pytest.raises(MonitoringError, match=r"entries.jsonl, line 1: is no entry"):
-        entries_of(tmp_path, fleet)
+        add_entry(tmp_path, Entry("a", "2026-01-01", "Kim", "comment"), fleet)
+    damaged = list[Refused]()
+    assert len(entries_of(tmp_path, fleet, damaged)["a"]) == 1
+    assert [each.file for each in damaged] == ["entries.jsonl, line 1", "entries.jsonl, line 3"]
 
 
 def test_an_entry_is_withdrawn_by_a_later_one_and_so_is_a_withdrawal(tmp_path: Path) -> None:

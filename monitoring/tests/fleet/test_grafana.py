@@ -1,7 +1,5 @@
 """The dashboard and the alert rules ask the tables for what they hold, in a real PostgreSQL."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator

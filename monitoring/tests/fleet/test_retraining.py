@@ -1,7 +1,5 @@
 """A model's bounds over simulated lives: retraining is proposed for another seal, and for no zero that drifts."""
 
-from __future__ import annotations
-
 import json
 import shutil
 from collections.abc import Callable
@@ -55,24 +53,16 @@ def monitored(tmp_path_factory: pytest.TempPathFactory) -> Monitored:
     return run
 
 
-def test_a_healthy_life_proposes_nothing(monitored: Monitored) -> None:
+def test_another_seal_proposes_retraining_and_a_healthy_life_or_a_drifting_zero_does_not(monitored: Monitored) -> None:
     health, model = monitored("same", "healthy")
-    assert model["now_percent"] is None
-    assert health.lines[0].look == ""
-
-
-def test_another_seal_that_was_entered_proposes_retraining(monitored: Monitored) -> None:
-    day = {"time": "2025-02-09", "words": "piston and rod seals"}
+    assert (model["now_percent"], health.lines[0].look) == (None, "")
     softer = replace(PLAN, begins=0, takes=40)  # friction of a seal that is worn, a fifth lower
-    health, model = monitored("seal", "wear", softer, services=[day])
+    services = [{"time": "2025-02-09", "words": "piston and rod seals"}]
+    health, model = monitored("seal", "wear", softer, services=services)
     assert model["proposed"], model["words"]
     assert model["since"] in ("press-2025-02-09T06", "press-2025-02-10T06")
     assert health.lines[0].look.startswith("Retraining is proposed. The model's bounds state 90 % and held ")
     assert any("Retraining is proposed" in each for each in health.news)
-
-
-def test_a_drifting_zero_comes_first(monitored: Monitored) -> None:
     health, model = monitored("drift", "drift")
-    assert not model["proposed"]
+    assert (model["proposed"], health.lines[0].answer) == (False, "undecided")
     assert "The sensors first" in model["words"]
-    assert health.lines[0].answer == "undecided"

@@ -131,13 +131,9 @@ def test_strokes_one_way_say_why_there_is_no_friction() -> None:
     whole = recording()
     out = Recording(ABOUT, whole.table[whole.table["velocity_m_s"] >= 0.0].reset_index(drop=True))
     row = session_row([out], CYLINDER)
-    assert row.indicators["friction_n"].value is None
     assert "0 blocks of strokes out and back match" in row.indicators["friction_n"].why
-    assert row.profile_n == ()
-
-
-def test_one_speed_shows_no_viscous_slope() -> None:
-    assert session_row([recording(strokes=2)], CYLINDER).indicators["viscous_n_s_m"].value is None
+    assert (row.indicators["friction_n"].value, row.profile_n) == (None, ())
+    assert session_row([recording(strokes=2)], CYLINDER).indicators["viscous_n_s_m"].value is None, "one speed"
 
 
 def test_measured_load_is_taken_off() -> None:

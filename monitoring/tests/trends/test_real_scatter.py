@@ -33,30 +33,14 @@ def repeat(group: str, number: int, bar: int) -> SessionRow:
     return session_row([Recording(about, pd.DataFrame(columns))], CYLINDER, IndicatorPlan(slowest_m_s=4e-3))
 
 
-@pytest.fixture(scope="module")
-def repeats() -> list[list[SessionRow]]:
-    groups = [("reconnected", bar) for bar in (1, 3, 5, 7)] + [("rerun", bar) for bar in (1, 3, 5)]
-    return [[repeat(group, number, bar) for number in (1, 2, 3)] for group, bar in groups]
-
-
-def friction_n(rows: list[SessionRow]) -> np.ndarray:
-    return np.array([row.indicators["friction_n"].value for row in rows], dtype=np.float64)
-
-
-def test_repeats_of_one_seal_differ_by_less_than_what_is_assumed(repeats: list[list[SessionRow]]) -> None:
-    scatter = [float(friction_n(rows).std(ddof=1) / friction_n(rows).mean()) for rows in repeats]
+def test_three_repeats_of_a_seal_differ_by_less_than_assumed_and_by_more_than_their_strokes_show() -> None:
+    scatter = []
+    for group, bars in (("reconnected", (1, 3, 5, 7)), ("rerun", (1, 3, 5))):
+        for bar in bars:
+            indicators = [repeat(group, number, bar).indicators for number in (1, 2, 3)]
+            friction_n = np.array([each["friction_n"].value for each in indicators], dtype=np.float64)
+            scatter.append(float(friction_n.std(ddof=1) / friction_n.mean()))
+            assert max(each["friction_n"].uncertainty or 0.0 for each in indicators) < friction_n.std(ddof=1)
+            for each in indicators if group == "reconnected" else ():  # half the sum is the force on the piston
+                assert each["half_sum_n"].value == pytest.approx(1e5 * bar * CYLINDER.piston_area_m2, rel=0.1)
     assert 0.02 < min(scatter) < max(scatter) < MonitorPlan().assumed_scatter
-
-
-def test_strokes_of_a_session_do_not_show_how_sessions_differ(repeats: list[list[SessionRow]]) -> None:
-    for rows in repeats:
-        own_n = max(row.indicators["friction_n"].uncertainty or 0.0 for row in rows)
-        assert own_n < friction_n(rows).std(ddof=1)
-
-
-def test_friction_is_half_the_difference_and_the_piston_force_half_the_sum(repeats: list[list[SessionRow]]) -> None:
-    for rows, bar in zip(repeats[:4], (1, 3, 5, 7), strict=True):
-        for row in rows:
-            half_sum_n = row.indicators["half_sum_n"].value
-            assert half_sum_n is not None
-            assert half_sum_n == pytest.approx(1e5 * bar * CYLINDER.piston_area_m2, rel=0.1)

@@ -1,7 +1,5 @@
 """Retraining is proposed if a model's bounds stop holding later labels, and neither a sensor nor wear explains it."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 
@@ -87,7 +85,7 @@ def test_wear_comes_first_acknowledged_or_not_and_after_the_service_retraining()
     changed_seal = Entry("press", rows[FALL].start, "Kim", "service")
     early, late = bounds_of(rows[:200], changed_seal), bounds_of(rows, changed_seal)
     assert (early.proposed, late.proposed) == (False, True)
-    assert "retraining is not proposed before its baseline is complete" in early.words
+    assert "no retraining is proposed before its baseline is complete" in early.words
 
 
 def test_sessions_outside_the_baseline_do_not_clear_the_sensors() -> None:

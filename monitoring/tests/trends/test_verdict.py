@@ -53,6 +53,12 @@ SITUATIONS: dict[str, tuple[list[SessionRow], str, str]] = {
     "friction before another load": (changed(WORSE, 170, add=LOAD), "alarm", ""),
     "cold oil that the baseline knows": (changed(sessions(200), 120, times=STIFFER, beside=COLD), "fine", ""),
     "oil that nobody measures": (without_oil(WORSE), "undecided", "temperature sensor"),
+    "oil that nobody measures any more": (
+        sessions(195) + without_oil(sessions(200)[195:]),
+        "undecided",
+        "is not known",
+    ),
+    "oil much colder": (changed(sessions(200), 190, beside={"oil_temperature_c": -45.0}), "undecided", "oil temp"),
     "pressures beyond the baseline": (changed(WORSE, 130, beside=FAR), "undecided", "mean pressure is"),
     "sessions without a start": ([replace(row, start="") for row in WORSE], "alarm", ""),
 }
@@ -70,9 +76,7 @@ def test_session_that_determines_nothing_does_not_count() -> None:
     rows = sessions(95)
     nothing = {name: replace(each, value=None, why="no stroke back") for name, each in rows[0].indicators.items()}
     found = assess("press", [replace(row, indicators=nothing) for row in rows])
-    assert found.answer == "not yet"
-    assert "0 of 90 sessions" in found.words
-    assert "no stroke back" in found.words
+    assert (found.answer, found.words[:16], "no stroke back" in found.words) == ("not yet", "0 of 90 sessions", True)
 
 
 @pytest.mark.parametrize(("times", "verb"), [(FRICTION, "rose"), (WORN, "fell")])
@@ -168,14 +172,6 @@ def test_a_baseline_that_has_not_come_hides_no_alarm(kind: str, time: str) -> No
     assert f"is the date right? the {kind} of {time} (entered by Kim) {reason}" in found.questions[-1]
 
 
-def test_a_planned_service_counts_when_it_comes() -> None:
-    rows, planned = changed(sessions(200), 150, times=WORN), [entry("service", "2025-07-21")]
-    assert assess("press", rows, planned, now=datetime(2025, 7, 20, tzinfo=UTC)).answer == "alarm"
-    found = assess("press", rows, planned, now=datetime(2025, 7, 22, tzinfo=UTC))
-    assert (found.answer, found.questions) == ("not yet", ())
-    assert assess("press", rows, [replace(planned[0], withdrawn="Lee: no")]).answer == "alarm"
-
-
 def acknowledged(rows: list[SessionRow], time: str = "2025-07-01", **plan: Any) -> Assessment:
     return assess("press", rows, [entry("acknowledge", time)], MonitorPlan(**plan), datetime(2025, 9, 1, tzinfo=UTC))
 
@@ -213,8 +209,7 @@ def test_acknowledged_alarm_returns_when_it_has_grown_by_half() -> None:
 
 def test_acknowledged_alarm_returns_after_a_time() -> None:
     rows = changed(sessions(200), 150, times=WORN)
-    assert acknowledged(rows, acknowledged_days=63.0).answer == "watch"
-    assert acknowledged(rows, acknowledged_days=62.0).answer == "alarm"
+    assert [acknowledged(rows, acknowledged_days=each).answer for each in (63.0, 62.0)] == ["watch", "alarm"]
     seen = replace(entry("acknowledge", "2025-07-01"), until="2025-08-31T00:00:00.000Z")
     found = assess("press", rows, [seen], MonitorPlan(acknowledged_days=63.0), datetime(2025, 9, 1, tzinfo=UTC))
     assert found.words.endswith("Acknowledged by Kim on 2025-07-01, and back: its time is over since 2025-08-31.")
@@ -244,8 +239,6 @@ def test_rows_in_any_order_and_of_other_cylinders() -> None:
     assert assess("press", [*others, *rows[::-1]]) == assess("press", rows)
 
 
-def test_sessions_that_all_say_the_same_are_refused_in_words() -> None:
-    rows = [replace(row, indicators=sessions(1)[0].indicators) for row in sessions(120)]
-    found = assess("press", rows)
-    assert found.answer == "not yet"
-    assert "same value" in found.trends["friction_n"].why
+def test_sessions_that_all_say_the_same_give_no_baseline() -> None:
+    found = assess("press", [replace(row, indicators=sessions(1)[0].indicators) for row in sessions(120)])
+    assert (found.answer, "same value" in found.trends["friction_n"].why) == ("not yet", True)

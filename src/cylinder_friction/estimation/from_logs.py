@@ -56,6 +56,7 @@ if TYPE_CHECKING:
 TYPICAL_CLASS = 0.5
 """Accuracy of most pressure sensors of machines, ± percent of full scale."""
 SUMMARY_FILE, PAGE_FILE = "summary.json", "friction.html"
+WRITTEN_BY = "cylinder-friction estimate"
 OF_ONE_RUN = ("new", "news")
 """What the summary states of the last run alone."""
 LABEL_BOUNDS = (
@@ -128,7 +129,7 @@ def estimate_logs(
     logs = find_logs(files, channels, cylinder, **given).with_sensor_class(sensor_class)
     read = inputs(files, channels, model, logs)
     depends_on = _depends_on(logs, cylinder, given_model, file_format)
-    target = ResultFolder(into, SUMMARY_FILE, "cylinder-friction estimate", read)
+    target = ResultFolder(into, SUMMARY_FILE, WRITTEN_BY, read)
     with target.scratch() as scratch:
         digests, there = {name: digest_of(path) for name, path in logs.files.items()}, read_results(into)
         found = sort_logs(logs, digests, into, there, depends_on)

@@ -3,18 +3,30 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from cylinder_friction.estimation.friction_of_logs import loaded_once
-from cylinder_friction.estimation.from_logs import SUMMARY_FILE
+from cylinder_friction.estimation.from_logs import SUMMARY_FILE, WRITTEN_BY
+from cylinder_friction.estimation.result_file import LEFT_FOR_NEXT_RUN, read_results
 from cylinder_friction.files.whole_files import read_json
 from cylinder_friction.realtime.bounds import bounds_count
 from cylinder_friction.realtime.trained_for import OtherCylinderError
 from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.result_folder import ResultFolder
 from cylinder_friction.recordings.storage import read_recording
 
-__all__ = ["OtherCylinderError", "bounds_count", "friction_of", "kept_recordings", "made_with_model", "stated_share"]
+__all__ = [
+    "LEFT_FOR_NEXT_RUN",
+    "OtherCylinderError",
+    "bounds_count",
+    "friction_of",
+    "kept_recordings",
+    "made_with_model",
+    "restore_summary",
+    "stated_share",
+]
 
 
 def kept_recordings(results: Path) -> dict[str, list[dict[str, Any]]]:
@@ -32,6 +44,27 @@ def kept_recordings(results: Path) -> dict[str, list[dict[str, Any]]]:
 def made_with_model(results: Path) -> str:
     """Read the SHA-256 of the model with which the folder was written last; empty without a model."""
     return str(_summary(results).get("depends_on", {}).get("model", ""))
+
+
+def restore_summary(results: Path) -> str:
+    """Write a damaged summary anew from the results beside it. Return what was wrong with it; empty if nothing was.
+
+    Each result states what the summary lists of it. Only the refused logs are missing, until ``estimate_logs`` runs.
+    """
+    target = ResultFolder(results, SUMMARY_FILE, WRITTEN_BY)
+    try:
+        kept_recordings(results)
+        target.listed()
+    except FileExistsError:
+        problem = "it does not list the results of an earlier run"
+    except (ValueError, TypeError, LookupError) as error:
+        problem = f"{type(error).__name__}: {error}"
+    else:
+        return ""
+    found = read_results(results)
+    about = {"recordings": [asdict(each.entry) for each in found], "depends_on": found[-1].depends_on if found else {}}
+    target.claim([name for each in found for name in (each.file, *each.beside)], about)
+    return problem
 
 
 def friction_of(results: Path, name: str) -> Recording:

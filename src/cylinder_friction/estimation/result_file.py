@@ -39,6 +39,7 @@ ABOUT, COMPARED = "cylinder_friction_result", "cylinder_friction_compared"
 """Names of the texts in a result's metadata: what it states, and what later recordings are compared with."""
 SETTLED_S = 10.0
 """A new file that was changed less than this long ago may still be written: it is left for the next run."""
+LEFT_FOR_NEXT_RUN = f"changed less than {SETTLED_S:g} s ago and left for the next run"
 GONE, KEPT = "its file was not among the logs of the last run", "not among the logs any more, results kept"
 OF_BLOCKS, OF_QUANTITY = ("label_n", "direction", "stroke"), "column "
 
@@ -235,7 +236,7 @@ def sort_logs(
         (counts[True], "with new content", ""),
         (len(mates), "processed again: a log of their session is new", ""),
         (len(moved), "renamed", _some(f"{old} is {now}" for old, now in moved.items())),
-        (len(early), f"changed less than {SETTLED_S:g} s ago and left for the next run", _some(early)),
+        (len(early), LEFT_FOR_NEXT_RUN, _some(early)),
         (len(gone), KEPT, _some(gone)),
         (len(stay), "as before", ""),
     ]

@@ -192,6 +192,8 @@ def log_paths(files: Sequence[str | Path]) -> list[Path]:
             matching = [Path(name) for name in glob.glob(str(file), recursive=True) if Path(name).is_file()]  # noqa: PTH207
         if path.exists() and not matching and not path.is_dir():
             raise RecordingError(f"{file}: is no regular file; copy what comes from it into one")
+        if path.is_dir() and not matching:
+            raise RecordingError(f"{file}: is an empty folder; expected logs in it")
         if not matching:
             raise RecordingError(f"{file}: no such file, and no file matches it as a pattern; correct the path")
         found.update(matching)

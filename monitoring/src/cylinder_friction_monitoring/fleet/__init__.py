@@ -1,1 +1,1 @@
-"""A fleet's nightly run: whose log is whose, sessions kept, entries, page, database."""
+"""A fleet's nightly run: assignment of logs, sessions, entries, page, database."""

@@ -1,6 +1,4 @@
-"""Which cylinder of a fleet a log belongs to: exactly one, or the log is refused."""
-
-from __future__ import annotations
+"""Decide which cylinder of a fleet a log belongs to, or refuse the log."""
 
 import csv
 import re
@@ -16,14 +14,10 @@ HEAD_BYTES = 1 << 16
 
 
 def assigned(files: Mapping[str, Path], fleet: Fleet) -> tuple[dict[str, list[Path]], list[Refused]]:
-    """Return each cylinder's logs, and the logs that name no cylinder or several.
+    """Sort logs by cylinder; refuse those that name no cylinder or several.
 
-    Args:
-        files: The logs by their paths below the folder that was read, with ``/``.
-        fleet: Its cylinders, and how a log names one.
-
-    Raises:
-        MonitoringError: The table cannot be read.
+    ``files`` are the logs by their paths below the folder that was read, with ``/``. An unreadable table raises
+    ``MonitoringError``.
     """
     rule = fleet.assign
     table = read_table(rule.table) if rule.table is not None else {}
@@ -42,7 +36,7 @@ def assigned(files: Mapping[str, Path], fleet: Fleet) -> tuple[dict[str, list[Pa
 
 
 def _named(name: str, path: Path, rule: Assignment, table: Mapping[str, str], fleet: Fleet) -> set[str]:
-    """Return the cylinders that a log names."""
+    """Find the cylinders that a log names."""
     if rule.by == "folder":
         return set(PurePosixPath(name).parts[:-1]) & set(fleet.cylinders)
     if rule.by == "table":
@@ -56,24 +50,24 @@ def _named(name: str, path: Path, rule: Assignment, table: Mapping[str, str], fl
 
 
 def _reason(found: list[str], known: list[str], rule: Assignment) -> str:
-    where = {
+    by = {
         "folder": "the folders on its path",
         "pattern": f"the pattern {rule.pattern!r} in its path",
         "table": f"{rule.table and rule.table.name}",
         "field": f"the pattern {rule.pattern!r} in its first {HEAD_BYTES >> 10} KiB",
     }[rule.by]
     if len(found) > 1:
-        return f"belongs to {len(found)} cylinders, {', '.join(found)}, by {where}; expected one"
+        return f"belongs to {len(found)} cylinders, {', '.join(found)}, by {by}; expected one"
     if found and not known:
-        return f"belongs to the cylinder {found[0]!r} by {where}, which fleet.yaml does not list; add it, or correct it"
-    return f"belongs to no cylinder by {where}; move the log, or correct `assign` in fleet.yaml"
+        return f"belongs to the cylinder {found[0]!r} by {by}, which fleet.yaml does not list; add it, or correct it"
+    return f"belongs to no cylinder by {by}; move the log, or correct `assign` in fleet.yaml"
 
 
 def read_table(path: Path) -> dict[str, str]:
-    """Return the cylinder of each path or glob of a CSV file with the columns ``file`` and ``cylinder``.
+    """Read a CSV file with the columns ``file`` (a path or glob) and ``cylinder``.
 
     Raises:
-        MonitoringError: It cannot be read, lacks a column or a cell, or names a file twice.
+        MonitoringError: The file is unreadable, lacks a column or a cell, or names a log twice.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
@@ -87,10 +81,8 @@ def read_table(path: Path) -> dict[str, str]:
         )
     table: dict[str, str] = {}
     for number, row in enumerate(rows, start=2):
-        file, cylinder = (
-            (row["file"] or "").strip().replace("\\", "/").removeprefix("./"),
-            (row["cylinder"] or "").strip(),
-        )
+        file, cylinder = ((row[name] or "").strip() for name in ("file", "cylinder"))
+        file = file.replace("\\", "/").removeprefix("./")
         if not file or not cylinder:
             raise MonitoringError(f"{path}, line {number}: expected a file and its cylinder, but got {row}")
         if table.setdefault(file, cylinder) != cylinder:

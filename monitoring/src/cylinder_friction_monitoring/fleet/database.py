@@ -1,9 +1,4 @@
-"""The tables of a fleet in SQLite or PostgreSQL, brought up to date cylinder by cylinder.
-
-What a database holds is a copy: each cylinder's rows are replaced when they are not those of the folder of results.
-"""
-
-from __future__ import annotations
+"""Copy a fleet's results into tables of SQLite or PostgreSQL, cylinder by cylinder."""
 
 import sqlite3
 from collections.abc import Iterable, Mapping, Sequence
@@ -39,22 +34,19 @@ TABLES: Mapping[str, Mapping[str, str]] = {
     "health_session": dict.fromkeys(TEXT, "text") | dict.fromkeys(numbers(), "double precision"),
     **{table: {name: _TYPES.get(name, "text") for name in names.split()} for table, names in _COLUMNS.items()},
 }
-"""Columns and types of each table; times are ISO 8601 in UTC, numbers in the units of their names."""
+"""Columns and types of each table. Times are ISO 8601 in UTC; numbers are in the units of their names."""
 
 
 def update_database(
     address: str, folder: Path, lines: Sequence[CylinderLine], entries: Mapping[str, Sequence[Entry]]
 ) -> int:
-    """Bring the tables up to what a folder of results holds, in one transaction; return how many cylinders changed.
+    """Bring the tables up to the folder of results in one transaction. Return how many cylinders changed.
 
-    Args:
-        address: ``postgresql://...``; empty: the SQLite file in the folder.
-        folder: The results.
-        lines: Of all cylinders; others that a database holds are removed from it.
-        entries: By cylinder.
+    Without an ``address`` (``postgresql://...``) the tables are in an SQLite file in the folder. Cylinders that are not
+    among ``lines`` are removed.
 
     Raises:
-        MonitoringError: The database cannot be reached or written, or the library of PostgreSQL is not installed.
+        MonitoringError: The database cannot be reached or written, or psycopg2 is not installed.
     """
     mark = "?"
     errors: tuple[type[Exception], ...] = (sqlite3.Error,)

@@ -1,11 +1,10 @@
-"""A simulated fleet to try monitoring with: one cylinder per fate, its logs, and the files that name them."""
-
-from __future__ import annotations
+"""Simulate a fleet to try monitoring with: one cylinder per fate, its logs, and the files that name them."""
 
 import sys
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import cast
+from typing import Any, cast
 
 import yaml
 
@@ -18,7 +17,14 @@ from cylinder_friction_monitoring.lives import FATES, Fate, LifePlan, life
 DIMENSIONS = {"bore_diameter_m": 0.063, "rod_diameter_m": 0.028, "stroke_m": 0.25, "moving_mass_kg": 6.0}
 PLAN = LifePlan(sessions=70, begins=40, takes=20)
 BASELINE_SESSIONS, FALSE_ALARMS_PER_YEAR = 36, 0.2
-"""A short demonstration: a plant takes more sessions, and fewer false alarms."""
+"""For a short demonstration. A plant takes more sessions and allows fewer false alarms."""
+SIMULATED = ".simulated.txt"  # Hidden, so that no run takes it for a log
+TRUTH: Mapping[str, tuple[str, Callable[[float], str]]] = {
+    "friction_factor": ("Friction", lambda factor: f"{100.0 * (factor - 1.0):+.0f} %"),
+    "leak_factor": ("Leak", lambda factor: f"{factor:.2g} times"),
+    "zero_bar": ("Zero", lambda zero_bar: f"{zero_bar:+.2f} bar"),
+}
+"""What a fate changes, and how it is written."""
 CHANNELS = {
     "defaults": ["rig", "_self_"],
     "name_pattern": None,
@@ -27,10 +33,7 @@ CHANNELS = {
 
 
 def write_demonstration(folder: Path, plan: LifePlan = PLAN, processes: int = 1) -> Path:
-    """Simulate a fleet into ``logs``, with ``channels.yaml`` and ``fleet.yaml``, and return the path of the latter.
-
-    Logs that are there already are not simulated again.
-    """
+    """Simulate a fleet into ``logs``, unless its logs are there, and write ``channels.yaml`` and ``fleet.yaml``."""
     jobs = [partial(write_life, folder / "logs" / fate, number, fate, plan) for number, fate in enumerate(FATES)]
     done_in_order(jobs, processes)
     fleet = {
@@ -40,7 +43,7 @@ def write_demonstration(folder: Path, plan: LifePlan = PLAN, processes: int = 1)
             "baseline_sessions": BASELINE_SESSIONS,
             "false_alarms_per_year": FALSE_ALARMS_PER_YEAR,
         },
-        "cylinders": {fate: {} for fate in FATES},
+        "cylinders": {fate: {"about": (folder / "logs" / fate / SIMULATED).read_text("utf-8")} for fate in FATES},
     }
     write_text(folder / "channels.yaml", yaml.safe_dump(CHANNELS, sort_keys=False))
     write_text(folder / "fleet.yaml", yaml.safe_dump(fleet, sort_keys=False))
@@ -48,12 +51,26 @@ def write_demonstration(folder: Path, plan: LifePlan = PLAN, processes: int = 1)
 
 
 def write_life(folder: Path, number: int, fate: str, plan: LifePlan) -> None:
-    """Write the log of each session of one cylinder, named by its start."""
-    if len(list(folder.glob("*.csv"))) == plan.sessions:
+    """Write the log of each session of one cylinder, named by its start, and what was simulated."""
+    if len(list(folder.glob("*.csv"))) == plan.sessions and (folder / SIMULATED).is_file():
         return
+    days = list[dict[str, Any]]()
     for recording in life(Cylinder(name=fate, **DIMENSIONS), plan, number, cast("Fate", fate)):
+        days.append({"day": recording.metadata.start[:10], **{name: recording.truth[name].iloc[-1] for name in TRUTH}})
         with whole_file(folder / f"{recording.metadata.start[:13]}.csv") as draft:
             recording.logger.to_csv(draft, index=False, float_format=f"%.{DECIMALS}f", lineterminator="\n")
+    write_text(folder / SIMULATED, in_words(cast("Fate", fate), days, plan))
+
+
+def in_words(fate: Fate, days: list[dict[str, Any]], plan: LifePlan) -> str:
+    """State what was simulated: the fate, since when, and on some days how far it has come."""
+    since = days[min(plan.begins, len(days) - 1)]["day"]
+    words = [f"Simulated: {FATES[fate]}{'' if fate == 'healthy' else f'; from {since} on'}"]
+    shown = [*days[plan.begins : -1 : max(plan.takes // 2, 1)][1:], days[-1]]
+    for name, (title, text) in TRUTH.items():
+        if any(each[name] != days[0][name] for each in days):
+            words.append(f"{title}: " + ", ".join(f"{text(each[name])} on {each['day']}" for each in shown))
+    return f"{'. '.join(words)}."
 
 
 def main() -> None:

@@ -1,6 +1,4 @@
-"""Sessions that are kept but not assessed: a clock that cannot be right, a log that is hardly of this cylinder."""
-
-from __future__ import annotations
+"""Find sessions that must not be assessed: their clock is off, or their log is of another cylinder."""
 
 from collections.abc import Mapping, Sequence
 from datetime import datetime, timedelta
@@ -12,24 +10,22 @@ from cylinder_friction_monitoring.trends.moments import moment
 from cylinder_friction_monitoring.trends.session_row import SessionRow
 
 FAR_D = 60.0
-"""A session that is further in time from both neighbours by name has a clock that is off [days]."""
+"""A clock is off if its session is further from both neighbours by name [days]."""
 LONE_D = 180.0
-"""A single session that is so much older than all others may be of a clock that is off [days]."""
+"""A clock may be off if its session is older than all others by more than this [days]."""
 CHRONOLOGICAL = 0.8
-"""Names are in the order of time if this share of neighbours is."""
+"""Share of neighbours by name in the order of time, above which names count as chronological."""
 FEW = 5
-"""With fewer sessions before it, nothing is known of what a session should show."""
+"""A session is compared with the sessions before it if there are at least this many."""
 FRICTIONS, SCATTERS = 5.0, 10.0
-"""A half sum this many frictions and this many scatters away from what is usual is hardly of this cylinder."""
+"""A log is of another cylinder if its half sum is this many frictions, and this many scatters, from the usual one."""
 
 
 def doubts(rows: Sequence[SessionRow], entries: Sequence[Entry], now: datetime) -> dict[str, str]:
-    """Return why sessions are not assessed, by session; sessions without doubt are absent.
+    """State by session why it is not assessed.
 
-    Args:
-        rows: All sessions of one cylinder.
-        entries: Its entries; what is usual begins anew with a reset or reference.
-        now: No session begins later.
+    ``rows`` are all sessions of one cylinder. After a reset or reference among ``entries``, the usual half sum is
+    learned anew. No session begins later than ``now``.
     """
     found = doubtful_starts({row.session: row.start for row in rows}, now)
     trusted = sorted((row for row in rows if row.session not in found), key=lambda row: (row.start, row.session))
@@ -37,10 +33,10 @@ def doubts(rows: Sequence[SessionRow], entries: Sequence[Entry], now: datetime) 
 
 
 def doubtful_starts(starts: Mapping[str, str], now: datetime) -> dict[str, str]:
-    """Return why a session's start cannot be right, by session.
+    """State by session why its start cannot be right.
 
-    Names often are in the order of time, by a date or a counter in them: then a session must lie between its neighbours
-    by name. If names are in no order, a clock that is off looks like a log that comes late.
+    If names are chronological, by a date or a counter, a session must lie between its neighbours by name. Otherwise a
+    wrong clock looks like a late log, and only a session much older than all others is found.
     """
     found, times = dict[str, str](), dict[str, datetime]()
     for session, start in starts.items():
@@ -64,7 +60,7 @@ def doubtful_starts(starts: Mapping[str, str], now: datetime) -> dict[str, str]:
 
 
 def _out_of_order(names: Sequence[str], times: Mapping[str, datetime]) -> dict[str, str]:
-    """Return the sessions that are far from the times between which their names put them."""
+    """Find the sessions whose starts are far from those of their neighbours by name."""
     found, last = dict[str, str](), len(names) - 1
     for place, name in enumerate(names):
         before = [times[each] for each in names[max(place - 3, 0) : place]]
@@ -89,7 +85,7 @@ def _correct(session: str) -> str:
 
 
 def _foreign(rows: Sequence[SessionRow], anew: Sequence[str]) -> dict[str, str]:
-    """Return the sessions whose forces are not those of a cylinder with these dimensions, or not of this one."""
+    """Find the sessions whose forces cannot come from this cylinder."""
     found, usual, begun = dict[str, str](), list[SessionRow](), 0
     for row in rows:
         since = sum(moment(time) <= moment(row.start) for time in anew) if row.start else 0
@@ -124,7 +120,7 @@ def _unusual(row: SessionRow, usual: Sequence[SessionRow]) -> str:
     if abs(value - middle) <= max(FRICTIONS * median(frictions), SCATTERS * scatter):
         return ""
     return (
-        f"half the sum of its strokes is {value:.0f} N, where {len(sums)} sessions before it have {middle:.0f} ± "
+        f"half the sum of its strokes is {value:.0f} N, while {len(sums)} sessions before it have {middle:.0f} ± "
         f"{scatter:.0f} N: a log of another cylinder, a dead sensor, or a load that nothing states; move the log, or "
         "begin anew with --entry CYLINDER reset"
     )

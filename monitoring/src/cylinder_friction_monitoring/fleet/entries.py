@@ -1,9 +1,4 @@
-"""What people did and stated about a fleet: entries with a time and a name, added to a file and never changed.
-
-An entry is withdrawn by a later one, which names its kind and time.
-"""
-
-from __future__ import annotations
+"""Entries: what people did to a fleet or stated about it. An entry is never changed; a later one may withdraw it."""
 
 import json
 from collections.abc import Sequence
@@ -14,7 +9,7 @@ from typing import get_args
 
 from cylinder_friction.files.locks import locked
 from cylinder_friction.files.whole_files import write_text
-from cylinder_friction_monitoring.errors import MonitoringError
+from cylinder_friction_monitoring.errors import MonitoringError, Refused
 from cylinder_friction_monitoring.fleet.plan import Fleet
 from cylinder_friction_monitoring.trends.assessment import Entry, EntryKind
 from cylinder_friction_monitoring.trends.in_force import NEAR_D, NEW_BASELINE
@@ -25,13 +20,12 @@ FLEET_FILE = "fleet.yaml"  # The name on entries that come from it
 
 
 def add_entry(folder: Path, entry: Entry, fleet: Fleet) -> None:
-    """Add one entry to the file of a folder of results; a kill adds it whole or not at all.
+    """Add an entry to the file in a folder of results.
 
-    An entry that withdraws another names it by its kind and time, or the first part of its time.
+    A withdrawal names another entry by its kind and its time, or the first part of its time.
 
     Raises:
-        MonitoringError: Its cylinder or kind is unknown, it has no name, its time is none, or what it withdraws is not
-            one entry.
+        MonitoringError: Cylinder, kind, name or time is wrong, or it withdraws none or several entries.
     """
     if entry.cylinder not in fleet.cylinders:
         raise MonitoringError(f"entry: unknown cylinder {entry.cylinder!r}; {_known(fleet)}")
@@ -56,57 +50,51 @@ def add_entry(folder: Path, entry: Entry, fleet: Fleet) -> None:
 
 
 def refuse_far(entry: Entry, starts: Sequence[str], now: datetime) -> None:
-    """Refuse an entry whose time is far from all sessions of its cylinder, or has not come.
+    """Refuse an entry whose time is probably mistyped: it has not come, or is far from all sessions (``starts``).
 
-    An acknowledgement, comment or withdrawal after the newest session is not far. ``starts`` are of the sessions.
-
-    Raises:
-        MonitoringError: The time is probably mistyped.
+    Acknowledgements, comments and withdrawals may be long after the newest session.
     """
     time = moment(utc_time(entry.time, "entry: time"))
     times = [moment(start) for start in starts]
     nearest = min(times, key=lambda each: abs(each - time), default=None)
-    where = ""
+    problem = ""
     if time > now:
-        where = "has not come"
+        problem = "has not come"
     elif nearest is not None and abs(nearest - time).total_seconds() > 86400.0 * NEAR_D:
         days = abs(nearest - time).days
-        where = f"is {days} days {'after' if time > nearest else 'before'} the nearest session, of {nearest:%Y-%m-%d}"
-        where = "" if time > max(times) and entry.kind not in NEW_BASELINE else where
-    if where:
+        problem = f"is {days} days {'after' if time > nearest else 'before'} the nearest session, of {nearest:%Y-%m-%d}"
+        problem = "" if time > max(times) and entry.kind not in NEW_BASELINE else problem
+    if problem:
         raise MonitoringError(
-            f"entry: time: {entry.time} {where}; state when it was with --time, or add --confirm if the time is right"
+            f"entry: time: {entry.time} {problem}; state when it was with --time, or add --confirm if the time is right"
         )
 
 
-def entries_of(folder: Path, fleet: Fleet) -> dict[str, list[Entry]]:
-    """Return each cylinder's entries by time; services that the fleet file states are among them.
+def entries_of(folder: Path, fleet: Fleet, damaged: list[Refused] | None = None) -> dict[str, list[Entry]]:
+    """Read each cylinder's entries and its services in the fleet file, in the order of time.
 
-    Raises:
-        MonitoringError: A line of the file is no entry.
+    Damaged lines join ``damaged``; without it, they raise ``MonitoringError``.
     """
-    entries: dict[str, list[Entry]] = {
-        name: [
-            Entry(name, utc_time(service.time, "time"), FLEET_FILE, "service", service.words)
-            for service in cylinder.services
-        ]
-        for name, cylinder in fleet.cylinders.items()
-    }
+    entries = dict[str, list[Entry]]()
+    for name, cylinder in fleet.cylinders.items():
+        days = [(utc_time(each.time, "time"), each.words) for each in cylinder.services]
+        entries[name] = [Entry(name, time, FLEET_FILE, "service", words) for time, words in days]
     path = folder / ENTRIES_FILE
-    for number, line in enumerate(path.read_text(encoding="utf-8").splitlines() if path.is_file() else (), start=1):
+    lines = path.read_text(encoding="utf-8", errors="replace").splitlines() if path.is_file() else ()
+    for number, line in enumerate(lines, start=1):
         try:
             entry = Entry(**json.loads(line))
-            time = utc_time(entry.time, "time")
-        except (ValueError, TypeError) as error:
-            raise MonitoringError(
-                f"{path}, line {number}: is no entry ({error}); restore the line, entries are added with --entry"
-            ) from None
-        entries.setdefault(entry.cylinder, []).append(replace(entry, time=time))
+            entries.setdefault(entry.cylinder, []).append(replace(entry, time=utc_time(entry.time, "time")))
+        except (ValueError, TypeError, AttributeError) as error:
+            why = f"is no entry ({error}), and does not count; restore the line, entries are added with --entry"
+            if damaged is None:
+                raise MonitoringError(f"{path}, line {number}: {why}") from None
+            damaged.append(Refused(f"{ENTRIES_FILE}, line {number}", why))
     return {name: sorted(_without_withdrawn(own), key=lambda each: each.time) for name, own in entries.items()}
 
 
 def _without_withdrawn(entries: Sequence[Entry]) -> list[Entry]:
-    """Return entries in the order in which they were added, with who withdrew them: a later one, itself in force."""
+    """Mark the entries that a later one withdraws, unless that one is withdrawn itself."""
     found = list(entries)
     for place in reversed(range(len(found))):
         entry = found[place]
@@ -118,7 +106,7 @@ def _without_withdrawn(entries: Sequence[Entry]) -> list[Entry]:
 
 
 def _withdrawn_by(entry: Entry, entries: Sequence[Entry]) -> str:
-    """Return kind and time of the entry that another withdraws; empty if it withdraws none."""
+    """Return kind and time of the entry that ``entry`` withdraws; empty if it is no withdrawal."""
     if entry.kind != "withdraw":
         if entry.withdraws:
             raise MonitoringError(f"entry: --of belongs to withdraw, but got {entry.kind}")

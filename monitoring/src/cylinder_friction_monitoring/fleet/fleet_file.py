@@ -1,14 +1,14 @@
 """The fleet file: which cylinders there are, and how a log names its own."""
 
-from __future__ import annotations
-
 import json
+import re
+from collections.abc import Hashable
 from pathlib import Path
 from typing import Any
 
+import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from cylinder_friction.files.whole_files import read_yaml
 from cylinder_friction_monitoring.errors import MonitoringError
 from cylinder_friction_monitoring.fleet.plan import Assignment, Fleet, FleetCylinder
 
@@ -23,6 +23,34 @@ cylinders:
     channels: channels.yaml"""
 
 
+class _Loader(yaml.SafeLoader):
+    """YAML as its owner reads it: keys are text, each there once; ``1e9`` is a number, and ``no`` is text."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
+        lines: dict[str, int] = {}
+        for key, _ in node.value:
+            line = key.start_mark.line + 1
+            if not isinstance(key, yaml.ScalarNode):
+                raise MonitoringError(f"line {line}: expected a name before the colon")
+            if key.value in lines:
+                raise MonitoringError(
+                    f"line {line}: {key.value!r} is there already, in line {lines[key.value]}; keep one, or rename it"
+                )
+            lines[key.value] = line
+        self.flatten_mapping(node)  # joins what ``<<`` names
+        for key, _ in node.value:
+            key.tag = "tag:yaml.org,2002:str"
+        return super().construct_mapping(node, deep)
+
+
+_Loader.yaml_implicit_resolvers = {
+    first: [(tag, pattern) for tag, pattern in own if tag != "tag:yaml.org,2002:bool"]
+    for first, own in yaml.SafeLoader.yaml_implicit_resolvers.items()
+}
+_FLOAT = re.compile(r"[-+]?\d+(\.\d*)?[eE][-+]?\d+$")
+_Loader.add_implicit_resolver("tag:yaml.org,2002:float", _FLOAT, list("-+0123456789"))
+
+
 class FleetFile(BaseModel):
     """``fleet.yaml`` with its ``defaults`` merged into the cylinders; see ``Fleet``."""
 
@@ -34,17 +62,17 @@ class FleetFile(BaseModel):
 
 
 def load_fleet(path: Path) -> Fleet:
-    """Read and check a fleet file; paths in it are relative to its folder.
+    """Read a fleet file. Paths in it are relative to its folder.
 
     Raises:
-        MonitoringError: It is not there, a key is unknown or missing, or a value impossible.
+        MonitoringError: The file is missing, a key is unknown, missing or there twice, or a value is impossible.
     """
     if not path.is_file():
         raise MonitoringError(f"{path}: no such file; write one that names your cylinders, for example\n{EXAMPLE}")
-    content = read_yaml(path)
+    content = _read(path)
     defaults, cylinders = content.pop("defaults", None) or {}, content.get("cylinders")
     if isinstance(cylinders, dict) and isinstance(defaults, dict):
-        content["cylinders"] = {str(name): _merged(defaults, own, path.parent) for name, own in cylinders.items()}
+        content["cylinders"] = {name: _merged(defaults, own, path.parent) for name, own in cylinders.items()}
     if isinstance(content.get("assign"), dict):
         content["assign"] = _placed(content["assign"], "table", path.parent)
     params = _checked(content, path)
@@ -52,6 +80,19 @@ def load_fleet(path: Path) -> Fleet:
         return Fleet(params.cylinders, params.assign, params.database)
     except ValueError as error:
         raise MonitoringError(f"{path}: {error}") from None
+
+
+def _read(path: Path) -> dict[str, Any]:
+    try:
+        content = yaml.load(path.read_text(encoding="utf-8"), _Loader)  # noqa: S506 - a safe loader
+        json.dumps(content, default=str)  # refuses what contains itself
+    except MonitoringError as error:
+        raise MonitoringError(f"{path}, {error}") from None
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise MonitoringError(f"{path}: is no YAML of plain keys and values ({' '.join(str(error).split())})") from None
+    if not isinstance(content, dict | None):
+        raise MonitoringError(f"{path}: expected keys and values, but got {str(content)[:80]!r}")
+    return content or {}
 
 
 def _merged(defaults: dict[str, Any], own: Any, folder: Path) -> Any:

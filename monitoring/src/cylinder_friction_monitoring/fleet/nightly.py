@@ -1,6 +1,4 @@
-"""One run over a fleet: new logs become sessions, sessions are assessed, and a page and tables state what is known."""
-
-from __future__ import annotations
+"""One run over a fleet: new logs become sessions, each cylinder is assessed, and a page shows the fleet."""
 
 import os
 from collections import defaultdict
@@ -17,8 +15,9 @@ from cylinder_friction.recordings.reading_logs import log_paths
 from cylinder_friction.recordings.result_folder import ResultFolder, existing
 from cylinder_friction_monitoring.errors import Refused
 from cylinder_friction_monitoring.fleet.assignment import assigned
-from cylinder_friction_monitoring.fleet.entries import entries_of
-from cylinder_friction_monitoring.fleet.files import pane_file, session_file, state_file
+from cylinder_friction_monitoring.fleet.database import SQLITE_FILE
+from cylinder_friction_monitoring.fleet.entries import ENTRIES_FILE, entries_of
+from cylinder_friction_monitoring.fleet.files import RESULTS, pane_file, read_or_name, session_file, state_file
 from cylinder_friction_monitoring.fleet.one_cylinder import CylinderRun, Taken
 from cylinder_friction_monitoring.fleet.plan import Fleet
 from cylinder_friction_monitoring.fleet.processes import done_in_order
@@ -27,33 +26,37 @@ from cylinder_friction_monitoring.trends.cylinder_line import CylinderLine, in_o
 
 HEALTH_FILE, PAGE_FILE, ANNOUNCED_FILE = "health.json", "health.html", "announced.json"
 WRITTEN_BY = "cylinder-friction monitor"
+ANNOUNCED_ANEW = "alarms that were announced before count as new"
+ONE_EACH = ("sessions", "cylinders", "panes")
+OWN = {HEALTH_FILE, PAGE_FILE, ANNOUNCED_FILE, ENTRIES_FILE, SQLITE_FILE, RESULTS, *ONE_EACH}
+"""Everything that runs write into the folder of results."""
 ALARM, REFUSED = 3, 1
-"""Exit status of a run with a new alarm, and of one in which something was refused."""
+"""Exit status of a run with a new alarm, and of a run that refused something."""
 
 
 @dataclass(frozen=True)
 class FleetHealth:
-    """What one run found."""
+    """The results of one run."""
 
     folder: Path
-    lines: tuple[CylinderLine, ...]  # Of all cylinders, first what needs a person
-    refused: tuple[Refused, ...]  # Logs that were not taken, and sessions that are not assessed
-    news: tuple[str, ...]  # One sentence each on what is new
-    notes: tuple[str, ...]  # Of reading, such as guesses
-    new_alarms: tuple[str, ...]  # Cylinders with an alarm that no run before has announced
+    lines: tuple[CylinderLine, ...]  # Of all cylinders; those that need a person come first
+    refused: tuple[Refused, ...]  # Logs, sessions and files that were not used
+    news: tuple[str, ...]  # A sentence on each thing that is new
+    notes: tuple[str, ...]  # Of reading, such as guesses, and logs that wait for the next run
+    new_alarms: tuple[str, ...]  # Cylinders with an alarm that no earlier run has announced
 
     @property
     def status(self) -> int:
-        """Exit status: 3 if an alarm is new, whatever else; 1 if something was refused; else 0."""
+        """Exit status: 3 for a new alarm; otherwise 1 if something was refused, else 0."""
         return ALARM if self.new_alarms else REFUSED if self.refused else 0
 
     def to_dict(self) -> dict[str, Any]:
-        """Return what the folder's JSON holds, as JSON-compatible values."""
+        """Return the content of ``health.json``."""
         cylinders = [asdict(each) for each in self.lines]
         return {"cylinders": cylinders, "refused": [asdict(each) for each in self.refused], "news": list(self.news)}
 
     def announced(self) -> None:
-        """Note that the alarms of this run have been announced: the next run does not call them new."""
+        """Record that somebody has been told of these alarms; the next run does not call them new."""
         alarms = {each.cylinder: list(each.alarms) for each in self.lines if each.alarms}
         write_json(self.folder / ANNOUNCED_FILE, alarms)
 
@@ -61,33 +64,35 @@ class FleetHealth:
 def monitor_fleet(
     logs: Sequence[str | Path], fleet: Fleet, into: Path, now: datetime, processes: int = 1
 ) -> FleetHealth:
-    """Take the new logs of a fleet into a folder of results, assess its cylinders, and draw the page.
+    """Process the new logs of a fleet, assess its cylinders, and draw the page.
 
-    Only new logs are processed, and only cylinders of which something is new are assessed: a log, an entry, or what the
-    fleet file states. A run that is killed leaves everything as it was, or is finished by the next one.
+    A cylinder is assessed if something about it is new: a log, an entry, or the fleet file. The next run finishes one
+    that was killed, and makes damaged files anew.
 
     Args:
-        logs: Files, folders or patterns; none: assess again what is kept.
-        fleet: Its cylinders.
-        into: A new folder, or one that an earlier run wrote.
+        logs: Files, folders or patterns; none: assess the sessions of earlier runs again.
+        fleet: The cylinders.
+        into: The folder of results: a new one, or that of an earlier run.
         now: No session begins later.
-        processes: How many work on cylinders side by side.
+        processes: How many processes share the cylinders.
 
     Raises:
-        MonitoringError: No log is found, or a file that is kept is damaged.
-        FileExistsError: The folder holds something else, lies in what is read, or another run is writing it.
+        RecordingError: A log or pattern is missing.
+        FileExistsError: The folder of results holds something else, lies in the logs, or another run is writing it.
     """
-    paths = [Path(os.path.abspath(path)) for path in log_paths(list(logs))] if logs else []  # noqa: PTH100 - keeps links
+    paths, refused = _logs(logs)
     root = _root(logs)
     beside = {path for each in fleet.cylinders.values() for path in (each.channels, each.model) if path}
     read = existing([*logs, *beside])
     target = ResultFolder(into, HEALTH_FILE, WRITTEN_BY, read)
+    refused += _restored_marker(target)
     target.check()
     if not (into / HEALTH_FILE).exists():  # from here on the folder is ours, whenever the run ends
         write_json(into / HEALTH_FILE, {"written_by": WRITTEN_BY, "files": [HEALTH_FILE]})
     with target.written() as draft:
-        own, refused = assigned({path.relative_to(root.parent).as_posix(): path for path in paths}, fleet)
-        entries, code = entries_of(into, fleet), code_hash()
+        own, nobodys = assigned({path.relative_to(root.parent).as_posix(): path for path in paths}, fleet)
+        refused += nobodys
+        entries, code = entries_of(into, fleet, refused), code_hash()
         runs = [CylinderRun(name, each, into, root, code, now) for name, each in fleet.cylinders.items()]
         first = [partial(run.taken, own.get(run.name, ()), bool(paths)) for run in runs]
         taken = dict(zip(fleet.cylinders, done_in_order(first, processes), strict=True))
@@ -96,17 +101,13 @@ def monitor_fleet(
         known = dict(zip(fleet.cylinders, done_in_order(jobs, processes), strict=True))
         refused += [each for one in taken.values() for each in one.refused]
         for name, one in known.items():
+            refused += one.damaged
             refused += [Refused(f"{name}: {each}", why) for each, why in {**one.failed, **one.left_out}.items()]
         lines = in_order([one.line for one in known.values()])
         news = [each for one in known.values() for each in one.news]
-        health = FleetHealth(
-            into,
-            lines,
-            tuple(refused),
-            tuple(news),
-            tuple(note for one in taken.values() for note in one.notes),
-            tuple(_not_announced(lines, into)),
-        )
+        new_alarms = _not_announced(lines, into, refused)
+        notes = [note for one in taken.values() for note in one.notes]
+        health = FleetHealth(into, lines, tuple(refused), tuple(news), tuple(notes), tuple(new_alarms))
         before = read_json(into / HEALTH_FILE)
         content = health.to_dict()
         if {name: before.get(name) for name in content} != content | {"news": before.get("news")}:
@@ -117,14 +118,14 @@ def monitor_fleet(
 
 
 def code_hash() -> str:
-    """Return the SHA-256 of the code that makes results: of this package and of the product."""
+    """Hash the code that makes results: this package and the product."""
     return json_hash([hash_of(Path(__file__).parents[1]), hash_of(Path(cylinder_friction.__file__).parent)])
 
 
 def copies(taken: Mapping[str, Taken]) -> dict[str, dict[str, str]]:
-    """Return, by cylinder and session, why a log that lies with several cylinders is not assessed.
+    """Find logs that lie with several cylinders, and state by cylinder and session why they do not count there.
 
-    A log that was moved counts where it lies now. One that lies with two cylinders at once counts for neither.
+    A log that was moved counts in its new place. A log that lies with two cylinders at once counts for neither.
     """
     holders = defaultdict(list)
     for name, one in taken.items():
@@ -143,7 +144,7 @@ def copies(taken: Mapping[str, Taken]) -> dict[str, dict[str, str]]:
 
 
 def _root(logs: Sequence[str | Path]) -> Path:
-    """Return the folder that names of logs are relative to: what the given folders share, whatever lies in them."""
+    """Return the folder that the given paths share; names of logs are relative to it."""
     folders = []
     for each in logs:
         path = Path(os.path.abspath(each))  # noqa: PTH100 - keeps links
@@ -153,11 +154,37 @@ def _root(logs: Sequence[str | Path]) -> Path:
 
 
 def _once_known(into: Path) -> list[str]:
-    """Return the cylinders whose files an earlier run wrote, those that the fleet file no longer lists among them."""
+    """List the cylinders with files of an earlier run, also those that the fleet file no longer names."""
     return sorted(path.stem for path in (into / state_file("any")).parent.glob("*.json"))
 
 
-def _not_announced(lines: Sequence[CylinderLine], into: Path) -> list[str]:
-    path = into / ANNOUNCED_FILE
-    before = read_json(path) if path.is_file() else {}
-    return [each.cylinder for each in lines if set(each.alarms) - set(before.get(each.cylinder, ()))]
+def _not_announced(lines: Sequence[CylinderLine], into: Path, damaged: list[Refused]) -> list[str]:
+    def read(path: Path) -> dict[str, set[str]]:
+        return {name: set(alarms) for name, alarms in read_json(path).items()}
+
+    before = read_or_name(into, ANNOUNCED_FILE, read, dict[str, set[str]](), ANNOUNCED_ANEW, damaged)
+    return [each.cylinder for each in lines if set(each.alarms) - before.get(each.cylinder, set())]
+
+
+def _logs(given: Sequence[str | Path]) -> tuple[list[Path], list[Refused]]:
+    """Find the logs; name folders without any, which may be a disk that is not mounted."""
+    found, empty = set[Path](), list[Refused]()
+    for each in given:
+        try:
+            found.update(Path(os.path.abspath(path)) for path in log_paths([each]))  # noqa: PTH100 - keeps links
+        except ValueError:
+            if not Path(each).is_dir():
+                raise
+            empty.append(Refused(str(each), "is an empty folder, so that no log was read from it; is its disk there?"))
+    return sorted(found), empty
+
+
+def _restored_marker(target: ResultFolder) -> list[Refused]:
+    """Claim a folder whose ``health.json`` is damaged, if it holds nothing but files that runs write."""
+    folder, damaged = target.folder, list[Refused]()
+    read_or_name(folder, HEALTH_FILE, read_json, None, "it was made anew", damaged)
+    if damaged and all(path.name in OWN or path.name.startswith(".") for path in folder.iterdir()):
+        inside = [path for name in ONE_EACH for path in (folder / name).glob("*")]
+        target.claim([PAGE_FILE, *(path.relative_to(folder).as_posix() for path in inside)])
+        return damaged
+    return []

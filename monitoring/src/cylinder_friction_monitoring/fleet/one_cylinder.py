@@ -1,4 +1,4 @@
-"""One cylinder's part of a run: its new logs become sessions, and what is known of it is written down."""
+"""One cylinder's part of a run: process its new logs, then assess it and write its files."""
 
 from __future__ import annotations
 
@@ -8,19 +8,20 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import datetime
+from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
+import cylinder_friction.estimation.kept_results as kept_results
 from cylinder_friction import Recording, estimate_logs
-from cylinder_friction.estimation.kept_results import OtherCylinderError, kept_recordings, made_with_model, stated_share
 from cylinder_friction.files.whole_files import read_json, write_json, write_text
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.reading_logs import load_settings
-from cylinder_friction_monitoring.errors import MonitoringError, Refused
+from cylinder_friction_monitoring.errors import Refused
 from cylinder_friction_monitoring.fleet.doubts import doubts
-from cylinder_friction_monitoring.fleet.files import RESULTS, pane_file, session_file, state_file
+from cylinder_friction_monitoring.fleet.files import RESULTS, pane_file, read_or_name, session_file, state_file
 from cylinder_friction_monitoring.fleet.plan import Dimensions, FleetCylinder
-from cylinder_friction_monitoring.fleet.sessions import read_rows, updated_rows, with_starts, write_rows
+from cylinder_friction_monitoring.fleet.sessions import KeptRow, read_rows, updated_rows, with_starts, write_rows
 from cylinder_friction_monitoring.page.health_page import health_pane
 from cylinder_friction_monitoring.trends.assessment import Entry, ModelBounds
 from cylinder_friction_monitoring.trends.cylinder_line import CylinderLine, Trend, line_of
@@ -30,36 +31,56 @@ from cylinder_friction_monitoring.trends.indicators import session_row
 from cylinder_friction_monitoring.trends.session_row import SessionRow
 from cylinder_friction_monitoring.trends.verdict import assess
 
+ASSESSED_ANEW = "the cylinder is assessed anew"
+COMPUTED_ANEW = "its sessions are computed anew from the friction that is kept"
+
 
 @dataclass(frozen=True)
 class Taken:
-    """What became of a cylinder's logs."""
+    """The outcome of reading a cylinder's logs."""
 
     refused: tuple[Refused, ...] = ()
     notes: tuple[str, ...] = ()
-    # By the SHA-256 of each log that is kept: its session, and whether it is among the logs of this run
+    # By a log's SHA-256: its session, and whether this run was given the log
     logs: Mapping[str, tuple[str, bool]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Known:
-    """What is known of a cylinder, and what is new about it."""
+    """A cylinder's assessment in one line, and what is new about the cylinder."""
 
     line: CylinderLine
-    changed: bool  # Whether its files were written anew
     left_out: Mapping[str, str] = field(default_factory=dict)  # Why sessions are not assessed
     failed: Mapping[str, str] = field(default_factory=dict)  # Why there is no row of a session
     news: tuple[str, ...] = ()
+    damaged: tuple[Refused, ...] = ()  # Files of the run before
+
+
+@dataclass(frozen=True)
+class Earlier:
+    """The assessment of the run before."""
+
+    line: CylinderLine
+    dimensions: Mapping[str, float]
+    left_out: Mapping[str, str]
+    proposed: bool  # Whether it proposed retraining
+
+    @classmethod
+    def read(cls, path: Path) -> Earlier:
+        about = read_json(path)
+        line = CylinderLine(**{**about["line"], "trend": Trend(**about["line"]["trend"])})
+        model = about["assessment"]["model"] or {}
+        return cls(line, asdict(Dimensions(**about["dimensions"])), about["left_out"], model.get("proposed", False))
 
 
 @dataclass(frozen=True)
 class CylinderRun:
-    """How one cylinder is taken through a run."""
+    """A cylinder in a run."""
 
     name: str
     owned: FleetCylinder
     into: Path  # The folder of results as the run before left it
-    root: Path  # What names of logs are relative to
+    root: Path  # Names of logs are relative to it
     code: str  # SHA-256 of the code
     now: datetime
 
@@ -69,17 +90,15 @@ class CylinderRun:
 
     @property
     def made_by(self) -> str:
-        """What the rows of its sessions are made by: code, settings and the model that the logs were processed with."""
-        return f"{self.code} {self.owned.indicator_plan('none')} {made_with_model(self.results)}"
+        """Code, settings and model behind the rows of its sessions."""
+        return f"{self.code} {self.owned.indicator_plan('none')} {kept_results.made_with_model(self.results)}"
 
     def taken(self, files: Sequence[Path], any_logs: bool) -> Taken:
-        """Process the new ones of a cylinder's logs.
-
-        Args:
-            files: Its logs.
-            any_logs: Whether the run reads logs at all; if not, those that are kept are not gone.
-        """
+        """Process the new logs among ``files``. If the run reads no logs at all, ``any_logs`` is false."""
         refused, notes = list[Refused](), list[str]()
+        if problem := kept_results.restore_summary(self.results):
+            words = f"is damaged ({problem}); it was made anew from the results beside it"
+            refused.append(Refused(f"{RESULTS}/{self.name}/summary.json", words))
         if files:
             try:
                 with warnings.catch_warnings(record=True) as caught:
@@ -96,30 +115,31 @@ class CylinderRun:
                         sensor_class=self.owned.sensor_class,
                     )
                 notes += [f"{self.name}: {each.message}" for each in caught]
+                notes += [f"{self.name}: {each}" for each in found.news if kept_results.LEFT_FOR_NEXT_RUN in each]
                 refused += [Refused(f"{self.name}: {each.file}", each.reason, each.piece) for each in found.refused]
-            except OtherCylinderError as error:
+            except kept_results.OtherCylinderError as error:
                 other = str(error).partition(";")[0]
                 refused.append(Refused(self.name, f"{other}; correct `model` or `dimensions` in fleet.yaml"))
             except (ValueError, OSError) as error:
                 refused.append(Refused(self.name, f"none of its {len(files)} logs was taken: {error}"))
         logs = {
             each["source_sha256"]: (session, not any_logs or bool(files and not each["gone"]))
-            for session, recordings in kept_recordings(self.results).items()
+            for session, recordings in kept_results.kept_recordings(self.results).items()
             for each in recordings
         }
         return Taken(tuple(refused), tuple(notes), logs)
 
     def known(self, draft: Path, entries: Sequence[Entry], foreign: Mapping[str, str]) -> Known:
-        """Assess a cylinder if anything is new about it, and write its files into a draft of the results.
+        """Assess the cylinder if anything is new about it, and write its files into the folder ``draft``.
 
-        Args:
-            draft: The folder for new files.
-            entries: What people did and stated.
-            foreign: Sessions whose logs are other cylinders', with the reason.
+        ``foreign`` states by session that its log belongs to another cylinder.
         """
-        earlier = self._earlier()
-        kept = read_rows(self.into / session_file(self.name))
-        rows, failed = updated_rows(self.results, kept, self._row, self.made_by)
+        damaged, nothing = list[Refused](), dict[str, KeptRow]()
+        earlier = read_or_name(self.into, state_file(self.name), Earlier.read, None, ASSESSED_ANEW, damaged)
+        found_rows = read_or_name(self.into, session_file(self.name), read_rows, nothing, COMPUTED_ANEW, damaged)
+        rows, failed = updated_rows(self.results, found_rows, self._row, self.made_by)
+        kept = found_rows or (rows if earlier or damaged else {})  # without the table, nothing tells what is new
+        failed |= _unknown_starts(self.owned.starts, [*rows, *failed])
         placed = with_starts(rows.values(), self.owned.starts)
         left_out = {session: reason for session, reason in foreign.items() if session in rows}
         made_with = hashlib.sha256(repr(self.owned.cylinder(self.name)).encode()).hexdigest()
@@ -140,27 +160,19 @@ class CylinderRun:
             left_out,
         ]
         state = hashlib.sha256(json.dumps(rests_on, sort_keys=True, default=str).encode()).hexdigest()
-        if earlier and earlier["line"]["state"] == state:
-            line = earlier["line"]
-            return Known(CylinderLine(**{**line, "trend": Trend(**line["trend"])}), False, left_out, failed)
+        there = all((self.into / place(self.name)).is_file() for place in (session_file, state_file, pane_file))
+        if earlier and earlier.line.state == state and there and not damaged:
+            return Known(earlier.line, left_out, failed)
         found = assess(self.name, used, entries, plan, self.now)
-        line = line_of(found, placed, left_out, state)
+        line = line_of(found, placed, left_out, state, self.owned.about)
         write_rows(draft / session_file(self.name), placed, rows, left_out, found.trends)
         about = {"line": asdict(line), "dimensions": asdict(self.owned.dimensions), "left_out": left_out}
-        assessment = {
-            **found.to_dict(),
-            "trends": {name: asdict(each)["baseline"] for name, each in found.trends.items()},
-        }
-        write_json(draft / state_file(self.name), about | {"assessment": assessment})
-        write_text(draft / pane_file(self.name), health_pane(found, placed, entries, left_out))
-        return Known(line, True, left_out, failed, tuple(self._news(earlier, kept, rows, left_out, line, found.model)))
-
-    def _earlier(self) -> dict[str, Any]:
-        path = self.into / state_file(self.name)
-        try:
-            return dict(read_json(path)) if path.is_file() else {}
-        except ValueError as error:
-            raise MonitoringError(f"{path}: is damaged ({error}); remove it, and it is made anew") from error
+        bases = {name: asdict(each)["baseline"] for name, each in found.trends.items()}
+        about |= {"assessment": {**found.to_dict(), "trends": bases}}
+        write_json(draft / state_file(self.name), about)
+        write_text(draft / pane_file(self.name), health_pane(found, placed, entries, left_out, self.owned.about))
+        news = self._news(earlier, kept, rows, left_out, line, found.model)
+        return Known(line, left_out, failed, tuple(news), tuple(damaged))
 
     def _channels(self) -> dict[str, Any] | None:
         if self.owned.channels is None:
@@ -173,23 +185,21 @@ class CylinderRun:
         )
         plan = self.owned.indicator_plan("measured" if measured else "none")
         row = session_row(recordings, self.owned.cylinder(self.name), plan, self.name)
-        stated = stated_share(Path(self.owned.model)) if self.owned.model else None
+        stated = kept_results.stated_share(Path(self.owned.model)) if self.owned.model else None
         return row if stated is None else replace(row, held=held_label(recordings, stated))
 
     def _news(
         self,
-        earlier: Mapping[str, Any],
+        earlier: Earlier | None,
         kept: Mapping[str, object],
         rows: Mapping[str, object],
         left_out: Mapping[str, str],
         line: CylinderLine,
         model: ModelBounds | None,
     ) -> list[str]:
-        news, before = [], earlier.get("dimensions")
-        if before and Dimensions(**before) != self.owned.dimensions:
-            now = asdict(self.owned.dimensions)
-            old = asdict(Dimensions(**before))
-            changes = [f"{name} from {old[name]:g} to {now[name]:g}" for name in now if now[name] != old[name]]
+        news, now = [], asdict(self.owned.dimensions)
+        before = earlier.dimensions if earlier else now
+        if changes := [f"{each} from {before[each]:g} to {now[each]:g}" for each in now if now[each] != before[each]]:
             news.append(
                 f"fleet.yaml changes {', '.join(changes)}: all its logs were processed anew. If another cylinder was "
                 "fitted, give that one a name of its own instead: its sessions are not comparable"
@@ -198,14 +208,20 @@ class CylinderRun:
             news.append(f"{len(new)} new {'session' if len(new) == 1 else 'sessions'}")
         if lost := [session for session in kept if session not in rows]:
             news.append(f"sessions that are not there any more: {', '.join(lost)}")
-        news += [
-            f"{each} is not assessed: {why}"
-            for each, why in left_out.items()
-            if why != earlier.get("left_out", {}).get(each)
-        ]
-        was = earlier["line"]["answer"] if earlier else ""
-        if model and model.proposed and not ((earlier.get("assessment") or {}).get("model") or {}).get("proposed"):
+        stated = earlier.left_out if earlier else {}
+        news += [f"{each} is not assessed: {why}" for each, why in left_out.items() if why != stated.get(each)]
+        if model and model.proposed and not (earlier and earlier.proposed):
             news.append(model.words)
+        was = earlier.line.answer if earlier else ""
         if line.answer != was:
             news.append(f"{line.answer}{was and f', before: {was}'}: {line.words}")
         return [f"{self.name}: {each}" for each in news]
+
+
+def _unknown_starts(starts: Mapping[str, str], sessions: Sequence[str]) -> dict[str, str]:
+    """Explain each key of ``starts`` that names no session."""
+    close = {each: get_close_matches(each, sessions, 1) for each in starts if each not in sessions}
+    similar = {each: f"; is it {names[0]}?" if names else "" for each, names in close.items()}
+    return {
+        f"starts: {each}": f"no session has this name{it}; correct it in fleet.yaml" for each, it in similar.items()
+    }

@@ -1,6 +1,4 @@
-"""A fleet as its owner describes it: the cylinders, and how a log names the one that it belongs to."""
-
-from __future__ import annotations
+"""A fleet as its owner describes it: the cylinders, and how a log names its cylinder."""
 
 import re
 from collections.abc import Mapping
@@ -39,7 +37,7 @@ class ServiceDay:
 
 @dataclass(frozen=True)
 class FleetCylinder:
-    """What the fleet's owner states about one cylinder; the guide explains each key."""
+    """A cylinder in the fleet file; the guide explains each key."""
 
     dimensions: Dimensions
     channels: Path | None = None  # None: guessed
@@ -47,7 +45,7 @@ class FleetCylinder:
     load: LoadMode | None = None  # None: as mapped
     names: str | None = None  # Pattern of a log's path with ``condition`` and ``session``; None: a session per log
     units: Mapping[str, str] = field(default_factory=dict)
-    sensor_class: float | None = None  # Of the pressure sensors, where none is stated [± % of full scale]
+    sensor_class: float | None = None  # Of pressure sensors without a stated accuracy [± % of full scale]
     bulk_modulus_pa: float = IndicatorPlan.bulk_modulus_pa
     dead_volume_m3: float = IndicatorPlan.dead_volume_m3
     limit_percent: Mapping[str, float] = field(default_factory=dict)
@@ -56,6 +54,7 @@ class FleetCylinder:
     acknowledged_days: float = MonitorPlan.acknowledged_days
     services: tuple[ServiceDay, ...] = ()
     starts: Mapping[str, str] = field(default_factory=dict)
+    about: str = ""  # Shown on demand, such as the cylinder's place, or what a demonstration simulates
 
     def __post_init__(self) -> None:
         self.cylinder("this")  # refuses dimensions that no cylinder has
@@ -65,11 +64,11 @@ class FleetCylinder:
             utc_time(time, f"starts: {session}")
 
     def indicator_plan(self, load: LoadMode) -> IndicatorPlan:
-        """Return how a session's indicators are made."""
+        """Return the settings of its indicators."""
         return IndicatorPlan(load=load, bulk_modulus_pa=self.bulk_modulus_pa, dead_volume_m3=self.dead_volume_m3)
 
     def monitor_plan(self) -> MonitorPlan:
-        """Return how its indicators are tested."""
+        """Return the settings of its tests."""
         return MonitorPlan(
             baseline_sessions=self.baseline_sessions,
             false_alarms_per_year=self.false_alarms_per_year,
@@ -78,13 +77,13 @@ class FleetCylinder:
         )
 
     def cylinder(self, name: str) -> Cylinder:
-        """Return its geometry under its name in the fleet."""
+        """Return its geometry."""
         return Cylinder(name=name, **vars(self.dimensions))
 
 
 @dataclass(frozen=True)
 class Assignment:
-    """How a log names its cylinder: by a folder, a pattern in its path or first 64 KiB, or a table (CSV)."""
+    """The way a log names its cylinder: a folder, a pattern in its path or first 64 KiB, or a table (CSV)."""
 
     by: Literal["folder", "pattern", "table", "field"] = "folder"
     pattern: str | None = None

@@ -1,6 +1,4 @@
-"""Work on cylinders side by side, in processes of this machine."""
-
-from __future__ import annotations
+"""Run jobs side by side in processes of this machine."""
 
 import multiprocessing
 import os
@@ -16,19 +14,14 @@ ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUM
 
 
 def cores() -> int:
-    """Return how many cores this process may use."""
+    """Count the cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def done_in_order(jobs: Sequence[Callable[[], Done]], processes: int = 1) -> list[Done]:
-    """Return what each job returned, in their order.
+    """Run jobs that can be pickled, and return their results in the order of the jobs.
 
-    Args:
-        jobs: What can be pickled and called, such as a ``functools.partial``.
-        processes: How many work side by side, each on one thread; 1: all work is done here.
-
-    Raises:
-        MonitoringError: A process died.
+    With 1 process the jobs run here. Of more, each takes one thread; ``MonitoringError`` is raised if one dies.
     """
     if processes < 2:
         return [job() for job in jobs]

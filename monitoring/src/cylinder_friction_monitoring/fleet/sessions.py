@@ -1,6 +1,4 @@
-"""The table of sessions: one Parquet file per cylinder, a row per session, made from what `estimate` keeps."""
-
-from __future__ import annotations
+"""The table of sessions: one Parquet file per cylinder with a row per session, made from the results of `estimate`."""
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -14,7 +12,6 @@ import pyarrow.parquet as pq
 from cylinder_friction import Recording
 from cylinder_friction.estimation.kept_results import friction_of, kept_recordings
 from cylinder_friction.files.whole_files import json_hash
-from cylinder_friction_monitoring.errors import MonitoringError
 from cylinder_friction_monitoring.trends.assessment import IndicatorTrend
 from cylinder_friction_monitoring.trends.moments import utc_time
 from cylinder_friction_monitoring.trends.session_row import COVARIATES, INDICATORS, SessionRow
@@ -22,21 +19,21 @@ from cylinder_friction_monitoring.trends.session_row import COVARIATES, INDICATO
 MadeRow = Callable[[Sequence[Recording]], SessionRow]
 TEXT = ("cylinder", "session", "start", "start_source", "left_out")
 TESTED = ("compensated", "upward", "downward")
-"""What the test makes of an indicator: its value at the reference covariates, and the two statistics."""
+"""Further columns of each tested indicator: its value at the reference covariates, and the two statistics."""
 _DETAIL = "detail"  # JSON: the row as it was made, and of what
 
 
 @dataclass(frozen=True)
 class KeptRow:
-    """One session, as it is kept between two runs."""
+    """A session between two runs."""
 
-    row: SessionRow  # Its start as its log states it
-    key: str  # SHA-256 of what it was made from
-    made_with: str  # SHA-256 of the dimensions it was made with
+    row: SessionRow  # With the start that its log states
+    key: str  # SHA-256 of its recordings, code and settings
+    made_with: str  # SHA-256 of the dimensions
 
 
 def key_of(recordings: Sequence[Mapping[str, Any]], made_by: str) -> str:
-    """Return the SHA-256 of what a session's row is made from; equal logs that were processed otherwise differ."""
+    """Hash what a session's row is made from: its recordings, and the code and settings in ``made_by``."""
     about = [{**each, "gone": "", "source_file": ""} for each in recordings]
     return json_hash([made_by, about])
 
@@ -44,17 +41,10 @@ def key_of(recordings: Sequence[Mapping[str, Any]], made_by: str) -> str:
 def updated_rows(
     results: Path, kept: Mapping[str, KeptRow], made_row: MadeRow, made_by: str
 ) -> tuple[dict[str, KeptRow], dict[str, str]]:
-    """Return the rows of all sessions in a folder that ``estimate_logs`` wrote; only new ones are made.
+    """Make the rows of new sessions in a folder that ``estimate_logs`` wrote, beside those of the run before.
 
-    Args:
-        results: The folder; the friction of each recording lies in it as Parquet.
-        kept: The rows of the run before, by session.
-        made_row: Makes a row of a session's recordings.
-        made_by: Names the code and the settings that make rows; if it changes, all rows are made anew.
-
-    Returns:
-        rows: By session.
-        failed: Why there is no row, by session.
+    If ``made_by`` (code and settings) has changed, all rows are made anew. Return the rows by session, and the reasons
+    by session why there is no row.
     """
     rows, failed = dict[str, KeptRow](), dict[str, str]()
     for session, recordings in sorted(kept_recordings(results).items()):
@@ -71,7 +61,7 @@ def updated_rows(
 
 
 def with_starts(rows: Iterable[KeptRow], starts: Mapping[str, str]) -> list[SessionRow]:
-    """Return rows by their start, which ``starts`` states otherwise for some sessions."""
+    """Sort rows by their start; ``starts`` corrects it for some sessions."""
     given = {session: utc_time(start, f"starts: {session}") for session, start in starts.items()}
     placed = [
         replace(each.row, start=given[each.row.session], start_source="fleet.yaml")
@@ -89,14 +79,14 @@ def write_rows(
     left_out: Mapping[str, str],
     trends: Mapping[str, IndicatorTrend],
 ) -> None:
-    """Write a cylinder's sessions; equal content makes equal bytes."""
+    """Write a cylinder's table of sessions; equal content makes equal bytes."""
     columns: dict[str, list[Any]] = {name: [] for name in (*TEXT, *numbers(), _DETAIL)}
     tested = {name: dict(zip(each.sessions, _tested(each), strict=True)) for name, each in trends.items()}
     for row in rows:
         own = kept[row.session]
         values = {**flat(row), "left_out": left_out.get(row.session, "")}
         for name in INDICATORS:
-            of_trend = tested.get(name, {}).get(row.session, (None, None, None))
+            of_trend = tested.get(name, {}).get(row.session, (None,) * len(TESTED))
             values |= {f"{name}_{part}": value for part, value in zip(TESTED, of_trend, strict=True)}
         detail = {"row": own.row.to_dict(), "key": own.key, "made_with": own.made_with}
         values[_DETAIL] = json.dumps(detail, sort_keys=True, allow_nan=False)
@@ -113,40 +103,26 @@ def _tested(trend: IndicatorTrend) -> Iterator[tuple[float | None, ...]]:
 
 
 def read_rows(path: Path) -> dict[str, KeptRow]:
-    """Return a cylinder's sessions as the run before kept them, by name; none where there is no file.
-
-    Raises:
-        MonitoringError: The file is damaged.
-    """
-    if not path.is_file():
-        return {}
-    try:
-        kept = [json.loads(text) for text in pq.read_table(path, columns=[_DETAIL], use_threads=False)[0].to_pylist()]
-        rows = [KeptRow(SessionRow.from_dict(each["row"]), each["key"], each["made_with"]) for each in kept]
-    except (pa.ArrowException, ValueError, KeyError, TypeError, IndexError) as error:
-        raise MonitoringError(
-            f"{path}: is damaged ({type(error).__name__}: {error}); remove it, and it is made anew from the results "
-            "that are kept"
-        ) from error
+    """Read a cylinder's sessions as the run before kept them, by name."""
+    kept = [json.loads(text) for text in pq.read_table(path, columns=[_DETAIL], use_threads=False)[0].to_pylist()]
+    rows = [KeptRow(SessionRow.from_dict(each["row"]), each["key"], each["made_with"]) for each in kept]
     return {each.row.session: each for each in rows}
 
 
 def session_starts(path: Path) -> list[str]:
-    """Return when the assessed sessions of a cylinder's table began; none without a table."""
-    if not path.is_file():
-        return []
+    """Read when the assessed sessions of a cylinder's table began."""
     rows = pq.read_table(path, columns=["start", "left_out"], use_threads=False).to_pylist()
     return [row["start"] for row in rows if row["start"] and not row["left_out"]]
 
 
 def numbers() -> list[str]:
-    """Return the names of the table's columns of numbers."""
+    """List the table's columns of numbers."""
     parts = ("", "_uncertainty", *(f"_{part}" for part in TESTED))
     return ["duration_s", *(f"{name}{part}" for name in INDICATORS for part in parts), *COVARIATES]
 
 
 def flat(row: SessionRow) -> dict[str, str | float | None]:
-    """Return a row as one value per column, without ``left_out`` and what the test makes of it."""
+    """Return a row as one value per column, without ``left_out`` and the columns of the test."""
     values: dict[str, str | float | None] = {name: getattr(row, name) for name in (*TEXT[:4], "duration_s")}
     for name in INDICATORS:
         indicator = row.indicators.get(name)

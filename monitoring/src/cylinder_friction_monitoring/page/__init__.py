@@ -1,1 +1,1 @@
-"""The pages of a fleet's health: all cylinders on one screen, and one cylinder over its life."""
+"""The page of a fleet's health, and its figures."""

@@ -1,6 +1,4 @@
-"""What the health pages draw: a trend in a line of text, a cylinder's life, and two strokes laid over each other."""
-
-from __future__ import annotations
+"""Figures of the health page: a trend in a line of text, a cylinder's life, and two strokes over each other."""
 
 import math
 from collections.abc import Sequence
@@ -11,12 +9,13 @@ from markupsafe import Markup
 from cylinder_friction.reporting.frame import BLUE, BROWN, GREEN, INK, ORANGE, PALE, QUIET, SKY, PageFigure
 from cylinder_friction_monitoring.trends.assessment import Assessment, Entry
 from cylinder_friction_monitoring.trends.cylinder_line import NAMES, Trend
-from cylinder_friction_monitoring.trends.session_row import COVARIATES, INDICATORS, SessionRow
+from cylinder_friction_monitoring.trends.in_force import NEW_BASELINE
+from cylinder_friction_monitoring.trends.session_row import COVARIATES, INDICATORS, SHOWN, SessionRow
 
 WIDTH, HEIGHT, MARGIN = 220, 40, 4
 BAND = 2.0
-"""The band about a baseline is this many scatters of a session wide, up and down."""
-TITLES = {name: f"{NAMES[name]} [{unit}]" for name, (unit, _) in INDICATORS.items()}
+"""Half width of the band about a baseline, in scatters of a session."""
+TITLES = {name: f"{NAMES[name]} [{unit}]" for name, (_, unit) in SHOWN.items()}
 COVARIATE_PANELS = (
     ("oil [°C]", ("oil_temperature_c",)),
     ("pressures [bar]", ("pressure_1_bar", "pressure_2_bar")),
@@ -24,11 +23,10 @@ COVARIATE_PANELS = (
     ("load [N]", ("load_n",)),
     ("travel [m]", ("travel_m",)),
 )
-SERVICES = ("service", "reset", "reference")
 
 
 def trend_picture(trend: Trend) -> Markup:
-    """Return a trend as a picture in a line of text: baseline band, sessions, and the change in orange."""
+    """Draw a trend for a line of text: baseline band, sessions, and the change in orange."""
     known = [value for value in trend.values if value is not None]
     if not known:
         return Markup('<span class="none">no trend yet</span>')
@@ -70,7 +68,7 @@ def trend_picture(trend: Trend) -> Markup:
 
 
 def life_figure(found: Assessment, rows: Sequence[SessionRow], entries: Sequence[Entry]) -> PageFigure:
-    """Return a cylinder's life: indicators with their bands and alarms, services, and what else changed below."""
+    """Draw a cylinder's life: indicators with bands and alarms, services, and the covariates below."""
     dated = all(row.start for row in rows)
     places: dict[str, Any] = {row.session: row.start if dated else place for place, row in enumerate(rows, start=1)}
     first = [each.indicator for each in found.changes]
@@ -96,7 +94,7 @@ def life_figure(found: Assessment, rows: Sequence[SessionRow], entries: Sequence
             )
         _title(figure, panel, title)
     for entry in entries:
-        if dated and entry.kind in SERVICES and not entry.withdrawn and entry.time <= rows[-1].start:
+        if dated and entry.kind in NEW_BASELINE and not entry.withdrawn and entry.time <= rows[-1].start:
             _upright(figure, entry.time, BLUE, entry.kind)
     for change in found.changes[:1]:
         _upright(figure, places.get(change.since), ORANGE, "since")
@@ -108,22 +106,22 @@ def life_figure(found: Assessment, rows: Sequence[SessionRow], entries: Sequence
 def _indicator(
     figure: PageFigure, panel: int, name: str, found: Assessment, rows: Sequence[SessionRow], places: dict[str, Any]
 ) -> None:
-    trend = found.trends.get(name)
+    trend, (factor, unit) = found.trends.get(name), SHOWN[name]
     _title(figure, panel, TITLES[name])
     base = None if trend is None else trend.baseline
     if base is not None:
         ends = [next(iter(places.values())), next(reversed(places.values()))]
-        half = BAND * base.scatter
+        level, half = factor * base.level, factor * BAND * base.scatter
         common = {"mode": "lines", "hoverinfo": "skip", "line": {"width": 0}, "legendgroup": "band"}
-        figure.add(panel, x=ends, y=[base.level - half] * 2, name="band", showlegend=False, **common)
+        figure.add(panel, x=ends, y=[level - half] * 2, name="band", showlegend=False, **common)
         band = {"fill": "tonexty", "fillcolor": "rgba(0,158,115,.14)"}
         label = f"baseline ± {BAND:g} scatters of a session"
-        figure.add(panel, x=ends, y=[base.level + half] * 2, name=label, showlegend=panel == 1, **common, **band)
+        figure.add(panel, x=ends, y=[level + half] * 2, name=label, showlegend=panel == 1, **common, **band)
         stretch = [places.get(base.first), places.get(base.last)]
         line = {"color": GREEN, "width": 3}
         named = {"name": "baseline", "legendgroup": "baseline", "showlegend": panel == 1, "hoverinfo": "skip"}
-        figure.add(panel, x=stretch, y=[base.level] * 2, mode="lines", line=line, **named)
-    measured = [row.indicators[name].value for row in rows]
+        figure.add(panel, x=stretch, y=[level] * 2, mode="lines", line=line, **named)
+    measured = [None if (value := row.indicators[name].value) is None else factor * value for row in rows]
     marks = {"color": PALE, "size": 4}
     named = {"name": "as measured", "legendgroup": "measured", "showlegend": panel == 1}
     figure.add(panel, x=list(places.values()), y=measured, mode="markers", marker=marks, **named, hoverinfo="skip")
@@ -131,22 +129,23 @@ def _indicator(
         return
     tested = zip(trend.sessions, trend.compensated, strict=True)
     own = [(places[session], value) for session, value in tested if session in places]
+    values = [None if value is None else factor * value for _, value in own]
     figure.add(
         panel,
         x=[place for place, _ in own],
-        y=[value for _, value in own],
+        y=values,
         mode="lines+markers",
         marker={"color": INK, "size": 4},
         line={"color": INK, "width": 1},
         name="compensated for oil, pressure, speed and load",
         legendgroup="compensated",
         showlegend=panel == 1,
-        hovertemplate=f"%{{y:.4~g}} {INDICATORS[name][0]}<extra></extra>",
+        hovertemplate=f"%{{y:.4~g}} {unit}<extra></extra>",
     )
 
 
 def strokes_figure(then: SessionRow, now: SessionRow) -> PageFigure:
-    """Return one stroke each way of two sessions laid over each other: force over position."""
+    """Draw one stroke each way of two sessions over each other: force over position."""
     figure = PageFigure()
     for row, label, colour, width in ((then, "then", PALE, 3.0), (now, "now", ORANGE, 1.6)):
         for way, points in sorted(row.stroke.items()):
@@ -172,7 +171,7 @@ def _known(rows: Sequence[SessionRow], name: str) -> bool:
 
 
 def _title(figure: PageFigure, panel: int, words: str) -> None:
-    """Put a panel's title above it, where there is room for it on every screen."""
+    """Put a panel's title above it, which leaves room on every screen."""
     top = figure.layout[f"yaxis{'' if panel == 1 else panel}"]["domain"][1]
     figure.note(words, x=0.0, xref="paper", y=top, yref="paper", xanchor="left", yanchor="bottom")
     figure.y_axis(panel, nticks=5, exponentformat="power")

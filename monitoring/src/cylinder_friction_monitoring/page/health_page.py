@@ -1,20 +1,18 @@
-"""The pages of a fleet's health: all cylinders on one screen, and one cylinder over its life."""
-
-from __future__ import annotations
+"""Write the page of a fleet's health, and the panes of its cylinders."""
 
 import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from cylinder_friction.files.whole_files import write_text
 from cylinder_friction.reporting.frame import NONE, Cell, Table, packed, page_html
 from cylinder_friction_monitoring.errors import Refused
-from cylinder_friction_monitoring.page.health_figures import life_figure, strokes_figure, trend_picture
+from cylinder_friction_monitoring.page.health_figures import TITLES, life_figure, strokes_figure, trend_picture
 from cylinder_friction_monitoring.trends.assessment import NE107, Answer, Assessment, Change, Entry
-from cylinder_friction_monitoring.trends.cylinder_line import NAMES, CylinderLine
-from cylinder_friction_monitoring.trends.session_row import INDICATORS, SessionRow
+from cylinder_friction_monitoring.trends.cylinder_line import NAMES, CylinderLine, digits
+from cylinder_friction_monitoring.trends.sentences import rate
+from cylinder_friction_monitoring.trends.session_row import SHOWN, SessionRow
 
 BADGES: Mapping[Answer, str] = {
     "alarm": "refused",
@@ -23,19 +21,15 @@ BADGES: Mapping[Answer, str] = {
     "not yet": "quiet",
     "fine": "ok",
 }
-"""The colour of each answer, which stands beside it in words."""
+"""Colour of each answer."""
 LISTED = 200
-"""At most so many refused logs and news stand on the page; health.json holds all."""
+"""Most refused logs and news on the page; health.json holds all."""
 
 
 def write_health_page(
     path: Path, lines: Sequence[CylinderLine], refused: Sequence[Refused], news: Sequence[str]
 ) -> None:
-    """Write the page of a fleet whole, beside which the panes of its cylinders lie; equal input makes equal bytes.
-
-    ``lines`` begin with what needs a person; ``refused`` are logs that were not taken, and sessions that are not
-    assessed.
-    """
+    """Write the page of a fleet; the cylinder in ``lines[0]`` needs a person most. Equal input makes equal bytes."""
     counts = Counter[str](each.answer for each in lines)
     html = page_html(
         "templates/health.html.j2",
@@ -55,11 +49,16 @@ def write_health_page(
 
 
 def health_pane(
-    found: Assessment, rows: Sequence[SessionRow], entries: Sequence[Entry], left_out: Mapping[str, str]
+    found: Assessment,
+    rows: Sequence[SessionRow],
+    entries: Sequence[Entry],
+    left_out: Mapping[str, str],
+    about: str = "",
 ) -> str:
-    """Return the pane of one cylinder, a script that hands it to the page; equal input makes equal text.
+    """Draw the pane of one cylinder: a script that hands it to the page. Equal input makes equal text.
 
-    ``rows`` are all its sessions in the order of time; ``left_out`` states why sessions are not assessed.
+    ``rows`` are all its sessions in the order of time; ``left_out`` states why sessions are not assessed; ``about`` is
+    what the fleet file states.
     """
     used = [row for row in rows if row.session not in left_out]
     then, now = _two(found, used)
@@ -68,6 +67,7 @@ def health_pane(
         package=__package__,
         title=found.cylinder,
         found=found,
+        about=about,
         badge=BADGES[found.answer],
         ne107=NE107[found.answer],
         facts=[fact for change in found.changes[:1] for fact in _facts(change, used)],
@@ -83,7 +83,7 @@ def health_pane(
 
 
 def _two(found: Assessment, rows: Sequence[SessionRow]) -> tuple[SessionRow | None, SessionRow | None]:
-    """Return a session of the baseline, or the first, and the newest; of those that hold a stroke each way."""
+    """Select a session of the baseline, or the first, and the newest, among those with a stroke each way."""
     drawn = [row for row in rows if len(row.stroke) == 2]
     if len(drawn) < 2:
         return None, None
@@ -94,19 +94,21 @@ def _two(found: Assessment, rows: Sequence[SessionRow]) -> tuple[SessionRow | No
 
 
 def _facts(change: Change, rows: Sequence[SessionRow]) -> list[tuple[str, str]]:
-    unit = INDICATORS[change.indicator][0]
+    factor, unit = SHOWN[change.indicator]
     starts = {row.session: row.start[:10] or row.session for row in rows}
 
     def day(session: str) -> str:
         return starts.get(session, session)
 
-    facts = [(f"change of {NAMES[change.indicator]}", _with_interval(change.change, change.interval, unit))]
+    facts = [(f"change of {NAMES[change.indicator]}", _with_interval(change.change, change.interval, unit, factor))]
     if change.percent is not None:
         facts.insert(0, ("change", _with_interval(change.percent, change.percent_interval, "%")))
     facts.append(("since", f"{day(change.since)} ({' to '.join(map(day, change.since_interval))})"))
     facts.append(("alarm at", day(change.alarm_session)))
     if change.per_year is not None:
-        facts.append(("rate now", _with_interval(change.per_year, change.per_year_interval, f"{unit} a year")))
+        part, period = rate(change)
+        words = _with_interval(change.per_year, change.per_year_interval, f"{unit} a {period}", factor * part)
+        facts.append(("rate now", words))
     if change.limit_reached:
         title = "limit passed since" if change.limit_passed else "limit reached"
         ends = " to ".join(each or "open" for each in change.limit_interval or ())
@@ -116,27 +118,22 @@ def _facts(change: Change, rows: Sequence[SessionRow]) -> list[tuple[str, str]]:
     return facts
 
 
-def _with_interval(value: float, interval: tuple[float, float] | None, unit: str) -> str:
-    def digits(number: float) -> str:
-        return f"{number:+.0f}" if 100.0 <= abs(number) < 1e6 else f"{number:+.3g}"
-
-    words = f"{digits(value)} {unit}"
-    return words if interval is None else f"{words} ({digits(interval[0])} to {digits(interval[1])})"
+def _with_interval(value: float, interval: tuple[float, float] | None, unit: str, factor: float = 1.0) -> str:
+    words = f"{digits(factor * value)} {unit}"
+    return words if interval is None else f"{words} ({' to '.join(digits(factor * each) for each in interval)})"
 
 
 def _changes(changes: Sequence[Change]) -> Table:
-    rows: list[list[str | Cell]] = [
-        [
-            NAMES[each.indicator],
-            _with_interval(each.change, each.interval, INDICATORS[each.indicator][0]),
-            "–" if each.percent is None else _with_interval(each.percent, each.percent_interval, "%"),
-            each.since,
-            each.alarm_session,
-        ]
-        for each in changes
-    ]
-    head = ("indicator", "change (95 %)", "of the baseline", "since session", "alarm at")
-    return Table(head, rows, words=(1, 2, 3, 4))
+    columns: dict[str | Cell, Callable[[Change], str | Cell]] = {
+        "indicator": lambda it: NAMES[it.indicator],
+        "change (95 %)": lambda it: _with_interval(it.change, it.interval, *SHOWN[it.indicator][::-1]),
+        "of the baseline": lambda it: (
+            "–" if it.percent is None else _with_interval(it.percent, it.percent_interval, "%")
+        ),
+        "since session": lambda it: it.since,
+        "alarm at": lambda it: it.alarm_session,
+    }
+    return Table.of(changes, columns, words=(1, 2, 3, 4))
 
 
 def _baselines(found: Assessment) -> Table:
@@ -144,17 +141,13 @@ def _baselines(found: Assessment) -> Table:
     for name, trend in found.trends.items():
         base = trend.baseline
         if base is None:
-            rows.append([NAMES[name], *[NONE] * 7, Cell(trend.why, style="words")])
+            rows.append([TITLES[name], *[NONE] * 7, Cell(trend.why, style="words")])
             continue
-        cells = [f"{base.sessions} of {base.needed}", f"{base.level:.4g}", f"{base.scatter:.3g}"]
-        cells += [
-            f"{base.smallest:.3g}",
-            f"{base.autocorrelation:.2f}",
-            f"{base.threshold:.3g}",
-            f"{base.false_alarms_per_year:.2g}",
-        ]
-        where = f"{base.first} to {base.last}{trend.why and '; '}{trend.why}"
-        rows.append([NAMES[name], *cells, Cell(where, style="words")])
+        factor, _ = SHOWN[name]
+        cells = [f"{base.sessions} of {base.needed}", f"{factor * base.level:.4g}", f"{factor * base.scatter:.3g}"]
+        cells += [f"{factor * base.smallest:.3g}", f"{base.autocorrelation:.2f}", f"{base.threshold:.3g}"]
+        named = Cell(f"{base.first} to {base.last}{trend.why and '; '}{trend.why}", style="words")
+        rows.append([TITLES[name], *cells, f"{base.false_alarms_per_year:.2g}", named])
     head = (
         "indicator",
         Cell("sessions", tip="of which the baseline is made, and how many an alarm needs"),
@@ -170,13 +163,13 @@ def _baselines(found: Assessment) -> Table:
 
 
 def _entries(entries: Sequence[Entry]) -> Table:
-    rows: list[list[str | Cell]] = [
-        [each.time[:16].replace("T", " "), each.kind, each.name, Cell(each.stated, style="words")] for each in entries
-    ]
+    rows = [(each.time[:16].replace("T", " "), each.kind, each.name, each.stated) for each in entries]
     return Table(("time (UTC)", "kind", "name", "words"), rows, words=(1, 2, 3))
 
 
 def _undetermined(rows: Sequence[SessionRow]) -> list[tuple[str, str]]:
-    """Return what the newest session does not determine, and why."""
-    known: dict[str, Any] = dict(rows[-1].indicators) if rows else {}
-    return [(NAMES[name], each.why) for name, each in known.items() if each.why]
+    """List what the newest session does not determine, and why."""
+    known = rows[-1].indicators if rows else {}
+    return [
+        (name, known[indicator].why) for indicator, name in NAMES.items() if indicator in known and known[indicator].why
+    ]

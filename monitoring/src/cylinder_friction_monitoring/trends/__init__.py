@@ -1,1 +1,1 @@
-"""When a seal wears: indicators of sessions, their trends, and alarms that can be believed."""
+"""Indicators of sessions, their trends, and the assessment of a cylinder."""

@@ -1,6 +1,4 @@
-"""What is known of a cylinder today: one of five answers, with what it rests on."""
-
-from __future__ import annotations
+"""The assessment of a cylinder: one of five answers, and the trends and changes behind it."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -22,7 +20,7 @@ EntryKind = Literal["service", "reset", "acknowledge", "comment", "reference", "
 
 @dataclass(frozen=True)
 class Entry:
-    """What a person did or noted; entries are added, never changed, and withdrawn by another entry."""
+    """What a person did or noted. It is never changed; another entry may withdraw it."""
 
     cylinder: str
     time: str  # ISO 8601, UTC
@@ -35,7 +33,7 @@ class Entry:
 
     @property
     def stated(self) -> str:
-        """All that it states, in words."""
+        """Its content in words."""
         words = f"{self.withdraws}: {self.words}" if self.withdraws else self.words
         words += f" (until {self.until[:10]})" if self.until else ""
         return f"{words} (withdrawn by {self.withdrawn})".lstrip() if self.withdrawn else words
@@ -43,10 +41,10 @@ class Entry:
 
 @dataclass(frozen=True)
 class Baseline:
-    """The reference that an indicator is compared with."""
+    """The sessions that an indicator is compared with."""
 
-    sessions: int  # Of which it is made
-    needed: int  # How many are needed before an alarm may be given
+    sessions: int
+    needed: int  # Sessions before an alarm may be given
     first: str  # Name of the first and last session
     last: str
     level: float  # Mean at the reference covariates, in the indicator's unit
@@ -60,10 +58,10 @@ class Baseline:
 
 @dataclass(frozen=True)
 class Change:
-    """A change that an indicator shows."""
+    """A change of an indicator."""
 
     indicator: str
-    change: float  # Now less baseline, in the indicator's unit
+    change: float  # From the baseline to now, in the indicator's unit
     interval: tuple[float, float]  # 95 %
     percent: float | None  # Of the baseline's level
     percent_interval: tuple[float, float] | None
@@ -72,8 +70,7 @@ class Change:
     alarm_session: str  # At which the test alarmed
     per_year: float | None = None  # Rate now, in the indicator's unit
     per_year_interval: tuple[float, float] | None = None
-    # When the limit that the user set is reached, or since when it is passed (ISO date), with its interval; None if no
-    # limit is set, or no trend is seen
+    # ISO date at which the user's limit is reached, or since which it is passed; None without a limit or trend
     limit_reached: str | None = None
     limit_interval: tuple[str | None, str | None] | None = None
     limit_passed: bool = False
@@ -94,11 +91,11 @@ class IndicatorTrend:
 
 @dataclass(frozen=True)
 class ModelBounds:
-    """How much of the later labels a model's bounds hold, and whether the model should be trained anew."""
+    """The share of later labels within a model's bounds, and whether the model should be trained anew."""
 
-    stated_percent: float  # Of the label's rows, which the bounds state they hold
-    sessions: int  # That this model estimated
-    words: str  # What follows, and from what
+    stated_percent: float  # Share of the label's rows that the bounds should hold
+    sessions: int  # Number that this model estimated
+    words: str  # The conclusion and the evidence
     proposed: bool = False  # Whether retraining is proposed
     before_percent: float | None = None  # Held in the baseline's sessions; None while there are too few
     before_interval: tuple[float, float] | None = None  # 95 %, given that sessions differ
@@ -110,13 +107,13 @@ class ModelBounds:
 
     @property
     def lost(self) -> bool:
-        """Whether the bounds hold surely less than they state, and less than before."""
+        """Whether the bounds surely hold less than they state, and less than before."""
         return self.now_interval is not None and self.now_interval[1] < self.stated_percent
 
 
 @dataclass(frozen=True)
 class Assessment:
-    """What is known of one cylinder."""
+    """The state of one cylinder by its latest session."""
 
     cylinder: str
     answer: Answer
@@ -125,10 +122,10 @@ class Assessment:
     trends: Mapping[str, IndicatorTrend] = field(default_factory=dict)
     more_sessions: int | None = None  # For ``not yet``: how many more are needed
     would_decide: tuple[str, ...] = ()  # For ``undecided``: what would decide it
-    questions: tuple[str, ...] = ()  # Asked of the user, such as whether a service set a new baseline
+    questions: tuple[str, ...] = ()  # To the user, such as whether a seal was changed
     acknowledged: str = ""  # Who acknowledged the alarm, and when; empty without an alarm, or if it has returned
     model: ModelBounds | None = None  # None if no model estimated the newest session
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content as JSON-compatible values."""
+        """Convert to JSON-compatible values."""
         return asdict(self) | {"ne107": NE107[self.answer]}

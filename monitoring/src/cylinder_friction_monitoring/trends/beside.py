@@ -1,18 +1,17 @@
-"""What else changed when an indicator did: oil, pressure, speed, load, travel and the sensors' zeros."""
-
-from __future__ import annotations
+"""Find what else changed when an indicator did: oil, pressure, speed, load, travel and the sensors' zeros."""
 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from cylinder_friction.recordings.columns import OIL_TEMPERATURE
 from cylinder_friction_monitoring.arrays import Array
 from cylinder_friction_monitoring.trends.session_row import COVARIATES, SessionRow
 
 AROUND = 20
-"""Sessions before and after the change that are compared."""
+"""Number of sessions before and after the change that are compared."""
 TIMES = 2.0
-"""A covariate has changed if its means differ by so many standard deviations of a session."""
+"""A covariate has changed if its means differ by this many standard deviations of a session."""
 LEAST = {
     "oil_temperature_c": 3.0,
     "pressure_1_bar": 1.0,
@@ -21,7 +20,7 @@ LEAST = {
     "load_n": 20.0,
     "travel_m": 0.0,
 }
-"""Smaller changes are not named, in the covariate's unit."""
+"""Smallest change that is named, in the covariate's unit."""
 TITLES = {
     "oil_temperature_c": "oil temperature",
     "pressure_1_bar": "pressure on the piston side",
@@ -34,9 +33,9 @@ TITLES = {
 
 
 def changed_beside(rows: Sequence[SessionRow], begins: int, zero: tuple[float, float] | None) -> tuple[str, ...]:
-    """Return in words what changed around session ``begins``.
+    """State what changed around session ``begins``.
 
-    ``zero`` is the change of the half sum at that time and its uncertainty, if it alarmed [N].
+    ``zero`` is the change of an alarmed half sum at that time, and its uncertainty [N].
     """
     found = []
     for name, unit in COVARIATES.items():
@@ -56,12 +55,15 @@ def changed_beside(rows: Sequence[SessionRow], begins: int, zero: tuple[float, f
 
 
 def farthest(names: Mapping[str, float], design: Array, covariance: Array, row: SessionRow) -> str:
-    """Return which covariate makes a session differ most from the baseline, in words."""
-    if not np.isfinite(design).all():
-        missing = [name for name, value in zip(names, design[1:], strict=True) if not np.isfinite(value)]
+    """State in words which covariate makes a session differ most from the baseline.
+
+    Of the regressors in ``design``, level comes first and the bent effect of oil last, if oil is among ``names``.
+    """
+    regressors = [*names, *(name for name in names if name == OIL_TEMPERATURE)]
+    missing = [name for name, value in zip(regressors, design[1:], strict=True) if not np.isfinite(value)]
+    if missing:
         return f"{TITLES[missing[0]]} is not known"
-    parts = design[1:] ** 2 * np.diag(covariance)[1:]
-    name = list(names)[int(np.argmax(parts))]
+    name = regressors[int(np.argmax(design[1:] ** 2 * np.diag(covariance)[1:]))]
     values = (
         (row.covariates[each] for each in ("pressure_1_bar", "pressure_2_bar"))
         if name == "pressure_bar"
@@ -73,7 +75,7 @@ def farthest(names: Mapping[str, float], design: Array, covariance: Array, row: 
 
 
 def _digits(value: float) -> str:
-    """Return a number with four digits and no power of ten in between."""
+    """Write a number with four digits and without a power of ten."""
     return f"{float(f'{value:.4g}'):g}"
 
 

@@ -1,4 +1,4 @@
-"""Blocks of steady sliding of a session: means over a tenth of a second, with the stroke that each belongs to."""
+"""Average a session's steady sliding over blocks of a tenth of a second, numbered by stroke."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from cylinder_friction_monitoring.trends.plan import IndicatorPlan
 
 @dataclass(frozen=True)
 class Blocks:
-    """Means over short pieces of strokes, all of shape ``(blocks,)``."""
+    """Means over short pieces of strokes, each of shape ``(blocks,)``."""
 
     force_n: Array  # Force on the rod from oil or drive, less inertia and a measured load [N]
     position_m: Array
@@ -25,19 +25,19 @@ class Blocks:
     mean_pressure_pa: Array  # Of both pressures, weighted by their areas; NaN without pressures
     pressure_1_pa: Array
     pressure_2_pa: Array
-    oil_temperature_c: Array  # NaN where it is not measured
-    load_n: Array  # The same of a measured load
+    oil_temperature_c: Array  # NaN if nothing measures it
+    load_n: Array  # NaN if nothing measures it
     stroke: NDArray[np.int64]  # Counted from 0
 
-    def where(self, rows: Mask | NDArray[np.int64]) -> Blocks:
-        """Return some of the blocks; strokes keep their numbers."""
+    def select(self, rows: Mask | NDArray[np.int64]) -> Blocks:
+        """Select some of the blocks; strokes keep their numbers."""
         return Blocks(**{each.name: getattr(self, each.name)[rows] for each in fields(self)})
 
 
 def drive_force_n(recording: Recording, cylinder: Cylinder, plan: IndicatorPlan) -> Array:
-    """Return the force from oil or drive, less a measured load, as the sensors give it [N], shape ``(n,)``.
+    """Compute the force of oil or drive less a measured load [N], shape ``(n,)``.
 
-    A sensor's offset stays in, and so does a load that was identified from position: the half sum shows both.
+    A sensor's offset and a load identified from position stay in; the half sum shows both.
     """
     if PRESSURES[0] in recording.columns:
         pressure_1, pressure_2 = (recording.column(name) for name in PRESSURES)
@@ -48,11 +48,7 @@ def drive_force_n(recording: Recording, cylinder: Cylinder, plan: IndicatorPlan)
 
 
 def session_blocks(recordings: Sequence[Recording], cylinder: Cylinder, plan: IndicatorPlan) -> Blocks:
-    """Return the blocks of all recordings of a session.
-
-    Raises:
-        MonitoringError: A recording lacks its velocity, or the load that its plan expects.
-    """
+    """Cut all recordings of a session into blocks."""
     parts = [_blocks(recording, cylinder, plan) for recording in recordings]
     before = np.cumsum([0, *(1 + int(part.stroke.max(initial=-1)) for part in parts)])[:-1]
     joined = {each.name: np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(Blocks)}

@@ -1,7 +1,5 @@
 """The force at which the piston breaks away after rest."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,21 +11,21 @@ from cylinder_friction_monitoring.trends.plan import IndicatorPlan
 from cylinder_friction_monitoring.trends.session_row import Indicator
 
 BREAKS_WITHIN_S = 1.5
-"""A start is looked for so long after a rest."""
+"""A start follows its rest within this time [s]."""
 MOVED_M = 1e-3
-"""Travel after which the piston has broken away."""
+"""Travel after which the piston has broken away [m]."""
 _SEED = 22
 
 
 def breakaway(recordings: Sequence[Recording], cylinder: Cylinder, plan: IndicatorPlan) -> Indicator:
-    """Return half the difference of the breakaway force out and back, medians over starts [N]: free of zeros."""
+    """Compute half the difference of the breakaway forces out and back, free of zeros: medians over starts [N]."""
     ways: dict[float, list[float]] = {1.0: [], -1.0: []}
     for recording in recordings:
         for way, force_n in _starts(recording, cylinder, plan):
             ways[way].append(force_n)
     if min(map(len, ways.values())) < 2:
         counts = f"{len(ways[1.0])} starts from rest out and {len(ways[-1.0])} back"
-        return Indicator(None, why=f"{counts}, where 2 each way are needed")
+        return Indicator(None, why=f"{counts}; 2 each way are needed")
     generator = np.random.default_rng(_SEED)
     drawn = [
         np.median(np.array(own)[generator.integers(0, len(own), (plan.bootstrap, len(own)))], axis=1)
@@ -38,7 +36,7 @@ def breakaway(recordings: Sequence[Recording], cylinder: Cylinder, plan: Indicat
 
 
 def _starts(recording: Recording, cylinder: Cylinder, plan: IndicatorPlan) -> list[tuple[float, float]]:
-    """Return direction and greatest force of each start from rest, of force smoothed over 20 ms."""
+    """Find direction and greatest force of each start from rest; force is smoothed over 20 ms."""
     step_s, position_m = recording.sample_time_s, recording.column("position_m")
     rows = max(1, round(0.02 / step_s))
     force_n = np.convolve(drive_force_n(recording, cylinder, plan), np.full(rows, 1.0 / rows), mode="same")

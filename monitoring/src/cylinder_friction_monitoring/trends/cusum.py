@@ -1,6 +1,4 @@
-"""The test of an indicator against its reference: a two-sided CUSUM of whitened sessions, and its threshold."""
-
-from __future__ import annotations
+"""Test an indicator against its reference: a two-sided CUSUM of whitened sessions, and its threshold."""
 
 import math
 from dataclasses import dataclass
@@ -12,42 +10,37 @@ from cylinder_friction_monitoring.arrays import Array, Mask
 from cylinder_friction_monitoring.trends.reference import Reference
 
 SLACK = 0.5
-"""A session counts by what it deviates beyond so many standard deviations of an innovation."""
+"""CUSUM allowance, in standard deviations of an innovation."""
 SLACK_UNCERTAIN = 3.0
-"""And beyond so many standard uncertainties of what is expected of it."""
+"""Further allowance, in standard uncertainties of the expected value."""
 GREATEST = 5.0
-"""No session counts for more standard deviations than this: one alone gives no alarm."""
+"""Largest deviation that counts [standard deviations]: one session alone gives no alarm."""
 
 _SESSIONS = (30, 60, 90, 180, 250)
 _AUTOCORRELATIONS = (0.0, 0.3, 0.6)
 _BEGINS = ((1.05, 1.16, 0.63), (-0.11, 0.93, 1.35), (0.40, 0.65, 1.19), (1.60, 1.69, 2.01), (2.44, 2.27, 2.48))
 _FALLS = ((0.73, 0.75, 1.03), (1.13, 0.81, 0.68), (1.11, 0.93, 0.80), (0.78, 0.74, 0.61), (0.62, 0.67, 0.55))
 _MARGIN = 1.25
-"""For what the simulation lacks: sessions that are not normally distributed, and autocorrelation of other shapes."""
+"""Factor on the threshold for sessions that are not normal, or correlated in another way than in the simulation."""
 
 
 @dataclass(frozen=True)
 class Cusum:
-    """The test of each session, all of shape ``(sessions,)``; NaN before the baseline ends."""
+    """The test of each session, shape ``(sessions,)``; NaN before the baseline ends."""
 
     upward: Array  # Statistics, in standard deviations of an innovation
     downward: Array
-    tested: Mask  # False if the session has no value, or is too far from what the baseline holds
-    smallest: float  # Smallest lasting change that adds to the statistic, the baseline's sessions on average
+    tested: Mask  # False without a value, or too far from the baseline
+    smallest: float  # Smallest lasting change that adds to the statistic, averaged over the baseline
 
 
 def cusum(
     reference: Reference, residuals: Array, uncertainties: Array, design: Array, baseline: int, widest: float
 ) -> Cusum:
-    """Return the test of sessions, the baseline's first.
+    """Test sessions; the first ``baseline`` sessions are the baseline.
 
-    Args:
-        reference: What is expected.
-        residuals: Values less what is expected, shape ``(sessions,)``; NaN if there is no value.
-        uncertainties: Of each value by itself, shape ``(sessions,)``; NaN if not known.
-        design: Regressors, shape ``(sessions, coefficients)``.
-        baseline: How many sessions the baseline has.
-        widest: As ``MonitorPlan.widest``.
+    ``residuals`` (values less expected values) and ``uncertainties`` of each value by itself have shape
+    ``(sessions,)``, NaN if not known; ``design`` holds the regressors, shape ``(sessions, coefficients)``.
     """
     phi = reference.autocorrelation
     known = np.isfinite(residuals) & np.isfinite(design).all(axis=1)
@@ -68,11 +61,10 @@ def cusum(
 
 
 def threshold(baseline: int, autocorrelation: float, false_alarms_per_year: float, sessions_per_year: float) -> float:
-    """Return the threshold of one indicator that gives so many false alarms a year [standard deviations].
+    """Compute the threshold of one indicator for a rate of false alarms [standard deviations].
 
-    Simulated: baselines of each length with four regressors and a season, then a year of 365 sessions, tested by this
-    very module (``tools/thresholds.py``). The greatest statistic of a year has an exponential tail, of
-    which the table holds where it begins and how it falls; a margin comes on top.
+    ``tools/thresholds.py`` simulates baselines with four regressors and a season, then a year of 365 sessions. The
+    greatest statistic of a year has an exponential tail; the tables hold its beginning and its slope.
     """
     begins, falls = (_between(table, baseline, autocorrelation) for table in (_BEGINS, _FALLS))
     return _MARGIN * (begins + falls * math.log(max(sessions_per_year / 365.0 / false_alarms_per_year, math.e**2)))

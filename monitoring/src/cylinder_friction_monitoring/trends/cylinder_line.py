@@ -1,6 +1,4 @@
-"""One cylinder in one line: the answer, why, its trend, and how much it needs a person."""
-
-from __future__ import annotations
+"""One cylinder in one line of the page: the answer, why, its trend, and how urgently it needs a person."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -8,12 +6,12 @@ from datetime import timedelta
 
 from cylinder_friction_monitoring.trends.assessment import NE107, Answer, Assessment
 from cylinder_friction_monitoring.trends.moments import moment
-from cylinder_friction_monitoring.trends.session_row import INDICATORS, SessionRow
+from cylinder_friction_monitoring.trends.session_row import SHOWN, SessionRow
 
 POINTS = 90
-"""A trend is drawn with at most so many points."""
+"""Largest number of points of a drawn trend."""
 SILENT_D = 30.0
-"""A cylinder without a session for so long, while others of the fleet have some, needs a look [days]."""
+"""A cylinder needs a look if it is silent for this long while others are not [days]."""
 NAMES: Mapping[str, str] = {
     "friction_n": "friction",
     "breakaway_n": "breakaway",
@@ -30,50 +28,49 @@ ACKNOWLEDGED, LOOK = 4, 3
 
 @dataclass(frozen=True)
 class Trend:
-    """What a line draws: an indicator over the sessions, beside its baseline."""
+    """An indicator over the sessions, and its baseline."""
 
     indicator: str
     values: tuple[float | None, ...]  # Compensated, in the indicator's unit, evenly thinned
     level: float | None = None  # Of the baseline; None while there is none
     scatter: float | None = None  # Of single sessions about it
-    baseline: int = 0  # So many values belong to the baseline
-    since: int | None = None  # Value at which the change began
+    baseline: int = 0  # Number of values in the baseline
+    since: int | None = None  # Place of the value at which the change began
 
 
 @dataclass(frozen=True)
 class CylinderLine:
-    """One cylinder, as the fleet's page, JSON and database show it."""
+    """One cylinder on the page, in the JSON and in the database."""
 
     cylinder: str
     answer: Answer
     ne107: str
-    headline: str  # What changed, how much, since when; empty where nothing did
+    headline: str  # What changed, how much, since when; empty without a change
     words: str
     rank: int  # 0 needs a person most
     trend: Trend
-    sessions: int  # That are assessed
-    left_out: int  # That are kept, but not assessed
+    sessions: int  # Number that are assessed
+    left_out: int  # Number that are not
     last_session: str
     last_start: str
     acknowledged: str = ""  # By whom and when
     look: str = ""  # What else needs a look, in words
+    about: str = ""  # What the fleet file states about it
     alarms: tuple[str, ...] = ()  # Of indicators, each named by direction and baseline
-    state: str = ""  # SHA-256 of all that it rests on
+    state: str = ""  # SHA-256 of everything behind the assessment
 
 
 def line_of(
-    assessment: Assessment, rows: Sequence[SessionRow], left_out: Mapping[str, str], state: str
+    assessment: Assessment, rows: Sequence[SessionRow], left_out: Mapping[str, str], state: str, about: str = ""
 ) -> CylinderLine:
-    """Return a cylinder's line; ``rows`` are all its sessions in the order of time."""
+    """Sum a cylinder up; ``rows`` are all its sessions in the order of time."""
     used = [row for row in rows if row.session not in left_out]
     last = used[-1] if used else None
     starts = {row.session: row.start for row in rows}
     looks = []
     late = [row for row in rows[-3:] if row.session in left_out]
     if len(late) == min(len(rows), 3) and late:
-        looks.append(
-            f"its last {len(late)} sessions are not assessed" if len(late) > 1 else "its session is not assessed"
-        )
+        looks.append(f"its last {len(late)} sessions are not assessed" if late[1:] else "its session is not assessed")
     if assessment.model and assessment.model.lost:
         looks.append(assessment.model.words.rstrip("."))
     rank = ACKNOWLEDGED if assessment.acknowledged else RANKS[assessment.answer]
@@ -91,13 +88,14 @@ def line_of(
         last_start=last.start if last else "",
         acknowledged=assessment.acknowledged,
         look="; ".join(looks),
+        about=about,
         alarms=_alarms(assessment),
         state=state,
     )
 
 
 def in_order(lines: Sequence[CylinderLine]) -> tuple[CylinderLine, ...]:
-    """Return lines by how much they need a person; a cylinder that is silent while others are not needs a look."""
+    """Sort lines by how urgently they need a person; a cylinder that is silent while others are not needs a look."""
     newest = max((moment(each.last_start) for each in lines if each.last_start), default=None)
     seen = []
     for each in lines:
@@ -112,9 +110,14 @@ def _headline(assessment: Assessment, starts: Mapping[str, str]) -> str:
     if not assessment.changes:
         return ""
     change = assessment.changes[0]
-    unit, name = INDICATORS[change.indicator][0], NAMES[change.indicator]
-    size = f"{change.change:+.0f} {unit}" if change.percent is None else f"{change.percent:+.0f} %"
+    (factor, unit), name = SHOWN[change.indicator], NAMES[change.indicator]
+    size = f"{digits(factor * change.change)} {unit}" if change.percent is None else f"{change.percent:+.0f} %"
     return f"{name} {size} since {starts.get(change.since, '')[:10] or change.since}"
+
+
+def digits(number: float) -> str:
+    """Write a signed number with three digits or more, without a power of ten."""
+    return f"{number:+.0f}" if 100.0 <= abs(number) < 1e6 else f"{number:+.3g}"
 
 
 def _alarms(assessment: Assessment) -> tuple[str, ...]:

@@ -1,6 +1,4 @@
-"""When a change began, by a step or a ramp fitted after the alarm; and what it is by now, from the latest sessions."""
-
-from __future__ import annotations
+"""Date a change by shapes that are fitted after the alarm, and size it by the latest sessions."""
 
 from dataclasses import dataclass
 
@@ -11,16 +9,16 @@ from cylinder_friction_monitoring.trends.reference import Reference
 
 Z95 = 1.96
 LIKELY = 4.0
-"""A beginning is possible if its log-likelihood is at most so much below the best one's."""
+"""A beginning is possible if its log-likelihood is within this distance of the best one."""
 LEAST_RAMP = 5
 POWERS = (0.0, 1.0, 2.0, 3.0)
-"""Shapes of a change: a step, a ramp, and growth that accelerates, which gives the date only if it is far likelier."""
+"""Shapes of a change: a step, a ramp, and accelerating growth, which gives the date only if it is far likelier."""
 WINDOWS = (0, 7, 15, 30, 60)
-"""A change is dated by the sessions until at most the last of these numbers after its alarm: then its date stays."""
+"""Numbers of sessions after the alarm that date a change. After the last of them its date stays."""
 UNUSUAL = 1.0
-"""A window whose sessions deviate from every shape by more than this is left out [standard deviations]."""
+"""A window does not count if its sessions deviate from every shape by more than this [standard deviations]."""
 LATEST, LEAST_TREND = 60, 10
-"""What it is by now, and how fast it goes on, are seen in at most and at least so many sessions."""
+"""Most sessions for the present change, and fewest for its rate."""
 
 
 @dataclass(frozen=True)
@@ -37,16 +35,10 @@ class Dated:
 
 
 def dated(reference: Reference, residuals: Array, expected: Array, design: Array, first: int, alarm: int) -> Dated:
-    """Return when residuals began to differ, and by how much they do.
+    """Date the change of residuals between session ``first`` and the ``alarm``, and size it by now.
 
-    Args:
-        reference: What was expected.
-        residuals: Of all sessions that have a value, shape ``(sessions,)``.
-        expected: Standard uncertainty of what was expected of each, shape ``(sessions,)``.
-        design: Regressors, shape ``(sessions, coefficients)``: later sessions add to what is known of their effects,
-            and so to the date.
-        first: Session from which the change may have begun: the baseline's end.
-        alarm: Session of the alarm.
+    ``residuals`` and ``expected``, the standard uncertainty of each expected value, have shape ``(sessions,)``.
+    ``design`` holds the regressors, shape ``(sessions, coefficients)``, because later sessions refine their effects.
     """
     begins, interval, step = _begins(reference, residuals, design, first, alarm)
     latest = residuals[max(begins, len(residuals) - LATEST) :]
@@ -66,10 +58,9 @@ def dated(reference: Reference, residuals: Array, expected: Array, design: Array
 def _begins(
     reference: Reference, residuals: Array, design: Array, first: int, alarm: int
 ) -> tuple[int, tuple[int, int], bool]:
-    """Return at which session the change begins that explains residuals best, its interval, and whether it is a step.
+    """Find the beginning that explains residuals best, its interval, and whether the change is a step.
 
-    If the change goes on otherwise than any shape does, the date is that of sessions nearer to the alarm, and the
-    interval holds that of all sessions too.
+    If no shape fits all sessions, those nearer to the alarm give the date. The interval spans the intervals of both.
     """
     usual, intervals = 1.0, list[tuple[int, int]]()
     for window in WINDOWS:
@@ -89,11 +80,10 @@ def _begins(
 
 
 def _losses(reference: Reference, residuals: Array, design: Array, first: int, alarm: int) -> tuple[Array, float]:
-    """Return how badly each shape explains residuals, by its beginning, and what the best one leaves unexplained.
+    """Fit each shape from each beginning.
 
-    Returns:
-        losses: Negative log-likelihoods less a constant, shape ``(shapes, alarm + 1 - first)``.
-        unexplained: Mean square of what is left, in those of an innovation.
+    Return negative log-likelihoods less a constant, shape ``(shapes, alarm + 1 - first)``, and the mean square that the
+    best fit leaves, in variances of an innovation.
     """
     begins, sessions = np.arange(first, alarm + 1)[:, None], np.arange(len(residuals))
     parts, sizes, _ = np.linalg.svd(_less_before(reference, design.T).T, full_matrices=False)
@@ -112,7 +102,7 @@ def _losses(reference: Reference, residuals: Array, design: Array, first: int, a
 
 
 def _regression(reference: Reference, x: Array, y: Array) -> tuple[Array, Array]:
-    """Return coefficients and their standard uncertainties, of residuals with the baseline's autocorrelation."""
+    """Fit coefficients with standard uncertainties to residuals that have the baseline's autocorrelation."""
     phi = reference.autocorrelation
     first = np.sqrt(1.0 - phi**2)
     x = np.vstack([first * x[:1], _less_before(reference, x.T).T])
@@ -122,5 +112,5 @@ def _regression(reference: Reference, x: Array, y: Array) -> tuple[Array, Array]
 
 
 def _less_before(reference: Reference, values: Array) -> Array:
-    """Return values less what the session before explains, along the last axis, the first session left out."""
+    """Subtract what the session before explains, along the last axis; the first session drops out."""
     return values[..., 1:] - reference.autocorrelation * values[..., :-1]

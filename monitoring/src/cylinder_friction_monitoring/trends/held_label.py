@@ -1,6 +1,4 @@
-"""How much of a session's label the bounds of a model hold, as it is and without what a sensor's zero shifts."""
-
-from __future__ import annotations
+"""The share of a session's label within a model's bounds, as it is and less a sensor's zero."""
 
 from collections.abc import Sequence
 
@@ -16,13 +14,9 @@ _COLUMNS = ("label_n", "friction_n", "lower_n", "upper_n", "velocity_m_s")
 
 
 def held_label(recordings: Sequence[Recording], stated: float) -> HeldLabel | None:
-    """Return the share of a session's label between the bounds; None if no model estimated all its recordings.
+    """Compute the share of a session's label within the bounds; None if no model estimated all its recordings.
 
-    Rows count as ``bounds_count`` states.
-
-    Args:
-        recordings: All recordings of the session, as ``estimate`` writes them with a model.
-        stated: Share that the bounds state they hold.
+    ``bounds_count`` selects the rows. ``stated`` is the share that the bounds should hold.
     """
     models = {each.metadata.depends_on.get("model", "") for each in recordings}
     if len(models) != 1 or "" in models:

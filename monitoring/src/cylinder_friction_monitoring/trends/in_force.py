@@ -1,40 +1,42 @@
-"""Which entries count by now: nobody withdrew them, their date has come, and their time is not over."""
-
-from __future__ import annotations
+"""Select the entries in force, and decide whether an acknowledged alarm returns."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 from cylinder_friction_monitoring.trends.assessment import Entry
+from cylinder_friction_monitoring.trends.dating import Dated
 from cylinder_friction_monitoring.trends.moments import moment, utc_time
+from cylinder_friction_monitoring.trends.plan import MonitorPlan
+from cylinder_friction_monitoring.trends.sentences import TITLES, with_unit
+from cylinder_friction_monitoring.trends.trend import Tested
 
 NEW_BASELINE = ("service", "reset", "reference")
 NEAR_D = 60.0
 """An entry is far from a cylinder's sessions if none is nearer than this [days]."""
 
+BEYOND_LIMIT = 5
+"""While the limit may be passed, an acknowledgement holds for fewer than this many sessions."""
+GROWN = 1.5
+"""An alarm returns if its change is this many times what it was when somebody acknowledged it."""
+
 
 @dataclass(frozen=True)
 class InForce:
-    """What a cylinder's entries state by now."""
+    """The entries in force of a cylinder."""
 
-    begins: str = ""  # Time at which the baseline begins; empty: with the first session
+    begins: str = ""  # Time at which the baseline begins; empty: at the first session
     acknowledged: Entry | None = None  # The newest acknowledgement
     over: str = ""  # Time at which this acknowledgement ended; empty if it has not
-    waiting: tuple[str, ...] = ()  # Entries whose baseline does not begin yet, in words
+    waiting: tuple[str, ...] = ()  # Questions about entries whose baseline does not begin yet
 
 
 def in_force(entries: Sequence[Entry], starts: Sequence[str], now: datetime | None, days: float) -> InForce:
-    """Return what entries state by now.
+    """Select the entries of one cylinder that are in force at ``now``; None: all dates have come.
 
-    A new baseline counts once its date has come. If its date is far after the newest session, it counts once a session
-    follows it: a mistyped year hides no alarm.
-
-    Args:
-        entries: Of one cylinder.
-        starts: When its sessions began; empty if a log states no start.
-        now: Entries with a later time do not count; None: all dates have come.
-        days: Time after which an acknowledgement ends, unless it states another [days].
+    A new baseline begins once its date has come. If its date is far after the newest of ``starts``, it waits for a
+    session that follows, so that a mistyped year hides no alarm. An acknowledgement ends after ``days``, unless it
+    states its own end.
     """
     own = sorted((each for each in entries if not each.withdrawn), key=lambda each: moment(each.time))
     newest = max((moment(start) for start in starts if start), default=None)
@@ -54,7 +56,7 @@ def in_force(entries: Sequence[Entry], starts: Sequence[str], now: datetime | No
 
 
 def _waits(entry: Entry, newest: datetime | None, now: datetime | None) -> str:
-    """Return why the baseline of an entry does not begin yet; empty if it does."""
+    """Ask about an entry whose baseline does not begin yet; empty if it begins."""
     time, named = moment(entry.time), f"the {entry.kind} of {entry.time[:10]} (entered by {entry.name})"
     if now is not None and time > now:
         return f"is the date right? {named} has not come, and counts from then on; if it is mistyped, withdraw it"
@@ -63,4 +65,21 @@ def _waits(entry: Entry, newest: datetime | None, now: datetime | None) -> str:
             f"is the date right? {named} is {(time - newest).days} days after the newest session, and counts from the "
             "next session on; if it is mistyped, withdraw it"
         )
+    return ""
+
+
+def why_it_returns(test: Tested, alarm: int, found: Dated, seen: Entry, plan: MonitorPlan) -> str:
+    """State why the alarm of an indicator at session ``alarm`` returns; empty if it does not.
+
+    ``found`` is the change by now, and ``seen`` the acknowledgement, made after the alarm.
+    """
+    count = sum(bool(row.start) and moment(row.start) <= moment(seen.time) for row in test.rows)
+    limit, since = plan.limit_percent.get(test.indicator), len(test.rows) - count
+    least, most = test.latest(found)
+    if limit is not None and most >= 0.01 * limit * abs(test.reference.level) and since >= BEYOND_LIMIT:
+        return f"the limit of {limit:g} % for {TITLES[test.indicator]} may be passed"
+    then = test.until(count).dated(alarm).change
+    if found.change * then < 0.0 or least >= GROWN * abs(then):
+        was, grown = with_unit(abs(then), test.indicator), with_unit(least, test.indicator)
+        return f"{TITLES[test.indicator]} had changed by {was} then, and by at least {grown} now"
     return ""

@@ -1,6 +1,4 @@
-"""A session's row: indicators with uncertainties, and what they depend on beside wear."""
-
-from __future__ import annotations
+"""Compute a session's row: indicators with uncertainties, and the covariates that they depend on."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -18,11 +16,11 @@ from cylinder_friction_monitoring.trends.plan import IndicatorPlan
 from cylinder_friction_monitoring.trends.session_row import Indicator, SessionRow
 
 LEAST_TENTHS = 3
-"""A profile needs friction in so many tenths of the stroke."""
+"""Number of tenths of the stroke with friction that a profile needs."""
 LEAST_SPREAD = 1.5
-"""The viscous slope needs speeds whose 90 % quantile is so many times the 10 % quantile."""
+"""Least ratio of the 90 % to the 10 % quantile of speed for a viscous slope."""
 LEAST_VARIATION = 0.3
-"""A resample of strokes counts if its speeds vary by so much of what they do in all strokes, as variances."""
+"""A resample counts if the variance of its speeds is at least this share of that of all strokes."""
 STROKE_POINTS = 60
 OTHER_PRESSURES = "pressures differ between the directions: a change of a transmitter's gain would look like friction"
 
@@ -30,16 +28,10 @@ OTHER_PRESSURES = "pressures differ between the directions: a change of a transm
 def session_row(
     recordings: Sequence[Recording], cylinder: Cylinder, plan: IndicatorPlan | None = None, name: str = ""
 ) -> SessionRow:
-    """Return the row of one session.
+    """Compute the row of one session from all its recordings, as ``estimate`` writes them.
 
-    Args:
-        recordings: All recordings of the session, as ``estimate`` writes them: with ``velocity_m_s`` and ``usable``.
-        cylinder: Its areas, stroke and mass.
-        plan: How indicators are made; None: the defaults.
-        name: Of the cylinder in its fleet; empty: the cylinder's own.
-
-    Raises:
-        MonitoringError: The recordings are of several sessions, there is none, or a column is missing.
+    ``name`` is the cylinder's name in its fleet; by default the cylinder's own. ``MonitoringError`` is raised without
+    recordings, and for several sessions.
     """
     plan = plan or IndicatorPlan()
     sessions = sorted({each.metadata.session or each.name for each in recordings})
@@ -75,14 +67,12 @@ def _of_matched(matched: Matched, plan: IndicatorPlan, profile: Array) -> dict[s
     why = ""
     if len(matched) < plan.least_blocks:
         why = (
-            f"{len(matched)} blocks of strokes out and back match in speed, position and pressure, where "
+            f"{len(matched)} blocks of strokes out and back match in speed, position and pressure; "
             f"{plan.least_blocks} are needed; record slow strokes over the same travel in both directions"
         )
     elif min(matched.strokes) < plan.least_strokes:
-        why = (
-            f"{matched.strokes[0]} strokes out and {matched.strokes[1]} back match, where {plan.least_strokes} each "
-            "way are needed"
-        )
+        out, back = matched.strokes
+        why = f"{out} strokes out and {back} back match; {plan.least_strokes} each way are needed"
     if why:
         return {name: Indicator(None, why=why) for name in names}
     level, _ = _line(np.log(matched.means["speed_m_s"]), matched.half_difference_n, matched.weight)
@@ -93,13 +83,13 @@ def _of_matched(matched: Matched, plan: IndicatorPlan, profile: Array) -> dict[s
 
 
 def _mean(values: Array, weight: Array) -> Array:
-    """Return the weighted mean of each column; NaN where a resample left nothing."""
+    """Average each column with weights; NaN if a resample has no weight."""
     total = weight.sum(axis=0)
     return np.asarray((values * weight).sum(axis=0) / np.where(total > 0.0, total, np.nan))
 
 
 def _line(at: Array, values: Array, weight: Array) -> tuple[Array, Array]:
-    """Return level at the mean of all strokes, and slope, of each column; NaN if a resample varies too little."""
+    """Fit a line to each column: level at the mean of all strokes, and slope. NaN if a resample varies too little."""
     about = at - np.average(at, weights=weight[:, 0])
     means = _mean(np.broadcast_to(about[:, None], weight.shape), weight)
     centred = about[:, None] - means
@@ -115,7 +105,7 @@ def _spread(values: Array) -> Indicator:
 
 
 def _viscous(matched: Matched, plan: IndicatorPlan) -> Indicator:
-    """Return the slope of friction over speed, above the Stribeck curve."""
+    """Fit the slope of friction against speed beyond the Stribeck curve."""
     speed = matched.means["speed_m_s"]
     fast = speed >= plan.viscous_from_m_s
     low, high = np.quantile(speed[fast], (0.1, 0.9)) if fast.any() else (1.0, 1.0)
@@ -129,7 +119,7 @@ def _viscous(matched: Matched, plan: IndicatorPlan) -> Indicator:
 
 
 def _profile(matched: Matched, cylinder: Cylinder) -> Array:
-    """Return friction by tenth of the stroke at one speed [N], ``(TENTHS, 1 + bootstrap)``; NaN if nothing matched."""
+    """Compute friction by tenth of the stroke at one speed [N], ``(TENTHS, 1 + bootstrap)``; NaN without a match."""
     if not len(matched):
         return np.full((TENTHS, 1), np.nan)
     logs = np.log(matched.means["speed_m_s"])
@@ -157,13 +147,13 @@ def _covariates(matched: Matched, recordings: Sequence[Recording]) -> dict[str, 
     def mean(name: str, scale: float = 1.0) -> float | None:
         return _number(scale * float(np.average(matched.means[name], weights=weight))) if len(matched) else None
 
+    logs = np.log(matched.means["speed_m_s"])
+    speed_m_s = float(np.exp(np.average(logs, weights=weight))) if len(matched) else None
     return {
         "oil_temperature_c": mean("oil_temperature_c"),
         "pressure_1_bar": mean("pressure_1_pa", 1e-5),
         "pressure_2_bar": mean("pressure_2_pa", 1e-5),
-        "speed_m_s": float(np.exp(np.average(np.log(matched.means["speed_m_s"]), weights=weight)))
-        if len(matched)
-        else None,
+        "speed_m_s": speed_m_s,
         "load_n": mean("load_n"),
         "travel_m": sum(float(np.abs(each.column("velocity_m_s")).sum()) * each.sample_time_s for each in recordings),
     }
@@ -174,14 +164,14 @@ def _number(value: float) -> float | None:
 
 
 def _strokes(blocks: Blocks) -> dict[str, tuple[tuple[float, float], ...]]:
-    """Return the longest stroke each way as points of position and force."""
+    """Thin the longest stroke each way to points of position and force."""
     found: dict[str, tuple[tuple[float, float], ...]] = {}
     for way, sign in (("extend", 1.0), ("retract", -1.0)):
-        own = blocks.where(np.sign(blocks.velocity_m_s) == sign)
+        own = blocks.select(np.sign(blocks.velocity_m_s) == sign)
         if not len(own.stroke):
             continue
         spans = [np.ptp(own.position_m[own.stroke == each]) for each in np.unique(own.stroke)]
-        longest = own.where(own.stroke == np.unique(own.stroke)[int(np.argmax(spans))])
+        longest = own.select(own.stroke == np.unique(own.stroke)[int(np.argmax(spans))])
         rows = slice(None, None, -(-len(longest.stroke) // STROKE_POINTS))
         found[way] = tuple(zip(longest.position_m[rows].tolist(), longest.force_n[rows].tolist(), strict=True))
     return found

@@ -1,18 +1,16 @@
-"""The leak past the piston, from how oil moves from one chamber to the other while the valve is closed.
+"""The leak past the piston, from oil that moves from one chamber to the other while the valve is closed.
 
-While nothing flows through the ports, each chamber's pressure changes by what leaks and by what the piston displaces:
+While no oil flows through the ports, leak and displacement change each chamber's pressure:
 
     V1/β · dP1/dt = -q - A1·v        V2/β · dP2/dt = q + A2·v        q = k·(P1 - P2)
 
-The piston's creep is far below what a sensor resolves, and its compression of the oil is not, so that v is eliminated:
+The piston creeps far slower than a sensor resolves, but compresses the oil, so that v is eliminated:
 
     (V1·dP1/dt / A1 + V2·dP2/dt / A2) / β = q·(1/A2 - 1/A1)
 
-β divides k and is not measured: it is set for each cylinder, as is the oil beside the stroke. A valve that leaks to the
-tank looks the same, and only a shut-off valve separates the two.
+β and the oil beside the stroke are not measured; the fleet file states them. A valve that leaks to the tank looks the
+same; only a shut-off valve separates the two.
 """
-
-from __future__ import annotations
 
 from collections.abc import Sequence
 
@@ -27,14 +25,14 @@ from cylinder_friction_monitoring.trends.session_row import Indicator
 
 LEAST_HOLDS = 3
 PIECE_S, EARLIER_S = 0.1, 0.2
-"""Pressures are averaged over the first; rest is seen later than it begins by more than the second."""
+"""Time over which pressures are averaged; rest begins at least this long before it is seen [s]."""
 LEAST_DIFFERENCE_PA = 0.5e5
-"""Pressure difference below which a hold shows no leak: sensors' zeros are as large."""
+"""Pressure difference that sensors' zeros may reach, so that a hold shows no leak [Pa]."""
 _SEED = 21
 
 
 def leak(recordings: Sequence[Recording], cylinder: Cylinder, plan: IndicatorPlan) -> Indicator:
-    """Return the leak past the piston, k [m³/(s Pa)], from the holds of a session."""
+    """Estimate the leak past the piston, k [m³/(s Pa)], from the holds of a session."""
     if any(name not in recording.columns for recording in recordings for name in PRESSURES):
         return Indicator(None, why="a leak needs both pressures")
     holds = [hold for recording in recordings for hold in _holds(recording, cylinder, plan)]
@@ -42,7 +40,7 @@ def leak(recordings: Sequence[Recording], cylinder: Cylinder, plan: IndicatorPla
         return Indicator(
             None,
             why=f"{len(holds)} holds of 0.6 s with a pressure difference of "
-            f"{LEAST_DIFFERENCE_PA / 1e5:g} bar, where {LEAST_HOLDS} are needed; close the valve for 2 s in mid-stroke",
+            f"{LEAST_DIFFERENCE_PA / 1e5:g} bar; {LEAST_HOLDS} are needed: close the valve for 2 s in mid-stroke",
         )
     moved, driven = np.array(holds).T
     picks = np.random.default_rng(_SEED).integers(0, len(holds), (plan.bootstrap, len(holds)))
@@ -56,7 +54,7 @@ def leak(recordings: Sequence[Recording], cylinder: Cylinder, plan: IndicatorPla
 
 
 def _holds(recording: Recording, cylinder: Cylinder, plan: IndicatorPlan) -> list[tuple[float, float]]:
-    """Return of each hold the oil that changed sides [m³], and the integral of the pressure difference [Pa s]."""
+    """Find each hold's oil that changed sides [m³], and its integral of the pressure difference [Pa s]."""
     step_s, position_m = recording.sample_time_s, recording.column("position_m")
     pressures = [recording.column(name) for name in PRESSURES]
     areas = cylinder.piston_area_m2, cylinder.annulus_area_m2

@@ -3,8 +3,6 @@
 Half the sum holds what does not turn with the direction: the sensors' zeros, the load, and the asymmetry of friction.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,17 +14,17 @@ from cylinder_friction_monitoring.trends.plan import IndicatorPlan
 
 TENTHS = 10
 MOST_BLOCKS = 600
-"""Of more blocks in a direction, so many are taken, evenly spread."""
+"""At most this many blocks of a direction are used, evenly spread."""
 _SEED = 20
 _BAR_PA = 1e5
 
 
 @dataclass(frozen=True)
 class Matched:
-    """Blocks that extend, each with the mean of the blocks that retract and match it.
+    """Extending blocks, each with the mean of the retracting blocks that match it.
 
-    Arrays have shape ``(matches, 1 + bootstrap)``: column 0 is of all strokes, the others are of resampled ones. A
-    weight of 0 is a block that a resample left without its stroke or without a match.
+    Arrays have shape ``(matches, 1 + bootstrap)``: column 0 holds all strokes, the others hold resampled ones. A block
+    has the weight 0 if a resample lacks its stroke or its match.
     """
 
     half_difference_n: Array
@@ -36,20 +34,20 @@ class Matched:
     # Of extending and matching retracting blocks, their mean, shape ``(matches,)``; keys as in ``Blocks``
     means: dict[str, Array]
     strokes: tuple[int, int]  # How many strokes matched, extending and retracting
-    at_pressure: bool  # Whether they match in pressure too; if not, a transmitter's gain looks like friction
+    at_pressure: bool  # Whether pressures match too; otherwise a transmitter's gain looks like friction
 
     def __len__(self) -> int:
         return len(self.weight)
 
 
 def matched_strokes(blocks: Blocks, cylinder: Cylinder, plan: IndicatorPlan) -> Matched:
-    """Return what matches, resampled over strokes: neighbouring blocks of a stroke share its error."""
+    """Match blocks out and back, and resample strokes, because the blocks of a stroke share its error."""
     out, back = (_some(blocks, sign) for sign in (1.0, -1.0))
     alike, pressure = _kernels(out, back, cylinder, plan)
     at_pressure = int((alike * pressure).any(axis=1).sum()) >= plan.least_blocks
     kernel = alike * pressure if at_pressure else alike
     rows, columns = np.flatnonzero(kernel.any(axis=1)), np.flatnonzero(kernel.any(axis=0))
-    out, back, kernel = out.where(rows), back.where(columns), kernel[np.ix_(rows, columns)]
+    out, back, kernel = out.select(rows), back.select(columns), kernel[np.ix_(rows, columns)]
     generator = np.random.default_rng(_SEED)
     times_out, times_back = (_resampled(each, generator, plan.bootstrap) for each in (out, back))
     total = kernel @ times_back
@@ -72,11 +70,11 @@ def matched_strokes(blocks: Blocks, cylinder: Cylinder, plan: IndicatorPlan) -> 
 
 def _some(blocks: Blocks, sign: float) -> Blocks:
     rows = np.flatnonzero(np.sign(blocks.velocity_m_s) == sign)
-    return blocks.where(rows[:: -(-len(rows) // MOST_BLOCKS) or 1])
+    return blocks.select(rows[:: -(-len(rows) // MOST_BLOCKS) or 1])
 
 
 def _kernels(out: Blocks, back: Blocks, cylinder: Cylinder, plan: IndicatorPlan) -> tuple[Array, Array]:
-    """Return how well blocks match in position and speed, and in pressure: 1 if equal, 0 from the plan's distance on.
+    """Rate how well blocks match in position and speed, and in pressure: 1 if equal, 0 beyond the plan's distance.
 
     Both have shape ``(out, back)``.
     """
@@ -94,7 +92,7 @@ def _kernels(out: Blocks, back: Blocks, cylinder: Cylinder, plan: IndicatorPlan)
 
 
 def _resampled(blocks: Blocks, generator: np.random.Generator, times: int) -> Array:
-    """Return how often each block counts, first once, then in each resample of strokes, ``(blocks, 1 + times)``."""
+    """Count each block once, then as often as each resample draws its stroke, shape ``(blocks, 1 + times)``."""
     names, place = np.unique(blocks.stroke, return_inverse=True)
     if not len(names):
         return np.ones((0, 1 + times))

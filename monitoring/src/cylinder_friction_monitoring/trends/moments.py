@@ -1,22 +1,16 @@
-"""Times of sessions and entries, which count as UTC where they state no zone."""
-
-from __future__ import annotations
+"""Times of sessions and entries; a time without a zone is UTC."""
 
 from datetime import UTC, datetime
 
 
 def moment(text: str) -> datetime:
-    """Return an ISO 8601 time; one without a zone counts as UTC."""
+    """Parse an ISO 8601 time; without a zone it is UTC."""
     time = datetime.fromisoformat(text)
     return time.replace(tzinfo=UTC) if time.tzinfo is None else time.astimezone(UTC)
 
 
 def utc_time(text: str, where: str) -> str:
-    """Return an ISO 8601 time as UTC with a ``Z``; see ``moment``.
-
-    Raises:
-        ValueError: It is no such time.
-    """
+    """Write an ISO 8601 time as UTC with a ``Z``; raise ``ValueError`` if it is none."""
     try:
         return moment(text).isoformat(timespec="milliseconds").replace("+00:00", "Z")
     except ValueError:

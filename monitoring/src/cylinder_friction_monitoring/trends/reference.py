@@ -1,12 +1,9 @@
-"""The reference of an indicator: what the baseline's sessions expect of it, given oil, pressure, speed and load.
+"""The reference of an indicator: its expected value, given oil, pressure, speed and load.
 
-Sessions are a regression with autocorrelated errors, y = level + Σ coefficient·covariate + error, the error AR(1). The
-coefficients have a prior, which states how much of friction a kelvin or a bar may reasonably change. A covariate that
-did not vary in the baseline keeps its prior, so that a session outside what the baseline holds is expected with a wide
-uncertainty.
+The baseline's sessions fit a regression y = level + Σ coefficient·covariate + error with an AR(1) error. A prior states
+how much of friction a kelvin or a bar may reasonably change. A covariate that did not vary in the baseline keeps its
+prior, so that a session far from the baseline has a wide uncertainty.
 """
-
-from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -21,30 +18,30 @@ from cylinder_friction_monitoring.trends.session_row import SessionRow
 VISCOSITY_1_K = 0.033
 """Relative fall of the oil's viscosity per kelvin, near 40 °C."""
 STRONGER = {"viscous_n_s_m": 4.0, "leak_m3_s_pa": 4.0}
-"""Indicators that follow viscosity itself: by how much more than friction they may change with every covariate."""
+"""Indicators that follow viscosity itself, and the factor on their priors."""
 THIN_OIL = ("leak_m3_s_pa",)
-"""Indicators that follow the inverse of viscosity: the flow through a gap."""
+"""Indicators that follow the inverse of viscosity, as the flow through a gap does."""
 BENT_1_K = 0.01
-"""The effect of viscosity need not be a straight line: after 1 / this in kelvins it may be off by what its prior is."""
+"""Bend of the viscosity effect: after 1 / this in kelvins it may differ from a straight line by its prior."""
 LEAST_KNOWN = 0.9
-"""A covariate is used if so many of the baseline's sessions have it."""
+"""A covariate is used if at least this share of the baseline's sessions has it."""
 LARGEST_AUTOCORRELATION = 0.9
 _PASSES = 4
 
 
 @dataclass(frozen=True)
 class Reference:
-    """What an indicator is expected to be."""
+    """The expected value of an indicator; level, scatter and noise are in the indicator's unit."""
 
-    level: float  # At the baseline's mean covariates, in the indicator's unit
-    scatter: float  # Standard deviation of sessions about what is expected, in the indicator's unit
+    level: float  # At the baseline's mean covariates
+    scatter: float  # Standard deviation of sessions about the expected value
     autocorrelation: float  # Of neighbouring sessions, corrected for the bias of a short baseline
-    noise: float  # Mean uncertainty of a session by itself, from its strokes, in the indicator's unit
+    noise: float  # Mean uncertainty of a session by itself, from its strokes
     centre: Mapping[str, float]  # Mean of each covariate in use
     scale: Array  # Of each design column, so that its coefficient has a prior of 1
     coefficients: Array  # Level first, in the indicator's unit
     covariance: Array  # Of the coefficients
-    viscosity_power: float = 1.0  # Of the response to oil temperature: 1, or -1 for what rises as the oil thins
+    viscosity_power: float = 1.0  # 1, or -1 for an indicator that rises as the oil thins
 
     @property
     def innovation(self) -> float:
@@ -52,32 +49,28 @@ class Reference:
         return float(self.scatter * np.sqrt(1.0 - self.autocorrelation**2))
 
     def design(self, covariates: Mapping[str, Array]) -> Array:
-        """Return the regressors of sessions, shape ``(sessions, 1 + covariates)``; NaN if one is not known."""
+        """Compute the regressors of sessions, shape ``(sessions, coefficients)``; NaN if one is not known."""
         count = len(next(iter(covariates.values())))
         columns = [self._response(name, covariates[name]) for name in self.centre]
         bent = [BENT_1_K * columns[0] ** 2] if OIL_TEMPERATURE in self.centre else []
         return np.column_stack([np.ones(count), *columns, *bent]) * self.scale
 
     def _response(self, name: str, values: Array) -> Array:
-        """Return how far a covariate is from its mean; oil temperature through viscosity, in kelvins of cooling."""
+        """Compute the distance of a covariate from its mean; for oil through viscosity, in kelvins of cooling."""
         if name == OIL_TEMPERATURE:
             power = self.viscosity_power * VISCOSITY_1_K
             return np.asarray(np.expm1(-power * (values - self.centre[name])) / power)
         return np.asarray(values - self.centre[name])
 
-    def effect(self, design: Array) -> Array:
-        """Return what the covariates change, shape ``(sessions,)``, in the indicator's unit."""
-        return np.asarray(design[:, 1:] @ self.coefficients[1:])
-
     def uncertainty(self, design: Array) -> Array:
-        """Return the standard uncertainty of what is expected, shape ``(sessions,)``, in the indicator's unit."""
+        """Compute the standard uncertainty of the expected value, shape ``(sessions,)``, in the indicator's unit."""
         return np.sqrt(np.einsum("si,ij,sj->s", design, self.covariance, design))
 
 
 def covariates_of(rows: Sequence[SessionRow]) -> dict[str, Array]:
-    """Return what friction depends on beside wear, by name, shape ``(sessions,)``; NaN if it is not known.
+    """Collect the covariates by name, shape ``(sessions,)``; NaN if not known.
 
-    The mean of both pressures stands for them: their difference is friction itself.
+    Pressures enter by their mean, because their difference is friction itself.
     """
 
     def column(name: str) -> Array:
@@ -100,9 +93,9 @@ def fitted(
     level: float,
     plan: MonitorPlan,
 ) -> Reference:
-    """Return the reference of the baseline's sessions, all of which have a value, shape ``(sessions,)``.
+    """Fit the reference to the baseline's sessions, which all have a value, shape ``(sessions,)``.
 
-    ``level`` is the friction that the prior's shares are of, in the indicator's unit.
+    The priors are shares of ``level``, in the indicator's unit.
     """
     usual = {
         OIL_TEMPERATURE: plan.per_kelvin,
@@ -143,7 +136,7 @@ def fitted(
 
 
 def _whitened(values: Array, autocorrelation: float) -> Array:
-    """Return the values less what the session before explains, the first one weighted alike; shape as given."""
+    """Subtract what the session before explains, and weight the first session alike; shape as given."""
     whitened = values.copy()
     whitened[1:] -= autocorrelation * values[:-1]
     whitened[0] *= np.sqrt(1.0 - autocorrelation**2)
@@ -151,7 +144,7 @@ def _whitened(values: Array, autocorrelation: float) -> Array:
 
 
 def _autocorrelation(residuals: Array, used_up: float) -> float:
-    """Return the correlation of neighbours, which a fitted regression makes look smaller than it is."""
+    """Correlate neighbours, corrected for the fitted regression, which lowers the correlation."""
     count = len(residuals)
     total = float(residuals @ residuals)
     found = float(residuals[1:] @ residuals[:-1]) / total if total > 0.0 else 0.0

@@ -1,11 +1,9 @@
-"""Whether a model's bounds still hold what they state; if not, and neither a sensor nor wear explains it, retraining.
+"""Test a model's bounds against later labels, and propose retraining if neither a sensor nor wear explains a loss.
 
-Each session's share of label rows within the bounds is tested as the indicators are, by a CUSUM against the first
-sessions that the model estimated. A share counts as lower only below both what these sessions show and what the bounds
-state. A service begins no new baseline here, because the model stays the same.
+A CUSUM compares each session's share of label rows within the bounds with the first sessions that the model estimated.
+A share is lower only if it is below both those sessions and the probability of the bounds. A service begins no new
+baseline here, because the model stays the same.
 """
-
-from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -21,15 +19,15 @@ from cylinder_friction_monitoring.trends.session_row import SessionRow
 from cylinder_friction_monitoring.trends.trend import BEYOND, Tested, against_baseline
 
 ROWS = 100.0
-"""Number of independent rows that the label of a session counts as."""
+"""Number of independent rows in the label of a session."""
 LEAST_SCATTER = 0.2
-"""Sessions are taken to differ by at least this, in the logit of their share: 2 percentage points at 90 %."""
+"""Least scatter of sessions, in the logit of their share: 2 percentage points at 90 %."""
 PRIOR_LEVEL = 4.5
-"""What the prior's shares of the covariates are of, in logits: 10 K of oil may change a share of 90 % by 2 points."""
+"""Level for the priors of the covariates, in logits: 10 K of oil may change a share of 90 % by 2 points."""
 LATEST = 60
-"""The share that the bounds hold by now is that of the latest sessions, at most this many."""
+"""Largest number of latest sessions for the present share."""
 FEW = 2
-"""Up to this many sessions do not show how much their shares scatter."""
+"""Number of sessions that do not yet show how much shares scatter."""
 ADAPT = "the model was not made for this cylinder: `cylinder-friction adapt` makes one that is"
 TRAIN = (
     "Train on the logs since then: `cylinder-friction params experiment=own ingest.source=LOGS`, then `dvc repro`; the "
@@ -45,13 +43,10 @@ WEAR_FIRST = (
 def model_bounds(
     rows: Sequence[SessionRow], tests: Mapping[str, Tested], worn: Callable[[], bool], plan: MonitorPlan
 ) -> ModelBounds | None:
-    """Return how the model's bounds hold later labels, and whether retraining is proposed; None without a model.
+    """Test the model's bounds; None without a model.
 
-    Args:
-        rows: All sessions of the cylinder in their order, those before a service too.
-        tests: Tests of the indicators since the latest service, by name.
-        worn: Returns whether an alarm states wear or a leak, acknowledged or not; asked only if bounds hold too little.
-        plan: How the share is tested.
+    ``rows`` are all sessions of the cylinder in their order, also those before a service. ``tests`` are the indicators'
+    tests since then. ``worn`` tells whether an alarm, acknowledged or not, states wear or a leak.
     """
     newest = rows[-1].held if rows else None
     if newest is None:
@@ -75,14 +70,7 @@ def model_bounds(
 
 
 def _seen(rows: tuple[SessionRow, ...], name: str, share: float, plan: MonitorPlan) -> ModelBounds:
-    """Return what the bounds held in the baseline and, if they hold less since, from when and how much.
-
-    Args:
-        rows: Sessions that the model estimated.
-        name: Which share of ``HeldLabel`` is tested.
-        share: What the bounds state.
-        plan: How it is tested.
-    """
+    """Compare the share ``name`` of ``HeldLabel`` since the baseline with the baseline and with the stated share."""
     shares, count, stated = np.array([getattr(row.held, name) for row in rows]), plan.baseline_sessions, 100.0 * share
     values, nothing, most = _logit(shares), np.zeros(len(rows)), float(_logit(share))
     test = against_baseline("held", rows, values, nothing, PRIOR_LEVEL, plan, most=most, least_scatter=LEAST_SCATTER)
@@ -116,11 +104,11 @@ def _seen(rows: tuple[SessionRow, ...], name: str, share: float, plan: MonitorPl
 
 
 def _sensors(tests: Mapping[str, Tested]) -> str:
-    """Return why the sensors are not cleared; empty if they are."""
+    """State why a sensor may be the cause; empty if none is."""
     half_sum = tests.get("half_sum_n")
     if half_sum is None:
         return (
-            "The half sum of strokes shows a sensor's zero: retraining is not proposed before its baseline is complete"
+            "The half sum of strokes shows a sensor's zero: no retraining is proposed before its baseline is complete"
         )
     if half_sum.alarm is not None or half_sum.watched:
         return ZERO_FIRST
@@ -138,7 +126,7 @@ def _logit(share: Array | float) -> Array:
 
 
 def _mean(shares: Array, test: Tested) -> tuple[float, tuple[float, float]]:
-    """Return the mean share and its 95 % interval, given that sessions differ and neighbours are alike [%]."""
+    """Average shares, with a 95 % interval for sessions that differ and neighbours that are alike [%]."""
     phi = test.reference.autocorrelation
     spread = float(shares.std(ddof=1)) if len(shares) > FEW else 1.0
     half = Z95 * spread * float(np.sqrt((1.0 + phi) / (1.0 - phi) / len(shares)))

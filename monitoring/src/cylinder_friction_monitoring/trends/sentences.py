@@ -1,11 +1,9 @@
-"""What an assessment states in words, as a maintenance engineer needs it: what, how much, since when, what to do."""
-
-from __future__ import annotations
+"""Sentences for a maintenance engineer: what changed, how much, since when, what to do."""
 
 from collections.abc import Sequence
 
 from cylinder_friction_monitoring.trends.assessment import Change
-from cylinder_friction_monitoring.trends.session_row import INDICATORS
+from cylinder_friction_monitoring.trends.session_row import SHOWN
 
 TITLES = {
     "friction_n": "friction",
@@ -15,8 +13,8 @@ TITLES = {
     "leak_m3_s_pa": "leak past the piston (or through the valve)",
     "profile_n": "variation of friction along the stroke",
 }
-SCALES = {"leak_m3_s_pa": (6e11, "l/min at 100 bar")}
-"""Indicators that people know in another unit."""
+PERIODS = {"month": 30.4, "week": 7.0, "day": 1.0}
+"""Lengths of the periods of a rate [days]."""
 ACTIONS = {
     "friction_n": "plan an inspection of the seals",
     "breakaway_n": "plan an inspection of the seals",
@@ -29,7 +27,7 @@ VENTED = "a reading of both pressure transmitters with vented chambers"
 
 
 def size(change: Change) -> str:
-    """Return how much has changed, with its interval."""
+    """State the size of a change with its interval."""
     verb = "rose" if change.change > 0.0 else "fell"
     low, high = sorted(map(abs, change.interval)) if change.interval[0] * change.interval[1] > 0.0 else change.interval
     percent = "" if change.percent is None else f", {abs(change.percent):.0f} %"
@@ -40,22 +38,29 @@ def size(change: Change) -> str:
 
 
 def _shown(value: float, indicator: str) -> str:
-    return f"{SCALES.get(indicator, (1.0, ''))[0] * value:.3g}"
+    return f"{SHOWN[indicator][0] * value:.3g}"
 
 
 def with_unit(value: float, indicator: str) -> str:
-    """Return a value in the unit in which people know the indicator."""
-    return f"{_shown(value, indicator)} {SCALES[indicator][1] if indicator in SCALES else INDICATORS[indicator][0]}"
+    """Write a value in the unit in which people read the indicator."""
+    return f"{_shown(value, indicator)} {SHOWN[indicator][1]}"
+
+
+def rate(change: Change) -> tuple[float, str]:
+    """Choose the longest period in which a rate adds no more than has changed so far: part of a year, and name."""
+    parts = [(days / 365.25, name) for name, days in PERIODS.items()]
+    return next((each for each in parts if each[0] * abs(change.per_year or 0.0) <= abs(change.change)), parts[-1])
 
 
 def alarm(changes: Sequence[Change]) -> str:
-    """Return the sentence of an alarm; the first change is the one that matters."""
+    """State an alarm; the first change matters most."""
     main, *others = changes
     first, last = main.since_interval
     text = f"{size(main)} since session {main.since} (between {first} and {last})"
     if main.per_year is not None and main.per_year_interval is not None:
         way = "rising" if main.per_year > 0.0 else "falling"
-        text += f", now {way} by {with_unit(abs(main.per_year) / 12.0, main.indicator)} a month"
+        part, period = rate(main)
+        text += f", now {way} by {with_unit(part * abs(main.per_year), main.indicator)} a {period}"
     if main.limit_passed:
         text += f", and has passed your limit since about {main.limit_reached}"
     elif main.limit_reached is not None:
@@ -69,7 +74,7 @@ def alarm(changes: Sequence[Change]) -> str:
 
 
 def zero_moved(change: Change) -> str:
-    """Return the sentence of a half sum that moved while friction did not."""
+    """State a half sum that moved while friction did not."""
     return _sentence(
         f"{size(change)} since session {change.since}, and friction itself did not: a transmitter's zero, the load or "
         f"the asymmetry of friction changed; {VENTED} decides"
@@ -77,14 +82,14 @@ def zero_moved(change: Change) -> str:
 
 
 def doubtful(change: Change, doubts: Sequence[str]) -> str:
-    """Return the sentence of a change that need not be wear."""
+    """State a change that need not be wear."""
     return _sentence(
         f"{size(change)} since session {change.since}, which need not be wear; what would decide it: {doubts[0]}"
     )
 
 
 def better(change: Change, at: str) -> str:
-    """Return the sentence of a change for the better."""
+    """State a change for the better."""
     return _sentence(
         f"{TITLES[change.indicator]} changed for the better at session {at}, as after a new seal, and no service is "
         "entered"
@@ -92,7 +97,7 @@ def better(change: Change, at: str) -> str:
 
 
 def not_yet(there: int, wanted: int, scatter: float, why: str) -> str:
-    """Return the sentence of a baseline that is too short; ``scatter`` is what is assumed until then, as a share."""
+    """State how many sessions a baseline lacks; ``scatter`` is assumed until then, as a share."""
     text = (
         f"{there} of {wanted} sessions of the baseline are there; {wanted - there} more are needed before an alarm can "
         f"be believed, and until then friction of a session is taken to be known to ± {200.0 * scatter:.0f} %"

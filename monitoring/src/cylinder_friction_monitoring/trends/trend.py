@@ -1,4 +1,4 @@
-"""One indicator of one cylinder: its baseline, its test, and the change that an alarm shows."""
+"""Test one indicator of a cylinder against its baseline, and describe the change behind an alarm."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ TESTED = tuple(INDICATORS)
 """Indicators that share the stated rate of false alarms."""
 DAYS_A_YEAR = 365.25
 FEW = 5
-"""The mean of this many sessions shows a sudden change early."""
+"""Number of latest sessions whose mean shows a sudden change early."""
 BEYOND = 5
-"""If this many of the latest sessions lie outside what the baseline holds, nothing is known of the present."""
+"""Number of latest sessions too far from the baseline, from which on nothing is known of the present."""
 
 
 @dataclass(frozen=True)
 class Tested:
-    """An indicator with its baseline, over the sessions that have a value."""
+    """The test of an indicator over the sessions that have a value."""
 
     indicator: str
     rows: tuple[SessionRow, ...]
     values: Array  # In the indicator's unit, shape ``(sessions,)``, as all others
-    residuals: Array  # Values less what is expected
-    expected: Array  # Standard uncertainty of what is expected
+    residuals: Array  # Values less expected values
+    expected: Array  # Standard uncertainty of the expected values
     reference: Reference
     test: Cusum
     baseline: Baseline
@@ -41,7 +41,7 @@ class Tested:
 
     @property
     def compensated(self) -> Array:
-        """Values at the baseline's covariates; where these are not known, NaN."""
+        """Values at the baseline's covariates; NaN if a session's covariates are not known."""
         return self.reference.level + self.residuals
 
     @property
@@ -58,12 +58,12 @@ class Tested:
 
     @property
     def beyond(self) -> int:
-        """How many of the latest sessions in a row were too far from what the baseline holds."""
+        """Number of latest sessions in a row that were too far from the baseline."""
         away = ~self.test.tested[self.baseline.sessions :]
         return int(np.argmin(np.append(away[::-1], False)))
 
     def trend(self) -> IndicatorTrend:
-        """Return what is kept and drawn of it."""
+        """Convert to the trend that is drawn."""
         return IndicatorTrend(
             baseline=self.baseline,
             sessions=tuple(row.session for row in self.rows),
@@ -73,7 +73,7 @@ class Tested:
         )
 
     def dated(self, alarm: int) -> Dated:
-        """Return when the change of an alarm began, and what it is by now."""
+        """Date the change of an alarm, and size it by now."""
         known = np.flatnonzero(np.isfinite(self.residuals))
         first, at = (int(np.searchsorted(known, each)) for each in (self.baseline.sessions, alarm))
         own = self.residuals[known], self.expected[known], self.reference.design(covariates_of(self.rows))[known]
@@ -82,26 +82,25 @@ class Tested:
         return Dated(**vars(found) | {"begins": begins, "interval": (low, high)})
 
     def until(self, count: int) -> Tested:
-        """Return the test as it was after the first ``count`` sessions."""
+        """Go back to the test after the first ``count`` sessions."""
         own = {name: getattr(self, name)[:count] for name in ("rows", "values", "residuals", "expected")}
         return replace(self, **own)
 
     def latest(self, found: Dated) -> tuple[float, float]:
-        """Return how far the change of an alarm has come by now, at least and at most, in the indicator's unit.
+        """Bound the change of an alarm by now, at least and at most, in the indicator's unit.
 
-        A step or trend in the latest sessions follows growth within some sessions only, their last few at once.
+        The mean of the last few sessions follows sudden growth earlier than a fitted step or trend.
         """
         values = self.residuals[np.isfinite(self.residuals)][-FEW:]
         few = abs(float(values.mean()))
         return max(abs(found.change), few - self._wide(len(values))), max(*map(abs, found.change_interval), few)
 
     def change(self, alarm: int, found: Dated, plan: MonitorPlan, beside: tuple[str, ...]) -> Change:
-        """Return what an alarm shows, for a person."""
+        """Describe an alarm for a person."""
         level = abs(self.reference.level)
         percent = None if self.indicator == "half_sum_n" or level == 0.0 else 100.0 / level
+        names, slopes = [row.session for row in self.rows], found.slope_interval
         low, high = found.interval
-        names = [row.session for row in self.rows]
-        slopes = found.slope_interval
         limit, limits = self._limit(found, plan)
         return Change(
             indicator=self.indicator,
@@ -121,7 +120,7 @@ class Tested:
         )
 
     def _limit(self, found: Dated, plan: MonitorPlan) -> tuple[str | None, tuple[str | None, str | None] | None]:
-        """Return the date at which the user's limit is reached, or since which it is passed, and its interval."""
+        """Date when the user's limit is reached, or since when it is passed, with an interval."""
         percent, now = plan.limit_percent.get(self.indicator), _time(self.rows[-1].start)
         if percent is None or now is None:
             return None, None
@@ -143,7 +142,7 @@ class Tested:
     def _passed(
         self, change: Array, limit: float, rows: Sequence[SessionRow]
     ) -> tuple[str, tuple[str | None, str | None]]:
-        """Return the date since which the means of a few sessions stay beyond a limit, and its interval."""
+        """Date since when the means of a few sessions stay beyond a limit, with an interval."""
         known = np.flatnonzero(np.isfinite(change))
         sums, counts = np.cumsum(change[known]), np.minimum(np.arange(len(known)) + 1, FEW)
         sums[FEW:] -= sums[:-FEW].copy()
@@ -157,27 +156,24 @@ class Tested:
         return since(limit), (since(limit - wide), since(limit + wide))
 
     def _wide(self, count: int) -> float:
-        """Return the half width of the 95 % interval of the mean of neighbouring sessions."""
+        """Compute half the 95 % interval of the mean of neighbouring sessions."""
         phi = self.reference.autocorrelation
         return Z95 * self.reference.scatter * float(np.sqrt((1.0 + phi) / (1.0 - phi) / count))
 
 
 def tested(indicator: str, rows: Sequence[SessionRow], plan: MonitorPlan) -> Tested | str:
-    """Return the test of an indicator, or why it has no baseline yet.
+    """Test an indicator, or state why it has no baseline yet.
 
-    Args:
-        indicator: One of ``session_row.INDICATORS``.
-        rows: The cylinder's sessions in their order, from the baseline's beginning on.
-        plan: How it is tested.
+    ``rows`` are the cylinder's sessions in their order, from the beginning of the baseline on.
     """
     own = tuple(row for row in rows if _value(row, indicator) is not None)
     if len(own) < plan.baseline_sessions:
         reasons = [row.indicators[indicator].why for row in rows if _value(row, indicator) is None]
         why = f"; the latest of the others: {reasons[-1]}" if reasons and reasons[-1] else ""
-        return f"{len(own)} of {len(rows)} sessions determine it, where a baseline needs {plan.baseline_sessions}{why}"
+        return f"{len(own)} of {len(rows)} sessions determine it; a baseline needs {plan.baseline_sessions}{why}"
     values = np.array([_value(row, indicator) for row in own], dtype=np.float64)
     uncertainties = np.array([row.indicators[indicator].uncertainty or 0.0 for row in own])
-    # Half the sum may be about 0, and what shifts it is friction's asymmetry: it is measured by friction.
+    # Half the sum may be about 0, and friction's asymmetry shifts it: its priors are shares of friction.
     whole = "friction_n" if indicator == "half_sum_n" else indicator
     level = float(np.median([_value(row, whole) or 0.0 for row in own[: plan.baseline_sessions]]))
     return against_baseline(indicator, own, values, uncertainties, level, plan)
@@ -193,17 +189,10 @@ def against_baseline(
     most: float = np.inf,
     least_scatter: float = 0.0,
 ) -> Tested | str:
-    """Return the test of one value per session, or why it has no baseline.
+    """Test one value per session, or state why there is no baseline.
 
-    Args:
-        indicator: Its name.
-        rows: Sessions in their order, at least as many as the baseline has.
-        values: Of the sessions, shape ``(sessions,)``.
-        uncertainties: Of each value by itself, shape ``(sessions,)``.
-        level: What the prior's shares are of, see ``reference.fitted``.
-        plan: How it is tested.
-        most: At most this is expected of a session, whatever the baseline shows.
-        least_scatter: Sessions are taken to scatter by at least this.
+    ``values`` and ``uncertainties`` have shape ``(sessions,)``; there are at least as many as the baseline needs. For
+    ``level`` see ``reference.fitted``. ``most`` limits the expected value, and ``least_scatter`` the scatter.
     """
     first = slice(0, plan.baseline_sessions)
     if np.ptp(values[first]) > 0.0:
@@ -236,7 +225,7 @@ def against_baseline(
 
 
 def untested(indicator: str, rows: Sequence[SessionRow], why: str) -> IndicatorTrend:
-    """Return the trend of an indicator without a baseline: its values as they are."""
+    """Make the trend of an indicator without a baseline: its values as they are."""
     own = [row for row in rows if _value(row, indicator) is not None]
     values = tuple(_value(row, indicator) for row in own)
     nothing = (None,) * len(own)
@@ -244,7 +233,7 @@ def untested(indicator: str, rows: Sequence[SessionRow], why: str) -> IndicatorT
 
 
 def sessions_per_year(rows: Sequence[SessionRow]) -> float:
-    """Return how many sessions a year has, from when the first and last began; one a day if nothing states that."""
+    """Count the sessions per year from the first and last start; one a day without starts."""
     first, last = _time(rows[0].start), _time(rows[-1].start)
     days = 0.0 if first is None or last is None else (last - first).total_seconds() / 86400.0
     return (len(rows) - 1) * DAYS_A_YEAR / days if days > 0.0 else DAYS_A_YEAR
@@ -255,7 +244,7 @@ def _value(row: SessionRow, indicator: str) -> float | None:
 
 
 def _time(start: str) -> datetime | None:
-    """Return a start without its time zone: what counts is the distance between sessions of one clock."""
+    """Parse a start without its time zone: only the distance between sessions of one clock counts."""
     return datetime.fromisoformat(start).replace(tzinfo=None) if start else None
 
 

@@ -1,4 +1,4 @@
-"""The assessment of a cylinder: one of five answers, from the tests of its indicators together."""
+"""Assess a cylinder: one of five answers, from the tests of all its indicators."""
 
 from __future__ import annotations
 
@@ -9,11 +9,10 @@ from datetime import datetime
 import numpy as np
 
 from cylinder_friction_monitoring.trends import sentences
-from cylinder_friction_monitoring.trends.acknowledgement import why_it_returns
 from cylinder_friction_monitoring.trends.assessment import Answer, Assessment, Change, Entry
 from cylinder_friction_monitoring.trends.beside import changed_beside, farthest
 from cylinder_friction_monitoring.trends.dating import Dated
-from cylinder_friction_monitoring.trends.in_force import InForce, in_force
+from cylinder_friction_monitoring.trends.in_force import InForce, in_force, why_it_returns
 from cylinder_friction_monitoring.trends.moments import moment
 from cylinder_friction_monitoring.trends.plan import MonitorPlan
 from cylinder_friction_monitoring.trends.reference import covariates_of
@@ -22,13 +21,13 @@ from cylinder_friction_monitoring.trends.session_row import SessionRow
 from cylinder_friction_monitoring.trends.trend import BEYOND, TESTED, Tested, tested, untested
 
 UNSEEN_OIL_PERCENT = 25.0
-"""Oil whose temperature nobody measures changes friction by up to this."""
+"""Largest change of friction by oil whose temperature nobody measures."""
 LEAK_BY_ZERO = 4.0
-"""A zero that moves changes the leak found by a factor of up to this, where pressures differ by a few bar."""
+"""Largest factor on the leak by a zero that moves, if pressures differ by a few bar."""
 BY_OIL = 0.3
-"""If the viscous part explains this share of a change of friction, the oil is the likely cause."""
+"""The oil is the likely cause if the viscous part explains this share of a change of friction."""
 ZERO_MOVED = 4.0
-"""A zero that moves by fewer standard deviations of a session explains no leak."""
+"""Least movement of a zero that explains a leak [standard deviations of a session]."""
 RETURN_Z = 6.0
 RETURN_SHARE = 0.5
 RETURN_SESSIONS = 4
@@ -38,7 +37,7 @@ change, with at least this many sessions before and after it."""
 
 @dataclass(frozen=True)
 class _Alarm:
-    """One indicator's alarm, and what speaks against wear."""
+    """One indicator's alarm."""
 
     test: Tested
     at: int  # Session of the alarm
@@ -56,11 +55,11 @@ class _Alarm:
         return falls or self.returned is not None
 
     def with_(self, other: _Alarm) -> bool:
-        """Return whether both may have begun together."""
+        """Tell whether both may have begun together."""
         return self.not_after(other) and other.not_after(self)
 
     def not_after(self, other: _Alarm) -> bool:
-        """Return whether this change may have begun before the other, or with it."""
+        """Tell whether this change may have begun before the other, or with it."""
         first, last = self.dated.interval[0], other.dated.interval[1]
         return self.test.rows[first].start <= other.test.rows[last].start
 
@@ -72,14 +71,10 @@ def assess(
     plan: MonitorPlan | None = None,
     now: datetime | None = None,
 ) -> Assessment:
-    """Return what is known of a cylinder.
+    """Assess a cylinder by its sessions and entries; those of other cylinders are ignored.
 
-    Args:
-        cylinder: Its name; rows and entries of others are left out.
-        rows: One per session, in any order. Those without a start come last.
-        entries: What people did or noted. The baseline begins at the latest service, reset or reference in force.
-        plan: How it is tested; None: the defaults.
-        now: Entries with a later time do not count; None: all have come, and no acknowledgement is over.
+    ``rows`` may be in any order; sessions without a start come last. The baseline begins at the latest service, reset
+    or reference in force ``now``; None: all dates have come, and no acknowledgement is over.
     """
     plan = plan or MonitorPlan()
     own = [row for row in rows if row.cylinder == cylinder]
@@ -109,7 +104,7 @@ def assess(
 
 
 def _since(rows: Sequence[SessionRow], begins: str) -> list[SessionRow]:
-    """Return the sessions from a time on, in their order; empty: all."""
+    """Sort sessions, and drop those before the time ``begins``, if any."""
     ordered = sorted((row for row in rows if row.start), key=lambda row: moment(row.start))
     if begins:
         ordered = [row for row in ordered if moment(row.start) >= moment(begins)]
@@ -122,7 +117,7 @@ def _alarm(test: Tested, at: int) -> _Alarm:
 
 
 def _returned(test: Tested, at: int) -> int | None:
-    """Return the session after the alarm at which an indicator stepped back towards its baseline, or None."""
+    """Find the session after the alarm at which an indicator stepped back towards its baseline."""
     values = test.residuals[at:]
     known = np.flatnonzero(np.isfinite(values))
     if len(known) < 2 * RETURN_SESSIONS:
@@ -151,14 +146,14 @@ def _not_yet(cylinder: str, rows: Sequence[SessionRow], results: Mapping[str, ob
 
 
 def _quiet(cylinder: str, tests: Mapping[str, Tested]) -> Assessment:
-    """Return the answer if no test exceeds its threshold."""
+    """Answer if no test exceeds its threshold."""
     main = next(tests[name] for name in TESTED if name in tests)
     monitored = len(main.rows) - main.baseline.sessions
     away = {name: test for name, test in tests.items() if test.beyond >= BEYOND and name != "half_sum_n"}
     if main.indicator in away:
         design = main.reference.design(covariates_of(main.rows[-1:]))[0]
         reason = farthest(main.reference.centre, design, main.reference.covariance, main.rows[-1])
-        decide = ("sessions under the conditions of the baseline", "a new reference, where the present conditions stay")
+        decide = ("sessions under the conditions of the baseline", "a new reference, if the present conditions stay")
         words = f"The last {main.beyond} sessions cannot be compared with the baseline: {reason}."
         return Assessment(cylinder, "undecided", words, would_decide=decide)
     watched = [name for name, test in tests.items() if test.watched]
@@ -172,7 +167,7 @@ def _quiet(cylinder: str, tests: Mapping[str, Tested]) -> Assessment:
 
 
 def _changed(cylinder: str, alarms: Sequence[_Alarm], force: InForce, plan: MonitorPlan) -> Assessment:
-    """Return the answer if at least one test exceeds its threshold."""
+    """Answer if at least one test exceeds its threshold."""
     zero = next((each for each in alarms if each.name == "half_sum_n"), None)
     oil = next((each for each in alarms if each.name == "viscous_n_s_m"), None)
     doubts = {each.name: _doubts(each, zero, oil) for each in alarms}
@@ -206,7 +201,7 @@ def _changed(cylinder: str, alarms: Sequence[_Alarm], force: InForce, plan: Moni
 
 
 def _acknowledged(wear: Sequence[_Alarm], force: InForce, plan: MonitorPlan) -> tuple[str, str]:
-    """Return who acknowledged an alarm, empty if it is new or has returned; and a sentence on that."""
+    """State who acknowledged an alarm, empty if it is new or has returned, and add a sentence on that."""
     seen, latest = force.acknowledged, max(each.test.rows[each.at].start for each in wear)
     if seen is None or not latest or moment(seen.time) < moment(latest):
         return "", ""
@@ -219,12 +214,12 @@ def _acknowledged(wear: Sequence[_Alarm], force: InForce, plan: MonitorPlan) -> 
 
 
 def _doubts(alarm: _Alarm, zero: _Alarm | None, oil: _Alarm | None) -> tuple[str, ...]:
-    """Return what would decide whether a change is wear; nothing if it is decided."""
+    """List what would decide whether a change is wear; nothing if it is decided."""
     if alarm is oil:
         return (sentences.OIL,)
     if alarm.name == "half_sum_n":
         return sentences.VENTED, "the load, measured or known to be the same"
-    # A new load or new oil explains also a change that is dated later: the test of friction is slower.
+    # A new load or new oil also explains a later change, because the test of friction is slower.
     explained = zero is not None and zero.not_after(alarm)
     level = abs(alarm.test.reference.level)
     if alarm.name == "leak_m3_s_pa":
