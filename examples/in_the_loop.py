@@ -157,4 +157,22 @@ print(
 )
 
 # %%
+# Fed forward
+# -----------
+#
+# A position loop sets the reference of a pressure-difference loop. The estimate goes
+# into that reference, unless a sensor fails or the filters still settle.
+
+UNTRUSTED = ~int(Flag.OUTSIDE | Flag.OFFSET_UNKNOWN)
+
+
+def force_reference_n(error_m, estimate, stiffness_n_m=6e6, share=0.9):
+    fed_n = 0.0 if estimate.flags & UNTRUSTED else share * estimate.friction_n
+    return stiffness_n_m * error_m + fed_n
+
+
+print(f"{force_reference_n(2e-5, last):.0f} N for an error of 0.02 mm")
+
+# %%
+# :doc:`../in-the-loop` shows what this is worth, and when it does not pay;
 # :doc:`../c` has a complete program for the controller's side.

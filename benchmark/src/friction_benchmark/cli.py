@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from cylinder_friction.commands.cli import INTERRUPTED, refusals, until_unread
 from cylinder_friction.extras import explained
+from friction_benchmark.in_the_loop import command as in_the_loop
 from friction_benchmark.servo_rig import command as servo_rig
 
 COMMANDS = {
@@ -56,12 +57,16 @@ def _parser() -> argparse.ArgumentParser:
     parsers = {name: commands.add_parser(name, help=text) for name, text in COMMANDS.items()}
     parsers["run"].add_argument("--prune", action="store_true", help="remove from the cache what this run did not use")
     servo_rig.add_arguments(commands.add_parser("servo-rig", help=servo_rig.HELP))
+    in_the_loop.add_arguments(commands.add_parser("in-the-loop", help=in_the_loop.HELP))
     return parser
 
 
 def _run(options: argparse.Namespace) -> None:
     if options.command == "servo-rig":
         print(servo_rig.run(options))
+        return
+    if options.command == "in-the-loop":
+        print(in_the_loop.run(options))
         return
     from cylinder_friction.params.checking import ParamsError
     from friction_benchmark import params, run

@@ -232,32 +232,47 @@ def observe(
     covariance: Array,  # Before the first sample, shape ``(7, 7)``; changed in place
 ) -> Array:
     """Return friction [N], shape ``(n,)``. Each row of this recursion needs the one before, hence the compiler."""
-    result = np.empty(motion.shape[0])
-    mean, jacobian = np.zeros(STATES), np.ones(STATES)
-    mean[SCALE], last_law_n, smooth_bar = 1.0, 0.0, pressure_bar[0]
-    jacobian[RATE_1] = jacobian[RATE_2] = 0.0
-    bar_n = areas_m2 * BAR_PA
+    result, mean, memory = np.empty(motion.shape[0]), np.zeros(STATES), np.array([0.0, pressure_bar[0]])
+    mean[SCALE] = 1.0
     for row in range(motion.shape[0]):
-        smooth_bar += 0.1 * (pressure_bar[row] - smooth_bar)
-        sliding = motion[row, 0] != 0.0
-        _predict(mean, covariance, noise, areas_m2, step, sliding)
-        jacobian[BIAS_1] = jacobian[BIAS_2] = 1.0
-        if sliding:
-            plain, slope = law_parts(coefficients, motion[row, 2], abs(motion[row, 0]), motion[row, 3])
-            true_bar = smooth_bar - mean[BIAS_1] / bar_n[0] + mean[BIAS_2] / bar_n[1]
-            law_n = plain + slope * max(true_bar, 0.0)
-            if law_n * last_law_n <= 0.0:  # friction itself does not jump with the law's side
-                mean[FAST] += mean[SCALE] * (last_law_n - law_n)
-                covariance[FAST, FAST] += noise[8] ** 2
-            last_law_n = law_n
-            jacobian[BIAS_1] -= mean[SCALE] * slope / bar_n[0]
-            jacobian[BIAS_2] += mean[SCALE] * slope / bar_n[1]
-        jacobian[SCALE] = last_law_n
-        friction_n = mean[SCALE] * last_law_n + mean[SLOW] + mean[FAST]
-        missed_n = balance_n[row] - friction_n - mean[BIAS_1] - mean[BIAS_2]
-        _correct(mean, covariance, jacobian, missed_n, noise[10], noise[11])
-        result[row] = mean[SCALE] * last_law_n + mean[SLOW] + mean[FAST]
+        measured = (motion[row], balance_n[row], pressure_bar[row])
+        result[row] = observe_one(measured, coefficients, noise, areas_m2, step, covariance, mean, memory)
     return result
+
+
+@numba.njit(cache=True)
+def observe_one(
+    measured: tuple[Array, float, float],  # One row of what ``observe`` takes: motion, balance and pressure
+    coefficients: Array,
+    noise: Array,
+    areas_m2: Array,
+    step: float,
+    covariance: Array,
+    mean: Array,  # The states; changed in place like ``covariance`` and ``memory``
+    memory: Array,  # The law's friction of the last row [N], and the smoothed pressure [bar]
+) -> float:
+    """Return friction [N] at one row."""
+    motion, balance_n, pressure_bar = measured
+    jacobian, bar_n = np.ones(STATES), areas_m2 * BAR_PA
+    jacobian[RATE_1] = jacobian[RATE_2] = 0.0
+    memory[1] += 0.1 * (pressure_bar - memory[1])
+    sliding = motion[0] != 0.0
+    _predict(mean, covariance, noise, areas_m2, step, sliding)
+    if sliding:
+        plain, slope = law_parts(coefficients, motion[2], abs(motion[0]), motion[3])
+        true_bar = memory[1] - mean[BIAS_1] / bar_n[0] + mean[BIAS_2] / bar_n[1]
+        law_n = plain + slope * max(true_bar, 0.0)
+        if law_n * memory[0] <= 0.0:  # friction itself does not jump with the law's side
+            mean[FAST] += mean[SCALE] * (memory[0] - law_n)
+            covariance[FAST, FAST] += noise[8] ** 2
+        memory[0] = law_n
+        jacobian[BIAS_1] -= mean[SCALE] * slope / bar_n[0]
+        jacobian[BIAS_2] += mean[SCALE] * slope / bar_n[1]
+    jacobian[SCALE] = memory[0]
+    friction_n = mean[SCALE] * memory[0] + mean[SLOW] + mean[FAST]
+    missed_n = balance_n - friction_n - mean[BIAS_1] - mean[BIAS_2]
+    _correct(mean, covariance, jacobian, missed_n, noise[10], noise[11])
+    return float(mean[SCALE] * memory[0] + mean[SLOW] + mean[FAST])
 
 
 @numba.njit(cache=True)

@@ -20,6 +20,9 @@ import numba
 import numpy as np
 
 ELEMENTS = 8
+P1, P2, X, V, SPOOL, SPOOL_RATE, FILM, CONTACT_AGE, VOLUME_1, VOLUME_2, ELEMENT_FORCES = range(11)
+"""Places of the state: pressures, position, velocity, spool and its rate, lagging speed of the film, contacts' age,
+volumes that flowed in, and the first of the elements' forces."""
 TICK_S = 1e-3  # The controller's cycle, and the time between two rows of a trace [s]
 BAR_PA = 1e5
 ATMOSPHERE_PA = 1.013e5
@@ -133,57 +136,96 @@ def command(drive: Any, reference_m: Any, tick: int, x: float, integral: float) 
 
 
 @numba.njit(cache=True)
-def run(seals: Any, drive: Any, reference_m: Any, x: float, p2: float, tick_steps: int, trace: Any) -> None:
-    """Fill ``trace``, one row per tick, columns ``simulate.TRACE_COLUMNS``; begins at rest and in balance.
+def at_rest(drive: Any, x: float, p2: float) -> Any:
+    """Return the state of a piston at rest and in balance; ``P1`` to ``CONTACT_AGE`` name its places."""
+    state = np.zeros(ELEMENT_FORCES + ELEMENTS)
+    load = drive.gravity_n + drive.spring_n_m * x
+    state[P1], state[P2], state[X], state[CONTACT_AGE] = (
+        (p2 * drive.annulus_area_m2 + load) / drive.piston_area_m2,
+        p2,
+        x,
+        1.0,
+    )
+    return state
+
+
+@numba.njit(cache=True)
+def friction_terms(seals: Any, drive: Any, state: Any, viscosity: float) -> tuple[float, float, float]:
+    """Return the strength against extension and against retraction [N], and what multiplies the velocity [N s/m]."""
+    p1, p2 = state[P1], state[P2]
+    place = 2.0 * state[X] / drive.stroke_m - 1.0
+    extend_n, retract_n, chi = strengths(seals, p1, p2, place, state[FILM], state[CONTACT_AGE], viscosity)
+    return extend_n, retract_n, damping(seals, p1, p2, abs(state[V]), chi, viscosity)
+
+
+@numba.njit(cache=True)
+def friction_n(seals: Any, drive: Any, state: Any, viscosity: float) -> float:
+    """Return the friction [N] that acts now."""
+    damp = friction_terms(seals, drive, state, viscosity)[2]
+    return state[ELEMENT_FORCES:].sum() + damp * state[V]
+
+
+@numba.njit(cache=True)
+def advance(
+    seals: Any,
+    drive: Any,
+    elements: tuple[Any, Any],
+    state: Any,
+    wanted: float,
+    load: float,
+    viscosity: float,
+    dt: float,
+) -> None:
+    """Advance the state by one step of the integration. ``wanted`` is the spool command; ``load`` resists extension.
 
     Flows are linearised about the old pressures, everything that multiplies the new velocity is taken there.
     """
-    dt = TICK_S / tick_steps
-    share, stiffness = element_shares(seals)
-    force = np.zeros(ELEMENTS)
-    p1 = (p2 * drive.annulus_area_m2 + drive.gravity_n + drive.spring_n_m * x) / drive.piston_area_m2
-    v = spool = spool_rate = integral = film = volume_1 = volume_2 = wanted = 0.0
-    age = 1.0
+    p1, p2, x, v, force = state[P1], state[P2], state[X], state[V], state[ELEMENT_FORCES:]
     omega = 2.0 * math.pi * drive.spool_hz
+    extend_n, retract_n, damp = friction_terms(seals, drive, state, viscosity)
+    spool_rate = (state[SPOOL_RATE] + dt * omega * omega * (wanted - state[SPOOL])) / (
+        1.0 + dt * omega * (2.0 * drive.spool_damping + dt * omega)
+    )
+    spool = state[SPOOL] + dt * spool_rate
+    there, back = opening(drive, spool), opening(drive, -spool)
+    in_1, slope_in_1 = edge(drive, there, drive.supply_pa - p1)
+    out_1, slope_out_1 = edge(drive, back, p1 - drive.tank_pa)
+    in_2, slope_in_2 = edge(drive, back, drive.supply_pa - p2)
+    out_2, slope_out_2 = edge(drive, there, p2 - drive.tank_pa)
+    leakage = drive.cross_leakage / viscosity
+    flow_1, slope_1 = in_1 - out_1 - leakage * (p1 - p2), slope_in_1 + slope_out_1 + leakage
+    flow_2, slope_2 = in_2 - out_2 + leakage * (p1 - p2), slope_in_2 + slope_out_2 + leakage
+
+    push = p1 * drive.piston_area_m2 - p2 * drive.annulus_area_m2 - force.sum() - load
+    v = (drive.mass_kg * v + dt * push) / (drive.mass_kg + dt * damp)
+    stretch(force, elements[0], elements[1], dt * v, extend_n, retract_n)
+    rate_1 = dt * bulk_modulus(drive, p1) / (drive.dead_volume_m3 + drive.piston_area_m2 * x)
+    rate_2 = dt * bulk_modulus(drive, p2) / (drive.dead_volume_m3 + drive.annulus_area_m2 * (drive.stroke_m - x))
+    change_1 = rate_1 * (flow_1 - drive.piston_area_m2 * v) / (1.0 + rate_1 * slope_1)
+    change_2 = rate_2 * (flow_2 + drive.annulus_area_m2 * v) / (1.0 + rate_2 * slope_2)
+    state[VOLUME_1] += dt * (flow_1 - slope_1 * change_1)
+    state[VOLUME_2] += dt * (flow_2 - slope_2 * change_2)
+    state[P1], state[P2], state[X], state[V] = p1 + change_1, p2 + change_2, x + dt * v, v
+    state[SPOOL], state[SPOOL_RATE] = spool, spool_rate
+    state[FILM] += (abs(v) - state[FILM]) * dt / (seals.film_lag_s + dt)
+    state[CONTACT_AGE] = (state[CONTACT_AGE] + dt) / (1.0 + dt * abs(v) / seals.renewal_m)
+
+
+@numba.njit(cache=True)
+def run(seals: Any, drive: Any, reference_m: Any, x: float, p2: float, tick_steps: int, trace: Any) -> None:
+    """Fill ``trace``, one row per tick, columns ``simulate.TRACE_COLUMNS``; begins at rest and in balance."""
+    dt = TICK_S / tick_steps
+    elements, state = element_shares(seals), at_rest(drive, x, p2)
+    integral = wanted = 0.0
     for step in range(len(trace) * tick_steps):
         tick = step // tick_steps
         oil_c = drive.oil_c + drive.warming_c_s * step * dt
         viscosity = viscosity_ratio(oil_c)
-        place = 2.0 * x / drive.stroke_m - 1.0
-        extend_n, retract_n, chi = strengths(seals, p1, p2, place, film, age, viscosity)
-        damp = damping(seals, p1, p2, abs(v), chi, viscosity)
-        load = drive.gravity_n + drive.spring_n_m * x
+        load = drive.gravity_n + drive.spring_n_m * state[X]
         if step % tick_steps == 0:
-            wanted, integral = command(drive, reference_m, tick, x, integral)
+            wanted, integral = command(drive, reference_m, tick, state[X], integral)
             row = trace[tick]
-            row[0], row[1], row[2], row[3], row[4] = step * dt, p1, p2, x, v
-            row[5], row[6], row[7], row[8] = force.sum() + damp * v, load, oil_c, spool
-            row[9], row[10], row[11] = age, volume_1, volume_2
-
-        spool_rate = (spool_rate + dt * omega * omega * (wanted - spool)) / (
-            1.0 + dt * omega * (2.0 * drive.spool_damping + dt * omega)
-        )
-        spool += dt * spool_rate
-        there, back = opening(drive, spool), opening(drive, -spool)
-        in_1, slope_in_1 = edge(drive, there, drive.supply_pa - p1)
-        out_1, slope_out_1 = edge(drive, back, p1 - drive.tank_pa)
-        in_2, slope_in_2 = edge(drive, back, drive.supply_pa - p2)
-        out_2, slope_out_2 = edge(drive, there, p2 - drive.tank_pa)
-        leakage = drive.cross_leakage / viscosity
-        flow_1, slope_1 = in_1 - out_1 - leakage * (p1 - p2), slope_in_1 + slope_out_1 + leakage
-        flow_2, slope_2 = in_2 - out_2 + leakage * (p1 - p2), slope_in_2 + slope_out_2 + leakage
-
-        push = p1 * drive.piston_area_m2 - p2 * drive.annulus_area_m2 - force.sum() - load
-        v = (drive.mass_kg * v + dt * push) / (drive.mass_kg + dt * damp)
-        stretch(force, share, stiffness, dt * v, extend_n, retract_n)
-        rate_1 = dt * bulk_modulus(drive, p1) / (drive.dead_volume_m3 + drive.piston_area_m2 * x)
-        rate_2 = dt * bulk_modulus(drive, p2) / (drive.dead_volume_m3 + drive.annulus_area_m2 * (drive.stroke_m - x))
-        x += dt * v
-        change_1 = rate_1 * (flow_1 - drive.piston_area_m2 * v) / (1.0 + rate_1 * slope_1)
-        change_2 = rate_2 * (flow_2 + drive.annulus_area_m2 * v) / (1.0 + rate_2 * slope_2)
-        volume_1 += dt * (flow_1 - slope_1 * change_1)
-        volume_2 += dt * (flow_2 - slope_2 * change_2)
-        p1 += change_1
-        p2 += change_2
-        film += (abs(v) - film) * dt / (seals.film_lag_s + dt)
-        age = (age + dt) / (1.0 + dt * abs(v) / seals.renewal_m)
+            row[0], row[1], row[2], row[3], row[4] = step * dt, state[P1], state[P2], state[X], state[V]
+            row[5], row[6], row[7], row[8] = friction_n(seals, drive, state, viscosity), load, oil_c, state[SPOOL]
+            row[9], row[10], row[11] = state[CONTACT_AGE], state[VOLUME_1], state[VOLUME_2]
+        advance(seals, drive, elements, state, wanted, load, viscosity, dt)

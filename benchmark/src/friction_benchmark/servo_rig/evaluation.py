@@ -80,7 +80,7 @@ def evaluate(plan: EvaluationPlan, elsewhere: Sequence[Recording] | None = None)
     ``elsewhere`` are labelled recordings of the default rig; else ``SMALL_CAMPAIGN`` is simulated at this rig's rate.
     """
     foreign = _of_the_default_rig(elsewhere, plan.sessions.sample_time_s)
-    train, test, truth = _prepared(plan, plan.sessions)
+    train, test, truth = prepared(plan, plan.sessions)
     inputs = SAMPLE_COLUMNS if plan.sessions.mounting == "horizontal" else (*SAMPLE_COLUMNS, LOAD_FORCE)
     made = _estimators(CYLINDER, inputs, plan.epochs)
     made["pressure-scaled LuGre"] = lambda: AnalyticalEstimator(CYLINDER, LuGre(pressure_scaled=True), inputs)
@@ -90,7 +90,7 @@ def evaluate(plan: EvaluationPlan, elsewhere: Sequence[Recording] | None = None)
     return scores + _from_elsewhere(plan, foreign)
 
 
-def _prepared(
+def prepared(
     plan: EvaluationPlan, recorded: SessionPlan
 ) -> tuple[list[Recording], list[Recording], dict[str, ServoSession]]:
     """Return labelled recordings for training and test, free of identified offsets, and all sessions by name."""
@@ -204,7 +204,7 @@ def _from_elsewhere(plan: EvaluationPlan, elsewhere: Sequence[Recording]) -> lis
     }
     if plan.twin_rigs:
         fitted[TWIN] = _twin_trained(plan, as_logged.sample_time_s)
-    _, test, truth = _prepared(plan, as_logged)
+    _, test, truth = prepared(plan, as_logged)
     areas = (DEFAULT_RIG_CYLINDER.piston_area_m2, DEFAULT_RIG_CYLINDER.annulus_area_m2)
     scores = []
     for name, estimator in fitted.items():
