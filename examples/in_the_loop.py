@@ -160,13 +160,13 @@ print(
 # Fed forward
 # -----------
 #
-# A position loop sets the reference of a pressure-difference loop. The estimate goes
-# into that reference, unless a sensor fails or the filters still settle.
+# A position loop sets the reference of a pressure-difference loop. The estimate
+# goes into that reference, unless a sensor fails or the filters still settle.
 
 UNTRUSTED = ~int(Flag.OUTSIDE | Flag.OFFSET_UNKNOWN)
 
 
-def force_reference_n(error_m, estimate, stiffness_n_m=6e6, share=0.9):
+def force_reference_n(error_m, estimate, stiffness_n_m=6e6, share=0.5):
     fed_n = 0.0 if estimate.flags & UNTRUSTED else share * estimate.friction_n
     return stiffness_n_m * error_m + fed_n
 

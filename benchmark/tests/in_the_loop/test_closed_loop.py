@@ -114,7 +114,7 @@ def test_the_command_prints_every_table(
     printed = capsys.readouterr().out
     stated = json.loads((tmp_path / "out/in_the_loop.json").read_text(encoding="utf-8"))
     assert stated.pop("cascade")["position_n_m"] > 1e6
-    assert len(stated) == 7
+    assert len(stated) == 8
     assert all(title in printed for title in (*BY_TITLE, *stated))
     names = {each.name for each in (tmp_path / "out").iterdir()}
     assert names == {"runs.csv", "shares.csv", "lags.csv", "in_the_loop.json", "in_the_loop.png"}

@@ -8,6 +8,7 @@ The valve's overlap is bridged by a steep piece of characteristic around its cen
 """
 
 import math
+from dataclasses import astuple
 from typing import Any, NamedTuple
 
 import numba
@@ -62,12 +63,12 @@ def new_observer(fitted: kalman.DisturbanceObserver, p1: float, p2: float, x: fl
     areas, mean = np.array([fitted.cylinder.piston_area_m2, fitted.cylinder.annulus_area_m2]), np.zeros(kalman.STATES)
     mean[kalman.SCALE] = 1.0
     gains = np.array(constant_jerk(motion.JERK_M_S3, motion.POSITION_NOISE_M, step_s).gains.filter[-1], dtype=float)
-    numbers = fitted.law, np.array(kalman.astuple(fitted.noise)), areas, step_s
+    numbers = fitted.law, np.array(astuple(fitted.noise)), areas, step_s
     state = kalman.first_covariance(fitted.noise, areas), mean, np.array([0.0, (p1 + p2) / kalman.BAR_PA])
     return Observer(numbers, state, gains, np.array([x, 0, 0, 1.0]), np.full(motion.AVERAGED, x), new_backlash())
 
 
-@numba.njit
+@numba.njit(nogil=True)
 def observer_step(kept: Observer, p1: float, p2: float, x: float, mass_kg: float, row: int) -> float:
     """Return the friction [N] of one sample, as ``DisturbanceObserver.estimate`` gives it row by row."""
     (law, noise, areas, step), (covariance, mean, memory), state = kept.numbers, kept.state, kept.motion
@@ -85,7 +86,7 @@ def observer_step(kept: Observer, p1: float, p2: float, x: float, mass_kg: float
     return kalman.observe_one(measured, law, noise, areas, step, covariance, mean, memory)
 
 
-@numba.njit
+@numba.njit(nogil=True)
 def control(gains: Any, integral: Any, reference: tuple[float, float], sample: Any, friction: float) -> float:
     """Return the spool command, -1 to 1, for the reference now and one cycle later, and a sample p1, p2, x, load."""
     error = reference[0] - sample[2]
@@ -99,7 +100,7 @@ def control(gains: Any, integral: Any, reference: tuple[float, float], sample: A
     return min(max(opened, -1.0), 1.0)
 
 
-@numba.njit
+@numba.njit(nogil=True)
 def sense(sensors: Any, filtering: Any, state: Any, load_n: float, noise: Any, sample: Any) -> None:
     """Fill a sample p1, p2, x, load as a controller sees it: behind the anti-aliasing filter, noisy, quantised."""
     sections, delays = filtering
@@ -125,7 +126,7 @@ def sensor_filter(sensors: Sensors, p1: float, p2: float) -> tuple[Array, Array]
     return sections, np.stack([signal.sosfilt_zi(sections) * pressure for pressure in (p1, p2)])
 
 
-@numba.njit
+@numba.njit(nogil=True)
 def plant_tick(rig: Any, elements: Any, state: Any, spool: float, load_n: float, oil: float) -> None:
     """Advance the rig by one cycle of the controller."""
     for _ in range(TICK_STEPS):

@@ -5,6 +5,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array, Mask
 from friction_benchmark.in_the_loop.closed_loop import POSITION, REFERENCE, SPOOL
@@ -40,10 +41,10 @@ def measure(trace: Array) -> Measures:
     turned = reversals(speed)
     found = [limit_cycle(error_m[part]) for part in constant_stretches(speed)]
     cycles_um = [1e6 * cycle[0] for cycle in found if cycle is not None]
-    rms_um = [1e6 * float(np.sqrt(np.mean(error_m[rows] ** 2))) for rows in (slice(None), turned, ~turned)]
+    whole, at_reversals, steady = (1e6 * _rms(part) for part in (error_m, error_m[turned], error_m[~turned]))
     settling = settling_s(error_m, steps) if len(steps) else math.nan
     valve = 100.0 * float(np.abs(np.diff(scored[:, SPOOL])).mean()) / TICK_S
-    return Measures(*rms_um, settling, len(cycles_um), max(cycles_um, default=0.0), valve)
+    return Measures(whole, at_reversals, steady, settling, len(cycles_um), max(cycles_um, default=0.0), valve)
 
 
 def reversals(speed_m_s: Array) -> Mask:
@@ -60,7 +61,7 @@ def constant_stretches(speed_m_s: Array) -> list[slice]:
     return [slice(a + skipped, b) for a, b in pairwise(edges) if b - a >= least]
 
 
-def settling_s(error_m: Array, steps: Array) -> float:
+def settling_s(error_m: Array, steps: NDArray[np.int64]) -> float:
     """Return the mean time from each step to the last row outside ``SETTLED_M`` before the next step [s]."""
     outside = [np.flatnonzero(np.abs(part) > SETTLED_M) for part in np.split(error_m, steps)[1:]]
     return TICK_S * float(np.mean([rows[-1] + 1 if len(rows) else 0 for rows in outside]))
@@ -82,7 +83,7 @@ def limit_cycle(error_m: Array) -> tuple[float, float] | None:
     return None if dies or uneven or ended else (0.5 * float(np.median(swings)), TICK_S * float(periods.mean()))
 
 
-def turning_points(values: Array, least: float) -> Array:
+def turning_points(values: Array, least: float) -> NDArray[np.int64]:
     """Return the rows of extremes, each followed by a way back of at least ``least``."""
     rows, extreme, direction = [], 0, 0
     for row, value in enumerate(values.tolist()):
@@ -93,3 +94,7 @@ def turning_points(values: Array, least: float) -> Array:
             rows.append(extreme)
             direction, extreme = -direction, row
     return np.array(rows, dtype=np.int64)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

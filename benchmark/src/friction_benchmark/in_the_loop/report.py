@@ -18,7 +18,10 @@ from friction_benchmark.servo_rig.dynamics import TICK_S
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-OVER = ("none", "integral action", "LuGre of the reference", "low-pass", "Kalman observer", "true friction")
+OVER = {
+    "hybrid": ("none", "integral action", "LuGre of the reference", "low-pass", "Kalman observer", "true friction"),
+    "integral and hybrid": ("integral action", "integral and low-pass"),
+}
 SHOWN = {"none": "#D55E00", "hybrid": "#0072B2"}
 SPAN_S = (0.9, 10.0)  # Of the slow sine: two reversals
 SENSOR_LAG_MS = 5  # Anti-aliasing filter 3 ms, logger 4 ms, of which half on average: nobody knows friction sooner
@@ -43,23 +46,27 @@ def summarise(runs: pd.DataFrame, shares: pd.DataFrame, lags: pd.DataFrame) -> d
     parts = [part for name in ("course", "condition") for part in runs.groupby(name, sort=False)] + [("all", runs)]
     over_none = {key: {title: f"{ratio(part, title, 'none')[0]:.2f}" for title in titles} for key, part in parts}
     intervals = {"95 %": {title: "{1:.2f} to {2:.2f}".format(*ratio(runs, title, "none")) for title in titles}}
-    hybrid = {
-        key: {over: "{:.2f} ({:.2f} to {:.2f})".format(*ratio(part, "hybrid", over)) for over in OVER}
-        for key, part in runs.groupby(["condition", "course"], sort=False)
-    }
     measured = runs.drop(columns=["training", "session", "share", "lag_ms"]).groupby("compensator")
     by_share = shares.groupby(["compensator", "condition", "share"], sort=False)
     text = by_share.apply(lambda part: f"{part['rms_um'].mean():.0f}{'*' * int(part['cycles'].any())}")
     return {
         "Mean over sessions, courses and conditions": measured.mean(numeric_only=True).loc[titles],
         "RMS error over that of none": pd.DataFrame(over_none | intervals),
-        "RMS error of the hybrid over that of others, 95 % interval over trainings and sessions": pd.DataFrame(
-            hybrid
-        ).T,
+        **{f"RMS error of {title} over that of others, 95 %": against(runs, title) for title in OVER},
         "RMS error in the triangle by share [um]; * a session cycles": text.unstack(),
         "RMS error by lag of what is fed forward [um]": lags.pivot_table("rms_um", ["course", "compensator"], "lag_ms"),
         "RMS error at reversals [um], nominal": at_reversals(runs, lags),
     }
+
+
+def against(runs: pd.DataFrame, title: str) -> pd.DataFrame:
+    """Return a compensator's error over that of others, with the interval over trainings and sessions, as text."""
+    grouped = [*runs.groupby(["condition", "course"], sort=False), (("all",), runs)]
+    found = {
+        over: {", ".join(key): "{:.2f} ({:.2f} to {:.2f})".format(*ratio(part, title, over)) for key, part in grouped}
+        for over in OVER[title]
+    }
+    return pd.DataFrame(found)
 
 
 def at_reversals(runs: pd.DataFrame, lags: pd.DataFrame) -> pd.DataFrame:
