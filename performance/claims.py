@@ -32,8 +32,8 @@ from cylinder_friction.signals.methods import default_filter
 from cylinder_friction.signals.smooth_signals import filtered
 
 KIND = Kind(0.15, 0.15)
-LOSSES_BAR = (0.0, 1.0, 3.0, 6.0, 12.0)
-"""Lost at 0.1 m/s; the rig moves at up to 0.07 m/s."""
+LOSSES_BAR = (0.0, 1.0, 2.0, 3.0, 6.0)
+"""Lost at 0.1 m/s; the rig moves at up to 0.07 m/s. With more, transmitters at the valve end at their lowest value."""
 WEIGHT_N, LAMINAR = 4218.0, 0.2
 Row = tuple[str, str, bool | float]
 """Place in the code, sentence or figure, and whether it was true, or its value."""

@@ -64,7 +64,7 @@ def swapped(log: pd.DataFrame) -> pd.DataFrame:
 REFUSED: dict[str, tuple[Damage, str]] = {
     "position constant": (lambda log: log.assign(**{POSITION: 120.0}), "motion"),
     "pressure beyond the sensor": (lambda log: held(log, P1, 1000, 1200, 400.0), "file"),
-    "position stuck early on": (lambda log: held(log, POSITION, 500, 1100), "length"),  # of what lies before
+    "position stuck early on": (lambda log: held(log, POSITION, 500, 1100), "position_steps"),
     "too short for the filters": (lambda log: log.iloc[:20], "length"),
     "a few rows": (lambda log: log.iloc[:4], "length"),
 }
