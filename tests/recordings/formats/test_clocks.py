@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.recordings.epochs import EPOCHS, epoch_of
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.start import EPOCHS, epoch_of
 
 ROWS = 40
 STEPS_NS = 5_000_000 * np.arange(ROWS)

@@ -15,11 +15,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from cylinder_friction.recordings.epochs import NEVER_FALLS, epoch_of
 from cylinder_friction.recordings.formats.cells import is_value, split_cells
 from cylinder_friction.recordings.formats.logged_table import RISING_SHARE, Column, LoggedTable, named_columns
 from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.mapping.units import conversion
+from cylinder_friction.recordings.start import NEVER_FALLS, epoch_of
 from cylinder_friction.recordings.timeline.timestamps import LATEST_S
 
 DAY = np.timedelta64(1, "D")

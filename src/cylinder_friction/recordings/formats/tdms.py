@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.recordings.epochs import NEVER_FALLS
 from cylinder_friction.recordings.formats.format import Format
 from cylinder_friction.recordings.formats.logged_table import Channel, LoggedTable, numeric, table_of
 from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.mapping.units import quantity_of
-from cylinder_friction.recordings.start import Start
+from cylinder_friction.recordings.start import NEVER_FALLS, Start
 
 FIRST_ROWS = 256
 """Rows that show whether a channel is a clock."""

@@ -20,7 +20,6 @@ from cylinder_friction.recordings.columns import (
     SAMPLE_COLUMNS,
     TIME,
 )
-from cylinder_friction.recordings.epochs import epoch_of
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.mapping.channel_facts import (
     SIDES,
@@ -40,6 +39,7 @@ from cylinder_friction.recordings.mapping.units import (
     stated_rate,
 )
 from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.start import epoch_of
 
 SIDE_WORDS = {1: "piston side", 2: "rod side"}
 

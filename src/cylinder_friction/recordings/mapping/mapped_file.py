@@ -11,14 +11,13 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import QUANTITIES, TIME
-from cylinder_friction.recordings.epochs import SECONDS_SINCE_1970, epoch_of, is_future
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.mapping import units
 from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts, clocks_of
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.mapping.found_channels import find_channel, numbers
 from cylinder_friction.recordings.recording import RecordingError, Signal
-from cylinder_friction.recordings.start import Start
+from cylinder_friction.recordings.start import SECONDS_SINCE_1970, Start, epoch_of, is_future
 from cylinder_friction.recordings.timeline.timestamps import stamps_to_datetimes, stamps_to_seconds
 
 RATE_AGREES = 0.05  # a stated rate may be off that of a time channel by this share: stamps are rounded, samples lost
