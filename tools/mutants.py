@@ -101,8 +101,8 @@ MUTANTS = (
     Mutant(
         "a millimetre is a centimetre",
         "recordings/mapping/units.py",
-        '"mm": "millimeter"',
-        '"mm": "centimeter"',
+        '1e-2: "cm", 1e-3: "mm"',
+        '1e-2: "cm mm"',
         ("recordings/mapping",),
     ),
     Mutant(
