@@ -1,6 +1,5 @@
 """The served model's core: columns of raw samples in, columns of estimates out, and clear refusals."""
 
-import difflib
 import itertools
 import threading
 from collections.abc import Mapping, Sequence
@@ -73,8 +72,7 @@ def score_frame(served: ServedModel, rows: Any) -> pd.DataFrame:
     """Score a table as MLflow passes it on: a data frame whose index only counts its rows.
 
     Raises:
-        ScoringError: See ``score_columns``; or the rows have no named columns, a column twice, or an index that means
-            something.
+        ScoringError: See ``score_columns``; or the rows have no named columns, or an index that means something.
     """
     scored = score_columns(served, _columns(rows))
     texts = pd.Series(scored["flag_names"], rows.index, dtype=object)  # not copied into Arrow's text, and back
@@ -84,9 +82,6 @@ def score_frame(served: ServedModel, rows: Any) -> pd.DataFrame:
 def _columns(rows: Any) -> dict[str, Column]:
     if not isinstance(rows, pd.DataFrame):
         raise ScoringError("got no rows with named columns; expected a list of values for each column")
-    if not rows.columns.is_unique:
-        twice = sorted({str(name) for name in rows.columns[rows.columns.duplicated()]})
-        raise ScoringError(f"columns {twice} are there more than once; expected each once")
     index = rows.index
     if not (index.step == 1 if isinstance(index, pd.RangeIndex) else list(index) == list(range(len(index)))):
         raise ScoringError(
@@ -104,7 +99,7 @@ def score_columns(served: ServedModel, columns: Mapping[str, Column]) -> dict[st
         served: The model in service.
         columns: Raw samples at the model's sample time, ``served.inputs``, each of shape ``(n,)``. With ``recording``,
             names, each name is a sequence of its own, whose rows follow each other; without it all rows are one. With
-            ``time_s`` [s], the rows' times, they are checked; nothing else uses them. No other column is taken.
+            ``time_s`` [s], the rows' times, they are checked; nothing else uses them. Other columns are ignored.
 
     Returns:
         ``friction_n``: friction [N], positive when it opposes positive velocity; ``lower_n``, ``upper_n``: bounds
@@ -116,11 +111,11 @@ def score_columns(served: ServedModel, columns: Mapping[str, Column]) -> dict[st
         one's friction is free of, and its standard uncertainty [N]. All have shape ``(n,)``.
 
     Raises:
-        ScoringError: There is no row, a column is missing, unknown, of another length or not numeric, or a value is NaN
-            or infinite; a recording has no name, or comes back after another; rows that are one recording are
+        ScoringError: There is no row, a column is missing, of another length or not numeric, or a value is NaN or
+            infinite; a recording has no name, or comes back after another; rows that are one recording are
             evidently several, by their times or their positions; or a load is given that the model does not take.
     """
-    _refuse_unknown(served, columns)
+    _refuse_other_columns(served, columns)
     samples = _checked_samples(columns, served.inputs)
     recordings = _recordings(columns, len(samples))
     for rows in recordings:
@@ -138,8 +133,8 @@ def score_columns(served: ServedModel, columns: Mapping[str, Column]) -> dict[st
     return {**newtons, "flags": flags, "flag_names": names[which], "in_training_range": in_range, **learned}
 
 
-def _refuse_unknown(served: ServedModel, columns: Mapping[str, Column]) -> None:
-    """Refuse columns that change nothing: each may be one that was meant to."""
+def _refuse_other_columns(served: ServedModel, columns: Mapping[str, Column]) -> None:
+    """Refuse a load that the model would ignore, and columns without an input."""
     if LOAD_FORCE in columns and LOAD_FORCE not in served.inputs:
         load = served.model.position_load
         why = f"knows: {load.in_words()}" if load else "was trained without one and would take it for friction"
@@ -148,14 +143,9 @@ def _refuse_unknown(served: ServedModel, columns: Mapping[str, Column]) -> None:
             f"column {LOAD_FORCE!r} is given, but this model {why}; expected {list(served.inputs)}; serve a model that "
             f"has the load among its inputs, or leave the column out if {left_out}"
         )
-    known = [*served.inputs, RECORDING_COLUMN, TIME_COLUMN]
     if missing := [name for name in served.inputs if name not in columns]:
-        raise ScoringError(f"column {missing[0]!r} is missing; got {_names(columns)}, expected {list(served.inputs)}")
-    if unknown := [name for name in columns if name not in known]:
-        close = difflib.get_close_matches(unknown[0][:100], known, 1)
         raise ScoringError(
-            f"column {shown(unknown[0])} is not known{f' (is it {close[0]!r}?)' if close else ''}; got "
-            f"{_names(columns)}, expected {list(served.inputs)} and perhaps {known[-2:]}; rename it or leave it out"
+            f"column {missing[0]!r} is missing; got {shown([*columns], 400)}, expected {list(served.inputs)}"
         )
 
 
@@ -271,10 +261,6 @@ def _all_within(inside: NDArray[np.bool_], memory: int) -> NDArray[np.bool_]:
     outside_so_far = np.concatenate([[0], np.cumsum(~inside)])
     ends = np.arange(1, len(inside) + 1)
     return np.asarray(outside_so_far[ends] == outside_so_far[np.maximum(0, ends - memory)])
-
-
-def _names(columns: Mapping[str, Column]) -> str:
-    return shown([str(name) for name in columns], 400)
 
 
 def shown(value: object, length: int = SHOWN) -> str:
