@@ -23,11 +23,11 @@ from friction_benchmark.servo_rig.evaluation import EvaluationPlan
 from friction_benchmark.servo_rig.parameters import Drive, Seals, Sensors
 from friction_benchmark.servo_rig.sessions import SEED_WORD, SessionPlan, draw
 
-CONDITIONS = {  # Oil [°C], factor on dry friction, factor on the leakage past the piston
-    "warm oil, new seals": (45.0, 1.0, 1.0),
-    "warm oil, worn seals": (45.0, 0.7, 10.0),
-    "cold oil, new seals": (12.0, 1.0, 1.0),
-    "cold oil, worn seals": (12.0, 0.7, 10.0),
+CONDITIONS = {  # Oil [°C], factor on dry friction
+    "warm oil, new seals": (45.0, 1.0),
+    "warm oil, worn seals": (45.0, 0.7),
+    "cold oil, new seals": (12.0, 1.0),
+    "cold oil, worn seals": (12.0, 0.7),
 }
 NOMINAL = "warm oil, new seals"
 POSITION_GAIN_1_S = 15.0  # The rig's own
@@ -67,9 +67,9 @@ class Bench(NamedTuple):
 
 def session(condition: str, *words: int) -> Rig:
     """Return a session's rig: zeros, seals, supply and air drawn as for recordings, oil and wear of the condition."""
-    oil_c, wear, leakage = CONDITIONS[condition]
+    oil_c, wear = CONDITIONS[condition]
     seals, drive, sensors = draw(np.random.default_rng([SEED_WORD, *words]), "2", "horizontal")
-    drive = drive._replace(oil_c=oil_c, warming_c_s=0.0, cross_leakage=leakage * drive.cross_leakage)
+    drive = drive._replace(oil_c=oil_c, warming_c_s=0.0)
     return seals._replace(wear=wear * seals.wear), drive, sensors
 
 
