@@ -40,7 +40,7 @@ def flags_of(model: StepModel) -> list[Flag]:
 
 
 def stated_uncertainty_n(model: StepModel) -> float:
-    """Return the standard uncertainty of the offset before anything is learned [N]; 0 where none ever is."""
+    """Return the standard uncertainty of the offset before anything is learned [N]; 0 if none ever is."""
     return 0.0 if model.offset is None else float(model.offset.new_state()[DEVIATION])
 
 

@@ -189,7 +189,7 @@ def _numbers(name: str, values: Column) -> NDArray[np.float64]:
 
 
 def _recordings(columns: Mapping[str, Column], count: int) -> list[slice]:
-    """Return the rows of each recording; all rows are one where no recording is named."""
+    """Return the rows of each recording; all rows are one if no recording is named."""
     if RECORDING_COLUMN not in columns:
         return [slice(0, count)]
     given = columns[RECORDING_COLUMN]

@@ -85,7 +85,7 @@ def estimate_logs(
 
     Each Parquet file has a row per sample: what was measured, in SI units, ``velocity_m_s`` (extension positive),
     ``friction_n`` (positive when it opposes positive velocity), ``lower_n``, ``upper_n``, ``usable``, and
-    ``load_force_n`` where a load was taken off. Without a model friction is the off-line label, which looks ahead, less
+    ``load_force_n`` if a load was taken off. Without a model friction is the off-line label, which looks ahead, less
     the sensors' offset where strokes determine it. With one it is the real-time estimate; its ``flags`` and the label,
     ``label_n``, stand beside it. Logs whose results lie in the folder already are not processed again, unless they, or
     what friction depends on (cylinder, mapping, load, model, code), have changed.

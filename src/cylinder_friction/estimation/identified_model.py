@@ -61,7 +61,7 @@ class IdentifiedParameter:
     symbol: str
     unit: str
     meaning: str
-    value: float | None  # In its unit; None where the motion does not determine it
+    value: float | None  # In its unit; None if the motion does not determine it
     interval: tuple[float, float] | None  # Confidence interval, in its unit; None without value, or if not searched
     note: str = ""  # Why there is no value, or where it comes from if not from the search
 
@@ -103,7 +103,7 @@ class IdentifiedModel:
 def determined(
     model: LuGre, found: Identification, points: Sequence[SteadyPoint], damping_ratio: float, no_viscous: str = ""
 ) -> tuple[IdentifiedParameter, ...]:
-    """Return every parameter of the model, without a number where the motion does not determine it.
+    """Return every parameter of the model, without a number if the motion does not determine it.
 
     Args:
         model: What was identified.

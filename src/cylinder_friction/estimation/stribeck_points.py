@@ -35,7 +35,7 @@ class IdentifiedCurve:
     condition: str
     recordings: tuple[str, ...]  # Names
     points: tuple[StribeckPoint, ...]
-    curve: StribeckCurve | None  # None where the points do not determine one, and ``why_not`` states why
+    curve: StribeckCurve | None  # None if the points do not determine one, and ``why_not`` states why
     why_not: str
     no_viscous: str = ""  # Why viscous friction is not known; empty if nothing speaks against it
 
@@ -71,7 +71,7 @@ class IdentifiedCurve:
 
 
 def no_rise_seen(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> str:
-    """Return why steady sliding does not determine how friction rises towards standstill, empty where it does."""
+    """Return why steady sliding does not determine how friction rises towards standstill, empty if it does."""
     slowest_m_s = min(abs(point.velocity_m_s) for point in points)
     rise = float(curve.dry_friction(np.array([slowest_m_s]))[0]) / curve.coulomb_n - 1.0
     if is_breakaway_known(curve, points) and rise >= LEAST_RISE:

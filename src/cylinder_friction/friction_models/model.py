@@ -90,7 +90,7 @@ class FrictionModel:
             velocity_m_s: Shape ``(n,)``.
             sample_time_s: Time between two samples [s].
             state: From ``new_state``; changed in place.
-            pressure_pa: Gauge pressure that scales dry friction, shape ``(n,)``; zero where there is none.
+            pressure_pa: Gauge pressure that scales dry friction, shape ``(n,)``; zero if there is none.
 
         Raises:
             ValueError: Pressure has another shape than velocity.

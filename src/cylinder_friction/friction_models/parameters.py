@@ -20,7 +20,7 @@ class ParameterSpec:
     # Bounds of the search
     lower: float
     upper: float
-    # Start of the search; None where the Stribeck curve or the presliding stiffness gives it
+    # Start of the search; None if the Stribeck curve or the presliding stiffness gives it
     first: float | None = None
     logarithmic: bool = True  # Whether the search uses its logarithm
     # Unit of ``lower``, ``upper`` and ``first``: the parameter's own; factors of the Coulomb friction of the steady

@@ -1,4 +1,4 @@
-"""Errors of the labels against true friction, by filter, where the truth is known; nothing is trained on them."""
+"""Errors of the labels against true friction, by filter, if the truth is known; nothing is trained on them."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -23,7 +23,7 @@ class AuditRow:
     rows: int  # Number of samples
     mae_n: float  # Mean absolute error [N]
     max_n: float  # Largest absolute error [N]
-    bias_n: float  # Mean error, positive where the label is above the truth [N]
+    bias_n: float  # Mean error, positive if the label is above the truth [N]
     mean_friction_n: float  # Mean absolute true friction of the same rows [N]
     mae_percent: float  # ``mae_n`` over ``mean_friction_n`` [%]
 

@@ -71,7 +71,7 @@ def friction_label(
 ) -> Array:
     """Return friction [N], shape ``(n,)``, positive when it opposes positive velocity.
 
-    A positive load resists extension; it is 0 where there is none.
+    A positive load resists extension; it is 0 if there is none.
 
     Raises:
         RecordingError: The oil's spring is to replace or to join the pressures, but a drive force was measured.

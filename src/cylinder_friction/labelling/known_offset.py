@@ -40,12 +40,12 @@ class OffsetEvidence:
     """What one recording states and shows of its sensors' offset."""
 
     session: str
-    # Standard uncertainty of the zeros behind the driving force, as friction [N]; None where it is not stated
+    # Standard uncertainty of the zeros behind the driving force, as friction [N]; None if it is not stated
     stated_n: float | None
     vented_n: float | None  # What was taken off as read with vented chambers, as friction [N]; None without
     sliding: SlidingBlocks | None  # None without labels
     why_not: str = ""  # Why strokes do not count for the offset; empty if they do
-    uneven: str = ""  # Why what does not turn with the direction is no offset of zeros as stated; empty where it may be
+    uneven: str = ""  # Why what does not turn with the direction is no offset of zeros as stated; empty if it may be
     condition: str = ""
 
     @property
@@ -86,11 +86,11 @@ def offset_evidence(
     """Return what a labelled recording contributes.
 
     Args:
-        labelled: With friction, velocity and usable rows; where no session is known it is one by itself.
+        labelled: With friction, velocity and usable rows; if no session is known it is one by itself.
         cylinder: Its areas.
         plan: How offsets are identified.
         uneven_n, friction_n: Half the sum and half the difference of friction up and down at equal position [N].
-        why_not: Why strokes cannot show an offset; empty where they may.
+        why_not: Why strokes cannot show an offset; empty if they may.
     """
     session, zeros = labelled.metadata.session or labelled.name, labelled.metadata.zero_offset
     identified = () if LOAD_FORCE in labelled.metadata.uncertainty else (LOAD_FORCE,)  # it has no sensor
@@ -235,7 +235,7 @@ def _known(session: str, own: Sequence[OffsetEvidence], model: OffsetModel | Non
 
 
 def undetermined(found: SessionOffset, model: OffsetModel, plan: OffsetPlan) -> str:
-    """Return why strokes have not determined an offset as the plan expects friction to be, empty where they have."""
+    """Return why strokes have not determined an offset as the plan expects friction to be, empty if they have."""
     for missing, way, count in (
         ("retracting", "extending", found.strokes_retract),
         ("extending", "retracting", found.strokes_extend),

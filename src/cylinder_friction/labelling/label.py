@@ -219,7 +219,7 @@ class Labeller:
         """Return the load [N]; ``smooth`` gives the measured one, smoothed.
 
         Raises:
-            RecordingError: A load was measured where none is expected, or the other way round.
+            RecordingError: A load was measured if none is expected, or the other way round.
         """
         measured = LOAD_FORCE in recording.columns
         if measured != (self.load == "measured"):
@@ -246,7 +246,7 @@ def label(
 ) -> list[Recording]:
     """Return the recordings with velocity, friction and the mask of usable rows, as the pipeline labels them.
 
-    Adds ``velocity_m_s``, ``friction_n`` and ``usable``; ``load_force_n`` where the load is identified, and
+    Adds ``velocity_m_s``, ``friction_n`` and ``usable``; ``load_force_n`` if the load is identified, and
     ``friction_uncertainty_n`` where the sensors' uncertainty is stated. Labels look ahead: they are made off line.
 
     Args:

@@ -5,7 +5,7 @@ load at a position does not:
 
     F_drive - m·a = L(x) + F_C·sgn(v) + s_2·v + k·v·|v|
 
-L is a polynomial in position, and in those of other cylinders where it depends on them, whose orders cross-validation
+L is a polynomial in position, and in those of other cylinders if it depends on them, whose orders cross-validation
 chooses. Friction is the same in both directions over rows that clearly move: Coulomb, viscous and, where lines between
 sensors and cylinder lose pressure, quadratic friction, each term as far as strokes determine it. **A difference of
 friction between the directions that does not depend on position is indistinguishable from load**: half of it goes into
@@ -106,7 +106,7 @@ class LoadIdentification:
     # them has gone into the load
     coulomb_extend_n: float
     coulomb_retract_n: float
-    viscous_n_s_m: float  # Viscous friction [N s/m]; 0 where the speeds do not determine it
+    viscous_n_s_m: float  # Viscous friction [N s/m]; 0 if the speeds do not determine it
     viscous_interval_n_s_m: tuple[float, float]  # Its confidence interval, then (0, 0)
     load_range_n: tuple[float, float]  # Least and greatest load over the coverage [N]
     # Number of strokes
@@ -131,7 +131,7 @@ class LoadIdentification:
     def load_n(self, positions_m: Array) -> Array:
         """Return the load [N], shape ``(n,)``; outside the coverage's range that of its nearer end.
 
-        ``positions_m`` has shape ``(n, positions)``, or ``(n,)`` where the load depends on one.
+        ``positions_m`` has shape ``(n, positions)``, or ``(n,)`` if the load depends on one.
         """
         if self.around is None:
             return np.asarray(
@@ -340,7 +340,7 @@ def refuse_unlike_loads(sessions: Mapping[str, LoadIdentification], common: Posi
 
 
 def _worst_along(grid: Array, position_m: Array, values: Array) -> Array:
-    """Return the largest of the values nearest to each place of the grid, in straight lines where there is none."""
+    """Return the largest of the values nearest to each place of the grid, in straight lines if there is none."""
     nearest = np.rint((position_m - grid[0]) / (grid[1] - grid[0])).astype(np.int64)
     worst = np.full(len(grid), np.nan)
     np.fmax.at(worst, np.clip(nearest, 0, len(grid) - 1), values)
@@ -419,7 +419,7 @@ def _own_share(design: Array) -> float:
     """Return the share of velocity's square, the last column, that position and direction do not explain.
 
     Where all strokes of a direction have one speed, it is nearly zero: viscous friction is then indistinguishable from
-    Coulomb friction and, where the directions differ in speed, from a constant load.
+    Coulomb friction and, if the directions differ in speed, from a constant load.
     """
     others, velocity = design[:, :-1], design[:, -1]
     residual = velocity - others @ np.linalg.lstsq(others, velocity, rcond=None)[0]
@@ -429,7 +429,7 @@ def _own_share(design: Array) -> float:
 def _blocks(points: StrokePoints, direction: Array) -> tuple[NDArray[np.int64], Array]:
     """Return the block of each point and the direction of each block.
 
-    A stroke is a block, but where one direction has few strokes they are cut, so that each direction has about
+    A stroke is a block, but if one direction has few strokes they are cut, so that each direction has about
     ``_BLOCKS_PER_DIRECTION`` blocks or more.
     """
     piece = np.zeros(len(points), dtype=np.int64)
@@ -444,7 +444,7 @@ def _blocks(points: StrokePoints, direction: Array) -> tuple[NDArray[np.int64], 
 
 
 def _vary_by_themselves(points: StrokePoints, coverage: TravelCovered) -> bool:
-    """Return whether each of the other positions varies where the piston's own does not."""
+    """Return whether each of the other positions varies while the piston's own rests."""
     along = legendre.legvander(_scaled(points.position_m, coverage.range_m), _FOLDS)
     left_m = points.others_m - along @ np.linalg.lstsq(along, points.others_m, rcond=None)[0]
     return bool((np.sqrt(np.mean(left_m**2, axis=0)) >= LEAST_SPREAD * OTHER_REACH_M).all())

@@ -26,7 +26,7 @@ class Evidence:
     common: Array  # Of design and response, shape ``(size + 1, size + 1)``
     own: Array  # Of each group's own effects with all columns, shape ``(groups, effects, columns)``
     # The same of the sums over each stroke, those of equally many rows added up; flattened, ``(lengths, products)`` and
-    # ``(groups, lengths, products)``, the latter with zeros where a group has strokes of fewer lengths
+    # ``(groups, lengths, products)``, the latter with zeros if a group has strokes of fewer lengths
     common_strokes: Array
     own_strokes: Array
     lengths: Array  # Rows of the strokes in ``common_strokes``, shape ``(lengths,)``

@@ -14,7 +14,7 @@ stroke and noise are found by restricted maximum likelihood, all else by general
 speed, as cold oil makes fast strokes heavier.
 
 Strokes do not separate an asymmetry of a session's own from its offset, so that its standard deviation is stated and
-enters the uncertainty; few sessions do not show how large it is, and where they differ by more than that and the zeros
+enters the uncertainty; few sessions do not show how large it is, and if they differ by more than that and the zeros
 explain, it is taken to be as large as they show. Nor do strokes separate **the mean offset of all sessions from the
 asymmetry common to them**: it stays 0, as uncertain as the sensors' zeros make it, divided by the root of the number
 of sessions.
@@ -134,7 +134,7 @@ class OffsetModel:
     noise_n: float  # Standard deviation of a block [N]
     stroke_n: float  # Standard deviation of what the blocks of a stroke share [N]
     scale: float  # Standard deviation of a session's friction over that of all sessions
-    slope: float  # The same of its dependence on standardised speed; 0 where the oil's temperature explains it
+    slope: float  # The same of its dependence on standardised speed; 0 if the oil's temperature explains it
     coefficients: tuple[float, ...]  # Of friction and its common asymmetry, over ``level_n``
     precision: tuple[tuple[float, ...], ...]  # Inverse of their covariance
     common_uncertainty_n: float  # Standard uncertainty of the mean offset of all sessions [N]

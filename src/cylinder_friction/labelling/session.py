@@ -17,9 +17,9 @@ _LOAD_ORDER = 4
 class SessionIdentification:
     """What was identified in one session, and the mass that its labels use."""
 
-    moving_mass_kg: float  # The identified mass where the motion determines it, else the given one [kg]
-    load: LoadIdentification | None = None  # None where the load was not to be identified
-    motion: MotionIdentification | None = None  # None where the mass was not to be identified
+    moving_mass_kg: float  # The identified mass if the motion determines it, else the given one [kg]
+    load: LoadIdentification | None = None  # None if the load was not to be identified
+    motion: MotionIdentification | None = None  # None if the mass was not to be identified
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible values."""

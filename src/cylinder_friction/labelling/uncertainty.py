@@ -49,9 +49,9 @@ def label_uncertainty(
     resolution then does not count once more. The inertia is left out, whose uncertainty is newtons where the sensors'
     is hundreds. A sensor's zero is constant within a recording, so that averaging rows does not reduce it.
     ``load_uncertainty_n`` is the standard uncertainty (k = 1) of an identified load, one or ``(n,)``;
-    ``measured_load`` states whether ``load_force_n``, where the recording has it, is subtracted in the label.
+    ``measured_load`` states whether ``load_force_n``, if the recording has it, is subtracted in the label.
 
-    Returns None where the uncertainty of a sensor that enters the label is not stated, as unknown is not zero; that of
+    Returns None if the uncertainty of a sensor that enters the label is not stated, as unknown is not zero; that of
     a measured load may come from ``load_uncertainty_n`` instead.
     """
     areas = sensitivities(recording, cylinder)

@@ -13,7 +13,7 @@ LOAD_SHARE = 0.5
 
 
 def holds_load(load_n: float, half_difference_n: float) -> bool:
-    """Return whether a force holds a load, from what ``up_and_down`` gives; False where that is not known."""
+    """Return whether a force holds a load, from what ``up_and_down`` gives; False if that is not known."""
     return abs(load_n) > LOAD_SHARE * abs(half_difference_n)
 
 

@@ -12,7 +12,7 @@ REFERENCE_C = 40.0  # Oil temperatures that explain friction count from here [°
 OTHER_POSITIONS = ("other_position_1_m", "other_position_2_m")
 """Positions of other cylinders, on which the load may depend as well [m]."""
 DRIVE_FORCE = "drive_force_n"
-"""Force on the piston or rod, measured directly (load cell, motor current): stands in for P1·A1 - P2·A2 where a
+"""Force on the piston or rod, measured directly (load cell, motor current): stands in for P1·A1 - P2·A2 if a
 cylinder has no pressure sensors. Positive when it pushes towards extension [N]."""
 
 UNCERTAINTY_COLUMN = "friction_uncertainty_n"

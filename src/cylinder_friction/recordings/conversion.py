@@ -66,7 +66,7 @@ class Recipe:
     time: TimeRules = field(default_factory=TimeRules)
     zero: ZeroRules = field(default_factory=ZeroRules)
     start: StartRules = field(default_factory=StartRules)
-    asset: str = ""  # The machine, where the files' names do not state it
+    asset: str = ""  # The machine, if the files' names do not state it
     database: Path | None = None  # Of a bus (DBC), which files of its frames are decoded with
 
     @classmethod
@@ -75,7 +75,7 @@ class Recipe:
     ) -> Recipe:
         """Return the recipe of an ingest configuration, ``conf/ingest/*.yaml`` as nested dictionaries.
 
-        ``settings`` holds ``channels``, and where they differ from the defaults ``format``, ``csv``, ``time``,
+        ``settings`` holds ``channels``, and if they differ from the defaults ``format``, ``csv``, ``time``,
         ``screen``, ``zero``, ``start``, ``asset``, ``database`` and ``checks``. Recordings are checked against the
         cylinder's stroke and areas.
         """

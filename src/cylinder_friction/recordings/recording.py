@@ -258,7 +258,7 @@ class Recording:
         return self.with_columns(**columns, usable=usable)
 
     def usable(self) -> Mask:
-        """Return the mask of rows whose label may be used, shape ``(n,)``; all rows where there is no mask."""
+        """Return the mask of rows whose label may be used, shape ``(n,)``; all rows if there is no mask."""
         if "usable" not in self.columns:
             return np.ones(len(self), dtype=np.bool_)
         return np.asarray(self.columns["usable"], dtype=np.bool_)

@@ -111,7 +111,7 @@ START_PARTS = ("year", "month", "day", "hour", "minute", "second")
 class Start:
     """When a log's clock was at 0 s."""
 
-    at: np.datetime64  # To the nanosecond, or the day where no time of day is stated
+    at: np.datetime64  # To the nanosecond, or the day if no time of day is stated
     utc: bool  # Whether that is UTC; otherwise it is what the logger's clock showed, whose time zone is not stated
     source: str  # What states it, in words
     dated_rows: bool = False  # Whether each row states it, also behind a restart of the clock
@@ -141,7 +141,7 @@ class Start:
 
 
 def start_in_header(lines: list[str], delimiter: str) -> Start | None:
-    """Return the start that the lines above a text table's rows state; None where no date can be read in one way only.
+    """Return the start that the lines above a text table's rows state; None if no date can be read in one way only.
 
     Known are the FILETIME of the TwinCAT Scope, and lines such as ``Start time: 2026-03-27 10:15:00``, or a date and a
     time of day on lines of their own.
@@ -195,7 +195,7 @@ def start_of_parts(parts: Mapping[str, str | None], source: str) -> Start | None
 class StartRules:
     """What a mapping states about when logs were made."""
 
-    zone: str | None = None  # Of the logger's clock, such as Europe/Oslo, where the logs state none
+    zone: str | None = None  # Of the logger's clock, such as Europe/Oslo, if the logs state none
     # Regular expression on the path below the source with the groups ``year`` (two or four digits), ``month``, ``day``,
     # optionally ``hour``, ``minute`` and ``second``, for logs that state no start themselves
     pattern: str | None = None

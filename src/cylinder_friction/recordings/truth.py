@@ -1,4 +1,4 @@
-"""True friction beside a recording, where a simulated rig knows it. Only audit, comparison and gate read it."""
+"""True friction beside a recording, if a simulated rig knows it. Only audit, comparison and gate read it."""
 
 from collections.abc import Sequence
 from pathlib import Path

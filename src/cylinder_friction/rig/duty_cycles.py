@@ -15,7 +15,7 @@ EXPECTED_FRICTION_N = 350.0  # Friction that the operator allows for when choosi
 def lever_for_speed(rig: RigParameters, speed_m_s: float) -> float:
     """Return the lever that moves the piston steadily at this speed, signed, as an operator finds it by eye.
 
-    From the steady force balance with both metering edges and the throttle; full lever where that speed is out of
+    From the steady force balance with both metering edges and the throttle; full lever if that speed is out of
     reach.
     """
     y = rig.hydraulics

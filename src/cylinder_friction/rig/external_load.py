@@ -1,6 +1,6 @@
 """Forces from outside on the rod: a boom with a weight, a spring, hands that put weights on and off, a slow sine.
 
-A load is a positive force where it resists extension, as in ``friction = P1·A1 - P2·A2 - m·a - F_load``. It is
+A load is a positive force if it resists extension, as in ``friction = P1·A1 - P2·A2 - m·a - F_load``. It is
 
     F_load(t, x) = force(t) + share(t)·along(x)
 

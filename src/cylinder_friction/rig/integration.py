@@ -1,4 +1,4 @@
-"""One simulation at a fixed step, compiled: linearly implicit where it is stiff, many times faster than real time.
+"""One simulation at a fixed step, compiled: linearly implicit if it is stiff, many times faster than real time.
 
 Order within a step: flows at the old pressures; the new velocity from the momentum equation with everything that is
 stiff in it (presliding springs, damping, end stops) taken at the new velocity, which is one linear equation; the

@@ -22,7 +22,7 @@ KIND, TARGET, MOVE_S, HOLD_S, FREQUENCY_HZ, LOW_M, HIGH_M, REACTION_S, CHAINED, 
 """Columns of the table of actions; ``SHAKE`` is 1 for a free hand, less for one that rests on a stop."""
 MOVE, RAMP, SINE, APPROACH = 0.0, 1.0, 2.0, 3.0
 """Kinds: a minimum-jerk move to a target, a straight ramp, a sine that keeps to the middle of the stroke, and a move
-that is left out where the piston is there already. A move or ramp that would lead beyond its limits goes the other
+that is left out if the piston is there already. A move or ramp that would lead beyond its limits goes the other
 way instead."""
 
 ROW, TIME_S, START, BASE, SIGN, NOTICED_S = range(6)

@@ -88,7 +88,7 @@ class HydraulicParameters:
     # Meter-out throttle on port B, for outflow only [m³/s/√Pa]; inflow passes its check valve
     throttle_gain: float = 2e-6
     check_gain: float = 2e-6  # That check valve [m³/s/√Pa]
-    # Anti-cavitation valves, from the tank into either chamber; 0 where no load pulls [m³/s/√Pa]
+    # Anti-cavitation valves, from the tank into either chamber; 0 if no load pulls [m³/s/√Pa]
     makeup_gain: float = 0.0
     makeup_cracking_pa: float = 0.2e5  # So far below the tank's pressure they open [Pa]
     laminar_pressure_pa: float = 0.3e5  # Below it an orifice turns laminar [Pa]
@@ -105,7 +105,7 @@ class HydraulicParameters:
 
 @dataclass(frozen=True)
 class SensorParameters:
-    """Two pressure transmitters, a potentiometer, a Pt100 in the oil, a load cell where there is a load, the logger."""
+    """Two pressure transmitters, a potentiometer, a Pt100 in the oil, a load cell if there is a load, the logger."""
 
     sample_time_s: float = 0.005  # Logger [s]
     pressure_span_pa: float = 250e5  # Range of the transmitters [Pa]
@@ -119,7 +119,7 @@ class SensorParameters:
     pressure_drift_pa_s: tuple[float, float] = (0.0, 0.0)  # Of the offsets [Pa/s]
     pressure_lag_s: float = 0.0  # First-order lag of either transmitter [s]
     # What the line between either transmitter and its chamber loses: per flow [Pa s/m³] and per its square [Pa s²/m⁶];
-    # 0 where the transmitters are at the cylinder
+    # 0 if the transmitters are at the cylinder
     line_laminar_pa_s_m3: float = 0.0
     line_turbulent_pa_s2_m6: float = 0.0
     linearity_m: tuple[float, float] = (0.0, 0.0)  # Two half-wave amplitudes of the potentiometer's linearity error [m]

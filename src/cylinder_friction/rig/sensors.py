@@ -13,7 +13,7 @@ from cylinder_friction.rig.parameters import BAR_PA, SensorParameters
 
 LOGGER_COLUMNS = ("Time [s]", "P1 [bar]", "P2 [bar]", "Position [mm]", "Oil temperature [degC]")
 LOAD_COLUMN = "Load [N]"
-"""Logged beside them where a load cell sits on the rod; positive where the load resists extension."""
+"""Logged beside them if a load cell sits on the rod; positive if the load resists extension."""
 UNDER_RANGE = 0.01  # How far below zero a 4-20 mA transmitter is read, as a part of its span
 MM = 1e-3
 DECIMALS = 3

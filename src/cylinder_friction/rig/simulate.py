@@ -77,7 +77,7 @@ def simulate(
         duration_s: [s].
         drift: Slow factor on Coulomb friction, one value each second; 1 throughout when None.
         time_step_s: Step of the integration [s]; must divide one millisecond.
-        external_force: Load on the rod, positive where it resists extension: of time and position, or one value each
+        external_force: Load on the rod, positive if it resists extension: of time and position, or one value each
             millisecond [N]; none when None.
 
     Raises:

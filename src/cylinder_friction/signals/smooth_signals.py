@@ -104,7 +104,7 @@ def at_cylinder(recording: Recording, signal_filter: SignalFilter) -> Recording:
 
 
 def smooth_recording(recording: Recording, signal_filter: SignalFilter) -> SmoothSignals | SmoothDrive:
-    """Return the smooth signals of a recording: of its pressures, or of its drive force where it has no pressures."""
+    """Return the smooth signals of a recording: of its pressures, or of its drive force if it has no pressures."""
     recording = at_cylinder(recording, signal_filter)
     if has_pressures(recording):
         samples = np.stack([recording.column(column) for column in SAMPLE_COLUMNS]).T  # each signal contiguous
@@ -114,7 +114,7 @@ def smooth_recording(recording: Recording, signal_filter: SignalFilter) -> Smoot
 
 
 def smooth_load(recording: Recording, signal_filter: SignalFilter) -> Array | None:
-    """Return the measured load [N], shape ``(n,)``, smoothed as pressures are; None where none was measured."""
+    """Return the measured load [N], shape ``(n,)``, smoothed as pressures are; None if none was measured."""
     if LOAD_FORCE not in recording.columns:
         return None
     return signal_filter.smooth_force(recording.column(LOAD_FORCE), recording.sample_time_s)

@@ -57,8 +57,8 @@ class LearningData:
     validation: list[Recording]
     calibration: list[Recording]
     inputs: tuple[str, ...]  # Columns of a sample
-    position_load: PositionLoad | None  # The load that position decides; None where it does not
-    tracker: OffsetTracker | None  # How an estimator learns the sensors' offset; None where none was identified
+    position_load: PositionLoad | None  # The load that position decides; None if it does not
+    tracker: OffsetTracker | None  # How an estimator learns the sensors' offset; None if none was identified
     datasets: dict[str, Dataset]  # Each folder read, by role
 
     @classmethod

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def run(params: Params) -> RunRecord:
     """Read ``data/interim/recordings``, write ``data/interim/signals``; the raw columns stay as they are.
 
-    Adds ``pressure_1_smooth_pa``, ``pressure_2_smooth_pa``, ``velocity_m_s`` and ``acceleration_m_s2``; where a drive
+    Adds ``pressure_1_smooth_pa``, ``pressure_2_smooth_pa``, ``velocity_m_s`` and ``acceleration_m_s2``; if a drive
     force stands in for the pressures, ``drive_force_smooth_n`` in place of the first two; and of a measured load
     ``load_force_smooth_n``. They are stored in single precision, thousands of times finer than any sensor's step.
     ``filters.json`` beside the recordings holds the method and the settings of every method.

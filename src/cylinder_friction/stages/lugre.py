@@ -80,7 +80,7 @@ def _effort_on_all(settings: LugreParams, recordings: Sequence[Recording]) -> Se
 
 
 def _parameters(identified: Mapping[str, Identification]) -> Table:
-    """Return every identified parameter with its interval, where it has one; names carry their units."""
+    """Return every identified parameter with its interval, if it has one; names carry their units."""
     return by_columns(
         {"estimator": kind, "parameter": name, "value": value}
         | dict(zip(("lower", "upper"), found.intervals.get(name, (None, None)), strict=True))

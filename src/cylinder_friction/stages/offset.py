@@ -115,7 +115,7 @@ def _corrected(
 
 
 def _not_shown(model: OffsetModel, plan: OffsetPlan) -> str:
-    """Return why strokes of the training sessions do not show their offsets, empty where they do."""
+    """Return why strokes of the training sessions do not show their offsets, empty if they do."""
     reasons = [why for found in model.sessions.values() if (why := undetermined(found, model, plan))]
     return f"offsets are not identified: {reasons[0]}" if len(reasons) > ODD_SHARE * len(model.sessions) else ""
 

@@ -50,14 +50,14 @@ class ExportedFmu:
     path: Path  # The file
     name: str  # Model identifier
     token: str  # Hash of the model: GUID in FMI 2.0, instantiation token in FMI 3.0
-    binary: str | None  # Path of the binary inside, or None where there are sources only
-    note: str  # What is inside, and why no binary where there is none
+    binary: str | None  # Path of the binary inside, or None if there are sources only
+    note: str  # What is inside, and why no binary if there is none
 
 
 def export_fmu(
     estimator: FrictionEstimator, path: Path, fmi: FmiVersion = 2, precision: Precision = "double"
 ) -> ExportedFmu:
-    """Write the FMU of a fitted estimator: sources, and a binary for this computer where a C compiler is found.
+    """Write the FMU of a fitted estimator: sources, and a binary for this computer if a C compiler is found.
 
     Args:
         estimator: Of any kind that can be exported to C.
@@ -109,7 +109,7 @@ def export_model_fmu(
 
 
 def model_identifier(stem: str) -> str:
-    """Return a file's name as a C identifier in lower case, ``friction_`` before it where it could not be one.
+    """Return a file's name as a C identifier in lower case, ``friction_`` before it if it could not be one.
 
     Names that begin with fmi or fmu belong to the C around the estimator.
 
@@ -157,7 +157,7 @@ def _token(description: str, sources: Mapping[str, bytes]) -> str:
 
 
 def _binary(name: str, sources: Mapping[str, bytes], fmi: FmiVersion) -> tuple[str | None, bytes, str]:
-    """Return path and bytes of the binary, and a sentence on it; None where this computer cannot make one."""
+    """Return path and bytes of the binary, and a sentence on it; None if this computer cannot make one."""
     system, machine = SYSTEMS.get(platform.system()), BITS_64.get(platform.machine().lower())
     if system is None or machine is None:
         return None, b"", "sources only: FMI has no name for this computer; the host program must compile them"

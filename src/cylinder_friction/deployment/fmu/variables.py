@@ -100,7 +100,7 @@ def fmu_variables(model: StepModel) -> tuple[FmuVariable, ...]:
 
 
 def _offset(model: StepModel) -> tuple[list[FmuVariable], list[FmuVariable]]:
-    """Return the parameters that state a known offset, and what has been learned of it; none where none is learned."""
+    """Return the parameters that state a known offset, and what has been learned of it; none if none is learned."""
     if model.offset is None:
         return [], []
     stated = f"below 0: as stated for the sensors, {stated_uncertainty_n(model):.3g} N"

@@ -1,4 +1,4 @@
-"""A Stribeck curve where the points of steady sliding determine one, and the reason where they do not."""
+"""A Stribeck curve if the points of steady sliding determine one, and the reason if they do not."""
 
 from collections.abc import Sequence
 
@@ -36,7 +36,7 @@ def is_breakaway_known(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> b
 
 
 def undetermined(points: Sequence[SteadyPoint]) -> str:
-    """Return why points of steady sliding, at least one, do not determine friction at all, empty where they do."""
+    """Return why points of steady sliding, at least one, do not determine friction at all, empty if they do."""
     opposing = [point for point in points if point.friction_n * point.velocity_m_s > 0.0]
     if len(opposing) < OPPOSING * len(points):
         return (

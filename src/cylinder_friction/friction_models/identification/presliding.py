@@ -18,7 +18,7 @@ def bristle_stiffness(recordings: Sequence[Recording], coulomb_n: float, slowest
 
     Between sliding one way and the other, friction rises almost linearly with travel until the bristles slip.
     At a few hundred samples a second and tens of micrometres of position resolution this is a start for the
-    search and no more; where there is no clean reversal, ``coulomb_n`` over 50 micrometres stands in.
+    search and no more; if there is no clean reversal, ``coulomb_n`` over 50 micrometres stands in.
     Rises are measured while friction is below 0.8 ``coulomb_n``; rows slower than ``slowest_m_s`` are at standstill.
     """
     slopes = [slope for recording in recordings for slope in _reversal_slopes(recording, 0.8 * coulomb_n, slowest_m_s)]

@@ -94,7 +94,7 @@ def identify(
         recordings: Labelled recordings (columns ``velocity_m_s``, ``friction_n``, ``usable``), one sample time.
         velocities: Candidates by name: functions from a recording to the velocity that drives the model, zero at
             standstill [m/s].
-        pressure: From a recording to the pressure that scales dry friction [Pa]; None where the model
+        pressure: From a recording to the pressure that scales dry friction [Pa]; None if the model
             uses none.
         effort: Budget of the search.
         mass_kg: Moving mass [kg].

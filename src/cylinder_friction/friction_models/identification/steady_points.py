@@ -46,7 +46,7 @@ class StribeckPoint(SteadyPoint):
 
     @property
     def known_half_width_n(self) -> float | None:
-        """``half_width_n``, None where it is not known."""
+        """``half_width_n``, None if it is not known."""
         return None if math.isnan(self.half_width_n) else self.half_width_n
 
 

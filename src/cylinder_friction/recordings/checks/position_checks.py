@@ -101,7 +101,7 @@ def _driving_force(columns: Mapping[str, Array], limits: CheckLimits) -> Array |
 def _contradictions(
     pushed: Array, position_m: Array, time_s: Array, known: Mask, rows: NDArray[np.int64], least_m: float
 ) -> list[tuple[int, int, str]]:
-    """Return first row, the one behind the last, and words of each contradiction where the load is ``known``.
+    """Return first row, the one behind the last, and words of each contradiction if the load is ``known``.
 
     ``pushed`` is the force less the load over friction; a motion counts from ``least_m`` on.
     """
@@ -228,7 +228,7 @@ def _height(x_m: Array, first: int, last: int, line: int) -> float:
 
 
 def _still(x_m: Array, time_s: Array, rows: int, stroke_m: float) -> Finding:
-    """Note where the position is exactly the same for ``rows`` or more, although it has noise elsewhere, also at rest.
+    """Note if the position is exactly the same for ``rows`` or more, although it has noise elsewhere, also at rest.
 
     Noise goes up and down at almost every sample; steps of a converter do not, nor does a motion.
     """

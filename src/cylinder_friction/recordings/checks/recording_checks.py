@@ -73,7 +73,7 @@ class _Survey:
 def _unexplained(values: Array, runs: NDArray[np.int64], step: float) -> Array:
     """Return the share of each constant stretch that a converter of this step does not explain, shape ``(m,)``.
 
-    Between two neighbouring steps nothing is; at an end of the recording, where the next value is not known, half.
+    Between two neighbouring steps nothing is; at an end of the recording, if the next value is not known, half.
     """
     start, end, last = runs[:, 0], runs[:, 1], len(values) - 1
     before, behind = (np.abs(values[at] - values[start]) for at in (np.maximum(start - 1, 0), np.minimum(end, last)))

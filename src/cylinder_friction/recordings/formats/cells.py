@@ -17,7 +17,7 @@ MISSING = (
     "", "nan", "NaN", "NAN", "-nan", "-NaN", "NA", "N/A", "n/a", "null", "NULL", "Null", "None", "-", "--", "---",
     "#N/A", "#NV", "nan(ind)", "-nan(ind)", "1.#IND", "-1.#IND", "1.#QNAN", "-1.#QNAN", "EOF",
 )  # fmt: skip
-"""What loggers write where a sample is missing; ``1.#IND`` and the like are what C libraries on Windows print for NaN,
+"""What loggers write if a sample is missing; ``1.#IND`` and the like are what C libraries on Windows print for NaN,
 ``EOF`` stands below a column that ends before others."""
 
 OVER_RANGE = (

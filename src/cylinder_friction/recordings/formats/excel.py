@@ -18,7 +18,7 @@ _AS_TEXT = CsvOptions(delimiter="\t", decimal=".", encoding="utf-8")
 def read_excel(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
     """Return one table per sheet, several if it has several time columns. A formula is read as its last value.
 
-    A sheet without rows of numbers is left out; where none has any, the reason of the first is given.
+    A sheet without rows of numbers is left out; if none has any, the reason of the first is given.
     """
     import openpyxl
 

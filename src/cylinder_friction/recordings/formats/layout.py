@@ -51,7 +51,7 @@ class Layout:
     """Of a text table."""
 
     delimiter: str  # One character or ``whitespace``
-    decimal: str | None  # ``.`` or ``,``; None where the rows looked at hold whole numbers only
+    decimal: str | None  # ``.`` or ``,``; None if the rows looked at hold whole numbers only
     names: list[str]  # '' for a last column that only a delimiter at the end of each row makes
     units: dict[str, str]  # By name
     first_row: int  # Lines above the first row

@@ -25,7 +25,7 @@ class LoggedTable:
     channels: pd.DataFrame
     # The unit that the file itself states, by channel; a channel without one is absent
     units: Mapping[str, str] = field(default_factory=dict)
-    name: str = ""  # Of the table or group within the file; empty where the file has only one
+    name: str = ""  # Of the table or group within the file; empty if the file has only one
     unread: tuple[str, ...] = ()  # Names of channels that were there but not asked for
     notes: tuple[str, ...] = ()  # What the reader repaired, one sentence each, for example a last line that was cut off
     start: Start | None = None  # When its clock was at 0 s, as the file states it beside the rows

@@ -22,7 +22,7 @@ EVEN_SHARE = 1e-3
 
 
 def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Return one table a group, or several where a group's channels differ in length or rate.
+    """Return one table a group, or several if a group's channels differ in length or rate.
 
     Waveforms carry their time as properties: ``wf_increment`` and ``wf_start_offset`` make a channel ``time`` [s]. It
     counts from the earliest ``wf_start_time`` in the file, so that groups keep their distance in time.

@@ -103,7 +103,7 @@ class ZeroRules:
     steady_pa: float = 0.5e5
     still_m: float = 5e-4  # Within a vented stretch the position stays within this, averaged alike [m]
     minimum_s: float = 2.0  # A shorter stretch is none [s]
-    # A zero further off than this many times the sensor's accuracy is trapped pressure, or a broken sensor; where the
+    # A zero further off than this many times the sensor's accuracy is trapped pressure, or a broken sensor; if the
     # accuracy is not stated, the band alone decides
     accuracy_factor: float = 2.0
 

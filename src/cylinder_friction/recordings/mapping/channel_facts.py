@@ -239,7 +239,7 @@ def suspicion(column: str, unit: str, channel: ChannelFacts) -> str:
 
 
 def position_sign(chosen: Mapping[str, ChannelFacts]) -> tuple[int, str]:
-    """Return 1, or -1 with a sentence for the user where the position seems to count the other way.
+    """Return 1, or -1 with a sentence for the user if the position seems to count the other way.
 
     Friction takes work and gives none: with F = P1 - r·P2, less a cubic of position (any load that position alone
     decides), the residual must have the sign of the direction of motion.
@@ -263,7 +263,7 @@ def position_sign(chosen: Mapping[str, ChannelFacts]) -> tuple[int, str]:
 
 
 def _force_with_direction(force: Array, position: Array) -> float:
-    """Return the part of a force that changes sign with the direction of motion, 0 where it is not significant."""
+    """Return the part of a force that changes sign with the direction of motion, 0 if it is not significant."""
     travel = float(np.ptp(position)) if len(position) else 0.0
     if travel == 0.0:
         return 0.0

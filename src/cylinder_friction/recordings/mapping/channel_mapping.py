@@ -27,11 +27,11 @@ class SensorScale:
     range: tuple[float, float]
     unit: str  # Of ``range``, for example bar
     # What the channel holds at the two ends of ``range``, in the channel's own unit: (4, 20) mA, (0, 10) V, (0, 4095)
-    # counts. None where the logger has done that sum already.
+    # counts. None if the logger has done that sum already.
     signal: tuple[float, float] | None = None
     bits: int | None = None  # Of the converter that spreads ``range`` over 2^bits steps, if known
     accuracy_percent: float | None = None  # Stated accuracy, ± percent of full scale, if known
-    # Standard uncertainty (k = 1) of the zero, in ``unit``, where a calibration states it; it takes the accuracy's
+    # Standard uncertainty (k = 1) of the zero, in ``unit``, if a calibration states it; it takes the accuracy's
     # place for the zero, and the accuracy then holds for the span alone
     zero_uncertainty: float | None = None
     # How late its signal is, for example by the filter of its amplifier [s]; taken off its time stamps
@@ -81,7 +81,7 @@ class SensorScale:
     def reading(self, signal: Array) -> Array:
         """Return what the sensor reads, in ``unit``, from its electrical signal: linear, and beyond the ends too.
 
-        The signal itself is returned where the logger has done that sum already.
+        The signal itself is returned if the logger has done that sum already.
         """
         if self.signal is None:
             return signal
@@ -115,7 +115,7 @@ class ChannelMapping:
     # What the logger writes it in: a unit of the column's quantity, or V, mA or count with a ``sensor``. Empty only for
     # a time channel that holds dates.
     unit: str = ""
-    sign: int = 1  # -1 where the sensor is mounted backwards, so that extension and what drives it are positive
+    sign: int = 1  # -1 if the sensor is mounted backwards, so that extension and what drives it are positive
     table: str = ""  # Name of the file's table that holds the channel; needed where its name occurs in several
     # Channel that stamps this one, where tables have their own; by default the channel of ``time_s``, out of this one's
     # own table
@@ -123,7 +123,7 @@ class ChannelMapping:
     time_unit: str = ""  # Of that channel, if the file does not state it
     reference: units.Reference = "gauge"  # What pressure is counted from; a unit such as ``bara`` states it itself
     sensor: SensorScale | None = None  # What the channel's signal means, and what the sensor can read
-    # What the sensor reads where the column is to be zero, in the sensor's unit: of a position sensor, its reading with
+    # What the sensor reads if the column is to be zero, in the sensor's unit: of a position sensor, its reading with
     # the rod in
     offset: float = 0.0
     # Of ``time_s`` alone, in place of a channel: rows come at this rate, the first at 0 s [Hz]
@@ -183,7 +183,7 @@ class ChannelMapping:
         return self.reference == "absolute" or units.stated_reference(self.reading_unit) == "absolute"
 
     def column_values(self, raw: Array, column: str) -> Array:
-        """Return a channel's cells as the column's values; the array itself where there is nothing to convert."""
+        """Return a channel's cells as the column's values; the array itself if there is nothing to convert."""
         reading = raw if self.sensor is None else self.sensor.reading(raw)
         zeroed = reading if self.offset == 0.0 else reading - self.offset
         return self.counted(units.to_column_unit(zeroed, self.reading_unit, column))

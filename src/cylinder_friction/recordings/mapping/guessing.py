@@ -59,13 +59,13 @@ class GuessedColumn:
 
     column: str
     channel: ChannelFacts | None  # The best guess; None if nothing fits
-    unit: str = ""  # Of that channel; empty where it holds dates
+    unit: str = ""  # Of that channel; empty if it holds dates
     sign: int = 1
     # reasons, checks: For the guess, and what the user should look at, one sentence each
     reasons: tuple[str, ...] = ()
     checks: tuple[str, ...] = ()
     others: tuple[ChannelFacts, ...] = ()  # Other channels that could be meant, best first
-    fitting: tuple[str, ...] | None = None  # Units that the values fit; None where the unit is stated or given
+    fitting: tuple[str, ...] | None = None  # Units that the values fit; None if the unit is stated or given
     rate_hz: float | None = None  # Of time, if it is given in place of a channel
 
     @property
@@ -141,7 +141,7 @@ def guess_mapping(
     forces = (LOAD_FORCE,) if any(column in chosen for column in SIDES) else (DRIVE_FORCE, LOAD_FORCE)
     for column in (*forces, OIL_TEMPERATURE):
         _take_first_free(column, ranked, chosen)
-    # A force stands in where no pressure was found.
+    # A force stands in if no pressure was found.
     driven_by = (DRIVE_FORCE,) if DRIVE_FORCE in chosen else PRESSURES
     wanted = [TIME, *driven_by, POSITION, *(column for column in (LOAD_FORCE, OIL_TEMPERATURE) if column in chosen)]
     chosen = {column: channel for column, channel in chosen.items() if column in wanted}
@@ -314,7 +314,7 @@ class _GuessedUnit:
 def _unit(
     column: str, chosen: Mapping[str, ChannelFacts], cylinder: Cylinder | None, units: Mapping[str, str]
 ) -> _GuessedUnit:
-    """Return the unit, the reasons for it, what to check about it, and all that fit where it is stated nowhere."""
+    """Return the unit, the reasons for it, what to check about it, and all that fit if it is stated nowhere."""
     channel, given = chosen.get(column), units.get(QUANTITIES[column])
     if channel is None or channel.dates:
         return _GuessedUnit(reasons=("holds dates",))

@@ -82,7 +82,7 @@ def stamps_to_seconds(stamps: pd.Series[Any] | NDArray[Any], origin: pd.Timestam
 
 
 def stamps_to_datetimes(dates: pd.Series[Any]) -> NDArray[np.datetime64]:
-    """Return dates as ``datetime64[ns]``, in UTC where they have a time zone."""
+    """Return dates as ``datetime64[ns]``, in UTC if they have a time zone."""
     plain = dates.dt.tz_convert(None) if isinstance(dates.dtype, pd.DatetimeTZDtype) else dates
     return plain.to_numpy(dtype="datetime64[ns]")
 
