@@ -1,6 +1,7 @@
 """A candidate for the champion's place in a written pipeline, and what the registry holds then."""
 
 import json
+from collections.abc import Sequence
 from multiprocessing.synchronize import Barrier
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from cylinder_friction.tracking.registry import REGISTERED_FILE, register
 from cylinder_friction.tracking.store import tracking_uri
 
 NAME = "friction-estimator"
+PIPELINE = {"recipe": "default", "seed": "2", "changes": "none"}
 
 
 _MEASURED: dict[str, dict[str, float]] = {}  # What a model of that hash would be measured to have
@@ -36,6 +38,7 @@ def candidate_in(root: Path, errors: dict[str, float] | None = None, tolerance_p
         {folder: hashes_in(root)[folder] for folder in folders},
         shaping_params(read_yaml(root / "params.yaml")),
         {"pressure_1_pa": [1e6, 1.1e6], "pressure_2_pa": [9e5, 9e5], "position_m": [0.12, 0.121]},
+        PIPELINE,
     )
     _MEASURED[candidate.model_md5] = candidate.errors_percent
     return candidate
@@ -56,7 +59,8 @@ def registered_in(root: Path, errors: dict[str, float] | None = None, tolerance_
         {"tolerance_percent": tolerance_percent},
         metrics=error_metrics(candidate.errors_percent, "label"),
         artifacts=(REGISTERED_FILE.as_posix(),),
-        datasets={"test": Dataset("data/processed/test", dvc_hash(root / "data/processed/test"), {}, 1)},
+        datasets={"test": Dataset("data/processed/test", dvc_hash(root / "data/processed/test"), {}, 2)},
+        pipeline=PIPELINE,
     )
     (root / "reports/runs/register.json").write_text(json.dumps(record.to_dict()), encoding="utf-8")
     log_run(record, root)
@@ -69,6 +73,14 @@ def register_together(root: Path, errors_of: dict[str, dict[str, float]], barrie
     candidate = candidate_in(root, errors_of[dvc_hash(root / "models/hybrid")])
     barrier.wait()
     register(candidate, root, measured)
+
+
+def race(roots: Sequence[Path], errors_of: dict[str, dict[str, float]], barrier: Barrier) -> None:
+    """Register the model of each repository in turn; others, which register at the same moment, meet at the barrier."""
+    for root in roots:
+        register_together(root, errors_of, barrier)
+        barrier.wait()  # whoever looks between two rounds finds both decided
+        barrier.wait()
 
 
 def other_model(root: Path) -> None:

@@ -29,6 +29,7 @@ def champion_root(
         hashes_in(root),
         {"train": {"seed": 2}},
         {name: first.column(name)[:800].tolist() for name in ("pressure_1_pa", "pressure_2_pa", "position_m")},
+        {"recipe": "default"},
     )
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)

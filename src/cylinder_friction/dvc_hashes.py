@@ -13,7 +13,7 @@ LOCK_FILE = "dvc.lock"
 
 
 def locked_hashes(text: str) -> dict[str, str]:
-    """Return ``{path: md5}`` of every output and dependency in a ``dvc.lock``; outputs have the last word.
+    """Read ``{path: md5}`` of every output and dependency in a ``dvc.lock``; outputs have the last word.
 
     Raises:
         ValueError: It is not as DVC writes it.
@@ -48,14 +48,14 @@ def dvc_hash(path: Path) -> str:
     return str(found.hash_info.value)
 
 
-def known_hash(path: Path) -> str:
-    """Return DVC's hash of a path relative to the current directory.
+def known_hash(path: Path, root: Path = Path()) -> str:
+    """Look up DVC's hash of a file or folder below ``root``.
 
     While DVC runs a stage, ``dvc.lock`` states the hash of everything that earlier stages wrote, so nothing is read.
     Otherwise the files are hashed.
     """
-    stated = hashes_in(Path()) if "DVC_STAGE" in os.environ else {}
-    return stated.get(path.as_posix()) or dvc_hash(path)
+    stated = hashes_in(root) if "DVC_STAGE" in os.environ else {}
+    return stated.get(path.relative_to(root).as_posix()) or dvc_hash(path)
 
 
 def data_hashes(folders: Sequence[str]) -> dict[str, str]:

@@ -34,17 +34,17 @@ STAGES = (
 RUNS_FOLDER = Path("reports/runs")
 """One ``<stage>.json`` each: the stage's ``RunRecord``."""
 _CIRCUMSTANCES = ("took", "commit", "pipeline")
-"""Fields of a record that do not count when two records are compared."""
+"""Fields that do not count when two records are compared: the same results at another commit are the same run."""
 
 
 def records_in(root: Path) -> dict[str, RunRecord]:
-    """Read the records of the stages in a repository, by stage; leave out those that cannot be read."""
+    """Read the records of the stages in a repository, by stage; leave out records that cannot be read."""
     records = {}
     for stage in STAGES:
         try:
             content = json.loads((root / RUNS_FOLDER / f"{stage}.json").read_text(encoding="utf-8"))
             records[stage] = RunRecord.from_dict(content)
-        except (OSError, ValueError, TypeError, AttributeError, RecursionError):
+        except (OSError, ValueError, TypeError, AttributeError):  # missing, or cut off
             continue
     return records
 
@@ -77,18 +77,17 @@ class RunRecord:
     Attributes:
         name: The stage, or the trial of a search.
         params: Its parameters.
-        metrics: What came out: one number each; what comes before a ``/`` in a name groups them.
-        curves: What came out step by step: a list per name, one value per step (epoch, trial).
-        tables: What came out by condition, estimator, ...
-        note: What came out in words, as Markdown.
-        tags: Further words about it.
+        metrics: Results, one number each; what comes before a ``/`` in a name groups them.
+        curves: Results by step (epoch, trial): a list per name.
+        tables: Results by condition, estimator, ...
+        note: Results in words, as Markdown.
+        tags: Further words.
         artifacts: Files and folders to log, relative to the repository root.
-        datasets: Recordings that it read, by role (train, validation, test).
-        children: Runs below it, for example the trials of a search.
-        code: Hash of the code that ran, of the stage's module and all that it imports; empty if it is not known.
-        experiment: Which of the project's MLflow experiments it lies in: the recipe's, empty for the default.
-        took: When it ran and what it cost. It is not part of the key, nor are the next two.
-        commit: The commit that it ran at, as tags of its run.
+        datasets: Recordings that the stage read, by role (train, validation, test).
+        children: Runs below this one, for example the trials of a search.
+        experiment: The MLflow experiment: the recipe's name, empty for the default.
+        took: When the stage ran and what it cost. The key leaves out this field and the next two.
+        commit: The commit that the stage ran at, as tags of its run.
         pipeline: Parameters of the pipeline's run, which ``compare`` and ``register`` state: recipe, seeds, what
             differs from the default recipe.
     """
@@ -104,7 +103,6 @@ class RunRecord:
     datasets: dict[str, Dataset] = field(default_factory=dict)
     children: tuple[RunRecord, ...] = ()
     experiment: str = ""
-    code: str = ""
     took: Took | None = None
     commit: dict[str, str] = field(default_factory=dict)
     pipeline: dict[str, Scalar] = field(default_factory=dict)

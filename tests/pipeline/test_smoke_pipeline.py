@@ -3,12 +3,16 @@
 import json
 import re
 import shutil
+import sys
 from pathlib import Path
+from urllib.request import Request, urlopen
 
 import mlflow
 import pytest
 import yaml
 
+from cylinder_friction.deployment.child_server import child_server
+from cylinder_friction.execution.ports import free_port
 from cylinder_friction.files.whole_files import hash_of
 from cylinder_friction.run_record import STAGES
 from pipeline_workspace import MAKE, PROJECT, commit, copy_of, run, run_here
@@ -90,7 +94,8 @@ def test_every_stage_has_its_run_and_every_trial_its_child_run(finished_pipeline
     parent = named["search"].info.run_id
     children = [run for run in runs if run.data.tags.get("mlflow.parentRunId") == parent]
     assert len(children) == 3
-    execution = named["smoke"].info
+    (execution,) = (run.info for run in runs if run.data.tags.get("stage") == "pipeline")
+    assert re.fullmatch(r"smoke \([0-9a-f]{7}\)", execution.run_name), "two executions of a recipe differ in the commit"
     for stage in STAGES:
         ran = named[stage]
         assert ran.data.tags["mlflow.parentRunId"] == execution.run_id
@@ -163,6 +168,17 @@ def test_track_fills_an_empty_store_from_a_pulled_clone_without_duplicates(
     shown = run_here(clone, "cylinder-friction", "promote", str(versions[0].version))
     assert shown.stdout == f"{MODEL}: champion was none, is version {versions[0].version}\n"
     assert "links hold" in run_here(clone, "cylinder-friction", "lineage").stdout
+    port, rows = free_port(), clone / "models/registered.json"
+    command = [sys.executable, "-m", "mlflow", "models", "serve", "--model-uri", f"models:/{MODEL}@champion"]
+    command += ["--env-manager", "local", "--port", str(port)]
+    given = {"MLFLOW_TRACKING_URI": f"sqlite:///{clone / 'mlflow.db'}"}
+    with child_server(command, f"http://127.0.0.1:{port}/ping", cwd=tmp_path, environment=given):
+        example = json.loads(rows.read_text(encoding="utf-8"))["candidate"]["example"]
+        body = json.dumps({"dataframe_split": {"columns": [*example], "data": [*zip(*example.values(), strict=True)]}})
+        asked = Request(f"http://127.0.0.1:{port}/invocations", body.encode(), {"Content-Type": "application/json"})
+        answer = json.load(urlopen(asked, timeout=60.0))["predictions"]
+    assert len(answer) == len(example["position_m"])
+    assert answer[-1]["lower_n"] < answer[-1]["friction_n"] < answer[-1]["upper_n"]
 
 
 def test_a_bad_configuration_is_refused_before_any_stage_does_anything(finished_pipeline: Path, tmp_path: Path) -> None:

@@ -6,12 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
+from cylinder_friction.evaluation.comparison import compare
 from cylinder_friction.reporting.comparison_tables import (
     difference_table,
     error_table,
     hyperparameter_table,
     markdown_tables,
 )
+from made_comparison import SETTINGS, OffsetEstimator
 
 
 def test_the_error_table_states_its_denominator_and_marks_the_smallest(compared, strokes):
@@ -44,6 +46,16 @@ def test_markdown_keeps_its_columns_though_heads_hold_bars(compared, strokes):
     published = markdown_tables(compared(hybrid=1.0, lugre=40.0), published=True)
     assert published.endswith("| Published: hybrid (other data) | 5.76 % | 6.35 % | 8.84 % | 5.57 % |\n")
     assert "Published" not in text
+
+
+def test_of_one_session_the_smallest_alone_is_marked_and_the_table_says_that_it_shows_little(strokes):
+    estimators = {name: OffsetEstimator(offset).fit(strokes) for name, offset in (("hybrid", 1.0), ("lugre", 1.1))}
+    text = markdown_tables(compare(estimators, strokes[:1], SETTINGS, None))
+    assert text.startswith(
+        "1 held-out session. Bold: the smallest error of a condition. No condition has two held-out sessions, so that "
+        "nothing shows whether it is clearly the smallest."
+    )
+    assert [line.startswith("| Hybrid") for line in text.splitlines() if "**" in line] == [True]
 
 
 def test_what_equals_the_label_says_so_in_both_tables_and_is_never_marked(compared, strokes):

@@ -204,6 +204,14 @@ def test_what_is_to_be_identified_in_any_case_and_cannot_be_is_refused(workplace
         run(identify="always")
 
 
+def test_a_role_without_sessions_has_a_folder_that_is_not_empty(workplace: Path) -> None:
+    write_json(SPLIT_FILE, {**read_json(SPLIT_FILE), "calibration": []})
+    run(identify="never")
+    (note,) = PROCESSED_FOLDERS["calibration"].iterdir()
+    assert note.read_text(encoding="utf-8") == "No session has the role calibration.\n", "DVC warns of an empty folder"
+    assert read_stored(PROCESSED_FOLDERS["calibration"]) == []
+
+
 def test_a_recording_without_usable_rows_goes_no_further(workplace: Path) -> None:
     name = read_json(SPLIT_FILE)["train"][0]
     (recording,) = [each for each in read_stored(LABELLED_FOLDER) if each.name == name]

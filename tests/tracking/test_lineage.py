@@ -166,7 +166,6 @@ def in_origin(key: str, value: object) -> Callable[[Path], None]:
     return tamper
 
 
-OTHER_RUN = "UPDATE model_versions SET run_id = (SELECT run_uuid FROM runs WHERE name = ?)"
 DATA = ("data raw/rig", "data processed/train", "data processed/validation", "data processed/test")
 TAMPERING: dict[str, tuple[Callable[[Path], object], set[str]]] = {
     "scoring code": (in_file("scoring.py", "import", "import os\nimport"), {"files"}),
@@ -179,11 +178,10 @@ TAMPERING: dict[str, tuple[Callable[[Path], object], set[str]]] = {
     "lineage.json, other data": (in_origin("data", {"data/raw/rig": "0" * 32}), {"files", "data raw/rig"}),
     "lineage.json, other parameters": (in_origin("params_sha256", "0" * 64), {"files", "parameters"}),
     "tag of the files": (in_tag("hash_files", "0" * 64), {"files"}),
-    "tag of the commit": (in_tag("commit", "0" * 40), {"git commit"}),
     "where the version lies": (stored_elsewhere, {"files"}),
-    "the version's run": (in_store(OTHER_RUN, "search"), {"run"}),
     "the run": (run_deleted, {"run"}),
-    "all files": (lambda root: shutil.rmtree(root / "mlartifacts"), {"files", "run", "git commit", "parameters"}),
+    "all files": (lambda root: shutil.rmtree(root / "mlartifacts"), {"files"}),
+    "lineage.json, cut off": (lambda root: logged(root, "lineage.json").write_text("{", "utf-8"), {"files"}),
 }  # fmt: skip
 
 

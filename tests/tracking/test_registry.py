@@ -196,7 +196,7 @@ def test_a_version_whose_machine_stopped_holds_nobody_up_for_ever_and_does_not_p
     monkeypatch.setattr(registry, "_write_decision", overtaken)
     monkeypatch.setattr("cylinder_friction.tracking.store._turn", lambda *_: nullcontext())
     with pytest.raises(
-        TrackingError, match="another machine went on without it, and nothing was promoted; run `dvc rep"
+        TrackingError, match="another machine went on without this one; nothing was promoted; run `dvc r"
     ):
         register(slow, pipeline, measured)
     assert versions(pipeline)[0].tags["decision"] == "abandoned"

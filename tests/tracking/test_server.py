@@ -3,6 +3,7 @@
 import multiprocessing
 import os
 import shutil
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from mlflow import MlflowClient
 
-from candidates import NAME, other_model, register_together, registered_in, versions
+from candidates import NAME, other_model, race, register_together, registered_in, versions
 from cylinder_friction.dvc_hashes import dvc_hash
 from cylinder_friction.tracking.lineage import lineage
 from cylinder_friction.tracking.track import track
@@ -40,6 +41,37 @@ def test_runs_registry_and_lineage_work_over_http(server: str, pipeline: Path) -
     assert found.holds, found.text()
     assert not (pipeline / "mlartifacts").exists(), "nothing goes to the local store"
     assert os.environ["MLFLOW_TRACKING_URI"] == server, "the environment is as it was"
+
+
+ROUNDS = 20
+
+
+def test_two_clones_that_race_agree_on_the_better_model(server: str, pipeline: Path, tmp_path: Path) -> None:
+    spawn, errors_of = multiprocessing.get_context("spawn"), dict[str, dict[str, float]]()
+    clones: tuple[list[Path], list[Path]] = ([], [])
+    for number in range(ROUNDS):
+        for who, roots in enumerate(clones):
+            other_model(pipeline)
+            roots.append(Path(shutil.copytree(pipeline, tmp_path / f"{number}-{who}")))
+            percent = 9.0 - 0.2 * number - 0.1 * ((number + who) % 2)  # now the one, now the other is better
+            errors_of[dvc_hash(pipeline / "models/hybrid")] = {"1": percent, "2": percent}
+    barrier = spawn.Barrier(3)
+    machines = [spawn.Process(target=race, args=(roots, errors_of, barrier), daemon=True) for roots in clones]
+    for machine in machines:
+        machine.start()
+    client, right = MlflowClient(server), 0
+    for number in range(ROUNDS):
+        barrier.wait()
+        barrier.wait(300.0)
+        champion = client.get_model_version_by_alias(NAME, "champion")
+        best = min(errors["1"] for errors in [*errors_of.values()][: 2 * number + 2])
+        right += errors_of[champion.tags["hash_model"]]["1"] == best
+        barrier.wait()
+    for machine in machines:
+        machine.join()
+    sys.stdout.write(f"equal champion decisions of two clones on one server: {right} of {ROUNDS}\n")
+    assert right == ROUNDS
+    assert {each.tags["decision"] for each in versions(pipeline)} <= {"promoted", "refused"}
 
 
 @pytest.mark.skipif(postgresql_programs() is None, reason="PostgreSQL is not installed")

@@ -108,7 +108,7 @@ def test_a_wrong_store_is_refused_in_a_sentence(
             pass
         server.shutdown()
     assert message in str(refused.value)
-    assert "unset it to use the repository's own store" in str(refused.value)
+    assert "to use the repository's own store" in str(refused.value)
     assert "\n" not in str(refused.value)
 
 

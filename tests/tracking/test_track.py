@@ -4,12 +4,10 @@ import shutil
 from pathlib import Path
 
 import pytest
-import yaml
 from mlflow import MlflowClient
 
 from candidates import NAME, champion, other_model, registered_in, versions
-from cylinder_friction.dvc_hashes import dvc_hash
-from cylinder_friction.tracking.registry import ALREADY, REGISTERED_FILE, move_champion
+from cylinder_friction.tracking.registry import ALREADY, move_champion
 from cylinder_friction.tracking.repository import TrackingError
 from cylinder_friction.tracking.store import tracking_uri
 from cylinder_friction.tracking.track import track
@@ -47,26 +45,6 @@ def test_tracking_fills_an_empty_store_once_and_promotes_nothing(
     assert len(client.search_runs([experiment.experiment_id])) == 1 + 5 + 3, "trials below the search"
 
 
-def test_records_and_registrations_that_are_not_what_dvc_lock_states_are_left_out(
-    registered_pipeline: Path, empty_store: Path
-) -> None:
-    root, forged = registered_pipeline, ("reports/runs/compare.json", REGISTERED_FILE.as_posix())
-    lock = yaml.safe_load((root / "dvc.lock").read_text())
-    lock["stages"]["last"] = {"outs": [{"path": path, "md5": dvc_hash(root / path)} for path in forged]}
-    (root / "dvc.lock").write_text(yaml.safe_dump(lock))
-    assert track(root).problems == ()
-    for path, figure in zip(forged, ("2.1", "2.0"), strict=True):
-        (root / path).write_text((root / path).read_text().replace(figure, "0.1"))
-    shutil.copy(empty_store, root / "mlflow.db")
-    problems = " ".join(track(root).problems)
-    assert "compare.json is not what dvc.lock states; `dvc checkout` brings that back" in problems
-    assert "models/registered.json is not what dvc.lock states" in problems
-    assert versions(root) == []
-    (root / "dvc.lock").write_text("{[")
-    with pytest.raises(TrackingError, match=r"dvc.lock: is not as DVC writes it .*`git checkout dvc.lock`"):
-        track(root)
-
-
 def test_tracking_leaves_what_a_person_did_to_the_registry(registered_pipeline: Path) -> None:
     root = registered_pipeline
     other_model(root)
@@ -86,13 +64,11 @@ def test_tracking_leaves_what_a_person_did_to_the_registry(registered_pipeline: 
 def test_tracking_goes_on_past_what_is_missing_and_names_it(pipeline: Path) -> None:
     runs = pipeline / "reports/runs"
     (pipeline / "reports/report.html").unlink()
-    shutil.copy(runs / "compare.json", runs / "compare2.json")
     (runs / "zz.json").write_text("{", encoding="utf-8")
     done = track(pipeline)
     assert done.logged == ("record", "search", "train")
     assert done.version is None
     assert "not logged: compare.json: run 'compare': reports/report.html is not there; run `dvc pull`" in done.summary()
-    assert "compare2.json: holds a record of 'compare'; remove it" in done.problems
     assert "not logged: zz.json" in done.summary()
 
 

@@ -56,7 +56,7 @@ def _log(store: Store, run: Run, sessions: Path, known: Path) -> None:
         counted = {COUNTED: values.pop(COUNTED)}  # last: a kill before it has the session logged again
         at_ms = 1000 * (second or 0)
         metrics += [Metric(name, value, at_ms, step) for name, value in {**values, **counted}.items()]
-    store.log_metrics(run_id, metrics)
+    client.log_batch(run_id, metrics)
     client.log_dict(run_id, about["assessment"]["trends"], "baselines.json")
     client.log_dict(run_id, about["assessment"], "assessment.json")
     client.set_tag(run_id, "answer", about["assessment"]["answer"])

@@ -11,7 +11,7 @@ from cylinder_friction.reporting.estimator_titles import title
 from cylinder_friction.run_record import records_in
 
 BEGIN, END = "<!-- result: begin (make readme) -->", "<!-- result: end -->"
-EXPECTED = (ValueError,)
+EXPECTED = (ValueError, OSError)
 SERVING, MODEL = Path("docs/serving.md"), Path("models/hybrid")
 JSON_BLOCK = re.compile(r"(?<=^```json\n).*?(?=\n^```$)", re.MULTILINE | re.DOTALL)
 PICTURES = {"figure6_friction_over_time.png": "docs/images/friction_over_time.png"}

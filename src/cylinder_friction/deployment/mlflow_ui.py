@@ -68,8 +68,17 @@ def served_ui(
 
 
 def runs_page(url: str, root: Path) -> str:
-    """Return the address of the pipeline's runs within the UI at ``url``."""
-    from cylinder_friction.tracking.store import open_store
+    """Return the address of the newest pipeline's table of runs in the UI at ``url``, with the errors as columns."""
+    from cylinder_friction.tracking.log_run import PIPELINE, STAGE_TAG, VIEW
+    from cylinder_friction.tracking.store import EXPERIMENT, open_store
 
     with open_store(root, create=False) as store:
-        return f"{url}/#/experiments/{store.experiment_id}/runs?workflowType=machine_learning&compareRunsMode=CHART"
+        own = store.client.search_experiments(filter_string=f"name LIKE '{EXPERIMENT}%'")
+        newest = store.client.search_runs(
+            [each.experiment_id for each in own],
+            f"tags.{STAGE_TAG} = '{PIPELINE}'",
+            max_results=1,
+            order_by=["attributes.end_time DESC"],
+        )
+        experiment = newest[0].info.experiment_id if newest else store.experiment_id
+    return f"{url}/#/experiments/{experiment}/runs?workflowType=machine_learning&viewStateShareKey={VIEW}"

@@ -5,22 +5,25 @@ import math
 import pandas as pd
 
 from cylinder_friction.evaluation.analysis import Analysis
-from cylinder_friction.evaluation.comparison import Scores
 from cylinder_friction.evaluation.views import LearningCurve
 
 
 def plot_tables(analysis: Analysis) -> dict[str, str]:
-    """Return CSV text by file name; ``main`` is the estimator that the comparison is about.
+    """Write the CSV text of each plot, by file name.
 
-    Errors of every estimator by condition, those of ``main`` by session, its learning curve and residuals, and friction
-    over time, the conditions' excerpts one after the other.
+    All plots show ``main``, the estimator that the comparison is about, so that two experiments overlay: its errors by
+    condition and session, its learning curve and residuals, and friction over time, the conditions' excerpts one after
+    the other.
     """
     comparison, main = analysis.comparison, analysis.main
     curve = analysis.curves.get(main, LearningCurve([], [], [], 0))
     counted = analysis.histograms[main]
     scores, reference = (comparison.truth, "truth") if comparison.truth else (comparison.label, "label")
     frames = {
-        "errors_by_condition": pd.DataFrame(_errors(scores)).assign(against=reference),
+        "errors_by_condition": pd.DataFrame(
+            {"condition": condition, "error_percent": score.errors.percent, "mae_n": score.errors.mae_n}
+            for condition, score in scores[main].items()
+        ).assign(against=reference),
         "errors_by_session": pd.DataFrame(
             {"session": session, "condition": condition, "error_percent": percent}
             for condition, score in scores[main].items()
@@ -36,20 +39,6 @@ def plot_tables(analysis: Analysis) -> dict[str, str]:
         f"{name}.csv": frame.to_csv(index=False, float_format="%.6g", lineterminator="\n")
         for name, frame in frames.items()
     }
-
-
-def _errors(scores: Scores) -> list[dict[str, str | float]]:
-    return [
-        {
-            "case": f"{name} · {condition}",
-            "estimator": name,
-            "condition": condition,
-            "error_percent": score.errors.percent,
-            "mae_n": score.errors.mae_n,
-        }
-        for name, by_condition in scores.items()
-        for condition, score in by_condition.items()
-    ]
 
 
 def _excerpts(analysis: Analysis) -> pd.DataFrame:

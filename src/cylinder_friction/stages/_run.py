@@ -6,7 +6,6 @@ from pathlib import Path
 
 from cylinder_friction.execution.measuring import measured
 from cylinder_friction.files.whole_files import read_yaml, write_json
-from cylinder_friction.import_graph import code_key
 from cylinder_friction.params.checking import PARAMS_FILE, ParamsError, load_params
 from cylinder_friction.params.composing import DEFAULT, as_run_params
 from cylinder_friction.run_record import RUNS_FOLDER, STAGES
@@ -23,13 +22,11 @@ def run_stage(name: str) -> None:
     """
     if name not in STAGES:
         raise ParamsError(f"no stage {name!r}; expected one of {', '.join(STAGES)}")
-    params, root, module = load_params(), Path.cwd(), f"cylinder_friction.stages.{name}"
-    code = code_key(module)
+    params, root = load_params(), Path.cwd()
     with measured() as took:
-        record = importlib.import_module(module).run(params)
+        record = importlib.import_module(f"cylinder_friction.stages.{name}").run(params)
     record = replace(
         record,
-        code=code,
         experiment="" if params.recipe == DEFAULT else params.recipe,
         took=took(),
         commit=commit_of(repository_root(root)),

@@ -5,9 +5,9 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import torch
 from tqdm import tqdm
@@ -36,10 +36,11 @@ if TYPE_CHECKING:
     from cylinder_friction.cylinder import Cylinder
     from cylinder_friction.estimators.base import FrictionEstimator
     from cylinder_friction.estimators.front_end import Design
-    from cylinder_friction.params.learning import BaselinesParams, LearningParams, TrainingParams, TrainParams
+    from cylinder_friction.params.learning import BaselinesParams, LearningParams, TrainParams
     from cylinder_friction.recordings.recording import Recording
     from cylinder_friction.run_record import Dataset, Scalar
 
+Plan = TypeVar("Plan", Architecture, TrainingPlan, ForestPlan)
 NETWORK_MAE = "network_mae_n"
 """Group of the network's error by epoch, without the forest, among a run's curves."""
 RESUMED_CODE = ("cylinder_friction.stages._training", "cylinder_friction.estimators.training_plan")
@@ -94,13 +95,14 @@ def hybrid_from(
     data: LearningData,
     lag_s: float = 0.0,
 ) -> HybridEstimator:
-    """Return an untrained hybrid."""
+    """Make an untrained hybrid. ``chosen`` may name any field of its plans and goes before ``settings.training``."""
+    given = {**settings.training.model_dump(), **chosen}
     return HybridEstimator(
         cylinder,
         design,
-        Architecture(int(chosen["layers"]), int(chosen["nodes"]), chosen["dropout"], chosen["learning_rate"]),
-        TrainingPlan(**settings.training.model_dump(exclude={"forest_rows", "forest_leaf"})),
-        forest_plan(chosen, settings.training),
+        plan_from(Architecture, given),
+        plan_from(TrainingPlan, given),
+        plan_from(ForestPlan, given, "forest_"),
         settings.seed,
         device_from(settings.device),
         inputs=data.inputs,
@@ -110,10 +112,9 @@ def hybrid_from(
     )
 
 
-def forest_plan(chosen: Mapping[str, Any], training: TrainingParams) -> ForestPlan:
-    return ForestPlan(
-        int(chosen["forest_trees"]), int(chosen["forest_depth"]), training.forest_rows, training.forest_leaf
-    )
+def plan_from(kind: type[Plan], given: Mapping[str, Any], prefix: str = "") -> Plan:
+    """Make a plan from the settings named after its fields; the others keep their defaults."""
+    return kind(**{each.name: given[prefix + each.name] for each in fields(kind) if prefix + each.name in given})
 
 
 def device_from(choice: str) -> str:

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 from cylinder_friction.estimators.baselines import baselines
+from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.files.whole_files import whole_folder
 from cylinder_friction.stages._stage import BASELINES_FOLDER, PAPER_HYBRID_FOLDER
 from cylinder_friction.stages._training import (
     LearningData,
-    forest_plan,
     hybrid_from,
+    plan_from,
     train_hybrid,
     training_record,
     write_hybrid,
@@ -30,7 +31,7 @@ def run(params: Params) -> RunRecord:
     chosen = settings.hybrid.model_dump()
     paper = hybrid_from(cylinder, "paper", chosen, settings, data)
     train_hybrid("baselines", paper, chosen, settings, data)
-    trees = forest_plan(chosen, settings.training)
+    trees = plan_from(ForestPlan, {**settings.training.model_dump(), **chosen}, "forest_")
     named: dict[str, FrictionEstimator] = dict(
         baselines(cylinder, data.inputs, trees, settings.seed, data.position_load)
     )

@@ -12,6 +12,7 @@ from cylinder_friction.estimators.saved_folder import DESCRIPTION_FILE
 from cylinder_friction.evaluation.measured_errors import errors_by_condition
 from cylinder_friction.evaluation.reported import error_metrics, reported_errors
 from cylinder_friction.files.whole_files import read_json, read_yaml, write_json
+from cylinder_friction.params.composing import as_run_params
 from cylinder_friction.recordings.storage import iterate_recordings
 from cylinder_friction.reporting.model_card import model_card
 from cylinder_friction.run_record import RunRecord, by_columns
@@ -49,7 +50,7 @@ def run(params: Params) -> RunRecord:
             without it nobody knows the incumbent, so nothing is decided.
         RecordingError: ``dvc.lock`` does not state which data the candidate was made from.
     """
-    settings = params.register_
+    settings, content = params.register_, read_yaml(Path(PARAMS_FILE))
     reference, errors_percent = reported_errors(_reported(settings.candidate))
     folder, ingested = candidate_folder(settings.candidate), read_json(INGESTED_FILE)
     data = data_hashes([ingested["source"], *(path.as_posix() for path in PROCESSED_FOLDERS.values())])
@@ -61,9 +62,9 @@ def run(params: Params) -> RunRecord:
         reference=reference,
         tolerance_percent=settings.tolerance_percent,
         data=data,
-        params=shaping_params(read_yaml(Path(PARAMS_FILE))),
+        params=shaping_params(content),
         example=_example(folder),
-        recipe=params.recipe,
+        pipeline=as_run_params(content),
         card=_card(params, folder)
         + "\n\n"
         + "\n".join(["**Made from**", "", *(f"- `{k}` {v}" for k, v in data.items())]),

@@ -4,5 +4,6 @@ import os
 
 os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")  # a laboratory's pipeline calls nobody unasked
 os.environ.setdefault("MLFLOW_ENABLE_ARTIFACTS_PROGRESS_BAR", "false")  # a bar for three small files is noise
-os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", "20")  # [s]; MLflow would wait for a silent server for minutes
-os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "2")
+# The only time limits for a server that says nothing: two tries of 8 s for each request. MLflow would wait for minutes.
+os.environ.setdefault("MLFLOW_HTTP_REQUEST_TIMEOUT", "8")  # [s] until the next byte, not for a whole file
+os.environ.setdefault("MLFLOW_HTTP_REQUEST_MAX_RETRIES", "1")

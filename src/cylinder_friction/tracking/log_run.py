@@ -6,15 +6,14 @@ import logging
 import os
 import re
 import socket
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 from mlflow.entities import Dataset as MlflowDataset
 from mlflow.entities import DatasetInput, InputTag, Metric, Param, RunTag
-from mlflow.exceptions import MlflowException
 from mlflow.types import ColSpec, DataType, Schema, TensorSpec
-from mlflow.utils import chunk_list
 from mlflow.utils.mlflow_tags import (
     MLFLOW_DATASET_CONTEXT,
     MLFLOW_GIT_COMMIT,
@@ -27,19 +26,20 @@ from mlflow.utils.mlflow_tags import (
 
 from cylinder_friction.execution.measuring import Took, now_ms
 from cylinder_friction.files.whole_files import json_hash
-from cylinder_friction.run_record import STAGES, Dataset, RunRecord, records_in
+from cylinder_friction.run_record import STAGES, Dataset, RunRecord, Scalar, records_in
 from cylinder_friction.tracking.repository import TrackingError, commit_of
 from cylinder_friction.tracking.store import Store, open_store
 
 STAGE_TAG = "stage"
 """Tag of a top-level run: which stage it is, or ``pipeline``."""
 KEY_TAG = "record_key"
-"""Tag of a run and those below it: the key of its record, by which it is recognised."""
+"""Tag of a run and those below it: the key of its record, which identifies the run."""
 PIPELINE = "pipeline"
-_REGISTERED = "register_key"  # Tag of a pipeline's run: the key of the record of ``register`` that belongs to it
+VIEW = "errors"
+"""Name of the shared view of an experiment's runs, which has the columns to decide from."""
 _TYPES: dict[str, str] = {"float": "float", "int64": "long", "int32": "integer", "bool": "boolean", "double": "double"}
 _WRITER = "writer"  # Tag: the machine and repository that logged a run
-_LONGEST_PARAM, _LONGEST_NAME, _PARAMS_A_REQUEST = 6000, 80, 100
+_LONGEST_PARAM, _LONGEST_NAME = 6000, 80
 
 _log = logging.getLogger(__name__)
 
@@ -47,8 +47,7 @@ _log = logging.getLogger(__name__)
 def log_run(record: RunRecord, root: Path) -> str:
     """Log a record as an MLflow run with its children below it, and return the run's id.
 
-    A run that is already there whole is returned as it is; one that a kill left half-written is deleted and
-    logged anew. Two records with equal keys are one run.
+    If the run is already there, nothing is logged. A run that a kill left half-written is deleted and logged anew.
 
     Raises:
         TrackingError: The store cannot be reached, or an artifact is missing.
@@ -79,16 +78,12 @@ def log_in(store: Store, record: RunRecord, root: Path) -> str:
             raise TrackingError(
                 f"run {record.name!r}: {missing[0]} is not there; run `dvc pull` or `dvc repro` to have it"
             )
-        experiment = store.experiment(record.experiment)
-        tags = _tags(store, record, record.key())
+        experiment, tags = store.experiment(record.experiment), _tags(store, record, record.key())
         _delete(store, experiment, tags)
-        try:
-            run_id = _write(store, experiment, record, root, {**tags, STAGE_TAG: record.name})
-            for child in record.children:
-                child_id = _write(store, experiment, child, root, {**tags, MLFLOW_PARENT_RUN_ID: run_id})
-                store.client.set_terminated(child_id, "FINISHED", _took(child).ended_ms)
-        except MlflowException as error:
-            raise TrackingError(f"run {record.name!r}: MLflow refused it: {error.message}") from error
+        run_id = _write(store, experiment, record, root, {**tags, STAGE_TAG: record.name})
+        for child in record.children:
+            child_id = _write(store, experiment, child, root, {**tags, MLFLOW_PARENT_RUN_ID: run_id})
+            store.client.set_terminated(child_id, "FINISHED", _took(child).ended_ms)
         store.client.set_terminated(run_id, "FINISHED", _took(record).ended_ms)  # last: what is not finished is redone
         _delete(store, experiment, tags, "RUNNING")
     if record.name in ("compare", "register"):
@@ -98,78 +93,79 @@ def log_in(store: Store, record: RunRecord, root: Path) -> str:
 
 def find_run(store: Store, record: RunRecord) -> str | None:
     """Return the id of the finished run of this very record, if there is one."""
-    query = f"tags.{KEY_TAG} = '{record.key()}' and tags.{STAGE_TAG} = '{record.name}'"
-    query += " and attributes.status = 'FINISHED'"
-    found = store.client.search_runs([store.experiment(record.experiment)], query, max_results=1)
+    return _find(store, store.experiment(record.experiment), record.key(), record.name)
+
+
+def _find(store: Store, experiment: str, key: str, stage: str) -> str | None:
+    query = f"tags.{KEY_TAG} = '{key}' and tags.{STAGE_TAG} = '{stage}' and attributes.status = 'FINISHED'"
+    found = store.client.search_runs([experiment], query, max_results=1)
     return str(found[0].info.run_id) if found else None
 
 
 def log_pipeline(store: Store, last: RunRecord, root: Path) -> str:
     """Log the run of a pipeline, whose comparison or registration ``last`` is, and return its id.
 
-    It states how the pipeline was configured and the errors of its model, and takes the runs of the stages below it.
-    It is recognised by the records of the stages up to ``compare``. A second registration of the same comparison, with
-    another tolerance for example, is another run.
+    The run states how the pipeline was configured and the errors of its model. The runs of the stages lie below it.
+    The records of the stages up to ``compare`` and ``last.pipeline`` identify it, so another tolerance of the gate is
+    another run.
     """
     records = {**records_in(root), last.name: last}
-    stages = {stage: records[stage] for stage in STAGES if stage in records and stage != "register"}
-    key = json_hash([record.key() for record in stages.values()])
+    compared = {stage: records[stage] for stage in STAGES if stage in records and stage != "register"}
+    stages = {**compared, last.name: last}
+    key = json_hash([[record.key() for record in compared.values()], last.pipeline])
+    client, experiment, ended_ms = store.client, store.experiment(last.experiment), _took(last).ended_ms
     tags = _tags(store, last, key) | {STAGE_TAG: PIPELINE, MLFLOW_SOURCE_NAME: "dvc repro"}
-    if last.name == "register":
-        stages["register"], tags[_REGISTERED] = last, last.key()
-    experiment, run_id = store.experiment(last.experiment), _pipeline_run(store, tags, last)
+    run_id = _find(store, experiment, key, PIPELINE)
     if run_id is None:
-        stated = [str(last.pipeline.get(name, "none")) for name in ("recipe", "changes")]
-        name = ", ".join(each for each in stated if each != "none") or PIPELINE
         started_ms = min(_took(each).started_ms for each in stages.values())
-        run_id = str(store.client.create_run(experiment, started_ms, tags, run_name=name[:_LONGEST_NAME]).info.run_id)
-    run, below = store.client.get_run(run_id), _take_stages(store, run_id, stages)
+        run_id = str(client.create_run(experiment, started_ms, tags, run_name=_pipeline_name(last)).info.run_id)
+    below = _take_stages(store, run_id, stages)
     shown = [stages[name] for name in ("train", "compare", "register") if name in stages]
     used = {role: each for record in shown for role, each in record.datasets.items()}
-    params = {**last.pipeline, **_sizes(stages, used)}
-    new = [Param(allowed(name), str(value)) for name, value in params.items() if allowed(name) not in run.data.params]
-    shown, ended_ms = [each for each in shown if each.name != "train"], _took(last).ended_ms
-    metrics = [Metric(allowed(name), value, ended_ms, 0) for each in shown for name, value in each.metrics.items()]
+    params = {**last.pipeline, **{f"rows.{role}": each.rows for role, each in used.items()}}
+    counted = stages["split"].metrics.items() if "split" in stages else ()
+    params |= {name.replace("/", "."): int(value) for name, value in counted if name.startswith("sessions/")}
+    metrics = {name: value for each in shown if each.name != "train" for name, value in each.metrics.items()}
     earlier = [stage for stage in stages if stage not in below]
     notes = [*(each.note for each in shown), f"Ran: {', '.join(below)}." if below else ""]
     notes += [f"Up to date, from an earlier run: {', '.join(earlier)}."] if earlier else []
     tags[MLFLOW_RUN_NOTE] = "\n\n".join(filter(None, notes))
-    store.client.log_inputs(run_id, [dataset_input(role, each) for role, each in used.items()])
-    store.client.log_batch(run_id, metrics, new, [RunTag(name, value) for name, value in tags.items()])
-    store.client.set_terminated(run_id, "FINISHED", max(ended_ms, run.info.end_time or 0))
+    client.log_inputs(run_id, [dataset_input(role, each) for role, each in used.items()])
+    points = {name: [(ended_ms, value)] for name, value in metrics.items()}
+    client.log_batch(run_id, _metrics(points), _params(params), [RunTag(*tag) for tag in tags.items()])
+    client.set_terminated(run_id, "FINISHED", max(ended_ms, client.get_run(run_id).info.end_time or 0))
+    client.set_experiment_tag(experiment, f"mlflow.sharedViewState.{VIEW}", json.dumps(_view(metrics)))
     _delete(store, experiment, tags, "RUNNING")
     return run_id
 
 
-def _pipeline_run(store: Store, tags: Mapping[str, str], last: RunRecord) -> str | None:
-    """Return the id of the pipeline's run that is there already: for a registration, one without another."""
-    query = f"tags.{KEY_TAG} = '{tags[KEY_TAG]}' and tags.{STAGE_TAG} = '{PIPELINE}'"
-    known = store.client.search_runs([store.experiment(last.experiment)], query)
-    own = tags.get(_REGISTERED)
-    fitting = [run for run in known if own in (None, run.data.tags.get(_REGISTERED, own))]
-    fitting.sort(key=lambda run: _REGISTERED not in run.data.tags)
-    return str(fitting[0].info.run_id) if fitting else None
+def _pipeline_name(last: RunRecord) -> str:
+    """Name a pipeline's run after its recipe, what differs from the recipe, and the commit."""
+    stated = [str(last.pipeline.get(name, "none")) for name in ("recipe", "changes")]
+    name = (", ".join(each for each in stated if each != "none") or PIPELINE)[:_LONGEST_NAME]
+    commit = last.commit.get("git_commit", "unknown")
+    modified = "" if last.commit.get("git_dirty") == "false" else ", modified"
+    return name if commit == "unknown" else f"{name} ({commit[:7]}{modified})"
+
+
+def _view(metrics: Mapping[str, float]) -> dict[str, Any]:
+    """Return a view of the runs that the MLflow UI can open: one row per pipeline, the smallest mean error first."""
+    means = [f"metrics.`{name}`" for name in metrics if name.endswith("_error_percent/mean")]
+    columns = [*means, "params.`changes`", "params.`seed`", "attributes.`Models`"]
+    query = f"tags.{STAGE_TAG} = '{PIPELINE}'"
+    return {"searchFilter": query, "orderByKey": columns[0], "orderByAsc": True, "selectedColumns": columns}
 
 
 def _take_stages(store: Store, run_id: str, stages: Mapping[str, RunRecord]) -> list[str]:
     """Put the stages' runs below a pipeline's run, unless they lie below another one; return those that do."""
     below = []
     for stage, record in stages.items():
-        found = find_run(store, record)
-        parent = None if found is None else store.client.get_run(found).data.tags.get(MLFLOW_PARENT_RUN_ID)
-        if parent is not None and store.client.get_run(parent).info.lifecycle_stage == "deleted":
-            parent = None
-        if found is not None and parent is None:
-            store.client.set_tag(found, MLFLOW_PARENT_RUN_ID, run_id)
-        below += [stage] if found is not None and parent in (None, run_id) else []
+        if found := find_run(store, record):
+            parent = store.client.get_run(found).data.tags.get(MLFLOW_PARENT_RUN_ID)
+            if parent is None or store.client.get_run(parent).info.lifecycle_stage == "deleted":
+                store.client.set_tag(found, MLFLOW_PARENT_RUN_ID, parent := run_id)
+            below += [stage] if parent == run_id else []
     return below
-
-
-def _sizes(stages: Mapping[str, RunRecord], used: Mapping[str, Dataset]) -> dict[str, int]:
-    """Return the sessions and rows of each role."""
-    counted = stages["split"].metrics.items() if "split" in stages else ()
-    sessions = {name.replace("/", "."): int(value) for name, value in counted if name.startswith("sessions/")}
-    return {**sessions, **{f"rows.{role}": each.rows for role, each in used.items()}}
 
 
 def allowed(name: str) -> str:
@@ -189,7 +185,7 @@ def dataset_input(role: str, dataset: Dataset) -> DatasetInput:
 
 
 def _tags(store: Store, record: RunRecord, key: str) -> dict[str, str]:
-    """Return the tags of every run of a record: by what it is found, by whom and at which commit it was made."""
+    """Return the tags of every run of a record: its key, who logged it, and the commit that made it."""
     commit = record.commit or commit_of(store.root)
     writer = json_hash([socket.gethostname(), str(store.root)])[:12]
     tags = {MLFLOW_SOURCE_TYPE: "PROJECT", MLFLOW_USER: getpass.getuser(), MLFLOW_GIT_COMMIT: commit["git_commit"]}
@@ -199,7 +195,7 @@ def _tags(store: Store, record: RunRecord, key: str) -> dict[str, str]:
 
 
 def _delete(store: Store, experiment: str, tags: Mapping[str, str], status: str = "") -> None:
-    """Delete what this repository left of a record's runs: a kill half of them, a gateway that lost answers twins."""
+    """Delete this repository's leftovers of a record: half a run after a kill, a twin after a lost reply."""
     query = f"tags.{KEY_TAG} = '{tags[KEY_TAG]}' and tags.{_WRITER} = '{tags[_WRITER]}'"
     query += f" and attributes.status = '{status}'" if status else ""
     for run in store.client.search_runs([experiment], query, max_results=10_000):
@@ -207,40 +203,41 @@ def _delete(store: Store, experiment: str, tags: Mapping[str, str], status: str 
 
 
 def _write(store: Store, experiment: str, record: RunRecord, root: Path, tags: Mapping[str, str]) -> str:
-    took = _took(record)
+    client, took = store.client, _took(record)
     tags = {**tags, **record.tags, MLFLOW_SOURCE_NAME: f"cylinder-friction {record.name}"}
     tags |= {MLFLOW_RUN_NOTE: record.note} if record.note else {}
-    run_id = str(store.client.create_run(experiment, took.started_ms, tags, run_name=record.name).info.run_id)
+    run_id = str(client.create_run(experiment, took.started_ms, tags, run_name=record.name).info.run_id)
     if record.datasets:
-        store.client.log_inputs(run_id, [dataset_input(role, each) for role, each in record.datasets.items()])
-    params = [Param(allowed(key), str(value)[:_LONGEST_PARAM]) for key, value in record.params.items()]
-    for some in chunk_list(params, _PARAMS_A_REQUEST):
-        store.client.log_batch(run_id, params=some)
-    curves = {name: [(took.ended_ms, value) for value in values] for name, values in record.curves.items()}
-    curves |= {name: [(took.ended_ms, value)] for name, value in record.metrics.items()}
-    for sample in took.samples:
-        for name, value in sample.items():
-            if name != "time_ms":
-                curves.setdefault(f"system/{name}", []).append((int(sample["time_ms"]), value))
+        client.log_inputs(run_id, [dataset_input(role, each) for role, each in record.datasets.items()])
+    points = {name: [(took.ended_ms, value) for value in values] for name, values in record.curves.items()}
+    points |= {name: [(took.ended_ms, value)] for name, value in record.metrics.items()}
+    for name in ("memory_mb", "processor_s") if took.samples else ():
+        points[f"system/{name}"] = [(int(sample["time_ms"]), sample[name]) for sample in took.samples]
     if took.peak_memory_mb:
-        curves["system/peak_memory_mb"] = [(took.ended_ms, took.peak_memory_mb)]
-    store.log_metrics(
-        run_id,
-        [
-            Metric(allowed(name), value, time_ms, step)
-            for name, steps in curves.items()
-            for step, (time_ms, value) in enumerate(steps)
-        ],
-    )
+        points["system/peak_memory_mb"] = [(took.ended_ms, took.peak_memory_mb)]
+    client.log_batch(run_id, _metrics(points), _params(record.params))
     for path in sorted(record.artifacts):
         if (root / path).is_dir():
-            store.client.log_artifacts(run_id, str(root / path), path)
+            client.log_artifacts(run_id, str(root / path), path)
         else:
-            store.client.log_artifact(run_id, str(root / path), path.rpartition("/")[0] or None)
+            client.log_artifact(run_id, str(root / path), path.rpartition("/")[0] or None)
     for name, table in record.tables.items():
         if table:
-            store.client.log_table(run_id, pd.DataFrame(table, dtype=object), f"{name}.json")
+            client.log_table(run_id, pd.DataFrame(table, dtype=object), f"{name}.json")
     return run_id
+
+
+def _metrics(points: Mapping[str, Sequence[tuple[int, float]]]) -> list[Metric]:
+    """Turn times [ms since 1970] and values by name into metrics, one step each."""
+    return [
+        Metric(allowed(name), value, time_ms, step)
+        for name, steps in points.items()
+        for step, (time_ms, value) in enumerate(steps)
+    ]
+
+
+def _params(params: Mapping[str, Scalar]) -> list[Param]:
+    return [Param(allowed(name), str(value)[:_LONGEST_PARAM]) for name, value in params.items()]
 
 
 def _took(record: RunRecord) -> Took:

@@ -1,6 +1,7 @@
 """The estimator as an MLflow model: a folder with code, ONNX and JSON, signature, example and origin."""
 
 import re
+import shutil
 import warnings
 from importlib import import_module
 from pathlib import Path
@@ -23,12 +24,7 @@ from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.tracking.repository import LineageError, TrackingError
 from cylinder_friction.tracking.store import Store, open_store
-
-# The names that the served model's code asks for
-ESTIMATOR_ARTIFACT = "estimator"
-GOLDEN_ARTIFACT = "golden"
-LINEAGE_ARTIFACT = "lineage"
-LINEAGE_FILE = "lineage.json"
+from cylinder_friction.wording import in_brief
 
 _URI = re.compile(r"models:/(?P<name>[^/@]+)(@(?P<alias>[^/@]+)|/(?P<version>\d+))$")
 
@@ -60,10 +56,10 @@ def save_model_folder(
 ) -> None:
     """Write an MLflow model folder that holds everything the served model needs.
 
-    The files of ``estimator``, a folder, go in as they are, ``lineage`` as ``lineage.json``; ``mlflow_model`` carries
+    The files of ``estimator``, a folder, go in as they are, ``lineage`` as ``lineage.json``. ``mlflow_model`` carries
     the ids that MLflow gave the model.
     """
-    lineage_path, golden = path.with_name(LINEAGE_FILE), path.with_name(GOLDEN_FILE)
+    lineage_path, golden = path.with_name("lineage.json"), path.with_name(GOLDEN_FILE)
     write_json(lineage_path, lineage)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", UserWarning)  # MLflow's pyfunc warns of its own type hints when imported
@@ -75,21 +71,19 @@ def save_model_folder(
         path=str(path),
         python_model=str(MODEL_CODE),
         code_paths=[str(copy_package(path.with_name("code")))],
-        artifacts={
-            ESTIMATOR_ARTIFACT: str(estimator),
-            GOLDEN_ARTIFACT: str(golden),
-            LINEAGE_ARTIFACT: str(lineage_path),
-        },
+        artifacts={"estimator": str(estimator), "golden": str(golden), "lineage": str(lineage_path)},
         signature=ModelSignature(input_schema(model), OUTPUTS),
         metadata=described(model),
         input_example=example,
         pip_requirements=requirements_of(loaded.kind),
         mlflow_model=mlflow_model,
     )
+    for cache in path.rglob("__pycache__"):
+        shutil.rmtree(cache)
 
 
 def version_of(store: Store, uri: str) -> ModelVersion:
-    """Return the registered version that ``models:/<name>@<alias>`` or ``models:/<name>/<version>`` names.
+    """Look up the registered version that ``models:/<name>@<alias>`` or ``models:/<name>/<version>`` names.
 
     Raises:
         LineageError: The URI has another form, or the registry has no such version.
@@ -111,7 +105,7 @@ def version_of(store: Store, uri: str) -> ModelVersion:
 
 
 def download_model(store: Store, version: ModelVersion, folder: Path) -> Path:
-    """Return the model folder of a registered version, copied below ``folder``, from where MLflow loads it.
+    """Copy the model folder of a registered version below ``folder``, from where MLflow loads it.
 
     Raises:
         TrackingError: Its files cannot be read.
@@ -119,25 +113,24 @@ def download_model(store: Store, version: ModelVersion, folder: Path) -> Path:
     try:
         location = store.client.get_model_version_download_uri(version.name, version.version)
         return Path(artifacts.download_artifacts(location, dst_path=str(folder), tracking_uri=store.uri))
-    except Exception as error:  # each kind of place has its own, and a version may name any place
-        raise TrackingError(
-            f"{version.name} version {version.version}: its files at {version.source} cannot be read ({error})"
-        ) from error
+    except Exception as error:  # each kind of place has its own
+        where = f"{version.name} version {version.version}: its files at {version.source}"
+        raise TrackingError(f"{where} cannot be read ({in_brief(error)})") from error
+
+
+def saved_estimator(model_folder: Path) -> Path:
+    """Return the folder of the estimator inside a model folder."""
+    flavor = Model.load(str(model_folder)).flavors["python_function"]
+    return model_folder / str(flavor["artifacts"]["estimator"]["path"])
 
 
 def estimator_folder(uri: str, root: Path, scratch: Path) -> tuple[Path, str]:
-    """Return the folder of the estimator inside a registered model, copied below ``scratch``, and its version's URI.
+    """Copy the estimator inside a registered model below ``scratch``; return its folder and the version's URI.
 
     Raises:
         TrackingError: The registry cannot be reached or has no such model.
     """
     with open_store(root, create=False) as store:
         version = version_of(store, uri)
-        folder = artifact_path(download_model(store, version, scratch), ESTIMATOR_ARTIFACT)
+        folder = saved_estimator(download_model(store, version, scratch))
     return folder, f"models:/{version.name}/{version.version}"
-
-
-def artifact_path(model_folder: Path, artifact: str) -> Path:
-    """Return where an artifact lies in a model folder."""
-    configured = Model.load(str(model_folder)).flavors["python_function"]["artifacts"][artifact]["path"]
-    return model_folder / configured

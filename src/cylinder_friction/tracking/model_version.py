@@ -1,9 +1,9 @@
 """A candidate becomes a version of the registered model, once, whatever moment a kill comes at."""
 
 import json
-import shutil
 import tempfile
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -14,7 +14,7 @@ from mlflow.exceptions import MlflowException
 from mlflow.models import Model
 from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
 
-from cylinder_friction.dvc_hashes import dvc_hash
+from cylinder_friction.dvc_hashes import known_hash
 from cylinder_friction.evaluation.reported import error_metrics
 from cylinder_friction.execution.measuring import now_ms
 from cylinder_friction.files.whole_files import hash_of, json_hash
@@ -31,7 +31,7 @@ PENDING = "pending"
 """Decision of a version that is being decided; versions after it wait."""
 CANDIDATE, MODEL, FILES = "hash_candidate", "hash_model", "hash_files"
 WRITTEN_ON_LOADING = "registered_model_meta"
-"""File that MLflow adds to a model in a local store when it is loaded by its registered name; it counts for nothing."""
+"""File that MLflow adds to a model when it is loaded by its registered name; the hash leaves it out."""
 
 
 def ensure_version(
@@ -42,12 +42,15 @@ def ensure_version(
     ``decision`` are tags of a version that is made: of one that is already decided.
 
     Raises:
-        TrackingError: The candidate's folder is not the one that was measured, or the registry lost the version.
+        TrackingError: The candidate's folder is not the one that was measured.
     """
     version = find_version(store, candidate) or _make_version(store, candidate, root, decision or {})
-    model, own = store.logged_model(version), {"name": version.name, "version": str(version.version)}
-    known = json.loads(model.tags.get(MLFLOW_MODEL_VERSIONS, "[]"))
-    if own not in known:  # as `mlflow.register_model` does, which can give a version no run
+    model = store.client.get_logged_model(str(version.source).removeprefix("models:/"))
+    known, own = (
+        json.loads(model.tags.get(MLFLOW_MODEL_VERSIONS, "[]")),
+        {"name": version.name, "version": str(version.version)},
+    )
+    if own not in known:  # as `mlflow.register_model` does
         store.client.set_logged_model_tags(model.model_id, {MLFLOW_MODEL_VERSIONS: json.dumps([*known, own])})
     return version
 
@@ -76,16 +79,14 @@ def _make_version(store: Store, candidate: Candidate, root: Path, decision: Mapp
         tags={
             DECISION: PENDING,
             "error_percent": candidate.error_words(),
-            "recipe": candidate.recipe,
+            "recipe": candidate.pipeline["recipe"],
             COMMIT: model.tags[COMMIT],
             REASON: "being decided",
             **{name: model.tags[name] for name in (CANDIDATE, MODEL, FILES)},
             **decision,
         },
     )
-    first = find_version(store, candidate)
-    if first is None:
-        raise TrackingError(f"{candidate.model_name}: the registry at {store.uri} took a version but does not show it")
+    first = find_version(store, candidate) or made
     if first.version != made.version:  # another machine has made the same one just before
         store.client.delete_model_version(made.name, made.version)
     return first
@@ -93,51 +94,44 @@ def _make_version(store: Store, candidate: Candidate, root: Path, decision: Mapp
 
 def _ensure_logged_model(store: Store, candidate: Candidate, root: Path) -> LoggedModel:
     """Return the logged model; log it below the pipeline's run if it is not there whole."""
-    records = records_in(root)
-    compared = records.get("compare", RunRecord("compare"))
+    records, client = records_in(root), store.client
+    compared = replace(records.get("compare", RunRecord("compare")), pipeline=candidate.pipeline)
     made = [each for each in records.values() if each.name != "compare" and candidate.folder in each.artifacts]
     trained = made[0] if made else RunRecord("train")
     experiment, run_id = store.experiment(compared.experiment), log_pipeline(store, compared, root)
-    query = f"tags.`{CANDIDATE}` = '{candidate.key()}'"
-    for model in store.client.search_logged_models([experiment], filter_string=query):
+    for model in client.search_logged_models([experiment], filter_string=f"tags.`{CANDIDATE}` = '{candidate.key()}'"):
         if model.status == LoggedModelStatus.READY and model.source_run_id == run_id:
             return model
-        store.client.delete_logged_model(model.model_id)
+        client.delete_logged_model(model.model_id)
     folder = root / candidate.folder
     if not folder.is_dir():
         raise TrackingError(f"{folder}: not there; run `dvc pull` or `dvc repro` to have the model")
-    if (found := dvc_hash(folder)) != candidate.model_md5:
+    if (found := known_hash(folder, root)) != candidate.model_md5:
         raise TrackingError(
             f"{folder}: its hash is {found[:12]}…, but {candidate.model_md5[:12]}… was measured; run `dvc checkout` or "
             "`dvc repro`"
         )
     commit = trained.commit or commit_of(root)
     tags = {COMMIT: commit["git_commit"], CANDIDATE: candidate.key(), MODEL: candidate.model_md5}
-    model = store.client.create_logged_model(
-        experiment, name=folder.name, source_run_id=run_id, tags=tags,
-        params={allowed(key): str(value) for key, value in trained.params.items()},
-    )  # fmt: skip
+    params = {allowed(key): str(value) for key, value in trained.params.items()}
+    model = client.create_logged_model(experiment, folder.name, run_id, tags, params)
     lineage = {
         **commit,
         "run_id": run_id,
-        "recipe": candidate.recipe,
+        "recipe": candidate.pipeline["recipe"],
         "data": candidate.data,
         "params": candidate.params,
         "params_sha256": json_hash(candidate.params),
     }
+    about = Model(model.artifact_location, run_id, model_uuid=model.model_id, model_id=model.model_id)
     with tempfile.TemporaryDirectory() as scratch:
         written = Path(scratch) / "model"
-        about = Model(
-            artifact_path=model.artifact_location, model_uuid=model.model_id, run_id=run_id, model_id=model.model_id
-        )
         save_model_folder(written, folder, lineage, pd.DataFrame(candidate.example), about)
-        for cache in written.rglob("__pycache__"):
-            shutil.rmtree(cache)
-        store.client.set_logged_model_tags(model.model_id, {FILES: hash_of(written, WRITTEN_ON_LOADING)})
-        store.client.log_model_artifacts(model.model_id, str(written))
-    store.client.log_outputs(run_id, [LoggedModelOutput(model.model_id, step=0)])
+        client.set_logged_model_tags(model.model_id, {FILES: hash_of(written, WRITTEN_ON_LOADING)})
+        client.log_model_artifacts(model.model_id, str(written))
+    client.log_outputs(run_id, [LoggedModelOutput(model.model_id, step=0)])
     test = compared.datasets.get("test")
     of = (model.model_id, "test", test.md5) if test else (model.model_id,)
     errors = error_metrics(candidate.errors_percent, candidate.reference)
-    store.log_metrics(run_id, [Metric(allowed(name), value, now_ms(), 0, *of) for name, value in errors.items()])
-    return store.client.finalize_logged_model(model.model_id, LoggedModelStatus.READY)
+    client.log_batch(run_id, [Metric(allowed(name), value, now_ms(), 0, *of) for name, value in errors.items()])
+    return client.finalize_logged_model(model.model_id, LoggedModelStatus.READY)

@@ -5,28 +5,18 @@ import json
 import logging
 import tempfile
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
-from mlflow import artifacts
 from mlflow.entities.model_registry import ModelVersion
 from mlflow.exceptions import MlflowException
 
-from cylinder_friction.tracking.gate import Candidate, Decision, Errors, Incumbent, Registered, decide
-from cylinder_friction.tracking.model_folder import ESTIMATOR_ARTIFACT, artifact_path, download_model
-from cylinder_friction.tracking.model_version import (
-    DECISION,
-    MODEL,
-    PENDING,
-    REASON,
-    ensure_version,
-    find_version,
-)
+from cylinder_friction.tracking.gate import Candidate, Errors, Incumbent, Registered, decide
+from cylinder_friction.tracking.model_folder import download_model, saved_estimator
+from cylinder_friction.tracking.model_version import DECISION, MODEL, PENDING, REASON, ensure_version, find_version
 from cylinder_friction.tracking.repository import LineageError, TrackingError
 from cylinder_friction.tracking.store import Store, open_store
-from cylinder_friction.wording import in_brief
 
 ALIAS = "champion"
 REGISTERED_FILE = Path("models/registered.json")
@@ -46,80 +36,71 @@ def register(
 ) -> Registered:
     """Make the candidate a version of the registered model and, if the gate lets it, the champion.
 
-    A refused candidate becomes a version too, without the alias: the registry then shows what was tried and why it
-    was refused. Whatever moment a kill comes at, calling it again ends in the same state: a candidate is recognised
-    by its content, a half-logged one is deleted, and the alias moves in one step. A candidate is decided once for each
-    tolerance, and a model that a person rolled back is not promoted again.
+    A refused candidate becomes a version too, without the alias: the registry shows what was tried and why it was
+    refused. A candidate is decided once for each tolerance. A model that a person rolled back is not promoted again.
+    After a kill at any moment, calling the function again ends in the same state.
 
     Machines that share a server decide one after the other, in the order of their version numbers, which the server
-    gives out once each: a version waits until all before it are decided.
+    gives out once each: a version waits until all before it are decided, or for ``patience_s``.
 
-    ``measure`` returns the errors of the estimator saved in a folder on the present held-out recordings: the champion's
-    figures are measured, not read from the registry. An earlier version, whose machine may have stopped, is waited for
-    ``patience_s``.
+    ``measure`` returns the errors of the estimator saved in a folder on the present held-out recordings: the
+    champion's errors are measured, not read from the registry.
 
     Raises:
         TrackingError: The registry cannot be reached, the candidate's folder is not the one that was measured, the
-            champion's files are gone, or another machine went on without this one.
+            champion's files are gone, or the champion changed while the gate decided.
     """
     with open_store(root) as store:
         champion = champion_of(store, candidate.model_name)
-        if champion is not None and champion.tags.get(MODEL) == candidate.model_md5 and _is_decided(champion):
+        same = [each for each in _versions(store, candidate.model_name).values() if _is_of(each, candidate)]
+        if champion is not None and _is_of(champion, candidate) and _is_decided(champion):
             if lost := lost_files(store, champion):
                 raise TrackingError(f"{champion.name} version {champion.version} ({ALIAS}): {lost}")
             return _decided_before(candidate, champion) or Registered(candidate, ALIAS, True, ALREADY, None)
+        if any(ROLLED_BACK in each.tags for each in same):
+            return Registered(candidate, ALIAS, False, REFUSED_ROLLED_BACK, None)
         version = ensure_version(store, candidate, root)
         if decided := _decided_before(candidate, version):
-            rolled_back = ROLLED_BACK in version.tags
-            return replace(decided, promote=False, reason=REFUSED_ROLLED_BACK) if rolled_back else decided
-        _tag(store, version, {DECISION: PENDING})  # if it was decided at another tolerance, or abandoned
+            return decided
+        _tag(store, version, **{DECISION: PENDING})  # if it was decided at another tolerance, or abandoned
         _wait_for_earlier(store, version, patience_s)
         return _decide(store, version, candidate, measure)
 
 
 def _wait_for_earlier(store: Store, version: ModelVersion, patience_s: float) -> None:
-    deadline, warned = time.monotonic() + patience_s, False
-    while True:
-        versions = _versions(store, version.name)
-        earlier = [n for n, each in versions.items() if n < int(version.version) and not _is_decided(each)]
-        if not earlier:
-            return
-        if not warned:
-            _log.warning(
-                "%s version %s waits for version %d: it is being decided", version.name, version.version, min(earlier)
-            )
-            warned = True
+    deadline, waiting = time.monotonic() + patience_s, False
+    while earlier := [
+        each
+        for number, each in sorted(_versions(store, version.name).items())
+        if number < int(version.version) and not _is_decided(each)
+    ]:
+        if not waiting:
+            words = "%s version %s waits for version %s: it is being decided"
+            _log.warning(words, version.name, version.version, earlier[0].version)
+        waiting = True
         if time.monotonic() > deadline:
-            for number in earlier:
-                _tag(store, versions[number], {DECISION: ABANDONED})
+            for each in earlier:
+                _tag(store, each, **{DECISION: ABANDONED})
         time.sleep(_POLL_S)
 
 
 def _decide(store: Store, version: ModelVersion, candidate: Candidate, measure: Callable[[Path], Errors]) -> Registered:
-    while True:
-        champion = champion_of(store, version.name)
-        if _number(champion) == int(version.version):  # a kill came just after the alias had moved
-            break
-        incumbent = _incumbent(store, champion, measure)
-        figures = None if incumbent is None else incumbent.errors_percent
-        decision = decide(candidate.errors_percent, figures, candidate.tolerance_percent)
-        same = [each for each in _versions(store, version.name).values() if each.tags.get(MODEL) == candidate.model_md5]
-        if any(ROLLED_BACK in each.tags for each in same):
-            decision = Decision(False, REFUSED_ROLLED_BACK)
-        _write_decision(store, version, Registered(candidate, ALIAS, decision.promote, decision.reason, incumbent))
-        if _number(champion_of(store, version.name)) != _number(champion):
-            continue  # a person moved the alias meanwhile
-        if _is_decided(_read_again(store, version)):
+    champion = champion_of(store, version.name)
+    if _number(champion) != int(version.version):  # else a kill came just after the alias had moved
+        incumbent = None if champion is None else _measured(store, champion, measure)
+        errors = None if incumbent is None else incumbent.errors_percent
+        promote, reason = decide(candidate.errors_percent, errors, candidate.tolerance_percent)
+        _write_decision(store, version, Registered(candidate, ALIAS, promote, reason, incumbent))
+        if _number(champion_of(store, version.name)) != _number(champion) or _is_decided(_read_again(store, version)):
             raise TrackingError(
-                f"{version.name} version {version.version}: its decision took so long that another machine went on "
-                "without it, and nothing was promoted; run `dvc repro` again"
+                f"{version.name} version {version.version}: the champion changed while the gate decided, or another "
+                "machine went on without this one; nothing was promoted; run `dvc repro` again"
             )
-        if decision.promote:
-            _tag(store, version, {PROMOTED: f"from {_words(champion)} {_by_whom()}"})
+        if promote:
+            _tag(store, version, **{PROMOTED: f"from {_words(champion)} {_by_whom()}"})
             store.client.set_registered_model_alias(version.name, ALIAS, version.version)
-        break
     is_champion = _number(champion_of(store, version.name)) == int(version.version)
-    _tag(store, version, {DECISION: "promoted" if is_champion else "refused"})
+    _tag(store, version, **{DECISION: "promoted" if is_champion else "refused"})
     decided = _decided_before(candidate, _read_again(store, version))
     assert decided is not None
     return decided
@@ -128,7 +109,7 @@ def _decide(store: Store, version: ModelVersion, candidate: Candidate, measure: 
 def move_champion(root: Path, name: str, to: int | None = None) -> str:
     """Make the version ``to``, or the champion before, the champion; return in words what was done.
 
-    It lasts: if the version that is left is newer, it is tagged, and the gate does not promote it again.
+    The move lasts: a newer version that was champion is tagged, and the gate does not promote it again.
 
     Raises:
         LineageError: There is no such model or version, or no previous champion.
@@ -145,19 +126,19 @@ def move_champion(root: Path, name: str, to: int | None = None) -> str:
         ]
         number = max(fallback, default=0) if to is None else to
         if number not in versions:
-            there = ", ".join(str(each) for each in sorted(versions))
             what = "no previous champion is known" if to is None else f"there is no version {to}"
+            there = ", ".join(str(each) for each in sorted(versions))
             raise LineageError(
                 f"{name}: {what}; name one of its versions, `cylinder-friction promote VERSION`: {there}"
             )
-        target, before, by = versions[number], _words(champion), _by_whom()
         if _number(champion) == number:
             return f"{name} version {number} is the champion already"
+        target, before, by = versions[number], _words(champion), _by_whom()
         if champion is not None and number < int(champion.version):
             store.client.set_registered_model_tag(name, ROLLED_BACK, f"{before} to version {number} {by}")
-            _tag(store, champion, {ROLLED_BACK: f"to version {number} {by}"})
+            _tag(store, champion, **{ROLLED_BACK: f"to version {number} {by}"})
         else:
-            _tag(store, target, {PROMOTED: f"from {before} {by}"})
+            _tag(store, target, **{PROMOTED: f"from {before} {by}"})
         if ROLLED_BACK in target.tags:
             store.client.delete_model_version_tag(name, str(number), ROLLED_BACK)
         store.client.set_registered_model_alias(name, ALIAS, str(number))
@@ -171,8 +152,8 @@ def recorded_version(store: Store, registered: Registered, root: Path, *, make: 
         TrackingError: The model's folder is missing or not the registered one.
     """
     candidate, name = registered.candidate, registered.candidate.model_name
-    same = [each for each in _versions(store, name).values() if each.tags.get(MODEL) == candidate.model_md5]
-    found = find_version(store, candidate) or next(iter(same), None)
+    same = (each for each in _versions(store, name).values() if _is_of(each, candidate))
+    found = find_version(store, candidate) or next(same, None)
     if make and found is None:
         found = ensure_version(store, candidate, root, {DECISION: "promoted" if registered.promote else "refused"})
         _write_decision(store, found, registered)
@@ -186,22 +167,17 @@ def recorded_version(store: Store, registered: Registered, root: Path, *, make: 
 
 def lost_files(store: Store, version: ModelVersion) -> str:
     """Return a sentence if a version's files are gone, else nothing."""
-    location = store.client.get_model_version_download_uri(version.name, version.version)
-    try:
-        if any(
-            Path(each.path).name == "MLmodel" for each in artifacts.list_artifacts(location, tracking_uri=store.uri)
-        ):
-            return ""
-    except Exception as error:  # each kind of place has its own
-        location = f"{location} ({in_brief(error)})"
+    if store.client.list_logged_model_artifacts(str(version.source).removeprefix("models:/")):
+        return ""
     return (
-        f"its files are not at {location}; restore them from a backup, or delete the version and run "
-        "`cylinder-friction track`, which makes it anew from the model's folder"
+        f"its files are not at {store.client.get_model_version_download_uri(version.name, version.version)}; restore "
+        "them from a backup, or delete the version and run `cylinder-friction track`, which makes it anew from the "
+        "model's folder"
     )
 
 
 def champion_of(store: Store, model_name: str) -> ModelVersion | None:
-    """Return the version in use, if there is one."""
+    """Look up the version in use, if there is one."""
     if not store.client.search_registered_models(f"name = '{model_name}'"):
         return None  # a server with logins refuses (403) to look for an alias of what is not there
     try:
@@ -220,17 +196,19 @@ def _number(version: ModelVersion | None) -> int:
     return 0 if version is None else int(version.version)
 
 
+def _is_of(version: ModelVersion, candidate: Candidate) -> bool:
+    return version.tags.get(MODEL) == candidate.model_md5
+
+
 def _is_decided(version: ModelVersion) -> bool:
     return version.tags.get(DECISION, PENDING) != PENDING
 
 
-def _incumbent(store: Store, champion: ModelVersion | None, measure: Callable[[Path], Errors]) -> Incumbent | None:
+def _measured(store: Store, champion: ModelVersion, measure: Callable[[Path], Errors]) -> Incumbent:
     """Measure the champion on the present recordings."""
-    if champion is None:
-        return None
     with tempfile.TemporaryDirectory() as scratch:
         folder = download_model(store, champion, Path(scratch))
-        return Incumbent(champion.tags.get(MODEL, "unknown"), measure(artifact_path(folder, ESTIMATOR_ARTIFACT)))
+        return Incumbent(champion.tags.get(MODEL, "unknown"), measure(saved_estimator(folder)))
 
 
 def _decided_before(candidate: Candidate, version: ModelVersion) -> Registered | None:
@@ -244,9 +222,9 @@ def _decided_before(candidate: Candidate, version: ModelVersion) -> Registered |
 
 def _write_decision(store: Store, version: ModelVersion, registered: Registered) -> None:
     """Write on what grounds the gate decided."""
-    candidate, content = registered.candidate, registered.to_dict()
-    gate = {"tolerance_percent": candidate.tolerance_percent, "incumbent": content["incumbent"]}
-    _tag(store, version, {REASON: registered.reason, _GATE: json.dumps(gate)})
+    candidate, incumbent = registered.candidate, registered.to_dict()["incumbent"]
+    gate = {"tolerance_percent": candidate.tolerance_percent, "incumbent": incumbent}
+    _tag(store, version, **{REASON: registered.reason, _GATE: json.dumps(gate)})
     reason = f"**{registered.reason[0].upper()}{registered.reason[1:]}**"
     way_back = f"`cylinder-friction lineage models:/{version.name}/{version.version}` checks it."
     store.client.update_model_version(version.name, version.version, "\n\n".join([reason, candidate.card, way_back]))
@@ -260,7 +238,7 @@ def _read_again(store: Store, version: ModelVersion) -> ModelVersion:
     return store.client.get_model_version(version.name, str(version.version))
 
 
-def _tag(store: Store, version: ModelVersion, tags: Mapping[str, str]) -> None:
+def _tag(store: Store, version: ModelVersion, **tags: str) -> None:
     for key, value in tags.items():
         store.client.set_model_version_tag(version.name, version.version, key, value)
 

@@ -1,30 +1,29 @@
-"""Where the repository lies and which commit it is at, and the errors of tracking."""
+"""Where the repository lies, which commit it is at, and the errors of tracking."""
 
 import subprocess
 from pathlib import Path
 
 
 class TrackingError(RuntimeError):
-    """The tracking store could not be reached, or what is to be logged is not what was recorded."""
+    """The tracking store cannot be reached, or what is to be logged is not there."""
 
 
 class LineageError(TrackingError):
-    """The way back from a model cannot be written down or followed; the message names what is missing."""
+    """The way back from a model cannot be followed; the message names what is missing."""
 
 
 CODE_FILE = "code.yaml"
 """The hash of each stage's code. Git holds it in a project on the installed package, which has no source of its own."""
 SOURCES = ("src", ":/src", "conf", "dvc.yaml", ":/pyproject.toml")
-"""Changes to these make a commit dirty. What a run writes and ``params.yaml`` do not: records and ``dvc.lock`` state
-them."""
+"""Paths whose changes make a commit dirty. Results and ``params.yaml`` do not: records and ``dvc.lock`` state them."""
 _DVC_TEMPORARY = (".dvc", "tmp", "exps")
 
 
 def repository_root(start: Path) -> Path:
-    """Return the absolute root of the repository that holds ``start``; ``start`` itself if there is none.
+    """Find the absolute root of the repository that holds ``start``; ``start`` itself if there is none.
 
-    An experiment that DVC runs in ``.dvc/tmp/exps`` belongs to the repository around it, not to the throw-away copy,
-    and a pipeline in a DVC repository of its own, one folder below, to the repository above it.
+    An experiment that DVC runs in ``.dvc/tmp/exps`` belongs to the repository around it, not to the throw-away copy.
+    A pipeline in a DVC repository one folder below another belongs to the repository above it.
     """
     start = start.resolve()
     for index in range(len(start.parts) - len(_DVC_TEMPORARY) + 1):
@@ -37,7 +36,7 @@ def repository_root(start: Path) -> Path:
 
 
 def asked_git(root: Path, *arguments: str) -> tuple[str | None, str]:
-    """Return the output of git, stripped, or None, and then why git refused."""
+    """Run git and return its stripped output. If git refuses, return None and the reason."""
     try:
         done = subprocess.run(  # noqa: S603
             ["git", "-C", str(root), *arguments],  # noqa: S607
@@ -49,12 +48,12 @@ def asked_git(root: Path, *arguments: str) -> tuple[str | None, str]:
 
 
 def git(root: Path, *arguments: str) -> str | None:
-    """Return the output of git, stripped; None if git fails, is absent or ``root`` is no repository."""
+    """Run git and return its stripped output; None if git fails, is absent or ``root`` is no repository."""
     return asked_git(root, *arguments)[0]
 
 
 def commit_of(root: Path) -> dict[str, str]:
-    """Return the commit of a repository as tags: ``git_commit``, ``git_dirty`` and, without one, ``git_problem``."""
+    """State a repository's commit as tags: ``git_commit``, ``git_dirty`` and, without a commit, ``git_problem``."""
     sha, problem = asked_git(root, "rev-parse", "--verify", "HEAD")
     if sha is None:
         return {"git_commit": "unknown", "git_dirty": "true", "git_problem": problem}

@@ -1,9 +1,8 @@
-"""Runs again from files: whatever store is in use, ``track`` fills it from what the pipeline wrote."""
+"""Runs again from files: ``track`` fills any store from what the pipeline wrote."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
-from cylinder_friction.dvc_hashes import LOCK_FILE, dvc_hash, hashes_in
 from cylinder_friction.files.whole_files import read_json
 from cylinder_friction.run_record import RUNS_FOLDER, STAGES, RunRecord
 from cylinder_friction.tracking.gate import Registered
@@ -35,35 +34,25 @@ def track(root: Path) -> Tracked:
     ``promote`` and ``rollback`` move it. A version that a person deleted is not made again while that run is there.
 
     Raises:
-        TrackingError: The store cannot be reached, there is nothing to log, or ``dvc.lock`` is damaged.
+        TrackingError: The store cannot be reached, or there is nothing to log.
     """
-    paths = sorted((root / RUNS_FOLDER).glob("*.json"), key=lambda path: ([*STAGES, path.stem].index(path.stem), path))
+    paths = {path.stem: path for path in (root / RUNS_FOLDER).glob("*.json")}
     if not paths:
         raise TrackingError(f"{root / RUNS_FOLDER}: holds no run; run `dvc pull` or `dvc repro` first")
-    try:
-        locked = hashes_in(root)
-    except ValueError as error:
-        raise TrackingError(str(error)) from error
     done: dict[str, list[str]] = {"logged": [], "present": [], "problems": []}
     version: str | None = None
     with open_store(root) as store:
-        for path in paths:
+        for stage in (*STAGES, *sorted({*paths} - {*STAGES})):
+            if stage not in paths:
+                continue
             try:
-                record = RunRecord.from_dict(read_json(path))
-                if record.name != path.stem:
-                    raise TrackingError(f"holds a record of {record.name!r}; remove it")
-                known, own = find_run(store, record) is not None, [path.relative_to(root).as_posix(), *record.artifacts]
-                for name in () if known else own:
-                    if (root / name).exists() and locked.get(name) not in (None, dvc_hash(root / name)):
-                        raise TrackingError(
-                            f"{name} is not what {LOCK_FILE} states; `dvc checkout` brings that back, `dvc repro` "
-                            "makes it anew"
-                        )
-                if record.name == "register" and (root / REGISTERED_FILE).is_file():
+                record = RunRecord.from_dict(read_json(paths[stage]))
+                known = find_run(store, record) is not None
+                if stage == "register" and (root / REGISTERED_FILE).is_file():
                     registered = Registered.from_dict(read_json(root / REGISTERED_FILE))
                     version = recorded_version(store, registered, root, make=not known)
                 log_in(store, record, root)
-                done["present" if known else "logged"].append(record.name)
-            except (RuntimeError, ValueError, TypeError, AttributeError, KeyError, OSError) as error:  # of a file
-                done["problems"].append(f"{path.name}: {error}")
+                done["present" if known else "logged"].append(stage)
+            except (RuntimeError, ValueError, TypeError, AttributeError, OSError) as error:  # of a missing or cut file
+                done["problems"].append(f"{stage}.json: {error}")
     return Tracked(tuple(done["logged"]), tuple(done["present"]), tuple(done["problems"]), version)
