@@ -59,8 +59,13 @@ def campaign_of(
 
 def evidence_of(labelled: Recording, cylinder: Cylinder) -> OffsetEvidence:
     """Return what a labelled recording shows, as the commands collect it."""
-    signals = map(labelled.column, ("position_m", "velocity_m_s", "friction_n"))
-    return offset_evidence(labelled, cylinder, PLAN, *up_and_down(*signals, labelled.usable(), PLAN.slowest_m_s), "")
+    return offset_evidence(labelled, cylinder, PLAN, *directions(labelled), "")
+
+
+def directions(labelled: Recording) -> tuple[float, float]:
+    """Return half the sum and half the difference of friction up and down [N]."""
+    position_m, velocity_m_s, friction_n = map(labelled.column, ("position_m", "velocity_m_s", "friction_n"))
+    return up_and_down(position_m, velocity_m_s, friction_n, labelled.usable(), PLAN.slowest_m_s)
 
 
 def loss_n(bar: float, speed_m_s: float, cylinder: Cylinder) -> float:
@@ -159,8 +164,7 @@ def loads(seed: int, quick: bool) -> Iterator[Row]:
         logs, _, cylinder = campaign_of(seed, quick, weight_n=WEIGHT_N, line_loss_bar=bar)
         labeller, smoothing = Labeller(cylinder, load="position"), default_filter(cylinder)
         unloaded = label(logs[:1], cylinder)[0]
-        signals = map(unloaded.column, ("position_m", "velocity_m_s", "friction_n"))
-        load_n, half_n = up_and_down(*signals, unloaded.usable(), PLAN.slowest_m_s)
+        load_n, half_n = directions(unloaded)
         yield "estimation: holds a load of about", "a load that is not taken off is named", holds_load(load_n, half_n)
         for each in logs:
             try:

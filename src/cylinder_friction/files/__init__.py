@@ -1,1 +1,1 @@
-"""Files that appear whole, their hashes, and locks: what the product, the live service and monitoring all need."""
+"""Files that appear whole, their hashes and locks, for all three projects."""
