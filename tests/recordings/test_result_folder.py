@@ -147,5 +147,5 @@ def test_the_run_after_a_killed_one_replaces_what_that_wrote(
 
 
 def test_what_a_killed_worker_was_writing_is_no_result(tmp_path: Path) -> None:
-    write(tmp_path / "out", "a", ".0f.draft.parquet", "parts/.1e.draft.js")
+    write(tmp_path / "out", "a", f".{32 * '0'}.draft.parquet", f"parts/.{32 * 'e'}.draft.js")
     assert names(tmp_path / "out") == ["a", MARKER]

@@ -14,8 +14,8 @@ import yaml
 
 LARGEST_YAML = 1 << 20
 PIECE = 1 << 18  # Bytes that are hashed at a time
-DRAFTS = ".*.draft*"
-"""What the names of files match that ``whole_file`` has not finished."""
+DRAFTS = f".{'[0-9a-f]' * 32}.draft*"
+"""Matches the names of files that ``whole_file`` has not finished, and no name that a person gives."""
 
 
 @contextmanager

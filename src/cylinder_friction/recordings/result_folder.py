@@ -64,7 +64,9 @@ class ResultFolder:
                     f"{self.folder}: another run is writing this folder; wait for it, or name another"
                 )
             try:
-                shutil.rmtree(scratch, ignore_errors=True)  # of a run that was killed
+                shutil.rmtree(scratch, ignore_errors=True)  # of a run that was killed, as are the drafts
+                for draft in self.folder.rglob(DRAFTS):
+                    draft.unlink()
                 scratch.mkdir()
                 yield scratch
             finally:

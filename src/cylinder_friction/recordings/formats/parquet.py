@@ -22,6 +22,7 @@ def read_parquet(source: FileSource, wanted: Collection[str] | None) -> list[Log
     ``unit`` or ``units``.
     """
     with _opened(source) as file:
+        wanted = _wanted_here(file, wanted)
         table = file.read(columns=_read_names(file, wanted), use_threads=False, use_pandas_metadata=False)
         if file.metadata.num_rows == 0:
             raise RecordingError("holds no rows; expected one row per sample")
@@ -37,9 +38,10 @@ def long_parquet(source: FileSource, wanted: Collection[str] | None, rows: int) 
 
     def chunks() -> Iterator[LoggedTable]:
         with _opened(source) as file:
-            names = _read_names(file, wanted)
+            here = _wanted_here(file, wanted)
+            names = _read_names(file, here)
             for batch in file.iter_batches(rows, columns=names, use_threads=False, use_pandas_metadata=False):
-                yield _table(file, pa.Table.from_batches([batch]), wanted)
+                yield _table(file, pa.Table.from_batches([batch]), here)
 
     return LongTable(-(-count // rows), chunks)
 
@@ -47,6 +49,12 @@ def long_parquet(source: FileSource, wanted: Collection[str] | None, rows: int) 
 def _opened(source: FileSource) -> Any:
     """Return the file, which is read page by page and not a row group at once."""
     return pq.ParquetFile(source.handle(), buffer_size=1 << 20, pre_buffer=False, page_checksum_verification=True)
+
+
+def _wanted_here(file: Any, wanted: Collection[str] | None) -> Collection[str] | None:
+    """Return the channels to read; nothing, not even time, if the file has none of the wanted ones."""
+    there = wanted is None or any(_name(field) in wanted for field in file.schema_arrow)
+    return wanted if there else ()
 
 
 def _is_read(field: Any, wanted: Collection[str] | None) -> bool:
