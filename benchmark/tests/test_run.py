@@ -160,7 +160,7 @@ def test_sessions_must_be_left_to_train_on() -> None:
 
 def test_the_committed_parameters_are_what_conf_composes() -> None:
     committed = yaml.safe_load((PROJECT / "benchmark/params.yaml").read_text(encoding="utf-8"))
-    assert committed == compose_benchmark(conf=CONF).model_dump()
+    assert checked(BenchmarkParams, committed, "params.yaml") == compose_benchmark(conf=CONF)
 
 
 @pytest.mark.parametrize("recipe", sorted(path.stem for path in (CONF / "experiment").glob("*.yaml")))

@@ -75,7 +75,8 @@ def compose_benchmark(overrides: Sequence[str] = (), conf: Path = CONF) -> Bench
 
 def write_benchmark_params(overrides: Sequence[str] = ()) -> None:
     """Compose, check and write ``params.yaml``; a refused configuration leaves the file as it was."""
-    content = compose_benchmark(overrides).model_dump()
+    params = compose_benchmark(overrides)
+    content = params.model_dump() | {"cylinder": params.cylinder.to_dict()}
     write_text(PARAMS_FILE, HEADER + yaml.safe_dump(content, sort_keys=False, allow_unicode=True))
 
 

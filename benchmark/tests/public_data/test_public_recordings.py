@@ -85,7 +85,7 @@ def test_inspection_states_the_crane_s_friction_once_its_load_is_taken_off(
     assert loaded.friction == {}
     assert loaded.subject.verdict.startswith("not usable: the force still holds a load, or a sensor's zero: 3")
     taken_off = inspected(public, "crane", path, "position")
-    assert taken_off.subject.verdict.startswith("usable for labelling; worth knowing: filter windows are in samples")
+    assert taken_off.subject.verdict.startswith("usable for labelling")
     for mean in taken_off.friction.values():
         assert least_n < mean.mean_n < 4000.0
         assert math.isnan(mean.half_width_n)
@@ -96,7 +96,7 @@ def test_the_crane_s_offset_is_stated_as_inseparable_from_its_load(public: Any, 
     run = crane["JibSineTest"]
     words = import_module("public_recordings").crane_offset
     assert run.stated_zero_n is None
-    assert words(run).startswith("sensor offset: inseparable from the load, both together known to ± 1125 N (k = 2)")
+    assert words(run).startswith("sensor offset: inseparable from the load, both together known to ± 1121 N (k = 2)")
     assert words(run).endswith(
         "the file states no accuracy: 1767 N for each bar that the zero of the piston side may be "
         "off, 982 N of the rod side"

@@ -30,6 +30,7 @@ from cylinder_friction.recordings.columns import (
 NOISE, STROKES = 12.0, 2e-3
 """A second difference is a fault above this multiple of the usual one, and above this share of the stroke."""
 TOGETHER_S = 0.3  # Faults closer to each other than this are one [s]
+SMALL = 0.01  # A jump of less than this share of the stroke is noted: position is hardly wrong on either side of it
 LINE_S = 0.1  # A jump's height is measured between straight lines over this time on either side [s]
 FEWEST_HELD, MOST_SINGLE = 5, 3
 """This many equal values before a jump are a held value; a single sample that is off bends this many rows at most."""
@@ -174,7 +175,7 @@ def _longer(where: Mask, least: float) -> list[tuple[int, int]]:
 def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> Finding:
     """Return the finding ``position_steps``: refused at a jump, a held value or a disturbance.
 
-    Single samples that are off, and a value without the noise that the sensor has elsewhere, are noted.
+    Small jumps, single samples that are off, and a value without the noise that the sensor has elsewhere, are noted.
 
     Args:
         position_m, time_s: Of a uniformly sampled recording, shape ``(n,)``.
@@ -185,13 +186,18 @@ def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> F
     usual_m = float(np.quantile(bend_m[:: max(1, len(bend_m) // 4096)], 0.95))
     found = np.flatnonzero(bend_m > max(NOISE * usual_m, STROKES * stroke_m)) + 1
     groups = np.split(found, np.flatnonzero(np.diff(found) * step_s > TOGETHER_S) + 1) if len(found) else []
-    words = [(int(each[0]), _words(position_m, time_s, int(each[0]), int(each[-1]), stroke_m)) for each in groups]
-    faults = [(row, what) for row, what in words if what]
+    words = [(int(each[0]), *_words(position_m, time_s, int(each[0]), int(each[-1]), stroke_m)) for each in groups]
+    faults = [(row, what) for row, what, small in words if what and not small]
+    jumps = [(row, what) for row, what, small in words if what and small]
+    more = f" (first of {len(faults or jumps)} such faults)" if len(faults or jumps) > 1 else ""
     if faults:
         row, what = faults[0]
-        more = f" (first of {len(faults)} such faults)" if len(faults) > 1 else ""
         text = f"position_m {what}, in row {row + 1}{more}; check the sensor and its cable, and cut the log there"
         return Finding("position_steps", "refused", text)
+    if jumps:
+        row, what = jumps[0]
+        text = f"position_m {what}, in row {row + 1}{more}; velocity and friction are wrong there"
+        return Finding("position_steps", "noted", text)
     if words:
         text = (
             f"position_m has {len(words)} single samples that no piston can follow (first: row {words[0][0] + 1}, at "
@@ -201,20 +207,24 @@ def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> F
     return _still(position_m, time_s, max(2, round(STILL_S / step_s)), stroke_m)
 
 
-def _words(x_m: Array, time_s: Array, first: int, last: int, stroke_m: float) -> str:
-    """Describe the fault whose second differences run from row ``first`` to ``last``; empty for a single sample."""
+def _words(x_m: Array, time_s: Array, first: int, last: int, stroke_m: float) -> tuple[str, bool]:
+    """Describe the fault whose second differences run from row ``first`` to ``last``, and whether it is a small jump.
+
+    The words are empty for a single sample.
+    """
     held = first
     while held > 0 and x_m[held - 1] == x_m[first]:
         held -= 1
     if first - held >= FEWEST_HELD and x_m[min(last + 1, len(x_m) - 1)] != x_m[first]:
         when = f"from {time_s[held]:.2f} to {time_s[first]:.2f} s"
-        return f"holds {1e3 * x_m[first]:.4g} mm {when} while the piston moves on"
+        return f"holds {1e3 * x_m[first]:.4g} mm {when} while the piston moves on", False
     if last - first > MOST_SINGLE:
-        return f"is disturbed from {time_s[first]:.2f} to {time_s[last]:.2f} s"
+        return f"is disturbed from {time_s[first]:.2f} to {time_s[last]:.2f} s", False
     height_m = _height(x_m, first, last, max(3, round(LINE_S / float(time_s[1] - time_s[0]))))
     if abs(height_m) > 0.5 * STROKES * stroke_m:
-        return f"jumps by {1e3 * height_m:+.3g} mm at {time_s[first]:.2f} s, and on one side it is wrong by as much"
-    return ""
+        text = f"jumps by {1e3 * height_m:+.3g} mm at {time_s[first]:.2f} s, and on one side it is wrong by as much"
+        return text, abs(height_m) < SMALL * stroke_m
+    return "", False
 
 
 def _height(x_m: Array, first: int, last: int, line: int) -> float:

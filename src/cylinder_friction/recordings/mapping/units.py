@@ -28,7 +28,8 @@ _SPELLINGS: dict[str, dict[float, str]] = {
     },
     # A load cell's display shows what hangs on it: as a force, a mass can only mean its weight.
     "force": {
-        1.0: "N newton", 10.0: "daN", 1e3: "kN", 4.4482216152605: "lbf lb lbs", 4448.2216152605: "kip kips",
+        1.0: "N newton", 1e-6: "uN μN", 10.0: "daN", 1e3: "kN",
+        4.4482216152605: "lbf lb lbs", 4448.2216152605: "kip kips",
         9.80665: "kgf kp kg", 9806.65: "tf t",
     },
 }  # fmt: skip
