@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 IMAGES = Path(__file__).parent / "images"
 SIZE = {"width": 1400, "height": 800}
-WITHOUT_ASSISTANT = {"x": 0, "y": 0, "width": 1440, "height": 700}
+WITHOUT_ASSISTANT = {"x": 0, "y": 0, "width": 1334, "height": 470}
 """MLflow's assistant takes the right of its pages."""
 
 

@@ -15,7 +15,7 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits, Finding
 from cylinder_friction.recordings.checks.plausibility import clear_motion
-from cylinder_friction.recordings.checks.position_checks import check_position_against_force
+from cylinder_friction.recordings.checks.position_checks import check_position_against_force, check_position_steps
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
 from cylinder_friction.recordings.conversion import open_tables, pieces_from
 from cylinder_friction.recordings.reading_logs import Logs
@@ -156,3 +156,12 @@ def test_faults_that_no_single_sample_shows_in_recordings_of_a_crane(crane_logs:
             found[kind] += names(each, path)
     assert found["still"] == 8
     assert sum(found.values()) >= 29, found
+
+
+def test_a_small_jump_is_noted_and_a_large_one_refuses_the_recording() -> None:
+    time_s = 0.005 * np.arange(2000)
+    position_m = 0.12 + 0.05 * np.sin(time_s)
+    for height_m, outcome in ((0.001, "noted"), (0.005, "refused")):
+        found = check_position_steps(position_m + height_m * (time_s >= 5.0), time_s, stroke_m=0.25)
+        assert found.outcome == outcome
+        assert f"jumps by +{1e3 * height_m:.0f} mm at 5" in found.text.replace(".00 mm", " mm")
