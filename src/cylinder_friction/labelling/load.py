@@ -3,7 +3,7 @@
 What drives the piston less inertia is load plus friction, and friction turns its sign with the direction where the
 load at a position does not:
 
-    F_drive - m·a = L(x) + F_C·sgn(v) + s_2·v + k·v·|v|
+    F_drive - m·a = L(x) + F_C·sgn(v) + s_2·v + k·v·abs(v)
 
 L is a polynomial in position, and in those of other cylinders if it depends on them, whose orders cross-validation
 chooses. Friction is the same in both directions over rows that clearly move: Coulomb, viscous and, where lines between
