@@ -136,3 +136,17 @@ def test_a_unit_of_another_form_is_refused(given: list[str], log: Path, capsys: 
     options = [word for each in given for word in ("--unit", each)]
     assert main(["estimate", str(log), "--cylinder", GEOMETRY, *options]) == 1
     assert f"--unit {given[-1]}: expected QUANTITY=UNIT such as pressure=bar" in capsys.readouterr().err
+
+
+def test_whole_numbers_are_the_same_cylinder() -> None:
+    assert repr(cylinder_of(GEOMETRY.replace("6.0", "6"))) == repr(cylinder_of(GEOMETRY))
+
+
+def test_a_cylinder_that_nobody_stated_here_is_named(
+    log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "params.yaml").write_text(f"cylinder: {{name: press, {GEOMETRY.replace('=', ': ')}}}\n")
+    assert main(["estimate", str(log)]) == 0
+    named = "the cylinder is that of params.yaml, press (63 mm bore, 28 mm rod); state yours by --cylinder"
+    assert named in capsys.readouterr().out

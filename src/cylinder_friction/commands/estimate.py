@@ -15,7 +15,7 @@ from contextlib import ExitStack
 from dataclasses import MISSING, fields
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar, get_args
+from typing import Any, TYPE_CHECKING, TypeVar, get_args
 
 from cylinder_friction.commands._model import model_folder
 
@@ -137,10 +137,11 @@ def cores() -> int:
 
 def run_on_logs(function: Callable[..., Result], options: argparse.Namespace) -> tuple[Result, list[str]]:
     """Return what a function makes of the logs that ``add_log_arguments`` names, and the warnings it gave."""
-    return reported(
+    cylinder = cylinder_of(options.cylinder)
+    result, notes = reported(
         lambda: function(
             options.logs,
-            cylinder_of(options.cylinder),
+            cylinder,
             options.output,
             channels=options.channels,
             load=options.load,
@@ -150,6 +151,10 @@ def run_on_logs(function: Callable[..., Result], options: argparse.Namespace) ->
             database=options.dbc,
         )
     )
+    if options.cylinder is None:
+        sizes = f"{1e3 * cylinder.bore_diameter_m:g} mm bore, {1e3 * cylinder.rod_diameter_m:g} mm rod"
+        notes.insert(0, f"the cylinder is that of params.yaml, {cylinder.name} ({sizes}); state yours by --cylinder")
+    return result, notes
 
 
 def reported(function: Callable[[], Result]) -> tuple[Result, list[str]]:
@@ -209,7 +214,8 @@ def cylinder_of(given: str | None) -> Cylinder:
             f"{where}: {'unknown' if wrong else 'missing'} {', '.join(wrong or missing)}; expected "
             f"{', '.join(needed)}, and if you like {', '.join(optional)}"
         )
-    return Cylinder(**content)
+    numbers: dict[str, Any] = {name: float(each) if type(each) is int else each for name, each in content.items()}
+    return Cylinder(**numbers)
 
 
 def _lines(result: FrictionOfLogs) -> list[str]:
