@@ -15,7 +15,7 @@ from contextlib import ExitStack
 from dataclasses import MISSING, fields
 from functools import partial
 from pathlib import Path
-from typing import Any, TYPE_CHECKING, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, TypeVar, get_args
 
 from cylinder_friction.commands._model import model_folder
 
