@@ -152,7 +152,7 @@ def test_a_cluster_without_scheduler_or_worker_is_named(tmp_path: Path, monkeypa
         impatient.setattr(cluster_module, "CONNECT_S", 0.5)
         with pytest.raises(WorkersError) as caught, workers_from_environment():
             pass
-    assert "no Dask scheduler responds within" in str(caught.value)
+    assert "no Dask scheduler responds there within" in str(caught.value)
     assert "start one with `dask scheduler`, or unset CYLINDER_FRICTION_WORKERS" in str(caught.value)
     with loopback.loopback_cluster(tmp_path, 0, MODULES) as cluster:
         monkeypatch.setenv(VARIABLE, cluster.address)

@@ -150,6 +150,5 @@ def test_the_load_of_a_crane_holds_for_recordings_that_it_was_not_identified_on(
         rms_n = float(np.sqrt(np.mean(error_n**2)))
         assert rms_n < 2.0 * np.sqrt(np.mean(stated_n**2))
         shares.append(rms_n / own.coulomb_n)
-    assert len(shares) == 6  # nothing else went where the first one did
-    assert sorted(shares)[-2] < 0.2
-    assert max(shares) < 0.35
+    assert len(shares) == 4  # to the others, no load is known to a fifth of friction
+    assert max(shares) < 0.2
