@@ -30,7 +30,7 @@ from cylinder_friction.recordings.columns import (
 NOISE, STROKES = 12.0, 2e-3
 """A second difference is a fault above this multiple of the usual one, and above this share of the stroke."""
 TOGETHER_S = 0.3  # Faults closer to each other than this are one [s]
-SMALL = 0.01  # A jump of less than this share of the stroke is noted: position is hardly wrong on either side of it
+SMALL = 0.01  # A jump or disturbance of less than this share of the stroke is noted: a stick-slip may look like one
 LINE_S = 0.1  # A jump's height is measured between straight lines over this time on either side [s]
 FEWEST_HELD, MOST_SINGLE = 5, 3
 """This many equal values before a jump are a held value; a single sample that is off bends this many rows at most."""
@@ -175,7 +175,7 @@ def _longer(where: Mask, least: float) -> list[tuple[int, int]]:
 def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> Finding:
     """Return the finding ``position_steps``: refused at a jump, a held value or a disturbance.
 
-    Small jumps, single samples that are off, and a value without the noise that the sensor has elsewhere, are noted.
+    Small jumps and disturbances, single samples that are off, and a value without the noise that the sensor has elsewhere, are noted.
 
     Args:
         position_m, time_s: Of a uniformly sampled recording, shape ``(n,)``.
@@ -208,7 +208,7 @@ def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> F
 
 
 def _words(x_m: Array, time_s: Array, first: int, last: int, stroke_m: float) -> tuple[str, bool]:
-    """Describe the fault whose second differences run from row ``first`` to ``last``, and whether it is a small jump.
+    """Describe the fault whose second differences run from row ``first`` to ``last``, and whether it is small.
 
     The words are empty for a single sample.
     """
@@ -219,12 +219,18 @@ def _words(x_m: Array, time_s: Array, first: int, last: int, stroke_m: float) ->
         when = f"from {time_s[held]:.2f} to {time_s[first]:.2f} s"
         return f"holds {1e3 * x_m[first]:.4g} mm {when} while the piston moves on", False
     if last - first > MOST_SINGLE:
-        return f"is disturbed from {time_s[first]:.2f} to {time_s[last]:.2f} s", False
+        ends = [max(first - 1, 0), min(last + 1, len(x_m) - 1)]
+        off_m = x_m[slice(*ends)] - np.interp(np.arange(*ends), ends, x_m[ends])
+        return f"is disturbed from {time_s[first]:.2f} to {time_s[last]:.2f} s", _small(off_m, stroke_m)
     height_m = _height(x_m, first, last, max(3, round(LINE_S / float(time_s[1] - time_s[0]))))
     if abs(height_m) > 0.5 * STROKES * stroke_m:
         text = f"jumps by {1e3 * height_m:+.3g} mm at {time_s[first]:.2f} s, and on one side it is wrong by as much"
-        return text, abs(height_m) < SMALL * stroke_m
+        return text, _small(height_m, stroke_m)
     return "", False
+
+
+def _small(off_m: Array | float, stroke_m: float) -> bool:
+    return bool(np.max(np.abs(off_m)) < SMALL * stroke_m)
 
 
 def _height(x_m: Array, first: int, last: int, line: int) -> float:
