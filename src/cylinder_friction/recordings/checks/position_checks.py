@@ -30,7 +30,8 @@ from cylinder_friction.recordings.columns import (
 NOISE, STROKES = 12.0, 2e-3
 """A second difference is a fault above this multiple of the usual one, and above this share of the stroke."""
 TOGETHER_S = 0.3  # Faults closer to each other than this are one [s]
-SMALL = 0.01  # A jump or disturbance of less than this share of the stroke is noted: a stick-slip may look like one
+SMALL, SLIGHT = 0.01, 0.05
+"""A jump, and a disturbance, of less than these shares of the stroke are noted: a stick-slip or an impact may look so."""
 LINE_S = 0.1  # A jump's height is measured between straight lines over this time on either side [s]
 FEWEST_HELD, MOST_SINGLE = 5, 3
 """This many equal values before a jump are a held value; a single sample that is off bends this many rows at most."""
@@ -175,7 +176,8 @@ def _longer(where: Mask, least: float) -> list[tuple[int, int]]:
 def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> Finding:
     """Return the finding ``position_steps``: refused at a jump, a held value or a disturbance.
 
-    Small jumps and disturbances, single samples that are off, and a value without the noise that the sensor has elsewhere, are noted.
+    Small jumps and disturbances, single samples that are off, and a value without the noise that the sensor has
+    elsewhere, are noted.
 
     Args:
         position_m, time_s: Of a uniformly sampled recording, shape ``(n,)``.
@@ -221,16 +223,14 @@ def _words(x_m: Array, time_s: Array, first: int, last: int, stroke_m: float) ->
     if last - first > MOST_SINGLE:
         ends = [max(first - 1, 0), min(last + 1, len(x_m) - 1)]
         off_m = x_m[slice(*ends)] - np.interp(np.arange(*ends), ends, x_m[ends])
-        return f"is disturbed from {time_s[first]:.2f} to {time_s[last]:.2f} s", _small(off_m, stroke_m)
+        return f"is disturbed from {time_s[first]:.2f} to {time_s[last]:.2f} s", bool(
+            np.abs(off_m).max() < SLIGHT * stroke_m
+        )
     height_m = _height(x_m, first, last, max(3, round(LINE_S / float(time_s[1] - time_s[0]))))
     if abs(height_m) > 0.5 * STROKES * stroke_m:
         text = f"jumps by {1e3 * height_m:+.3g} mm at {time_s[first]:.2f} s, and on one side it is wrong by as much"
-        return text, _small(height_m, stroke_m)
+        return text, abs(height_m) < SMALL * stroke_m
     return "", False
-
-
-def _small(off_m: Array | float, stroke_m: float) -> bool:
-    return bool(np.max(np.abs(off_m)) < SMALL * stroke_m)
 
 
 def _height(x_m: Array, first: int, last: int, line: int) -> float:
