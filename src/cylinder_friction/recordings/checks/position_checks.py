@@ -31,7 +31,7 @@ NOISE, STROKES = 12.0, 2e-3
 """A second difference is a fault above this multiple of the usual one, and above this share of the stroke."""
 TOGETHER_S = 0.3  # Faults closer to each other than this are one [s]
 SMALL, SLIGHT = 0.01, 0.05
-"""A jump, and a disturbance, of less than these shares of the stroke are noted: a stick-slip or an impact may look so."""
+"""A jump, and a disturbance, of less than these shares of the stroke are noted: a stick-slip or impact may look so."""
 LINE_S = 0.1  # A jump's height is measured between straight lines over this time on either side [s]
 FEWEST_HELD, MOST_SINGLE = 5, 3
 """This many equal values before a jump are a held value; a single sample that is off bends this many rows at most."""
