@@ -4,14 +4,48 @@ from __future__ import annotations
 
 import json
 import resource
+import shutil
 from pathlib import Path
 
 import pytest
 
 from cylinder_friction.commands.cli import main
-from cylinder_friction.commands.readme import BEGIN, END, PICTURES
+from cylinder_friction.commands.readme import (
+    BEGIN,
+    END,
+    JSON_BLOCK,
+    MODEL,
+    PICTURES,
+    SERVING,
+    answered,
+    main_rows,
+    update_answer,
+    update_readme,
+)
 from cylinder_friction.run_record import RunRecord
 
+ROOT = Path(__file__).parents[2]
+LEARNS_OFFSET = ROOT / "tests/golden/learns_offset/model"
+TABLE = """12 held-out sessions.
+
+Mean absolute error against true friction:
+
+| Estimator | Condition 1 |
+|---|---:|
+| LuGre (identified in condition 1) | 8.00 % (29.0 N) |
+| LuGre, pressure-scaled (identified in condition 1) | 7.79 % (28.2 N) |
+| Force balance, tuned low-pass | 2.80 % (10.1 N) |
+| Random forest alone | 4.73 % (17.1 N) |
+| Hybrid as published | 5.70 % (20.6 N) |
+| Hybrid (corrects the force balance) | **1.41 % (5.1 N)** |
+| Label itself (off line, looks ahead) | 1.12 % (4.1 N) |
+
+Mean absolute error against the label, which estimators learn from:
+
+| Estimator | Condition 1 |
+|---|---:|
+| LuGre (identified in condition 1) | 7.84 % (28.4 N) |
+"""
 PICTURE = Path(next(iter(PICTURES.values())))
 
 
@@ -65,3 +99,71 @@ def test_a_full_disk_leaves_the_earlier_picture_and_table(project: Path, capsys:
     assert (project / PICTURE).read_bytes() == b"old"
     assert "old" in (project / "README.md").read_text(encoding="utf-8")
     assert [path.name for path in (project / PICTURE).parent.iterdir()] == [PICTURE.name], "no draft stays"
+
+
+@pytest.fixture
+def reports(tmp_path: Path) -> Path:
+    folder = tmp_path / "reports"
+    (folder / "figures").mkdir(parents=True)
+    (folder / "table.md").write_text("| new table |\n")
+    for picture in PICTURES:
+        (folder / "figures" / picture).write_bytes(b"picture")
+    return folder
+
+
+def test_only_what_is_between_the_markers_changes(tmp_path: Path, reports: Path) -> None:
+    readme = tmp_path / "README.md"
+    readme.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
+    for _ in range(2):
+        update_readme(readme, reports)
+        assert readme.read_text() == f"before\n{BEGIN}\n\n| new table |\n\n{END}\nafter\n"
+    assert all((tmp_path / target).read_bytes() == b"picture" for target in PICTURES.values())
+
+
+def test_lost_markers_are_an_error(tmp_path: Path, reports: Path) -> None:
+    readme = tmp_path / "README.md"
+    readme.write_text("no markers")
+    with pytest.raises(ValueError, match="are not both there; put them back"):
+        update_readme(readme, reports)
+    assert readme.read_text() == "no markers"
+
+
+def test_the_readme_has_five_rows_against_true_friction() -> None:
+    shown = main_rows(TABLE).splitlines()
+    assert [line.split(" | ")[0] for line in shown if "%" in line] == [
+        "| LuGre (identified in condition 1)",
+        "| Force balance, tuned low-pass",
+        "| Hybrid as published",
+        "| Hybrid (corrects the force balance)",
+        "| Label itself (off line, looks ahead)",
+    ]
+    assert shown[:5] == TABLE.splitlines()[:5]
+
+
+def printed(guide: Path) -> tuple[str, list[dict[str, object]]]:
+    """Return the request that the guide on serving prints, and the rows of the answer."""
+    request, answer, *_ = JSON_BLOCK.findall(guide.read_text(encoding="utf-8"))
+    return request, json.loads(answer)["predictions"]
+
+
+def test_the_answer_in_the_guide_becomes_that_of_the_model(tmp_path: Path) -> None:
+    guide = Path(shutil.copy(ROOT / SERVING, tmp_path))
+    for _ in range(2):
+        update_answer(guide, LEARNS_OFFSET)
+        assert printed(guide) == (printed(ROOT / SERVING)[0], answered(printed(guide)[0], LEARNS_OFFSET))
+    before, after = (JSON_BLOCK.sub("", each.read_text(encoding="utf-8")) for each in (ROOT / SERVING, guide))
+    assert before == after
+
+
+def test_the_printed_answer_has_the_fields_and_flags_of_a_served_model() -> None:
+    request, rows = printed(ROOT / SERVING)
+    expected = answered(request, LEARNS_OFFSET)
+    assert [(list(row), row["flag_names"]) for row in rows] == [(list(row), row["flag_names"]) for row in expected]
+
+
+@pytest.mark.skipif(not (ROOT / MODEL / "estimator.json").is_file(), reason="the pipeline has not run here")
+def test_the_printed_answer_is_that_of_the_pipelines_model() -> None:
+    request, rows = printed(ROOT / SERVING)
+    for row, expected in zip(rows, answered(request, ROOT / MODEL), strict=True):
+        assert row["flag_names"] == expected["flag_names"], "run `make readme`"
+        assert row["friction_n"] == pytest.approx(expected["friction_n"], abs=5.0), "run `make readme`"
