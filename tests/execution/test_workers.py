@@ -49,7 +49,7 @@ def test_an_exception_of_a_piece_is_raised_here() -> None:
 
 
 def test_an_interrupt_ends_what_is_running() -> None:
-    started_s = time.monotonic()
+    started_s, others = time.monotonic(), set(multiprocessing.active_children())  # a reader of logs may be among them
 
     def interrupted() -> None:
         with Processes(2) as workers:
@@ -59,7 +59,7 @@ def test_an_interrupt_ends_what_is_running() -> None:
     with pytest.raises(KeyboardInterrupt):
         interrupted()
     assert time.monotonic() - started_s < 60.0
-    assert not multiprocessing.active_children()
+    assert set(multiprocessing.active_children()) <= others
 
 
 def test_every_process_has_one_thread_and_this_one_its_own_settings(monkeypatch: pytest.MonkeyPatch) -> None:
