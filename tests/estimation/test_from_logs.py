@@ -14,7 +14,6 @@ import numpy as np
 import pandas as pd
 import pytest
 
-import format_writers
 import packed_pages
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.from_logs import LABEL_BOUNDS, estimate_logs
@@ -25,7 +24,6 @@ from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.realtime.trained_for import OtherCylinderError
 from cylinder_friction.recordings.checks.limits import LoadMode
-from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recording
 from cylinder_friction.signals.methods import default_filter
@@ -307,19 +305,3 @@ def test_results_state_their_origin(tmp_path: Path, cylinder: Cylinder) -> None:
     assert "2026-03-27 (file name, a date without a time of day)" in pane
     assert "serial 4711, calibrated 2026-01-31" in pane
     assert about.depends_on["mapping"][:12] in pane
-
-
-def test_results_go_into_the_measurement_file(tmp_path: Path, cylinder: Cylinder) -> None:
-    table, log = made_log(4000), tmp_path / "press.mf4"
-    format_writers.write_mdf4(log, table.rename(columns={"t": "time"}), {"p1": "bar", "x": "mm"})
-    before = log.read_bytes()
-    run = partial(estimate_logs, log, cylinder, channels=CHANNELS | {"time_s": {"channel": "time", "unit": "s"}})
-    for into, file_format in (("one", "mdf"), ("other", "mdf"), ("again", "csv")):
-        run(tmp_path / into, file_format=file_format)
-    assert log.read_bytes() == before
-    assert (tmp_path / "one/press.mf4").read_bytes() == (tmp_path / "other/press.mf4").read_bytes()
-    measured, results = read_logged_file(tmp_path / "one/press.mf4")
-    np.testing.assert_array_equal(measured.channels["p1"], table["p1"])
-    friction_n = pd.read_csv(tmp_path / "again/press.csv")["friction_n"]
-    np.testing.assert_allclose(results.channels["friction_n"], friction_n, rtol=1e-8)
-    assert run(tmp_path / "one", file_format="mdf").news == ("1 file as before",)

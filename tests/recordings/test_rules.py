@@ -10,7 +10,6 @@ import pytest
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.checks.screening import ScreenRules
 from cylinder_friction.recordings.formats.layout import CsvOptions
-from cylinder_friction.recordings.mapping.calibration import ZeroRules
 from cylinder_friction.recordings.mapping.channel_mapping import SensorScale
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
@@ -36,10 +35,6 @@ def sensor(**values: Any) -> SensorScale:
         (limits, {"load": "gravity"}, "load: expected none, measured or position, but got 'gravity'"),
         (limits, {"piston_area_m2": 1e-3}, "piston_area_m2 and annulus_area_m2: expected both or neither, but got"),
         (limits, {"piston_area_m2": 1e-3, "annulus_area_m2": 2e-3}, "expected more than 0 and less than"),
-        (ZeroRules, {"method": "window"}, "window_s: expected two times with method window, the first"),
-        (ZeroRules, {"method": "found", "window_s": (0.0, 1.0)}, "window_s: expected none with method found, but got"),
-        (ZeroRules, {"method": "window", "window_s": (3.0, 1.0)}, "the first earlier, but got (3.0, 1.0)"),
-        (ZeroRules, {"band_pa": 0.0}, "band_pa: expected a positive number, but got 0.0"),
         (sensor, {"range": (5.0, 5.0)}, "range: expected two different finite numbers, but got (5.0, 5.0)"),
         (sensor, {"bits": 0}, "bits: expected 1 to 32, but got 0"),
         (sensor, {"accuracy_percent": -0.5}, "accuracy_percent: expected 0 to 100 (of full scale), but got -0.5"),

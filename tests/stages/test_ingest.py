@@ -57,7 +57,6 @@ def test_own_logs_as_the_example_says(
         ({"name_pattern": None}, "name_pattern or name_table must be set, and the other null"),
         ({"csv": {"delimiter": ";;"}}, "csv: delimiter: expected one character, 'whitespace' or 'auto', but got ';;'"),
         ({"checks": {"least_travel": 2.0}}, "checks: least_travel: expected at least 0 and less than 1, but got 2.0"),
-        ({"zero": {"method": "window"}}, "zero: zero: window_s: expected two times with method window"),
     ],
 )
 def test_impossible_settings_are_refused(change: dict[str, Any], message: str) -> None:

@@ -42,8 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--other-cylinder", action="store_true", help=words)
     words = f"number of processes; default: one per core for {FEW_FILES} logs or more, else one"
     parser.add_argument("--workers", type=int, metavar="N", help=words)
-    words = "format of the results; mdf: an MDF 4 file with the log's channels and the results; default: parquet"
-    parser.add_argument("--format", choices=("parquet", "csv", "mdf"), default="parquet", help=words)
+    words = "format of the results; csv: a file beside each Parquet file; default: parquet"
+    parser.add_argument("--format", choices=("parquet", "csv"), default="parquet", help=words)
 
 
 def add_log_arguments(parser: argparse.ArgumentParser, folder: str) -> None:

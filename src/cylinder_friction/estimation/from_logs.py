@@ -42,7 +42,7 @@ from cylinder_friction.recordings.conversion import ROWS_AT_ONCE
 from cylinder_friction.recordings.ingesting import digest_of
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertainty
 from cylinder_friction.recordings.reading_logs import Logs, find_logs
-from cylinder_friction.recordings.recording import Recording, RecordingError
+from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.result_folder import ResultFolder
 from cylinder_friction.recordings.stated_load import StatedLoad
 from cylinder_friction.reporting.friction_page import friction_pane, write_friction_page
@@ -97,8 +97,7 @@ def estimate_logs(
         into: A new folder, or one that an earlier call wrote. Files that no earlier call wrote stay in it.
         model: An estimator or the folder of a saved one; logs are resampled to its rate. None: the off-line label.
         other_cylinder: Whether a model may be of a cylinder of other areas.
-        file_format: ``parquet``; or ``csv`` or ``mdf``, a file beside each Parquet file. MDF holds all that a
-            measurement file does, and the results.
+        file_format: ``parquet``; or ``csv``, a file beside each Parquet file.
         rows_at_once: A log of more rows is cut into parts of about this many, each a recording of its session, so that
             memory holds one of them.
         workers: Work on recordings side by side; None: one after the other, here.
@@ -203,14 +202,13 @@ def _write_results(
             file_format,
             depends_on,
             detailed,
-            run.logs.files[each.metadata.source_file],
             listed,
         )
         for each in labelled
     ]
     results = []
     for each, result in zip(labelled, run.workers.in_order(work), strict=True):
-        if isinstance(result, Died | str):
+        if isinstance(result, Died):
             run.refused.append(refused_piece(each.metadata, result))
         else:
             results.append(result)
@@ -228,10 +226,9 @@ def _written(
     file_format: FileFormat,
     depends_on: Mapping[str, str],
     detailed: bool,
-    log: Path,
     listed: Collection[str],
-) -> Result | str:
-    """Take the offset off a recording's friction and write its result; return why if that fails.
+) -> Result:
+    """Take the offset off a recording's friction and write its result.
 
     Args:
         offset: What is known of the sensors' offset; None with an estimator.
@@ -244,10 +241,7 @@ def _written(
     entry, bounded = friction.entry(finished, labelled.load), bool(np.isfinite(finished.column("lower_n")).any())
     compared = packed(labelled.evidence, labelled.samples)
     result = Result.of(entry, depends_on, of_file, file_format, bounded, offset, compared)
-    try:
-        write_result(folder, finished, result, _pane(friction, finished, detailed), log, listed)
-    except RecordingError as error:
-        return f"its results cannot be written as {file_format}: {error}"
+    write_result(folder, finished, result, _pane(friction, finished, detailed), listed)
     return result
 
 

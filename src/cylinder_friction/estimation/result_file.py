@@ -23,7 +23,6 @@ from cylinder_friction.files.whole_files import whole_file, write_text
 from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence
 from cylinder_friction.labelling.sliding_blocks import SlidingBlocks
 from cylinder_friction.recordings.checks.duplicates import Samples
-from cylinder_friction.recordings.formats.mdf_results import write_mdf
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.result_folder import refuse_foreign
 from cylinder_friction.recordings.storage import read_beside, write_recording
@@ -32,8 +31,7 @@ from cylinder_friction.reporting.friction_page import pane_file
 if TYPE_CHECKING:
     from cylinder_friction.recordings.reading_logs import Logs
 
-FileFormat = Literal["parquet", "csv", "mdf"]
-SUFFIXES = {"csv": ".csv", "mdf": ".mf4"}
+FileFormat = Literal["parquet", "csv"]
 """What further files end in that are asked for beside the Parquet file."""
 ABOUT, COMPARED = "cylinder_friction_result", "cylinder_friction_compared"
 """Names of the texts in a result's metadata: what it states, and what later recordings are compared with."""
@@ -68,7 +66,7 @@ class Result:
         compared: str,
     ) -> Self:
         """Return the result of a recording whose friction is wanted in a format, too."""
-        also = [f"{entry.name}{SUFFIXES[file_format]}"] if file_format in SUFFIXES else []
+        also = [f"{entry.name}.csv"] if file_format == "csv" else []
         return cls(entry, depends_on, of_file, (*also, pane_file(entry.name)), bounded, offset, compared)
 
     @property
@@ -105,9 +103,7 @@ def read_result(path: Path) -> Result | None:
     return Result(**about, compared=texts[COMPARED])
 
 
-def write_result(
-    folder: Path, finished: Recording, result: Result, pane: str, log: Path, listed: Collection[str] = ()
-) -> None:
+def write_result(folder: Path, finished: Recording, result: Result, pane: str, listed: Collection[str] = ()) -> None:
     """Write the files of a result; it counts once all of them are there, whenever the run ends.
 
     Args:
@@ -115,12 +111,10 @@ def write_result(
         finished: The recording with its friction.
         result: What it states.
         pane: What the page shows of it.
-        log: What it was read from.
         listed: Files that an earlier run listed as its own.
 
     Raises:
         FileExistsError: A file that no earlier run wrote lies in the place of one of them.
-        RecordingError: The measurement file cannot hold the results.
     """
     path = folder / result.file
     earlier = read_result(path) if path.is_file() else None
@@ -133,13 +127,11 @@ def write_result(
         (folder / name).unlink(missing_ok=True)
     write_recording(folder, finished, beside=result.texts())
     for name in result.beside:
-        _write_beside(folder / name, finished, pane, log)
+        _write_beside(folder / name, finished, pane)
 
 
-def _write_beside(path: Path, finished: Recording, pane: str, log: Path) -> None:
-    if path.suffix == ".mf4":
-        write_mdf(path, finished, log)
-    elif path.suffix == ".csv":
+def _write_beside(path: Path, finished: Recording, pane: str) -> None:
+    if path.suffix == ".csv":
         with whole_file(path) as draft:
             finished.table.to_csv(draft, index=False, float_format="%.9g")
     else:

@@ -10,7 +10,6 @@ from cylinder_friction.params.section import Count, NotNegative, Positive, Secti
 from cylinder_friction.recordings.checks.limits import CheckRules, LoadMode
 from cylinder_friction.recordings.checks.screening import ScreenRules
 from cylinder_friction.recordings.formats.layout import CsvOptions
-from cylinder_friction.recordings.mapping.calibration import ZeroRules
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, check_mapping
 from cylinder_friction.recordings.path_names import compile_name_pattern
 from cylinder_friction.recordings.start import StartRules
@@ -33,7 +32,6 @@ class IngestParams(Section):
     channels: dict[str, ChannelMapping]
     time: TimeRules
     screen: ScreenRules
-    zero: ZeroRules
     start: StartRules
     asset: str
     database: str | None

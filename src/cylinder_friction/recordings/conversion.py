@@ -1,4 +1,4 @@
-"""From one logger file to recordings: read, map, screen, align, zero, check.
+"""From one logger file to recordings: read, map, screen, align, check.
 
 A log too long for memory is cut into parts of some minutes; each part is read as a log of its own.
 """
@@ -23,15 +23,18 @@ from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, TIME
 from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
 from cylinder_friction.recordings.formats.reading import open_logged_file
-from cylinder_friction.recordings.line_loss import RECTANGULAR, LineLoss
-from cylinder_friction.recordings.mapping.calibration import ZeroReading, ZeroRules, apply_zero, find_zero
-from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, sensor_limits, wanted_channels
+from cylinder_friction.recordings.line_loss import RECTANGULAR
+from cylinder_friction.recordings.mapping.channel_mapping import (
+    ChannelMapping,
+    sensor_limits,
+    sensor_uncertainty,
+    wanted_channels,
+)
 from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.path_names import NameRules, PathNames
 from cylinder_friction.recordings.recording import (
     UNNAMED,
-    Columns,
     Recording,
     RecordingError,
     RecordingMetadata,
@@ -64,7 +67,6 @@ class Recipe:
     csv: CsvOptions = field(default_factory=CsvOptions)
     screen: ScreenRules = field(default_factory=ScreenRules)
     time: TimeRules = field(default_factory=TimeRules)
-    zero: ZeroRules = field(default_factory=ZeroRules)
     start: StartRules = field(default_factory=StartRules)
     asset: str = ""  # The machine, if the files' names do not state it
     database: Path | None = None  # Of a bus (DBC), which files of its frames are decoded with
@@ -76,9 +78,14 @@ class Recipe:
         """Return the recipe of an ingest configuration, ``conf/ingest/*.yaml`` as nested dictionaries.
 
         ``settings`` holds ``channels``, and if they differ from the defaults ``format``, ``csv``, ``time``,
-        ``screen``, ``zero``, ``start``, ``asset``, ``database`` and ``checks``. Recordings are checked against the
+        ``screen``, ``start``, ``asset``, ``database`` and ``checks``. Recordings are checked against the
         cylinder's stroke and areas.
         """
+        if settings.get("zero", {}).get("method", "none") != "none":
+            raise RecordingError(
+                "zero: zeros are no longer looked for in a log; state what each pressure sensor reads with vented "
+                "chambers as its offset in the mapping, and its zero_uncertainty"
+            )
         channels = {
             column: entry if isinstance(entry, ChannelMapping) else ChannelMapping.from_dict(entry)
             for column, entry in settings["channels"].items()
@@ -100,7 +107,6 @@ class Recipe:
             csv=CsvOptions(**settings.get("csv", {})),
             screen=ScreenRules(**settings.get("screen", {})),
             time=TimeRules(**settings.get("time", {})),
-            zero=ZeroRules(**settings.get("zero", {})),
             start=StartRules(**settings.get("start", {})),
             asset=settings.get("asset") or "",
             database=Path(settings["database"]) if settings.get("database") else None,
@@ -125,7 +131,9 @@ def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> LongTabl
 def metadata_of(names: PathNames, source_file: str, digest: str, recipe: Recipe) -> RecordingMetadata:
     """Return what the recordings of a file have in common; a sample time and a start are each one's own."""
     stated = recipe.limits.stated_load
-    sensors = {column: each.sensor.identity for column, each in recipe.channels.items() if each.sensor is not None}
+    areas_m2 = dict(zip(PRESSURES, recipe.limits.areas_m2 or (0.0, 0.0), strict=True))
+    sensors = {column: each.sensor for column, each in recipe.channels.items() if each.sensor is not None}
+    load = {} if stated is None else {LOAD_FORCE: SensorUncertainty(RECTANGULAR * stated.within_n, 0.0)}
     return RecordingMetadata(
         name=names.name,
         condition=names.condition,
@@ -133,11 +141,16 @@ def metadata_of(names: PathNames, source_file: str, digest: str, recipe: Recipe)
         sample_time_s=math.nan,
         cylinder=recipe.cylinder,
         load=names.load if stated is None else stated.in_words(),
-        uncertainty={} if stated is None else {LOAD_FORCE: SensorUncertainty(RECTANGULAR * stated.within_n, 0.0)},
+        uncertainty=load | sensor_uncertainty(recipe.channels),
         source_file=source_file,
         source_sha256=digest,
         asset=names.asset or recipe.asset,
-        sensors={column: known for column, known in sensors.items() if known},
+        sensors={column: sensor.identity for column, sensor in sensors.items() if sensor.identity},
+        line_loss={
+            column: replace(sensor.line_loss, area_m2=areas_m2[column])
+            for column, sensor in sensors.items()
+            if sensor.line_loss is not None
+        },
     )
 
 
@@ -244,31 +257,7 @@ def _without_short_end(parts: Iterator[LoggedTable]) -> Iterator[LoggedTable]:
         yield held
 
 
-def zeroed(piece: Recording, recipe: Recipe, session: ZeroReading | None = None) -> tuple[Columns, RecordingMetadata]:
-    """Return a piece's columns with the zeros of its pressure sensors taken off, and metadata that record it.
-
-    The zeros of its ``session`` are for a piece that shows none itself; a stated window without vented chambers is
-    refused.
-    """
-    own = find_zero(piece.columns, recipe.zero, recipe.channels, piece.name)
-    # If neither shows a zero, the recording's own reason is more specific than the session's.
-    if session is not None and session.offsets and not own.offsets:
-        own = session
-    return apply_zero(piece.columns, replace(piece.metadata, line_loss=_line_losses(recipe)), own, recipe.channels)
-
-
-def _line_losses(recipe: Recipe) -> dict[str, LineLoss]:
-    """Return what lines to pressure sensors lose, as the mapping states it."""
-    areas = dict(zip(PRESSURES, recipe.limits.areas_m2 or (0.0, 0.0), strict=True))
-    sensors = {column: each.sensor for column, each in recipe.channels.items() if each.sensor is not None}
-    return {
-        column: replace(sensor.line_loss, area_m2=areas[column])
-        for column, sensor in sensors.items()
-        if sensor.line_loss is not None
-    }
-
-
-def checked(piece: Recording, recipe: Recipe, session: ZeroReading | None = None) -> Recording:
-    """Zero a piece's pressures and check it. The first check that it does not pass raises ``RecordingError``."""
-    columns, with_zero = zeroed(piece, recipe, session)
-    return checked_recording(with_zero, columns, inspect_recording(columns, recipe.limits, piece.sample_time_s))
+def checked(piece: Recording, recipe: Recipe) -> Recording:
+    """Check a piece. The first check that it does not pass raises ``RecordingError``."""
+    findings = inspect_recording(piece.columns, recipe.limits, piece.sample_time_s)
+    return checked_recording(piece.metadata, piece.columns, findings)

@@ -5,9 +5,8 @@ from __future__ import annotations
 import shutil
 import sys
 import warnings
-from collections import Counter, defaultdict
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import asdict, dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -18,7 +17,6 @@ from cylinder_friction.files.whole_files import hash_of, whole_folder, write_jso
 from cylinder_friction.recordings.checks.duplicates import Samples, SeenRecordings
 from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of, open_tables, pieces_of_tables
 from cylinder_friction.recordings.formats.logged_table import LoggedTable
-from cylinder_friction.recordings.mapping.calibration import ZeroReading, find_zero, session_zero
 from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 from cylinder_friction.recordings.storage import write_recording
@@ -93,7 +91,7 @@ def ingest_folder(source: Source, into: Path, quarantine_file: Path, workers: Wo
     result, workers = Ingested(len(files), notes), workers or Workers()
     with whole_folder(into) as folder:
         elsewhere = folder / ".converted"
-        batch = batch_of(files, source.recipe, workers=workers)
+        batch = batch_of(files, source.recipe)
         work = [partial(_written, file, elsewhere / str(number)) for number, file in enumerate(batch.files)]
         for outcome in usable(batch, work, workers):
             if isinstance(outcome, Quarantined):
@@ -137,7 +135,6 @@ class LoggedFile:
     path: Path
     recipe: Recipe
     digest: str = ""  # SHA-256 of its bytes
-    zero: ZeroReading | None = None  # What the pressure sensors of its session read while vented
     rows: int | None = None  # If it has more rows, it is cut into parts of about this many; None: it is read whole
     tables: tuple[LoggedTable, ...] = ()  # What it holds, if it was read before
 
@@ -152,7 +149,7 @@ class Converted:
 
 
 def converted(file: LoggedFile) -> Iterator[Converted | Quarantined]:
-    """Read, map, screen, align, zero and check a file; yield each recording, or why there is none."""
+    """Read, map, screen, align and check a file; yield each recording, or why there is none."""
     piece = ""
     try:
         about = metadata_of(file.recipe.names.names(file.name), file.name, file.digest, file.recipe)
@@ -161,7 +158,7 @@ def converted(file: LoggedFile) -> Iterator[Converted | Quarantined]:
             try:
                 if isinstance(found, RecordingError):
                     raise found
-                recording = checked(found, file.recipe, file.zero)
+                recording = checked(found, file.recipe)
             except RecordingError as error:
                 yield Quarantined(file.name, str(error), piece)
                 continue
@@ -198,7 +195,6 @@ def batch_of(
     files: Mapping[str, Path],
     recipe: Recipe,
     rows: int | None = None,
-    workers: Workers | None = None,
     seen: SeenRecordings | None = None,
     digests: Mapping[str, str] | None = None,
     tables: Mapping[str, Sequence[LoggedTable]] | None = None,
@@ -209,12 +205,10 @@ def batch_of(
         files: By their paths below the source, with ``/``.
         recipe: Its channels have passed ``check_mapping``.
         rows: As in ``LoggedFile``.
-        workers: Read the zeros of the sensors side by side; None: one after the other, here.
         seen: What was converted before.
         digests: SHA-256 of each file, if it is known.
         tables: What was read of some files already.
     """
-    zeros = {} if recipe.zero.method == "none" else session_zeros(files, recipe, rows, workers)
     batch = Batch([], [], seen or SeenRecordings())
     known = batch.seen.digests
     for name, path in files.items():
@@ -226,7 +220,7 @@ def batch_of(
         if digest:
             known[digest] = name
         own = tuple((tables or {}).get(name, ()))
-        batch.files.append(LoggedFile(name, path, recipe, digest, _zero_of(name, recipe, zeros), rows, own))
+        batch.files.append(LoggedFile(name, path, recipe, digest, rows, own))
     return batch
 
 
@@ -301,38 +295,3 @@ def _not_read(source: Source, matching: list[Path]) -> list[str]:
     first = left_out[0].relative_to(source.folder).as_posix()
     files = "1 file" if len(left_out) == 1 else f"{len(left_out)} files"
     return [f"{files} not read, for {source.pattern!r} does not match (first: {first}); see ingest.pattern"]
-
-
-def session_zeros(
-    files: Mapping[str, Path], recipe: Recipe, rows: int | None = None, workers: Workers | None = None
-) -> dict[str, ZeroReading]:
-    """Read what the pressure sensors of each session show while vented, from the recordings that show it.
-
-    A session has one calibration, so that a recording without a vented stretch is zeroed by its neighbours. What
-    cannot be read is skipped here; the run over the files reports why. A file of more ``rows`` is read in parts.
-    """
-    readings: defaultdict[str, list[ZeroReading]] = defaultdict(list)
-    found = (workers or Workers()).in_order([partial(zeros_of, *each, recipe, rows) for each in files.items()])
-    for own in shown(found, "zeros", len(files), "file"):
-        for session, reading in () if isinstance(own, Died) else own:
-            readings[session].append(reading)
-    return {session: session_zero(read) for session, read in readings.items()}
-
-
-def _zero_of(name: str, recipe: Recipe, zeros: Mapping[str, ZeroReading]) -> ZeroReading | None:
-    with suppress(RecordingError):
-        return zeros.get(recipe.names.names(name).session)
-    return None
-
-
-def zeros_of(name: str, path: Path, recipe: Recipe, rows: int | None) -> list[tuple[str, ZeroReading]]:
-    """Read the session of one file and what its pressure sensors show while vented, piece by piece."""
-    readings: list[tuple[str, ZeroReading]] = []
-    with suppress(RecordingError, OSError):
-        names = recipe.names.names(name)
-        about = metadata_of(names, name, "", recipe)
-        for found, _ in pieces_of_tables(open_tables(path, recipe, rows), recipe, about):  # those before an error stay
-            if isinstance(found, Recording):
-                reading = find_zero(found.columns, recipe.zero, recipe.channels, names.name)
-                readings.append((names.session, reading))
-    return readings

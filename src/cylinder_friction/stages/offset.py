@@ -138,9 +138,6 @@ def _left_alone(wanted: str, own_loads: bool, recordings: Mapping[str, Sequence[
     if own_loads:
         return LOADED["position"]
     every = [recording for own in recordings.values() for recording in own]
-    vented = [recording.name for recording in every if recording.metadata.zero_offset]
-    if vented:
-        return f"sensors were zeroed on a vented interval ({len(vented)} of {len(every)} recordings)"
     unknown = [recording.name for recording in every if zero_uncertainty_n(recording, cylinder) is None]
     return f"the uncertainty of the sensors' zeros is not stated ({unknown[0]})" if unknown else ""
 

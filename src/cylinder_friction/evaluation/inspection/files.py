@@ -8,9 +8,8 @@ from cylinder_friction.evaluation.inspection.subject import Inspected, worst
 from cylinder_friction.recordings.checks.duplicates import Samples, SeenRecordings
 from cylinder_friction.recordings.checks.limits import Finding
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
-from cylinder_friction.recordings.conversion import Recipe, metadata_of, pieces_of, zeroed
-from cylinder_friction.recordings.ingesting import session_zeros, shown
-from cylinder_friction.recordings.mapping.calibration import NOT_CORRECTED, ZeroReading
+from cylinder_friction.recordings.conversion import Recipe, metadata_of, pieces_of
+from cylinder_friction.recordings.ingesting import shown
 from cylinder_friction.recordings.path_names import PathNames, name_of
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 
@@ -18,13 +17,11 @@ from cylinder_friction.recordings.recording import Recording, RecordingError, Re
 def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspected]:
     """Yield what was found in each file, in their order; a file that a gap splits gives one entry per piece.
 
-    As in ``ingest``, a recording that was not vented is zeroed by the others of its session, and a recording that is
-    there already is refused.
+    As in ``ingest``, a recording that is there already is refused.
     """
-    zeros = {} if recipe.zero.method == "none" else session_zeros(files, recipe)
     duplicates = SeenRecordings()
     for name, path in shown(files.items(), "inspect", len(files), "file"):
-        for piece, subject in _inspect_file(name, path, recipe, zeros):
+        for piece, subject in _inspect_file(name, path, recipe):
             recording = subject.recording
             if piece is None or recording is None or subject.outcome == "refused":
                 yield subject
@@ -36,9 +33,7 @@ def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspect
             yield subject
 
 
-def _inspect_file(
-    name: str, path: Path, recipe: Recipe, zeros: Mapping[str, ZeroReading]
-) -> Iterator[tuple[Recording | None, Inspected]]:
+def _inspect_file(name: str, path: Path, recipe: Recipe) -> Iterator[tuple[Recording | None, Inspected]]:
     """Yield what was found in one file. A path without a session is noted, for it may lie elsewhere later.
 
     What is refused has its recording all the same wherever the signals can be read.
@@ -58,7 +53,7 @@ def _inspect_file(
         if not pieces:
             yield None, Inspected(name, findings)
     for number, piece in enumerate(pieces, start=1):
-        found, recording = _checked(piece, recipe, zeros.get(names.session))
+        found, recording = _checked(piece, recipe)
         yield piece, Inspected(name, [*findings, *found], recording, number if len(pieces) > 1 else 0)
 
 
@@ -69,21 +64,11 @@ def _as_logged(path: Path, recipe: Recipe, about: RecordingMetadata) -> list[Rec
     return []
 
 
-def _checked(
-    piece: Recording, recipe: Recipe, session: ZeroReading | None
-) -> tuple[Sequence[Finding], Recording | None]:
-    findings: list[Finding] = []
-    columns, metadata = piece.columns, piece.metadata
+def _checked(piece: Recording, recipe: Recipe) -> tuple[Sequence[Finding], Recording | None]:
+    findings = [Finding("repair", "repaired", text) for text in piece.metadata.repairs]
+    findings += inspect_recording(piece.columns, recipe.limits, piece.sample_time_s)
     try:
-        columns, metadata = zeroed(piece, recipe, session)
-    except RecordingError as error:
-        findings.append(Finding("zero", "refused", str(error)))
-    findings += [
-        Finding("repair", "noted" if text.startswith(NOT_CORRECTED) else "repaired", text) for text in metadata.repairs
-    ]
-    findings += inspect_recording(columns, recipe.limits, piece.sample_time_s)
-    try:
-        return findings, Recording(metadata, columns)
+        return findings, Recording(piece.metadata, piece.columns)
     except RecordingError as error:
         if worst(finding.outcome for finding in findings) != "refused":
             findings.append(Finding("recording", "refused", str(error)))
