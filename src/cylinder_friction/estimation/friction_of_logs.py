@@ -300,8 +300,8 @@ class LabelledLogs:
                 of at most ``MOST_SEARCHED`` of their sessions, evenly spread.
             digests: SHA-256 of the files, if they are known.
         """
-        logs, workers = self.logs, self.workers
-        batch = batch_of(logs.files, logs.recipe, self.rows_at_once, workers, seen, digests, logs.tables)
+        logs = self.logs
+        batch = batch_of(logs.files, logs.recipe, self.rows_at_once, seen, digests, logs.tables)
         outcomes = self._by_session(batch) if self.friction.labeller.needs_identification else self._at_once(batch)
         labelled: list[LabelledRecording] = []
         for outcome in outcomes:
