@@ -33,14 +33,13 @@ from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.labelling.known_offset import (
     STROKES,
     KnownOffset,
-    cautious,
     known_offsets,
     mean_uncertainty_n,
     offset_evidence,
-    undetermined,
+    training_models,
+    without_offsets,
 )
 from cylinder_friction.labelling.label import label
-from cylinder_friction.labelling.offset_identification import fit_offset_model
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan
 from cylinder_friction.labelling.up_and_down import up_and_down
 from cylinder_friction.realtime.stream import RealTimeStream
@@ -212,11 +211,8 @@ def trained(name: str, seed: int, epochs: int = 10) -> dict[str, float | str]:
     for each in labelled:
         turns.setdefault(each.metadata.condition, []).append(each)
     parts = [[each for own in turns.values() for each in own[some]] for some in (slice(0, 4), slice(4, 5), slice(5, 6))]
-    plan = cautious(PLAN, {each.metadata.session for each in parts[0]})
-    model = fit_offset_model(parts[0], cylinder, plan)
-    shown = not any(undetermined(found, model, plan) for found in model.sessions.values())
-    if shown:
-        parts = [model.corrected(part) for part in parts]
+    models, _ = training_models(parts[0], cylinder, PLAN)
+    parts = [without_offsets(part, models) for part in parts]
     train, validation, held_out = parts
     hybrid = HybridEstimator(cylinder)
     hybrid = HybridEstimator(cylinder, plan=replace(hybrid.plan, epochs=epochs)).fit(train, validation)
@@ -237,7 +233,7 @@ def trained(name: str, seed: int, epochs: int = 10) -> dict[str, float | str]:
             }
         )
     learns = str(hybrid.offset is not None)
-    words: dict[str, float | str] = {"kind": name, "zeros taken off": str(shown), "learns": learns}
+    words: dict[str, float | str] = {"kind": name, "zeros taken off": ", ".join(models), "learns": learns}
     return words | {str(key): float(value) for key, value in pd.DataFrame(rows).mean().items()}
 
 

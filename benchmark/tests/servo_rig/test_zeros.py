@@ -7,5 +7,5 @@ from zero_sweep import sweep
 @pytest.mark.filterwarnings("ignore::UserWarning")
 def test_zeros_that_friction_hides_are_left_alone() -> None:
     calls = sweep(["servo rig", "servo rig, large zeros"], range(1))
-    assert calls["ratio"].quantile(0.9) <= 1.05
+    assert calls["ratio"].max() <= 1.05
     assert calls["label held %"].mean() >= 90.0

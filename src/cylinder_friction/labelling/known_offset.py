@@ -5,7 +5,7 @@ Nothing is stated beyond what the recordings determine: sensors zeroed on a vent
 """
 
 import math
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from cylinder_friction.cylinder import Cylinder
@@ -18,7 +18,7 @@ from cylinder_friction.labelling.sliding_blocks import (
     zero_uncertainty_n,
 )
 from cylinder_friction.labelling.uncertainty import sensitivities
-from cylinder_friction.recordings.columns import COVERAGE_FACTOR, LOAD_FORCE
+from cylinder_friction.recordings.columns import ALL_CONDITIONS, COVERAGE_FACTOR, LOAD_FORCE
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.wording import four_digits
 
@@ -154,25 +154,63 @@ def _deviations(
             conditions.setdefault(each.condition, []).append(each.strokes)
     found: dict[str, KnownOffset] = {}
     for sliding in conditions.values():
-        names = {each.session for each in sliding}
-        if model is None or not left & names or len(names) < LEAST_IN_CONDITION:
+        if model is None or not left & {each.session for each in sliding}:
             continue
-        alone = names == set(model.sessions)
-        own = (model if alone else offset_model(sliding, model.cylinder, cautious(plan, names))).about_mean()
-        if shows_deviations(own):
-            found |= {name: _deviation(each, own) for name, each in own.sessions.items()}
+        own = deviation_model(sliding, model.cylinder, plan, model)
+        found |= {} if own is None else {name: _deviation(each, own) for name, each in own.sessions.items()}
     return {name: each for name, each in found.items() if name in left}
 
 
-def shows_deviations(model: OffsetModel) -> bool:
-    """Return whether strokes determine by how much sessions of one condition deviate from their mean.
+def deviation_model(
+    sliding: Sequence[SlidingBlocks], cylinder: Cylinder, plan: OffsetPlan, of_all: OffsetModel
+) -> OffsetModel | None:
+    """Return the model whose offsets are deviations from the mean of one condition; None if strokes do not show them.
 
-    Friction's asymmetry is common to the sessions of a condition, zeros are not.
+    Friction's asymmetry is common to the sessions of a condition, zeros are not. ``of_all`` is the model of every
+    condition, which is taken if there is no other one.
     """
-    sessions = model.sessions.values()
-    prior_n = max(each.prior_n for each in sessions)
-    worst_n = max(each.standard_uncertainty_n for each in sessions)
-    return _own_asymmetry_n(model) <= prior_n and worst_n < LEAST_NARROWING * prior_n
+    names = {each.session for each in sliding}
+    if len(names) < LEAST_IN_CONDITION:
+        return None
+    alone = names == set(of_all.sessions)
+    model = (of_all if alone else offset_model(sliding, cylinder, cautious(plan, names))).about_mean()
+    prior_n = max(each.prior_n for each in model.sessions.values())
+    worst_n = max(each.standard_uncertainty_n for each in model.sessions.values())
+    return model if _own_asymmetry_n(model) <= prior_n and worst_n < LEAST_NARROWING * prior_n else None
+
+
+def training_models(
+    train: Sequence[Recording], cylinder: Cylinder, plan: OffsetPlan, *, always: bool = False
+) -> tuple[dict[str, OffsetModel], str]:
+    """Fit the models that take offsets off the sessions of a pipeline, by condition; or state why there are none.
+
+    One model of ``ALL_CONDITIONS`` if strokes show the training sessions' offsets or it is wanted in any case; else
+    those of the conditions in which sessions show by how much each deviates from their mean.
+    """
+    sliding = [sliding_blocks(each, cylinder, plan) for each in train]
+    model = offset_model(sliding, cylinder, cautious(plan, {each.session for each in sliding}))
+    reasons = [why for found in model.sessions.values() if (why := undetermined(found, model, plan))]
+    if always or len(reasons) <= ODD_SHARE * len(model.sessions):
+        return {ALL_CONDITIONS: model}, ""
+    conditions: dict[str, list[SlidingBlocks]] = {}
+    for each, own in zip(train, sliding, strict=True):
+        conditions.setdefault(each.metadata.condition, []).append(own)
+    found = {name: deviation_model(own, cylinder, plan, model) for name, own in conditions.items()}
+    models = {name: each for name, each in found.items() if each is not None}
+    return models, "" if models else f"offsets are not identified: {reasons[0]}"
+
+
+def of_condition(recordings: Sequence[Recording], condition: str) -> list[Recording]:
+    """Return the recordings of a condition, in their order; every one of ``ALL_CONDITIONS``."""
+    return [each for each in recordings if condition in (ALL_CONDITIONS, each.metadata.condition)]
+
+
+def without_offsets(recordings: Sequence[Recording], models: Mapping[str, OffsetModel]) -> list[Recording]:
+    """Return labelled recordings, in their order, without the offsets that the model of their condition finds."""
+    for condition, model in models.items():
+        found = {each.name: each for each in model.corrected(of_condition(recordings, condition))}
+        recordings = [found.get(each.name, each) for each in recordings]
+    return list(recordings)
 
 
 def _own_asymmetry_n(model: OffsetModel) -> float:

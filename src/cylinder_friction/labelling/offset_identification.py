@@ -60,6 +60,10 @@ from cylinder_friction.recordings.recording import IdentifiedZero, Recording, Re
 
 POSITION_ORDER = 12
 """Order of the polynomial in position: ripple of the bore, where strokes do not average it out."""
+LEAST_OWN_SHARE = 0.02
+"""If the direction explains all but this share of the mean pressure's variance, as behind a servo valve, pressure does
+not explain friction: it would explain the difference between the directions, and with it the zeros."""
+_NOTHING = 1e6
 PASSES = 2
 """The second pass knows the level of friction of each block, to which scale and asymmetry are relative."""
 
@@ -352,9 +356,10 @@ def offset_model(
             f"{1e3 * plan.slowest_m_s:g} mm/s for more than {plan.settling_s:g} s"
         )
     model = _empty_model(SlidingBlocks.together(sessions), cylinder, plan, columns)
-    plan = replace(plan, asymmetry=max(plan.asymmetry, _asymmetry_seen(sessions)))
-    few = _FEW * plan.asymmetry / max(len(sessions) - 1, 1)
-    plan = replace(plan, asymmetry_sd=math.hypot(plan.asymmetry_sd, 2.0 * few))
+    asymmetry = max(plan.asymmetry, _asymmetry_seen(sessions))
+    few = _FEW * asymmetry / max(len(sessions) - 1, 1)
+    varies = plan.asymmetry_sd * (asymmetry / plan.asymmetry if plan.asymmetry > 0.0 else 1.0)
+    plan = replace(plan, asymmetry=asymmetry, asymmetry_sd=math.hypot(varies, 2.0 * few))
     model = replace(model, plan=plan)
     least = math.log(max(0.5 * plan.asymmetry_sd, _LEAST_ASYMMETRY))
     guess = expected = np.insert(_GUESS[:3] if model._warm_known else _GUESS, 2, least)
@@ -413,6 +418,12 @@ def _quantities(session: SlidingBlocks, inputs: Sequence[str], cylinder: Cylinde
     return np.column_stack(quantities)
 
 
+def _own_share(values: Array, direction: Array) -> float:
+    """Return the share of a quantity's variance that the direction does not explain."""
+    ways = [values[direction == sign] for sign in (1.0, -1.0)]
+    return sum(float(way.var()) * len(way) for way in ways if len(way)) / max(float(values.var()) * len(values), 1e-300)
+
+
 def _empty_model(blocks: SlidingBlocks, cylinder: Cylinder, plan: OffsetPlan, columns: Collection[str]) -> OffsetModel:
     """Return a model of scales alone."""
     common = set(columns).intersection(blocks.columns)
@@ -424,6 +435,8 @@ def _empty_model(blocks: SlidingBlocks, cylinder: Cylinder, plan: OffsetPlan, co
     if LOAD_FORCE in inputs:  # A load that hardly varies explains nothing: were it to, zeros would be taken for it
         place = 3 + 2 * (PRESSURE_1 in inputs)
         deviations[place : place + 2] = np.maximum(deviations[place : place + 2], level_n)
+    if PRESSURE_1 in inputs and _own_share(quantities[:, 0], blocks.direction) < LEAST_OWN_SHARE:
+        deviations[[0, 1, *([-5, -4] if OIL_TEMPERATURE in inputs else [])]] *= _NOTHING
     position_m = blocks.columns["position_m"]
     return OffsetModel(
         plan=plan,

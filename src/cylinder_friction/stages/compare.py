@@ -140,7 +140,8 @@ def _write(
         offsets=offsets["sessions"],
         starts=begun,
         bounds=("" if bounds is None else bounds.in_words())
-        + (f". The sensors' zeros were left alone: {left_alone}" if left_alone else ""),
+        + (f". The sensors' zeros were left alone: {left_alone}" if left_alone else "")
+        + (f". {loss}" if (loss := offsets.get("loss", "")) else ""),
         held=held,
     )
     report = report_html(analysis, inputs)

@@ -9,10 +9,11 @@ import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.files.whole_files import read_json, whole_folder, write_json, write_text
-from cylinder_friction.labelling.known_offset import ODD_SHARE, cautious, undetermined
+from cylinder_friction.labelling.apparent_loss import loss_of_labels
+from cylinder_friction.labelling.known_offset import cautious, of_condition, training_models, without_offsets
 from cylinder_friction.labelling.label import with_common_load
 from cylinder_friction.labelling.load import LoadIdentification, pooled_load, refuse_unlike_loads
-from cylinder_friction.labelling.offset_identification import OffsetModel, fit_offset_model
+from cylinder_friction.labelling.offset_identification import OffsetModel
 from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros_are_known
 from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan, zero_uncertainty_n
 from cylinder_friction.realtime.position_load import channel_names
@@ -68,12 +69,12 @@ def run(params: Params) -> RunRecord:
     sessions: list[dict[str, Any]] = []
     tracker: OffsetTracker | None = None
     if not reason:
-        plan = plan_from(settings)
-        plan = cautious(plan, {each.metadata.session for each in recordings["train"]})
-        model = fit_offset_model(recordings["train"], cylinder, plan)
-        reason = "" if settings.identify == "always" else _not_shown(model, plan)
+        plan, always = plan_from(settings), settings.identify == "always"
+        models, reason = training_models(recordings["train"], cylinder, plan, always=always)
     if not reason:
-        recordings, sessions, tracker = _corrected(recordings, model, plan, channel_names(inputs, load))
+        plan = cautious(plan, {each.metadata.session for each in recordings["train"]})
+        recordings, sessions, tracker = _corrected(recordings, models, plan, channel_names(inputs, load))
+    loss = loss_of_labels(recordings["train"], cylinder)
     for role, folder in PROCESSED_FOLDERS.items():
         with whole_folder(folder) as written:
             for recording in recordings[role]:
@@ -88,7 +89,8 @@ def run(params: Params) -> RunRecord:
             "offset_tracker": None if tracker is None else tracker.to_dict(),
         },
     )
-    write_json(OFFSET_FILE, {"left_alone_because": reason, "sessions": sessions})
+    words = "" if loss is None else loss.sentence(cylinder)
+    write_json(OFFSET_FILE, {"left_alone_because": reason, "sessions": sessions, "loss": words})
     return RunRecord(
         name="offset",
         params=flat(params.offset),
@@ -100,24 +102,23 @@ def run(params: Params) -> RunRecord:
 
 
 def _corrected(
-    recordings: Mapping[str, Sequence[Recording]], model: OffsetModel, plan: OffsetPlan, channels: tuple[str, ...]
+    recordings: Mapping[str, Sequence[Recording]],
+    models: Mapping[str, OffsetModel],
+    plan: OffsetPlan,
+    channels: tuple[str, ...],
 ) -> tuple[dict[str, list[Recording]], list[dict[str, Any]], OffsetTracker | None]:
     """Return the recordings of each role without their offsets, the offset of each session, and how one is learned."""
     sessions = []
-    for role, own in recordings.items():
-        conditions = {each.metadata.session: each.metadata.condition for each in own}
-        for name, found in model.offsets(own).items():
-            sessions.append({"role": role, "condition": conditions[name], **found.to_dict()})
-    corrected = {role: model.corrected(own) for role, own in recordings.items()}
+    for condition, model in models.items():
+        for role, every in recordings.items():
+            own = of_condition(every, condition)
+            conditions = {each.metadata.session: each.metadata.condition for each in own}
+            for name, found in model.offsets(own).items():
+                sessions.append({"role": role, "condition": conditions[name], **found.to_dict()})
+    corrected = {role: without_offsets(every, models) for role, every in recordings.items()}
     learnable = PRESSURE_1 in corrected["train"][0].columns and zeros_are_known(corrected["train"])
     tracker = fit_offset_tracker(corrected["train"], model.cylinder, channels, plan) if learnable else None
     return corrected, sessions, tracker
-
-
-def _not_shown(model: OffsetModel, plan: OffsetPlan) -> str:
-    """Return why strokes of the training sessions do not show their offsets, empty if they do."""
-    reasons = [why for found in model.sessions.values() if (why := undetermined(found, model, plan))]
-    return f"offsets are not identified: {reasons[0]}" if len(reasons) > ODD_SHARE * len(model.sessions) else ""
 
 
 def estimator_inputs(ingested: Mapping[str, Any]) -> tuple[str, ...]:

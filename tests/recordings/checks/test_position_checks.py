@@ -165,3 +165,13 @@ def test_a_small_jump_is_noted_and_a_large_one_refuses_the_recording() -> None:
         found = check_position_steps(position_m + height_m * (time_s >= 5.0), time_s, stroke_m=0.25)
         assert found.outcome == outcome
         assert f"jumps by +{1e3 * height_m:.0f} mm at 5" in found.text.replace(".00 mm", " mm")
+
+
+@pytest.mark.parametrize(("times", "outcome"), [(60.0, "noted"), (3.0, "ok")])
+def test_noise_of_a_third_of_a_recording_is_compared_with_the_quietest_stretch(times: float, outcome: str) -> None:
+    recording, generator = strokes(), np.random.default_rng(1)
+    position_m, time_s = recording["position_m"].to_numpy().copy(), recording["time_s"].to_numpy()
+    position_m[2000:4000] += generator.normal(0.0, times * NOISE_M, 2000)
+    found = check_position_steps(position_m, time_s, stroke_m=0.25)
+    assert found.outcome == outcome
+    assert outcome == "ok" or re.search(r"noise between (19|20)\.\d+ and (39|40)\.\d+ s", found.text)

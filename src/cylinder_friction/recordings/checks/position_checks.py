@@ -39,6 +39,11 @@ STILL_S, ALIVE_S = 1.0, 2.0
 """A value without any noise for this long is held, if the sensor has noise elsewhere for this long in all [s]."""
 UP_AND_DOWN, CHANGES = 0.25, 0.95
 """With noise, this share of the steps goes up, as many go down, and this share is not zero."""
+ALTERNATES, QUIETEST = 0.6, 0.1
+"""White noise changes the sign of its fourth difference at 80 % of the samples. Noise is usual as in the quietest
+tenth of the stretches that have any."""
+NOISIER, FAINT = 20.0, 1e-3
+"""A stretch is noisy above this multiple of that, if its fourth differences exceed this share of the stroke."""
 RANGE_END_SHARE = 0.01  # This close to an end of the stroke, a position may be the end of its sensor's range
 
 CHECK = "position_against_force"
@@ -206,7 +211,32 @@ def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> F
             f"{time_s[words[0][0]]:.2f} s); check the sensor and its cable"
         )
         return Finding("position_steps", "noted", text)
-    return _still(position_m, time_s, max(2, round(STILL_S / step_s)), stroke_m)
+    noisy = _noisy(position_m, time_s, max(16, round(WINDOW_S / step_s)), stroke_m)
+    return noisy or _still(position_m, time_s, max(2, round(STILL_S / step_s)), stroke_m)
+
+
+def _noisy(x_m: Array, time_s: Array, rows: int, stroke_m: float) -> Finding | None:
+    """Note stretches of ``rows`` with far more noise than the quietest; None if there are none.
+
+    Fourth differences leave little of a motion; those of noise change their sign at most samples.
+    """
+    change_m = np.diff(x_m, 4)
+    stretches_m = change_m[: len(change_m) // rows * rows].reshape(-1, rows)
+    level_m = np.median(np.abs(stretches_m), axis=1)
+    alive = (stretches_m[:, 1:] * stretches_m[:, :-1] < 0.0).mean(axis=1) > ALTERNATES
+    if np.count_nonzero(alive) * rows < ALIVE_S / (time_s[1] - time_s[0]):
+        return None
+    usual_m = float(np.quantile(level_m[alive], QUIETEST))
+    noisy = np.flatnonzero(alive & (level_m > max(NOISIER * usual_m, FAINT * stroke_m)))
+    if len(noisy) * rows < STILL_S / (time_s[1] - time_s[0]):
+        return None
+    begin, end = time_s[noisy[0] * rows], time_s[min((noisy[-1] + 1) * rows, len(time_s) - 1)]
+    times = float(np.median(level_m[noisy])) / usual_m
+    text = (
+        f"position_m has {times:.2g} times its usual noise between {begin:.2f} and {end:.2f} s; velocity and friction "
+        "are wrong there; check the sensor and its cable, and leave this time out"
+    )
+    return Finding("position_steps", "noted", text)
 
 
 def _words(x_m: Array, time_s: Array, first: int, last: int, stroke_m: float) -> tuple[str, bool]:
