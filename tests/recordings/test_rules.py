@@ -42,7 +42,7 @@ def sensor(**values: Any) -> SensorScale:
         (sensor, {"zero_uncertainty": 0.1}, "zero_uncertainty needs accuracy_percent"),
         (CsvOptions, {"delimiter": "ab"}, "delimiter: expected one character, 'whitespace' or 'auto', but got 'ab'"),
         (CsvOptions, {"encoding": "klingon"}, "encoding: expected one that Python knows"),
-        (CsvOptions, {"header": "two"}, "header: expected one of auto, none, names, names_units, but got 'two'"),
+        (CsvOptions, {"header": "two"}, "header: expected one of auto, names_units, but got 'two'"),
     ],
 )
 def test_an_impossible_rule_is_refused(rules: Callable[..., object], values: dict[str, Any], message: str) -> None:

@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +21,9 @@ from cylinder_friction.recordings.checks.limits import CheckLimits, LoadMode
 from cylinder_friction.recordings.checks.recording_checks import checked_recording, inspect_recording
 from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, TIME
+from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.layout import CsvOptions
-from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
-from cylinder_friction.recordings.formats.reading import open_logged_file
+from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.line_loss import RECTANGULAR
 from cylinder_friction.recordings.mapping.channel_mapping import (
     ChannelMapping,
@@ -113,18 +114,16 @@ class Recipe:
         )
 
 
-def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> LongTable | list[LoggedTable]:
-    """Open a file's tables with the mapped channels. A table of more than ``rows`` rows is read in parts of this size.
+def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> list[LoggedTable]:
+    """Read a file's tables with the mapped channels, its only table of more than ``rows`` rows in parts of this size.
 
     With a stated rate, channels that are named time are read too: they must not contradict that rate.
     """
-    read = partial(open_logged_file, path, rows, recipe.file_format, recipe.csv, database=recipe.database)
+    read = partial(read_logged_file, path, recipe.file_format, recipe.csv, database=recipe.database, rows=rows)
     wanted = wanted_channels(recipe.channels)
     tables = read(wanted)
-    if recipe.channels[TIME].rate_hz is None:
-        return tables
-    first = [next(tables.chunks())] if isinstance(tables, LongTable) else tables
-    clocks = {name for table in first for name in table.unread if words_of(name).quantity == "time"}
+    unread = {name for table in tables for name in table.unread} if recipe.channels[TIME].rate_hz else set()
+    clocks = {name for name in unread if words_of(name).quantity == "time"}
     return read(wanted | clocks) if clocks else tables
 
 
@@ -159,9 +158,7 @@ def pieces_of(path: Path, recipe: Recipe, about: RecordingMetadata, *, screened:
 
     If not ``screened``, bad samples stay where they are, to be looked at, and only repairs of time are stated.
     """
-    tables = open_tables(path, recipe)
-    assert not isinstance(tables, LongTable)
-    return pieces_from(tables, recipe, about, screened=screened)
+    return pieces_from(open_tables(path, recipe), recipe, about, screened=screened)
 
 
 def pieces_from(
@@ -198,7 +195,7 @@ def pieces_from(
 
 
 def pieces_of_tables(
-    tables: LongTable | Sequence[LoggedTable], recipe: Recipe, about: RecordingMetadata
+    tables: Sequence[LoggedTable], recipe: Recipe, about: RecordingMetadata
 ) -> Iterator[tuple[Recording | RecordingError, str]]:
     """Yield the pieces of a file in order, and which of several each is; memory holds one part of a long file.
 
@@ -207,8 +204,8 @@ def pieces_of_tables(
     Raises:
         RecordingError: The file cannot be read, or a file that is not long gives no piece.
     """
-    if isinstance(tables, LongTable):
-        yield from _pieces_of_parts(tables, recipe, about)
+    if tables[0].more is not None:
+        yield from _pieces_of_parts(tables[0], tables[0].more(), recipe, about)
         return
     pieces = pieces_from(tables, recipe, about)
     for number, piece in enumerate(pieces, start=1):
@@ -216,12 +213,12 @@ def pieces_of_tables(
 
 
 def _pieces_of_parts(
-    table: LongTable, recipe: Recipe, about: RecordingMetadata
+    table: LoggedTable, more: Iterator[LoggedTable], recipe: Recipe, about: RecordingMetadata
 ) -> Iterator[tuple[Recording | RecordingError, str]]:
     """Yield the pieces of each part in turn. The first part decides the sample rate of all."""
     number, rows, last, rules = 0, 0, "", recipe.time
-    width, restarted = max(2, len(str(table.count))), False
-    for part in _without_short_end(table.chunks()):
+    width, restarted = max(2, len(str(table.parts))), False
+    for part in _without_short_end(chain([table], more)):
         first, rows = rows, rows + len(part.channels)
         found: Sequence[Recording | RecordingError]
         try:

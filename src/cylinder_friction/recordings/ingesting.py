@@ -16,7 +16,7 @@ from cylinder_friction.execution.workers import Died, Workers
 from cylinder_friction.files.whole_files import hash_of, whole_folder, write_json
 from cylinder_friction.recordings.checks.duplicates import Samples, SeenRecordings
 from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of, open_tables, pieces_of_tables
-from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 from cylinder_friction.recordings.storage import write_recording

@@ -11,12 +11,15 @@ from typing import Any, get_args
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.files.whole_files import read_yaml
 from cylinder_friction.recordings.checks.limits import LoadMode
-from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES
-from cylinder_friction.recordings.conversion import Recipe
-from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, QUANTITIES
+from cylinder_friction.recordings.conversion import ROWS_AT_ONCE, Recipe
+from cylinder_friction.recordings.formats.format import LoggedTable
+from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.ingesting import Quarantined, none_usable, other_rates, recordings_of
 from cylinder_friction.recordings.mapping.channel_mapping import SensorScale, check_mapping
-from cylinder_friction.recordings.mapping_of_logs import guessed
+from cylinder_friction.recordings.mapping.guessing import GuessedMapping, guess_mapping
+from cylinder_friction.recordings.mapping.mapping_text import channel_lines, refuse_unknown
+from cylinder_friction.recordings.mapping.units import check_unit, stated_rate
 from cylinder_friction.recordings.path_names import ONE_CONDITION, NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.stated_load import StatedLoad
@@ -130,7 +133,7 @@ def find_logs(
     paths = log_paths([files] if isinstance(files, str | Path) else list(files))
     try:
         if channels is None:
-            guess, tables = guessed(paths[0], cylinder, units or {}, None if database is None else Path(database))
+            guess, tables = _guessed(paths[0], cylinder, units or {}, None if database is None else Path(database))
             settings = {"channels": {name: guess.mapped(name) for name in guess.columns}, "database": database}
             logs = _logs(paths, settings, cylinder, names, load, rate_hz)
             read = {name: tables for name, path in logs.files.items() if path == paths[0]}
@@ -147,6 +150,28 @@ def find_logs(
             f"{where}: is no mapping of channels to columns with rules ({error}); `cylinder-friction ingest init FILE` "
             "writes one"
         ) from error
+
+
+def _guessed(
+    path: Path, cylinder: Cylinder, units: Mapping[str, str], database: Path | None
+) -> tuple[GuessedMapping, list[LoggedTable]]:
+    """Guess a mapping from a log and warn of every guess. Beside it come the log's tables, unless it has parts."""
+    for quantity, unit in units.items():
+        column = next((column for column in QUANTITIES if QUANTITIES[column] == quantity), None)
+        if column is None:
+            known = ", ".join(dict.fromkeys(QUANTITIES.values()))
+            raise RecordingError(f"units: got {quantity!r}, expected one of {known}, such as pressure=bar")
+        if quantity != "time" or stated_rate(unit) is None:
+            check_unit(column, unit)
+    try:
+        tables = read_logged_file(path, database=database, rows=ROWS_AT_ONCE)
+        guess = guess_mapping(tables, path, cylinder, units)
+        refuse_unknown(guess, units)
+    except RecordingError as error:
+        raise RecordingError(f"{path}: {error}") from error
+    lines = "\n".join(channel_lines(guess))
+    warnings.warn(f"no mapping was given; guessed from {path.name}:\n{lines}", stacklevel=4)
+    return guess, [] if tables[0].more else tables
 
 
 def _logs(

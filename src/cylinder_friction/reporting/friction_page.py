@@ -128,13 +128,11 @@ def _origin(about: RecordingMetadata) -> list[tuple[str, str]]:
 def guess_table(guessed: Mapping[str, Any]) -> Table:
     """Return one row per column whose channel and unit were guessed."""
     rows: list[list[str | Cell]] = [
-        [column, each["channel"], each["unit"] or "–", str(each["sign"])]
+        [column, each["channel"], each["unit"] or "–"]
         + [Cell("; ".join(each[key]), style="words") for key in ("reasons", "check")]
         for column, each in guessed["columns"].items()
     ]
-    return Table(
-        ("column", "channel", "unit", "sign", "because", "to check"), rows, words=(1, 2, 4, 5), style="stacked"
-    )
+    return Table(("column", "channel", "unit", "because", "to check"), rows, words=(1, 2, 3, 4), style="stacked")
 
 
 def _usable(recording: Recording, column: str) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.start import EPOCHS, epoch_of
 

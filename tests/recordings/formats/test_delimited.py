@@ -4,8 +4,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.layout import CsvOptions
-from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -82,13 +82,8 @@ def test_units_of_the_header(read, header: str, units: dict[str, str]) -> None: 
 
 
 def test_without_a_header_channels_are_numbered(read) -> None:  # type: ignore[no-untyped-def]
-    for header in ("auto", "none"):
-        table = read("0\t1.5\n1\t2.5\n", header=header)
-        assert table.channels.to_dict("list") == {"column_1": [0, 1], "column_2": [1.5, 2.5]}
-    assert list(read("1;2\n0;5\n1;6\n", header="names").channels.columns) == ["1", "2"]
-    table = read("1;2\n7;8\n0;5\n1;6\n", header="names_units")
-    assert table.units == {"1": "7", "2": "8"}
-    assert table.channels.to_dict("list") == {"1": [0, 1], "2": [5, 6]}
+    table = read("0\t1.5\n1\t2.5\n")
+    assert table.channels.to_dict("list") == {"column_1": [0, 1], "column_2": [1.5, 2.5]}
 
 
 def test_options_take_the_place_of_guesses(read) -> None:  # type: ignore[no-untyped-def]

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 import yaml
 
-from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.mapping.guessing import guess_mapping
@@ -226,17 +226,6 @@ def test_the_ports_of_a_crane_s_plc(names: tuple[str, str, str]) -> None:
     others = {"JibPaDCV": 47 + STROKE, "JibPbDCV": 47 + STROKE, "JibXRef": 0.5 * STROKE, "Ps": 150 + STROKE}
     found = names_of(text_of({"Name": 10.0 * np.arange(ROWS), **others, **columns}))
     assert found == dict(zip(("time_s", "pressure_1_pa", "pressure_2_pa", "position_m"), ("Name", *names), strict=True))
-
-
-@pytest.mark.parametrize("sign", [1, -1])
-def test_the_way_position_counts_is_read_from_the_work_of_friction(sign: int) -> None:
-    time = 0.005 * np.arange(8000)
-    direction = np.sign(np.sin(2.0 * np.pi * time / 8.0))
-    position = 100.0 + np.cumsum(direction) * 0.1 + np.random.default_rng(0).normal(0.0, 0.01, 8000)
-    load = 30.0 + 0.05 * position
-    text = text_of({"t": time, "p1 [bar]": load + 2 * direction, "p2 [bar]": 0 * time + 8, "x [mm]": sign * position})
-    assert channels_of(text)["position_m"].get("sign", 1) == sign
-    assert ("CHECK: sign -1 because" in text) == (sign == -1)
 
 
 def test_the_pattern_of_names_finds_condition_and_session() -> None:

@@ -5,7 +5,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, SensorScale
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
 from cylinder_friction.recordings.recording import RecordingError

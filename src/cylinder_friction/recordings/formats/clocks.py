@@ -6,19 +6,20 @@ that ends before the others is padded with empty cells, or its rows are simply s
 """
 
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from cylinder_friction.recordings.formats.cells import is_value, split_cells
-from cylinder_friction.recordings.formats.logged_table import RISING_SHARE, Column, LoggedTable, named_columns
+from cylinder_friction.recordings.formats.cells import column_values, is_value, split_cells, states_zone
+from cylinder_friction.recordings.formats.format import Column, LoggedTable, named_columns
 from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.mapping.units import conversion
+from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.start import NEVER_FALLS, epoch_of
 from cylinder_friction.recordings.timeline.timestamps import LATEST_S
 
@@ -34,14 +35,38 @@ def beside_clocks(names: Collection[str]) -> set[str]:
     return {name for name in names if words_of(name).quantity == "time" or name.casefold() in MILLISECONDS}
 
 
-def joined(columns: list[Column], clocks: Collection[str], wanted: Collection[str] | None) -> list[Column]:
-    """Return a table's columns with date and time of day, or whole seconds and milliseconds, put together.
+class Columns(NamedTuple):
+    """What columns of Arrow hold."""
 
-    Args:
-        columns: Names and values.
-        clocks: Names of the columns that hold times of day, in seconds.
-        wanted: The names that are asked for; None for all.
+    columns: list[Column]
+    units: dict[str, str]  # That their cells state, by name
+    notes: list[str]
+    utc: bool  # Whether time stamps state their time zone
+
+
+def columns_of(named: Iterable[tuple[str, Any]], decimal: str, wanted: Collection[str] | None) -> Columns:
+    """Read columns of Arrow by their names; what nobody asked for and cannot be read is left out.
+
+    Date and time of day, or whole seconds and milliseconds, are put together.
     """
+    columns, units, clocks, notes, utc = list[Column](), dict[str, str](), list[str](), list[str](), False
+    for name, column in named:
+        utc |= states_zone(column)
+        try:
+            cells = column_values(column, decimal, name)
+        except RecordingError:
+            if wanted is None or name in wanted:
+                raise
+            continue
+        columns.append((name, cells.values))
+        units |= {name: cells.unit} if cells.unit else {}
+        notes += [cells.note] if cells.note else []
+        clocks += [name] if cells.clock else []
+    return Columns(_joined(columns, clocks, wanted), units, notes, utc)
+
+
+def _joined(columns: list[Column], clocks: Collection[str], wanted: Collection[str] | None) -> list[Column]:
+    """Put date and time of day together; ``clocks`` are the names of columns of times of day, in seconds."""
     dates = [name for name, values in columns if values.dtype.kind == "M"]
     days = [name for name, values in columns if name in dates and _known(values, DAY)]
     found = dict(columns)
@@ -49,9 +74,8 @@ def joined(columns: list[Column], clocks: Collection[str], wanted: Collection[st
         (day,), (clock,) = days, clocks
         seconds = np.rint(1e9 * found[clock])
         stamps = found[day] + np.where(np.isfinite(seconds), seconds, np.iinfo(np.int64).min).astype("timedelta64[ns]")
-        return _in_place(
-            columns, {day, clock}, stamps, day if wanted and day in wanted and clock not in wanted else clock
-        )
+        kept = day if wanted and day in wanted and clock not in wanted else clock
+        return _in_place(columns, {day, clock}, stamps, kept)
     parts = [name for name, values in columns if name.casefold() in MILLISECONDS and _are_milliseconds(values)]
     seconds_of = [name for name in dates if name not in days and _known(found[name], np.timedelta64(1, "s"))]
     if len(seconds_of) == 1 and len(parts) == 1 and (wanted is None or seconds_of[0] in wanted):
@@ -180,4 +204,4 @@ def _rises(values: NDArray[Any]) -> bool | None:
     if not len(stamps):
         return None
     steps = np.diff(stamps)
-    return bool((steps > 0).any() and (steps >= 0).mean() >= RISING_SHARE)
+    return bool((steps > 0).any() and (steps >= 0).mean() >= NEVER_FALLS)

@@ -2,7 +2,8 @@
 
 import re
 from collections.abc import Collection, Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -12,24 +13,10 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 
-from cylinder_friction.recordings.formats.cells import (
-    MISSING,
-    column_values,
-    holds_decimal_commas,
-    is_number,
-    split_cells,
-    states_zone,
-)
-from cylinder_friction.recordings.formats.clocks import beside_clocks, joined, repeated_names, split_groups
-from cylinder_friction.recordings.formats.format import Format
-from cylinder_friction.recordings.formats.header import SCOPE_TIME
-from cylinder_friction.recordings.formats.layout import (
-    AUTOMATIC,
-    CsvOptions,
-    Layout,
-    find_layout,
-)
-from cylinder_friction.recordings.formats.logged_table import Column, LoggedTable, LongTable
+from cylinder_friction.recordings.formats.cells import MISSING, holds_decimal_commas, split_cells
+from cylinder_friction.recordings.formats.clocks import beside_clocks, columns_of, repeated_names, split_groups
+from cylinder_friction.recordings.formats.format import Format, LoggedTable
+from cylinder_friction.recordings.formats.layout import AUTOMATIC, SCOPE_TIME, CsvOptions, Layout, find_layout
 from cylinder_friction.recordings.formats.source import HEAD_SIZE, MOST_INDIVISIBLE, FileSource, Text, open_text
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.start import Start, start_in_header
@@ -37,26 +24,27 @@ from cylinder_friction.recordings.start import Start, start_in_header
 _FEWEST_LINES = 20
 LARGEST_STEP = 4.0
 """From one row to the next a value changes by no more than so many times its largest change in the rows before."""
-_LARGEST_HEAD, _SHORT_HEAD = 64 * HEAD_SIZE, HEAD_SIZE // 8
+_LARGEST_HEAD, _USUAL_LINES = 64 * HEAD_SIZE, 500
 
 
 def read_delimited(
-    source: FileSource, wanted: Collection[str] | None, options: CsvOptions = AUTOMATIC
+    source: FileSource, wanted: Collection[str] | None, csv: CsvOptions = AUTOMATIC, rows: int | None = None
 ) -> list[LoggedTable]:
-    """Return the table of a text file. Its first lines show the layout; Arrow reads the rows in one pass.
+    """Read the table of a text file. Its first lines show the layout; Arrow reads the rows in one pass.
 
-    A file with several time columns of one name gives a table for each, with the channels behind it.
+    A file with several time columns of one name gives a table for each, with the channels behind it. A file of many
+    more than ``rows`` rows is read in parts of about that size: runs of whole lines, so that memory holds one of them.
 
     Raises:
         RecordingError: The file is no such table: another encoding, no rows of numbers, a line with more or fewer
             values than the others, a header that comes again, or dates with two readings.
     """
     try:
-        return _read(open_text(source, options.encoding), options, wanted)
+        return _read(source, open_text(source, csv.encoding), wanted, csv, rows)
     except UnicodeDecodeError as error:
-        if options.encoding != "auto" or not source.head.isascii():
-            raise _not_utf8(error) from None
-        return _read(open_text(source, "cp1252"), options, wanted)
+        if csv.encoding == "auto" and source.head.isascii() and (rows is None or source.size <= MOST_INDIVISIBLE):
+            return _read(source, open_text(source, "cp1252"), wanted, csv, rows)
+        raise _not_utf8(error) from None
 
 
 def _not_utf8(error: UnicodeDecodeError) -> RecordingError:
@@ -66,15 +54,16 @@ def _not_utf8(error: UnicodeDecodeError) -> RecordingError:
     )
 
 
-def long_delimited(
-    source: FileSource, wanted: Collection[str] | None, rows: int, options: CsvOptions = AUTOMATIC
-) -> LongTable | None:
-    """Return a text file of many more rows than these, to be read in parts of about that size; None for a shorter one.
-
-    Each part is a run of whole lines, read as a file by itself, so that memory holds one of them.
-    """
-    text = open_text(source, options.encoding)
-    lines, layout = _first_lines(text, options)
+def _read(
+    source: FileSource, text: Text, wanted: Collection[str] | None, csv: CsvOptions, rows: int | None
+) -> list[LoggedTable]:
+    lines, layout = _first_lines(text, csv)
+    begin = text.start + sum(map(len, lines[: layout.first_row]))
+    start = start_in_header([line.decode() for line in lines[: layout.first_row]], layout.delimiter)
+    below = lines[layout.first_row :]
+    step = text.end if rows is None else max(1, sum(map(len, below)) // len(below)) * rows
+    if text.end - begin <= step:
+        return _tables(_Rows(text, layout, begin, begin, start), wanted)
     if repeated := repeated_names(layout.names):
         if source.size > MOST_INDIVISIBLE:
             raise RecordingError(
@@ -82,49 +71,32 @@ def long_delimited(
                 f"and its columns of one name ({', '.join(sorted(repeated))}) end at rows of their own, so that it "
                 "cannot be read in parts; export it with one time column, or split it"
             )
-        return None
-    below = lines[layout.first_row :]
-    step = max(1, sum(map(len, below)) // len(below)) * rows
-    begin = text.start + sum(map(len, lines[: layout.first_row]))
-    if text.end - begin <= step:
-        return None
-    start = _start(lines, layout)
+        return _tables(_Rows(text, layout, begin, begin, start), wanted)
+    end = _line_end(text, begin + step)
+    (first,) = _tables(_Rows(replace(text, end=end), layout, begin, begin, start), wanted)
+    later = partial(_parts, _Rows(replace(text, notes=()), layout, end, begin, start), step, wanted)
+    return [replace(first, more=later, parts=-(-(text.end - begin) // step))]
 
-    def read(first: int, last: int) -> LoggedTable:
-        part = replace(text, end=last, notes=text.notes if first == begin else ())
+
+def _parts(rows: "_Rows", step: int, wanted: Collection[str] | None) -> Iterator[LoggedTable]:
+    begin = rows.begin
+    while begin < rows.text.end:
+        end = _line_end(rows.text, begin + step)
         try:
-            return _tables(_Rows(part, layout, first, begin, start), wanted)[0]
+            yield _tables(replace(rows, text=replace(rows.text, end=end), begin=begin), wanted)[0]
         except UnicodeDecodeError as error:
             raise _not_utf8(error) from None
-
-    def chunks() -> Iterator[LoggedTable]:
-        first = begin
-        while first < text.end:
-            last = _line_end(text, first + step)
-            yield read(first, last)
-            first = last
-
-    return LongTable(-(-(text.end - begin) // step), chunks)
+        begin = end
 
 
 def _line_end(text: Text, place: int) -> int:
-    """Return the byte behind the end of the line that contains ``place``, at most the end of the text."""
+    """Find the byte behind the end of the line that contains ``place``, at most the end of the text."""
     while place < text.end:
         block = text.file.read_at(min(HEAD_SIZE, text.end - place), place)
         if (found := block.find(b"\n")) >= 0:
             return int(place + found + 1)
         place += len(block)
     return text.end
-
-
-def _read(text: Text, options: CsvOptions, wanted: Collection[str] | None) -> list[LoggedTable]:
-    lines, layout = _first_lines(text, options)
-    begin = text.start + sum(map(len, lines[: layout.first_row]))
-    return _tables(_Rows(text, layout, begin, begin, _start(lines, layout)), wanted)
-
-
-def _start(lines: list[bytes], layout: Layout) -> Start | None:
-    return start_in_header([line.decode() for line in lines[: layout.first_row]], layout.delimiter)
 
 
 def _tables(rows: "_Rows", wanted: Collection[str] | None) -> list[LoggedTable]:
@@ -137,59 +109,52 @@ def _tables(rows: "_Rows", wanted: Collection[str] | None) -> list[LoggedTable]:
     asked |= repeated | beside_clocks(names)
     loaded = [index for index, name in enumerate(names) if name in asked]
     table, decimal = rows.parsed(loaded)
-    columns: list[Column] = []
-    units, utc, clocks, notes = dict(layout.units), False, [], list(text.notes)
-    for index, column in zip(loaded, table.columns, strict=True):
-        name = names[index]
-        utc |= states_zone(column)
+    named = [(names[index], column) for index, column in zip(loaded, table.columns, strict=True)]
+    for name, column in named:
         if pa.types.is_string(column.type):
             rows.refuse_second_header(column, name)
-        try:
-            cells = column_values(column, decimal, name)
-        except RecordingError:
-            if wanted is None or name in wanted:
-                raise
-            continue
-        units |= {name: cells.unit} if cells.unit else {}
-        notes += [cells.note] if cells.note else []
-        clocks += [name] if cells.clock else []
-        if name or not pd.isna(cells.values).all():
-            columns.append((name or f"column_{index + 1}", cells.values))
-    first, *others = split_groups(joined(columns, clocks, wanted), units, repeated)
+    found = columns_of(named, decimal, wanted)
+    columns = [
+        (name or f"column_{len(names)}", each) for name, each in found.columns if name or not pd.isna(each).all()
+    ]
+    first, *others = split_groups(columns, {**layout.units, **found.units}, repeated)
     unread = tuple(name for name in unread if name not in first.channels)
-    first = replace(first, unread=unread, notes=(*notes, *filter(None, [rows.ended]), *first.notes))
-    return [replace(each, start=rows.start, utc=utc) for each in (first, *others)]
+    notes = (*text.notes, *found.notes, *filter(None, [rows.ended]), *first.notes)
+    return [
+        replace(each, start=rows.start, utc=found.utc) for each in (replace(first, unread=unread, notes=notes), *others)
+    ]
 
 
 def _first_lines(text: Text, options: CsvOptions) -> tuple[list[bytes], Layout]:
-    """Return enough of the first whole lines to contain names and rows, and their layout."""
+    """Take enough of the first whole lines to contain names and rows, and find their layout."""
     size = HEAD_SIZE
     while True:
         head = text.file.read_at(min(size, text.end - text.start), text.start)
         lines: list[bytes] = head.splitlines(keepends=True)
-        whole = size >= text.end - text.start
-        if whole or len(lines) > _FEWEST_LINES or size >= _LARGEST_HEAD:
-            lines = lines if whole else lines[:-1]
+        if size < text.end - text.start:
+            lines = lines[:-1] if len(lines) > _FEWEST_LINES or size >= _LARGEST_HEAD else []
+        for most in (_USUAL_LINES, len(lines)):  # what stands above the rows may be long
             try:
-                return lines, find_layout([line.decode() for line in lines], options)
-            except RecordingError:  # what stands above the rows may be long
-                if whole or size >= _LARGEST_HEAD:
+                return lines[:most], find_layout([line.decode() for line in lines[:most]], options)
+            except RecordingError:
+                if most >= len(lines) and size >= min(_LARGEST_HEAD, text.end - text.start):
                     raise
         size *= 4
 
 
+@dataclass
 class _Rows:
-    """The rows of a text table from byte ``begin`` on. It can name the line of a row that is wrong.
+    """The rows of a text table from byte ``begin`` on. It can name the line of a row that is wrong."""
 
-    ``first`` is the byte where the first row of all begins, ``start`` what the lines above it state.
-    """
-
-    def __init__(self, text: Text, layout: Layout, begin: int, first: int, start: Start | None) -> None:
-        self.text, self.layout, self.begin, self.first, self.start = text, layout, begin, first, start
-        self.ended = ""  # That channels end before others, in words
+    text: Text
+    layout: Layout
+    begin: int
+    first: int  # The byte where the first row of all begins
+    start: Start | None  # What the lines above it state
+    ended: str = ""  # That channels end before others, in words
 
     def parsed(self, loaded: list[int]) -> tuple[Any, str]:
-        """Return the columns of these numbers as a ``pyarrow.Table``, and the decimal sign they were read with."""
+        """Parse the columns of these numbers as a ``pyarrow.Table``, and the decimal sign they were read with."""
         layout = self.layout
         table = self._parsed(loaded, layout.decimal or ".")
         # Whole numbers at first, and the first decimal sign further down than was looked.
@@ -200,7 +165,7 @@ class _Rows:
                 return self._parsed(loaded, ","), ","
         return table, layout.decimal or "."
 
-    def _parsed(self, loaded: list[int], decimal: str, *, quick: bool = True) -> Any:
+    def _parsed(self, loaded: list[int], decimal: str) -> Any:
         width = len(self.layout.names)
         delimiter = "\t" if self.layout.delimiter == "whitespace" else self.layout.delimiter
         try:
@@ -214,13 +179,10 @@ class _Rows:
                     decimal_point=decimal,
                     null_values=MISSING,
                     strings_can_be_null=True,
-                    column_types=self._fractions(decimal) if quick else None,
                     include_columns=[str(index) for index in loaded],
                 ),
             )
         except pa.ArrowInvalid as error:
-            if quick:
-                return self._parsed(loaded, decimal, quick=False)
             if self.layout.names[0] == SCOPE_TIME and not self.ended and (ended := self._ended_early()):
                 self.ended = ended
                 return self._parsed(loaded, decimal)
@@ -229,12 +191,6 @@ class _Rows:
         if any(pa.types.is_binary(column.type) for column in table.columns):
             raise UnicodeDecodeError("utf-8", b"", 0, 1, "a character further down is not UTF-8")
         return table
-
-    def _fractions(self, decimal: str) -> dict[str, Any]:
-        """Return the type of columns whose first number has decimals: Arrow need not try every other type first."""
-        head: bytes = self.text.file.read_at(min(_SHORT_HEAD, self.text.end - self.begin), self.begin)
-        cells = split_cells(head.partition(b"\n")[0].decode(errors="replace"), self.layout.delimiter)
-        return {str(at): pa.float64() for at, cell in enumerate(cells) if decimal in cell and is_number(cell, decimal)}
 
     def _stream(self) -> Any:
         length = self.text.end - self.begin
@@ -251,7 +207,7 @@ class _Rows:
         return pa.BufferReader(content.strip(b"\t"))
 
     def _ended_early(self) -> str:
-        """Return that the last rows lack channels that ended before, as a scope writes them; empty if they may not.
+        """State that the last rows lack channels that ended before, as a scope writes them; empty if they may not.
 
         The first short row must go on where the row before ended: its cells may be those of other channels.
         """
@@ -289,7 +245,7 @@ class _Rows:
         return b"\n".join(line + delimiter * count for line, count in zip(lines, missing, strict=True))
 
     def _lines(self) -> list[tuple[int, str]]:
-        """Return the rows that are not empty, each with its number within the file, counted from 1."""
+        """List the rows that are not empty, each with its number within the file, counted from 1."""
         content = self.text.file.read_at(self.text.end - self.begin, self.begin).decode(errors="replace")
         above = self.layout.first_row + self._lines_before()
         lines = enumerate(re.split(r"\r\n|\n|\r", content), start=above + 1)
@@ -321,5 +277,5 @@ class _Rows:
             )
 
 
-FORMAT = Format("csv", "a text table", read_delimited, read_long=long_delimited, options=True)
+FORMAT = Format("csv", "a text table", read_delimited, ("csv", "rows"))
 """Any text table."""

@@ -6,9 +6,8 @@ from datetime import datetime, timedelta
 from typing import Any
 
 from cylinder_friction.recordings.formats.delimited import read_delimited
-from cylinder_friction.recordings.formats.format import Format
+from cylinder_friction.recordings.formats.format import Format, LoggedTable
 from cylinder_friction.recordings.formats.layout import MOST_COLUMNS, CsvOptions
-from cylinder_friction.recordings.formats.logged_table import LoggedTable
 from cylinder_friction.recordings.formats.source import HEAD_SIZE, FileSource
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -16,7 +15,7 @@ _AS_TEXT = CsvOptions(delimiter="\t", decimal=".", encoding="utf-8")
 
 
 def read_excel(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Return one table per sheet, several if it has several time columns. A formula is read as its last value.
+    """Read one table per sheet, several if it has several time columns. A formula is read as its last value.
 
     A sheet without rows of numbers is left out; if none has any, the reason of the first is given.
     """

@@ -1,18 +1,52 @@
-"""What a file format is to the package: how it is recognized, what reads it, and what that needs."""
+"""What a file format is to the package: how it is recognized, what reads it, and the tables that reading gives."""
+
+from __future__ import annotations
 
 import logging
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.util import find_spec
+from typing import Any
 
 import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
 
 from cylinder_friction.extras import not_installed
-from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
 from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.start import Start
 from cylinder_friction.wording import in_brief
+
+Column = tuple[str, NDArray[Any]]
+"""A channel's name and values."""
+
+
+@dataclass(frozen=True)
+class LoggedTable:
+    """Channels of a file that share their rows, as the logger names them, in its units."""
+
+    # One column per channel: numbers, time stamps (``datetime64[ns]``), or text where a cell is no number. A missing
+    # value is NaN. Names are stripped of blanks; a name may occur twice.
+    channels: pd.DataFrame
+    # The unit that the file itself states, by channel; a channel without one is absent
+    units: Mapping[str, str] = field(default_factory=dict)
+    name: str = ""  # Of the table or group within the file; empty if the file has only one
+    unread: tuple[str, ...] = ()  # Names of channels that were there but not asked for
+    notes: tuple[str, ...] = ()  # What the reader repaired, one sentence each, for example a last line that was cut off
+    start: Start | None = None  # When its clock was at 0 s, as the file states it beside the rows
+    utc: bool = False  # Whether its time stamps are in UTC; if not, their time zone is not stated
+    # Reads the parts behind this one, each with the same channels, if the table is too long to be read at once
+    more: Callable[[], Iterator[LoggedTable]] | None = None
+    parts: int = 1  # How many there are, about
+
+
+def named_columns(columns: Sequence[Column]) -> pd.DataFrame:
+    """Make a table of columns, without a copy; a name may occur twice or be damaged."""
+    table = pd.DataFrame(dict(enumerate(values for _, values in columns)), copy=False)
+    table.columns = pd.Index([name for name, _ in columns], dtype=object)
+    return table
 
 
 @dataclass(frozen=True)
@@ -21,17 +55,15 @@ class Format:
 
     name: str
     what: str  # In messages: ``an HDF5 file``
-    # Returns the tables of a ``FileSource`` with the wanted channels. For ``options`` it takes ``CsvOptions`` too.
+    # Reads the wanted channels of a ``FileSource``. ``takes`` names the further arguments: ``csv`` (``CsvOptions``),
+    # ``rows`` (a longer table is read in parts of so many, unless it is None), ``database`` (path of a bus's, or None).
     read: Callable[..., list[LoggedTable]]
+    takes: tuple[str, ...] = ()
     starts: tuple[bytes, ...] = ()  # How its files begin
     fits: Callable[[bytes], bool] | None = None  # Whether a file with this head has the format, beyond ``starts``
     setting: str = ""  # What a configuration calls it, if two formats share that; empty for its name
     library: str = ""  # The library that only this format needs, and the extra of this package that brings it
     extra: str = ""
-    # Reads a file of more rows than its last argument in parts; None if it has fewer. Other arguments as for ``read``.
-    read_long: Callable[..., LongTable | None] | None = None
-    options: bool = False
-    databases: bool = False  # Whether ``read`` takes the path of a bus's database, or None, as its last argument
     # What crashes over a damaged file, in messages. Such a format is read in an isolated process; others are not.
     crashes: str = ""
 

@@ -7,16 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.recordings.formats.format import Format
-from cylinder_friction.recordings.formats.logged_table import (
+from cylinder_friction.recordings.formats.channels import (
     Channel,
     Found,
-    LoggedTable,
     column_arrays,
     numeric,
     table_of,
     tables_by_length,
 )
+from cylinder_friction.recordings.formats.format import Format, LoggedTable
 from cylinder_friction.recordings.formats.source import FileSource
 
 _RATES = ("sampling_rate", "sample_rate", "samplerate", "sampling_frequency", "sample_rate_hz", "fs", "rate")
@@ -24,7 +23,7 @@ _STEPS = ("dt", "sample_time", "sample_time_s", "sampling_time", "sampling_inter
 
 
 def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Return one table per compound dataset, and one for all other datasets of equal length.
+    """Read one table per compound dataset, and one of all other datasets of equal length.
 
     A dataset's name is its path, ``pressures/P1``. Units come from its attribute ``unit`` or ``units``. If a dataset,
     its group or the file states a sampling rate [Hz] or a sample time [s] as an attribute and there is no time among

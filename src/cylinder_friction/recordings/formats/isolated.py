@@ -5,15 +5,14 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
-from cylinder_friction.recordings.formats.format import Format, guarded
-from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.format import Format, LoggedTable, guarded
 from cylinder_friction.recordings.formats.source import open_source
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -58,20 +57,22 @@ class _Reader:
 _READER = _Reader()
 
 
-def read_isolated(path: Path, of: Format, wanted: Collection[str] | None, database: Path | None) -> list[LoggedTable]:
-    """Return a file's tables. In a daemon, which may have no processes of its own, the file is read in place.
+def read_isolated(path: Path, of: Format, wanted: Collection[str] | None, more: Mapping[str, Any]) -> list[LoggedTable]:
+    """Read a file's tables; ``more`` are the format's further arguments.
+
+    In a daemon, which may have no processes of its own, the file is read in place.
 
     Raises:
         RecordingError: The file is damaged; reading it crashed the library or took too long.
     """
     size, path = path.stat().st_size, path.absolute()  # the process stays in the folder where it was started
-    more = [None if database is None else str(database.absolute())] if of.databases else []
+    more = {name: value.absolute() if isinstance(value, Path) else value for name, value in more.items()}
     limit_s, limit_bytes = LIMIT_S + LIMIT_PER_BYTE_S * size, LIMIT_BYTES + LIMIT_BYTES_PER_BYTE * size
     if multiprocessing.current_process().daemon:
-        return _read(of.read, of.what, path, None, wanted, *more)
+        return _read(of.read, of.what, path, None, wanted, more)
     with _READER.lock:
         try:
-            return _READER.running().submit(_read, of.read, of.what, path, limit_bytes, wanted, *more).result(limit_s)
+            return _READER.running().submit(_read, of.read, of.what, path, limit_bytes, wanted, more).result(limit_s)
         except BrokenProcessPool:
             what = f"crashed {of.crashes}"
         except TimeoutError:
@@ -101,11 +102,16 @@ def _end_with_parent() -> None:
 
 
 def _read(
-    read: Callable[..., list[LoggedTable]], what: str, path: Path, limit_bytes: int | None, *arguments: Any
+    read: Callable[..., list[LoggedTable]],
+    what: str,
+    path: Path,
+    limit_bytes: int | None,
+    wanted: Collection[str] | None,
+    more: Mapping[str, Any],
 ) -> list[LoggedTable]:
     if sys.platform != "win32" and limit_bytes is not None:
         _, most = resource.getrlimit(resource.RLIMIT_DATA)
         limit_bytes = limit_bytes if most == resource.RLIM_INFINITY else min(limit_bytes, most)
         resource.setrlimit(resource.RLIMIT_DATA, (limit_bytes, most))
     with guarded(what):
-        return read(open_source(path), *arguments)
+        return read(open_source(path), wanted, **more)

@@ -1,19 +1,21 @@
-"""How a text table is laid out: what separates its cells, where its names stand, where its rows begin.
+"""How a text table is laid out: what separates its cells, where its rows begin, and what stands above them.
 
-A user may state it; by default everything is detected.
+Those are names and units (``P1 [bar]``, ``P1 / bar``, or a line of units). By default everything is detected.
 """
 
 import codecs
-from collections import Counter, deque
+import re
+from collections import Counter
 from dataclasses import dataclass
 from functools import cache
+from itertools import pairwise
 
 from cylinder_friction.recordings.formats.cells import is_missing, is_number, is_value, split_cells
 from cylinder_friction.recordings.formats.clocks import padded
-from cylinder_friction.recordings.formats.header import read_header
+from cylinder_friction.recordings.mapping.units import KNOWN, unit_in_name
 from cylinder_friction.recordings.recording import RecordingError, expect
 
-HEADERS = ("auto", "none", "names", "names_units")
+HEADERS = ("auto", "names_units")
 
 
 @dataclass(frozen=True)
@@ -23,8 +25,7 @@ class CsvOptions:
     delimiter: str = "auto"  # Between two values: one character, ``whitespace`` (runs of blanks and tabs), or ``auto``
     decimal: str = "auto"  # The decimal sign, ``.`` or ``,``, or ``auto``
     encoding: str = "auto"  # Of the characters, for example ``utf-8`` or ``cp1252``, or ``auto``
-    # ``none`` (channels are then named column_1, column_2, ...), ``names`` (one line of names), ``names_units`` (a line
-    # of names and a line of units right above the rows), or ``auto``, which finds them
+    # ``names_units`` (a line of names and a line of units stand right above the rows), or ``auto``, which finds them
     header: str = "auto"
 
     def __post_init__(self) -> None:
@@ -77,46 +78,8 @@ class _Grid:
         return values > 0 and values + missing == len(self.numeric)
 
 
-@dataclass(frozen=True)
-class _Found:
-    """A layout, and the lines above the rows of the file that it was found in."""
-
-    options: CsvOptions
-    head: list[str]
-    layout: Layout
-
-    def fits(self, lines: list[str], options: CsvOptions) -> bool:
-        """Return whether a file has the same head, and rows of as many cells with no other decimal sign."""
-        rows, layout = "".join(lines[len(self.head) :][:LOOKED_AT]), self.layout
-        count = rows.count("\n")
-        if options != self.options or lines[: len(self.head)] != self.head or not self.head or count < LOOKED_AT // 2:
-            return False
-        signs = {",", "."} - {layout.delimiter, layout.decimal}
-        width = len(layout.names) - 1
-        return (
-            layout.delimiter != "whitespace"
-            and not any(sign in rows for sign in (*signs, '"'))
-            and all(line.count(layout.delimiter) == width for line in rows.splitlines())
-        )
-
-
-_FOUND: deque[_Found] = deque(maxlen=8)
-"""Layouts found last: thousands of logs are mostly of one logger."""
-
-
 def find_layout(lines: list[str], options: CsvOptions) -> Layout:
-    """Return the layout of a table from its first whole lines; refuse lines with no layout, or with two.
-
-    It may be that of an earlier file with the same head, with which ``LOOKED_AT`` rows are compared.
-    """
-    layout = next((found.layout for found in _FOUND if found.fits(lines, options)), None)
-    if layout is None:
-        layout = _found_layout(lines, options)
-        _FOUND.appendleft(_Found(options, lines[: layout.first_row], layout))
-    return layout
-
-
-def _found_layout(lines: list[str], options: CsvOptions) -> Layout:
+    """Find the layout of a table in its first whole lines; refuse lines with no layout, or with two."""
     content = [index for index, line in enumerate(lines) if line.strip()]
     stated = "whitespace" if options.delimiter == " " else options.delimiter
     delimiters = DELIMITERS if stated == "auto" else (stated,)
@@ -133,9 +96,9 @@ def _found_layout(lines: list[str], options: CsvOptions) -> Layout:
             "one line per sample; name the delimiter and the decimal sign if they are unusual"
         )
     grid = max(grids, key=lambda grid: _likelihood(grid, [lines[index] for index in content]))
-    first = _first_row(grid, lines, content, options.header)
+    first = _first_row(grid, lines, content)
     trailing = grid.width > 1 and not any(row[-1] for row in grid.rows if len(row) == grid.width)
-    names, units = read_header(lines[:first], grid.delimiter, grid.width, trailing, options.header)
+    names, units = _read_header(lines[:first], grid.delimiter, grid.width, trailing, options.header)
     settled = decimal or _decimal([split_cells(line, grid.delimiter) for line in lines[first:][:LOOKED_AT]], grid)
     return Layout(grid.delimiter, settled, names, units, first)
 
@@ -165,7 +128,7 @@ def _grid(lines: list[str], content: list[int], delimiter: str, decimal: str | N
 
 
 def _likelihood(grid: _Grid, lines: list[str]) -> tuple[bool, bool, bool, float, int]:
-    """Return a key that ranks the ways to split a file's lines.
+    """Make a key that ranks the ways to split a file's lines.
 
     First whether a line of names, or the first row, has as many cells as the rows: 3,845 below one name is a number
     with a decimal comma, below two names it is two. Then the share of cells that are numbers or dates.
@@ -180,20 +143,12 @@ def _likelihood(grid: _Grid, lines: list[str]) -> tuple[bool, bool, bool, float,
     return grid.score >= _LEAST_SCORE, fits, grid.width > 1, round(grid.score, 2), grid.width
 
 
-def _first_row(grid: _Grid, lines: list[str], content: list[int], header: str) -> int:
-    """Return the index of the first row's line; ``content`` holds those of the lines that are not empty."""
+def _first_row(grid: _Grid, lines: list[str], content: list[int]) -> int:
+    """Find the first row's line; ``content`` holds those of the lines that are not empty."""
 
     @cache
     def is_row(position: int) -> bool:
         return grid.is_row(split_cells(lines[content[position]], grid.delimiter))
-
-    if header != "auto":
-        below = [index for index in content if not lines[index].lstrip().startswith(("#", "%", "//"))]
-        skipped = ("none", "names", "names_units").index(header)
-        if len(below) <= skipped:
-            raise RecordingError(f"holds {len(below)} lines, but its header alone takes {skipped}; there are no rows")
-        if header != "names_units" or is_row(content.index(below[skipped])):  # otherwise there is more above
-            return below[skipped]
 
     for first in range(len(content)):
         # A line of the preamble may look like a row; most lines after it then do not. A row may be damaged.
@@ -212,8 +167,142 @@ def _first_row(grid: _Grid, lines: list[str], content: list[int], header: str) -
 
 
 def _decimal(rows: list[list[str]], grid: _Grid) -> str | None:
-    """Return the decimal sign that these rows show; None if they hold whole numbers only."""
+    """Tell the decimal sign that these rows show; None if they hold whole numbers only."""
     cells = [row[index] for row in rows if len(row) == grid.width for index in grid.numeric]
     points = sum("." in cell and is_number(cell, ".") for cell in cells)
     commas = sum("," in cell and is_number(cell, ",") for cell in cells) if grid.delimiter != "," else 0
     return None if not points and not commas else "," if commas > points else "."
+
+
+_DATE_PATTERN = re.compile(r"^(?=.*([dmyjths])\1)[dmyjths]+(?:[-/.:, ]+[dmyjthsfz0]+)+$", re.IGNORECASE)
+"""What stands in the place of a unit above dates: 'dd.mm.yyyy hh:mm:ss', 'TT.MM.JJJJ hh:mm'."""
+
+_UNIT_WORDS = ("unit", "units", "einheit", "einheiten")
+"""What stands before the units in a line of them."""
+
+
+def _units_in_line(cells: list[str]) -> list[str] | None:
+    """Tell the units of a line that holds mostly units; None for another line.
+
+    A cell that is empty, no unit (``NO.`` above row numbers), or the format of the dates below it has the unit ''.
+    """
+    units, count = [], 0
+    for cell in cells:
+        bare = cell[1:-1].strip() if cell[:1] + cell[-1:] in ("[]", "()") else cell
+        known = bare.casefold() in KNOWN
+        if (_DATE_PATTERN.match(bare) and not known) or bare.casefold() in _UNIT_WORDS:
+            bare = cell = ""
+        count += bool(bare) and (known or bare != cell)
+        units.append(bare if known or bare != cell else "")
+    filled = sum(map(bool, cells)) - sum(cell.casefold() in _UNIT_WORDS for cell in cells)
+    return units if count and 2 * count > filled - sum(map(bool, map(_DATE_PATTERN.match, cells))) else None
+
+
+SCOPE_TIME = "Name"  # what the TwinCAT Scope calls every time column
+_SCOPE_KEY = re.compile(
+    r"symbol(comment|based|name)|data-type|sampletime\[ms\]|variablesize|index(group|offset)|netid|port|bitmask|"
+    r"(unit )?(offset|scalefactor)|unit|(start|end)time"
+)
+_COMMENT = ("#", "%", "//", ";", "'")
+
+Named = tuple[list[str], dict[str, str]]
+"""Names of the columns, and units by name."""
+
+
+def _read_header(above: list[str], delimiter: str, width: int, trailing: bool, mode: str) -> Named:
+    """Find what the lines above the first row, which has ``width`` cells, name: channels and their units.
+
+    The name of a last column that only a delimiter at the end of each row makes is ''.
+
+    Args:
+        trailing: Every row ends in a delimiter, so that its last cell is no channel, unless it has a name.
+        mode: ``CsvOptions.header``.
+
+    Raises:
+        RecordingError: The line of names has more or fewer cells than the rows.
+    """
+    block = _lines_of_cells(above, delimiter, width, trailing)
+    if not block:
+        _refuse_other_width(above, delimiter, width)
+        return _named([], None, width, trailing)
+    if scope := _scope_lines(above, delimiter, width):
+        return _named(scope["name"], _scope_units(scope, above), width, trailing)
+    if mode == "names_units" and len(block) > 1:
+        return _named(block[-2], block[-1], width, trailing)
+    for names, line in reversed(list(pairwise(block))):
+        if (units := _units_in_line(line)) and not _units_in_line(names):
+            return _named(names, units, width, trailing)
+    return _named(block[-1], None, width, trailing)
+
+
+def _lines_of_cells(above: list[str], delimiter: str, width: int, trailing: bool) -> list[list[str]]:
+    """Split the unbroken run of lines right above the rows that have a cell for each column."""
+    block: list[list[str]] = []
+    for line in reversed([line for line in above if line.strip()]):
+        cells = split_cells(line, delimiter)
+        bare = split_cells(line.lstrip("#%/ "), delimiter)
+        cells = bare if line.lstrip().startswith(("#", "%", "//")) else cells
+        if not _fits(cells, width, trailing) or (width == 1 and block):
+            break
+        block.insert(0, cells)
+    return block
+
+
+def _fits(cells: list[str], width: int, trailing: bool) -> bool:
+    """Compare a line's cells with the rows: either may lack the last one (a delimiter, LabVIEW's comment column)."""
+    if len(cells) == width + 1:
+        return cells[-1].casefold() in ("", "comment")
+    return len(cells) == width or (trailing and len(cells) == width - 1)
+
+
+def _refuse_other_width(above: list[str], delimiter: str, width: int) -> None:
+    """Refuse a line of names with too few or too many cells: the columns could not be identified."""
+    number = max((index for index, line in enumerate(above, start=1) if line.strip()), default=0)
+    if not number:
+        return
+    line = above[number - 1]
+    cells = split_cells(line, delimiter)
+    plain = not line.lstrip().startswith(_COMMENT) and ":" not in line and "=" not in line
+    if plain and len(cells) > max(1, width // 2) and not any(is_number(cell, None) for cell in cells):
+        raise RecordingError(
+            f"line {number} names {len(cells)} channels, but the line below holds {width} values; "
+            "expected a name for each value"
+        )
+
+
+def _scope_lines(above: list[str], delimiter: str, width: int) -> dict[str, list[str]]:
+    """Find the lines in which the TwinCAT Scope describes its channels, by key; empty for other files.
+
+    The line of names is ``Name;Axis.Pos;Name;Axis.Vel``, or ``Name;p1;p2;Name;x`` if channels share a time column.
+    SymbolName;...;SymbolName;... and the like may follow below it.
+    """
+    found: dict[str, list[str]] = {}
+    for cells in reversed([split_cells(line, delimiter) for line in above]):
+        key = cells[0].casefold() if len(cells) == width else ""
+        if key == "name":
+            return {**found, key: cells}
+        if _SCOPE_KEY.fullmatch(key):
+            found[key] = cells
+        elif key:
+            break
+    return {}
+
+
+def _scope_units(found: dict[str, list[str]], above: list[str]) -> list[str] | None:
+    """Tell the units of a TwinCAT Scope's channels, which it writes as ``V (Voltage)``; its time is in ms."""
+    names = found["name"]
+    if len(found) == 1 and not any("Starttime of export" in line for line in above):
+        return None
+    stated = [cell.partition("(")[0].strip() for cell in found.get("unit", [""] * len(names))]
+    return ["ms" if name == SCOPE_TIME else unit for name, unit in zip(names, stated, strict=True)]
+
+
+def _named(cells: list[str], units: list[str] | None, width: int, trailing: bool) -> Named:
+    padded = [*cells, *[""] * width][:width]
+    names = [name or f"column_{index}" for index, name in enumerate(padded, start=1)]
+    if trailing and not padded[-1]:
+        names[-1] = ""
+    found = {name: unit for name in names if (unit := unit_in_name(name)) is not None}
+    if units is not None:
+        found |= {name: unit for name, unit in zip(names, units, strict=False) if name and unit}
+    return names, found

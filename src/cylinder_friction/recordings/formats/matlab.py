@@ -7,16 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.recordings.formats.format import Format
+from cylinder_friction.recordings.formats.channels import Channel, Found, column_arrays, numeric, tables_by_length
+from cylinder_friction.recordings.formats.format import Format, LoggedTable
 from cylinder_friction.recordings.formats.hdf5 import SIGNATURE
-from cylinder_friction.recordings.formats.logged_table import (
-    Channel,
-    Found,
-    LoggedTable,
-    column_arrays,
-    numeric,
-    tables_by_length,
-)
 from cylinder_friction.recordings.formats.source import FileSource
 
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.recordings.formats.format import Format
-from cylinder_friction.recordings.formats.logged_table import LoggedTable, named_columns, numeric
+from cylinder_friction.recordings.formats.channels import numeric
+from cylinder_friction.recordings.formats.format import Format, LoggedTable, named_columns
 from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.start import Start
@@ -20,14 +20,14 @@ _LOCAL_TIME = 1  # Bit of a header's time flags (ASAM MDF 4.1)
 _PLAIN_BUS_EVENT = 4  # Bit of a channel group's flags (ASAM MDF 4.1): frames that are not decoded
 
 
-def read_mdf(source: FileSource, wanted: Collection[str] | None, database: str | None = None) -> list[LoggedTable]:
-    """Return one table a channel group, its master (time) first; conversions are applied.
+def read_mdf(source: FileSource, wanted: Collection[str] | None, database: Path | None = None) -> list[LoggedTable]:
+    """Read one table a channel group, its master (time) first; conversions are applied.
 
     A sample that the file marks as invalid is NaN. Text is no channel and only named, as ``unread``. Groups of raw bus
     frames are decoded with the bus's ``database``, a DBC file, and left out without one; a file of nothing else is then
     refused.
     """
-    with opened_mdf(source) as file:
+    with _opened(source) as file:
         start = _start(file)
         if database is not None:
             tables = _decoded(file, database, wanted)
@@ -45,7 +45,7 @@ def read_mdf(source: FileSource, wanted: Collection[str] | None, database: str |
 
 
 @contextmanager
-def opened_mdf(source: FileSource) -> Iterator[Any]:
+def _opened(source: FileSource) -> Iterator[Any]:
     """Open a measurement file with asammdf; the file itself stays as it is."""
     import asammdf
 
@@ -59,12 +59,12 @@ def opened_mdf(source: FileSource) -> Iterator[Any]:
         yield file
 
 
-def _decoded(file: Any, database: str, wanted: Collection[str] | None) -> list[LoggedTable]:
+def _decoded(file: Any, database: Path, wanted: Collection[str] | None) -> list[LoggedTable]:
     from asammdf.blocks.utils import load_can_database
 
-    if not Path(database).is_file():
+    if not database.is_file():
         raise RecordingError(f"database {database}: no such file")
-    described = load_can_database(database) if database.lower().endswith(".dbc") else None
+    described = load_can_database(str(database)) if database.suffix.lower() == ".dbc" else None
     if described is None:
         raise RecordingError(f"database {database}: cannot be read as one of a CAN bus; expected a .dbc file")
     with file.extract_bus_logging({"CAN": [(described, 0)]}) as signals:
@@ -75,7 +75,7 @@ def _decoded(file: Any, database: str, wanted: Collection[str] | None) -> list[L
 
 
 def _start(file: Any) -> Start | None:
-    """Return when the measurement started: MDF 4 states UTC or local time, MDF 3 mostly local time."""
+    """Tell when the measurement started: MDF 4 states UTC or local time, MDF 3 mostly local time."""
     header = file.header
     if not getattr(header, "abs_time", 0):
         return None
@@ -122,5 +122,5 @@ FORMAT = Format(
     library="asammdf",
     extra="mdf",
     crashes="the MDF library",
-    databases=True,
+    takes=("database",),
 )

@@ -1,58 +1,50 @@
 """Parquet, as data loggers in the cloud and pandas write it."""
 
 from collections.abc import Collection, Iterator
+from dataclasses import replace
 from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from cylinder_friction.recordings.formats.cells import column_values, states_zone
-from cylinder_friction.recordings.formats.clocks import beside_clocks, joined
-from cylinder_friction.recordings.formats.format import Format
-from cylinder_friction.recordings.formats.logged_table import Column, LoggedTable, LongTable, named_columns
+from cylinder_friction.recordings.formats.clocks import beside_clocks, columns_of
+from cylinder_friction.recordings.formats.format import Format, LoggedTable, named_columns
 from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
 
 
-def read_parquet(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Return the file's one table; only the wanted columns are read, in one thread.
+def read_parquet(source: FileSource, wanted: Collection[str] | None, rows: int | None = None) -> list[LoggedTable]:
+    """Read the file's one table, of more than ``rows`` rows in parts; only the wanted columns are read, in one thread.
 
     The index that pandas stores is a channel if it has a name or holds time stamps (then named ``index``); row numbers
     are left out. Text is read as in a text table: dates, times of day, numbers. Units come from a field's metadata, key
     ``unit`` or ``units``.
     """
     with _opened(source) as file:
-        wanted = _wanted_here(file, wanted)
-        table = file.read(columns=_read_names(file, wanted), use_threads=False, use_pandas_metadata=False)
-        if file.metadata.num_rows == 0:
+        count, wanted = file.metadata.num_rows, _wanted_here(file, wanted)
+        if count == 0:
             raise RecordingError("holds no rows; expected one row per sample")
-        return [_table(file, table, wanted)]
+        if rows is None or count <= rows:
+            table = file.read(columns=_read_names(file, wanted), use_threads=False, use_pandas_metadata=False)
+            return [_table(file, table, wanted)]
+    parts = _parts(source, wanted, rows)
+    return [replace(next(parts), more=lambda: parts, parts=-(-count // rows))]
 
 
-def long_parquet(source: FileSource, wanted: Collection[str] | None, rows: int) -> LongTable | None:
-    """Return a file of more rows than these, to be read in parts of so many; None if it has not so many."""
+def _parts(source: FileSource, wanted: Collection[str] | None, rows: int) -> Iterator[LoggedTable]:
     with _opened(source) as file:
-        count = file.metadata.num_rows
-    if count <= rows:
-        return None
-
-    def chunks() -> Iterator[LoggedTable]:
-        with _opened(source) as file:
-            here = _wanted_here(file, wanted)
-            names = _read_names(file, here)
-            for batch in file.iter_batches(rows, columns=names, use_threads=False, use_pandas_metadata=False):
-                yield _table(file, pa.Table.from_batches([batch]), here)
-
-    return LongTable(-(-count // rows), chunks)
+        names = _read_names(file, wanted)
+        for batch in file.iter_batches(rows, columns=names, use_threads=False, use_pandas_metadata=False):
+            yield _table(file, pa.Table.from_batches([batch]), wanted)
 
 
 def _opened(source: FileSource) -> Any:
-    """Return the file, which is read page by page and not a row group at once."""
+    """Open the file, which is read page by page and not a row group at once."""
     return pq.ParquetFile(source.handle(), buffer_size=1 << 20, pre_buffer=False, page_checksum_verification=True)
 
 
 def _wanted_here(file: Any, wanted: Collection[str] | None) -> Collection[str] | None:
-    """Return the channels to read; nothing, not even time, if the file has none of the wanted ones."""
+    """Choose the channels to read; nothing, not even time, if the file has none of the wanted ones."""
     there = wanted is None or any(_name(field) in wanted for field in file.schema_arrow)
     return wanted if there else ()
 
@@ -71,21 +63,14 @@ def _read_names(file: Any, wanted: Collection[str] | None) -> list[str]:
 def _table(file: Any, table: Any, wanted: Collection[str] | None) -> LoggedTable:
     fields = [field for field in file.schema_arrow if not _is_row_number(field)]
     units = {_name(each): unit for each in fields if not pa.types.is_nested(each.type) and (unit := _unit(each))}
-    columns, clocks, notes, utc = list[Column](), list[str](), list[str](), False
+    named = []
     for field, column in zip(table.schema, table.columns, strict=True):
-        name = _name(field)
-        if pa.types.is_dictionary(column.type):
-            column = column.cast(column.type.value_type)
-        column = column.cast(pa.string()) if pa.types.is_large_string(column.type) else column
-        cells = column_values(column, ".", name)
-        columns.append((name, cells.values))
-        clocks += [name] if cells.clock else []
-        units |= {name: cells.unit} if cells.unit else {}
-        notes += [cells.note] if cells.note else []
-        utc |= states_zone(column)
+        column = column.cast(column.type.value_type) if pa.types.is_dictionary(column.type) else column
+        named.append((_name(field), column.cast(pa.string()) if pa.types.is_large_string(column.type) else column))
+    found = columns_of(named, ".", wanted)
     unread = tuple(_name(each) for each in fields if not _is_read(each, wanted))
-    found = joined(columns, clocks, wanted) if len(unread) < len(fields) else []
-    return LoggedTable(named_columns(found), units, unread=unread, notes=tuple(notes), utc=utc)
+    columns = named_columns(found.columns if len(unread) < len(fields) else [])
+    return LoggedTable(columns, units | found.units, unread=unread, notes=tuple(found.notes), utc=found.utc)
 
 
 def _is_row_number(field: Any) -> bool:
@@ -103,4 +88,4 @@ def _unit(field: Any) -> str:
 
 
 # Hundreds of hours come this way, and Arrow withstands damage: it is read in the caller's process.
-FORMAT = Format("parquet", "a Parquet file", read_parquet, starts=(b"PAR1",), read_long=long_parquet)
+FORMAT = Format("parquet", "a Parquet file", read_parquet, ("rows",), starts=(b"PAR1",))

@@ -7,10 +7,9 @@ from pathlib import Path
 
 from cylinder_friction.recordings.formats import delimited, excel, hdf5, matlab, mdf, parquet, tdms
 from cylinder_friction.recordings.formats.clocks import oldest_first, with_dates
-from cylinder_friction.recordings.formats.format import Format, guarded
+from cylinder_friction.recordings.formats.format import Format, LoggedTable, guarded
 from cylinder_friction.recordings.formats.isolated import read_isolated
 from cylinder_friction.recordings.formats.layout import AUTOMATIC, CsvOptions
-from cylinder_friction.recordings.formats.logged_table import LoggedTable, LongTable
 from cylinder_friction.recordings.formats.source import is_text, open_source
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -53,7 +52,7 @@ _OWN_FILES = {
 
 
 def format_of(head: bytes, setting: str = "auto", suffix: str = "") -> Format:
-    """Return the format of a file by its first bytes and by what the configuration calls it.
+    """Tell the format of a file by its first bytes and by what the configuration calls it.
 
     Raises:
         RecordingError: The file is of none of these formats; ``suffix``, its ending, shows what to export in its place.
@@ -81,72 +80,53 @@ def read_logged_file(
     wanted: Collection[str] | None = None,
     *,
     database: Path | None = None,
+    rows: int | None = None,
 ) -> list[LoggedTable]:
-    """Return what a logger's file holds, one table for channels that share their rows.
+    """Read what a logger's file holds, one table for channels that share their rows.
 
     Args:
         file_format: One of ``SETTINGS``, or ``auto`` to go by the content.
         csv: How text is to be read; by default everything is found out.
         wanted: Names of the channels to load; the others are only named, as ``unread``. None loads all.
         database: Of a bus (DBC), with which the frames in a measurement file are decoded.
+        rows: A file's only table of more rows comes in parts of about so many: the first one here, and its ``more``.
+            Text and Parquet are read part by part; of another format a large file is refused. None reads all at once.
 
     Raises:
         RecordingError: The file cannot be opened or read, is damaged, or holds no channels with rows.
         ValueError: The format is not known.
     """
-    tables = open_logged_file(path, None, file_format, csv, wanted, database=database)
-    assert not isinstance(tables, LongTable)
-    return tables
-
-
-def open_logged_file(
-    path: Path,
-    rows: int | None,
-    file_format: str = "auto",
-    csv: CsvOptions = AUTOMATIC,
-    wanted: Collection[str] | None = None,
-    *,
-    database: Path | None = None,
-) -> LongTable | list[LoggedTable]:
-    """Return what ``read_logged_file`` does, or one table of more rows than these, to be read in parts of so many.
-
-    Text and Parquet are read part by part; of another format a large file is refused. Without ``rows`` every file is
-    read whole. Other arguments and errors are those of ``read_logged_file``.
-    """
     source = open_source(path)
     found = format_of(source.head, file_format, path.suffix)
     found.refuse_missing_library()
-    if database is not None and not found.databases:
+    if database is not None and "database" not in found.takes:
         raise RecordingError(f"database {database}: is for an MDF file of bus frames, not for {found.what}")
-    options = (csv,) if found.options else ()
-    if found.crashes:
-        if rows is not None and source.size > MOST_WHOLE:
-            raise RecordingError(
-                f"has {source.size / 1e9:.2g} GB, and {found.name} files are read whole, up to {MOST_WHOLE / 1e9:.2g} "
-                "GB; export it as Parquet or CSV, which are read in parts, or split it"
-            )
-        tables = read_isolated(path, found, wanted, database)
-    else:
+    given = {"csv": csv, "rows": rows, "database": database}
+    more = {name: given[name] for name in found.takes}
+    if not found.crashes:
         with guarded(found.what):
-            if rows is not None and found.read_long is not None and source.size > rows:  # no row is without a byte
-                long = found.read_long(source, wanted, rows, *options)
-                if long is not None:
-                    return replace(long, chunks=partial(_guarded, long.chunks, found.what))
-            tables = found.read(source, wanted, *options)
+            tables = found.read(source, wanted, **more)
+    elif rows is not None and source.size > MOST_WHOLE:
+        raise RecordingError(
+            f"has {source.size / 1e9:.2g} GB, and {found.name} files are read whole, up to {MOST_WHOLE / 1e9:.2g} "
+            "GB; export it as Parquet or CSV, which are read in parts, or split it"
+        )
+    else:
+        tables = read_isolated(path, found, wanted, more)
     if not any(len(table.channels) or table.unread for table in tables):
         raise RecordingError("holds no channel with a row; expected a table of numbers")
+    if tables[0].more is not None:
+        return [replace(with_dates(tables[0]), more=partial(_guarded, tables[0].more, found.what))]
     tables = [oldest_first(with_dates(table)) for table in tables]
-    long_one = rows is not None and len(tables) == 1 and len(tables[0].channels) > rows
-    return _sliced(tables[0], rows) if rows is not None and long_one else tables
+    return [_in_parts(tables[0], rows)] if rows is not None and len(tables) == 1 else tables
 
 
-def _sliced(table: LoggedTable, rows: int) -> LongTable:
-    def part(first: int) -> LoggedTable:
-        notes = () if first else table.notes
-        return replace(table, channels=table.channels.iloc[first : first + rows], notes=notes)
-
-    count = len(table.channels)
-    return LongTable(-(-count // rows), lambda: map(part, range(0, count, rows)))
+def _in_parts(table: LoggedTable, rows: int) -> LoggedTable:
+    places = range(0, len(table.channels), rows)
+    parts = [replace(table, channels=table.channels.iloc[first : first + rows], notes=()) for first in places]
+    if len(parts) < 2:
+        return table
+    return replace(parts[0], notes=table.notes, more=partial(iter, parts[1:]), parts=len(parts))
 
 
 def _guarded(tables: Callable[[], Iterator[LoggedTable]], what: str) -> Iterator[LoggedTable]:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from cylinder_friction.recordings.formats.format import Format
-from cylinder_friction.recordings.formats.logged_table import Channel, LoggedTable, numeric, table_of
+from cylinder_friction.recordings.formats.channels import Channel, numeric, table_of
+from cylinder_friction.recordings.formats.format import Format, LoggedTable
 from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.mapping.units import quantity_of
@@ -22,7 +22,7 @@ EVEN_SHARE = 1e-3
 
 
 def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Return one table a group, or several if a group's channels differ in length or rate.
+    """Read one table a group, or several if a group's channels differ in length or rate.
 
     Waveforms carry their time as properties: ``wf_increment`` and ``wf_start_offset`` make a channel ``time`` [s]. It
     counts from the earliest ``wf_start_time`` in the file, so that groups keep their distance in time.

@@ -1,9 +1,9 @@
-"""What a channel of a logged file is: how well it fits a column, which units it fits, and which way it counts."""
+"""What a channel of a logged file is: how well it fits a column, and which units it fits."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,10 +12,11 @@ import pandas as pd
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, QUANTITIES, SAMPLE_COLUMNS, TIME
-from cylinder_friction.recordings.formats.logged_table import RISING_SHARE, LoggedTable
+from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, QUANTITIES, TIME
+from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.mapping.channel_words import Words, words_of
 from cylinder_friction.recordings.mapping.units import column_scale, electrical, quantity_of, to_column_unit
+from cylinder_friction.recordings.start import NEVER_FALLS
 from cylinder_friction.recordings.timeline.timestamps import stamps_to_datetimes
 
 
@@ -42,14 +43,14 @@ class ChannelFacts:
     text: str  # Its first cell that is no number; empty if there is none
 
     def described(self) -> str:
-        """Return its values in words."""
+        """Tell its values in words."""
         if self.dates:
             return "dates"
         return "no numbers" if math.isnan(self.low) else f"values {self.low:.4g} to {self.high:.4g}"
 
 
 def facts_of(tables: Sequence[LoggedTable]) -> list[ChannelFacts]:
-    """Return every channel that a mapping could name: one whose name occurs once in its table."""
+    """Look at every channel that a mapping could name: one whose name occurs once in its table."""
     return [
         _facts(index, table, str(name), table.channels[name], leads=name == table.channels.columns[0])
         for index, table in enumerate(tables)
@@ -59,7 +60,7 @@ def facts_of(tables: Sequence[LoggedTable]) -> list[ChannelFacts]:
 
 
 def clocks_of(table: LoggedTable, known: Collection[str] = ()) -> list[ChannelFacts]:
-    """Return the channels of a table that are time by name, unit and values, beside those ``known`` to be."""
+    """Find the channels of a table that are time by name, unit and values, beside those ``known`` to be."""
     names = [str(name) for name in table.channels.columns if name not in known]
     named = [name for name in names if words_of(name).quantity == "time"]
     facts = [_facts(0, table, name, table.channels[name], leads=False) for name in named if named.count(name) == 1]
@@ -85,10 +86,10 @@ def _facts(index: int, table: LoggedTable, name: str, raw: pd.Series[Any], *, le
         dates=bool(dates),
         low=float(finite.min()) if len(finite) else math.nan,
         high=float(finite.max()) if len(finite) else math.nan,
-        rising=len(steps) > 2 and bool((steps > 0.0).any()) and float(np.mean(steps >= 0.0)) >= RISING_SHARE,
+        rising=len(steps) > 2 and bool((steps > 0.0).any()) and float(np.mean(steps >= 0.0)) >= NEVER_FALLS,
         step=float(np.median(steps)) if len(steps) else math.nan,
         mean_step=float(stamps[-1] - stamps[0]) / len(steps) if len(steps) else math.nan,
-        counts=len(steps) > 2 and float(np.mean(steps == 1.0)) >= RISING_SHARE,
+        counts=len(steps) > 2 and float(np.mean(steps == 1.0)) >= NEVER_FALLS,
         leads=leads,
         text=next((cell for cell in raw if isinstance(cell, str)), "") if raw.dtype.kind == "O" else "",
     )
@@ -128,11 +129,6 @@ PLAUSIBLE = {
 }
 """Least and greatest for a cylinder, in the column's unit; the unit of messages and its scale; and the name."""
 
-AREA_RATIOS = (0.5, 0.7, 0.9)  # A2 over A1, which is not known yet: the sign must be the same for all of them
-
-STROKE_SHARE = 0.02
-"""Steps over which direction is taken are this share of the travel, so that noise does not count as motion."""
-
 
 def usual_unit(column: str) -> str:
     return LIKELY_UNITS[QUANTITIES[column]][0][0] if QUANTITIES[column] != "length" else "mm"
@@ -146,7 +142,7 @@ EVEN_SHARE = 0.01
 
 
 def ranked_channels(column: str, facts: Sequence[ChannelFacts], clock_given: bool) -> Ranked:
-    """Return the channels that could fill a column, with their scores, best first, then in the file's order."""
+    """Rank the channels that could fill a column, with their scores, best first, then in the file's order."""
     scores = [
         (channel, _time_score(channel, clock_given) if column == TIME else _score(column, channel)) for channel in facts
     ]
@@ -154,7 +150,7 @@ def ranked_channels(column: str, facts: Sequence[ChannelFacts], clock_given: boo
 
 
 def _score(column: str, channel: ChannelFacts) -> float:
-    """Return how well a channel fits a column; 0 or less if not at all."""
+    """Rate how well a channel fits a column; 0 or less if not at all."""
     quantity, words = QUANTITIES[column], channel.words
     measures = quantity_of(channel.unit) if channel.unit else None
     signal = electrical(channel.unit) is not None
@@ -182,7 +178,7 @@ def _score(column: str, channel: ChannelFacts) -> float:
 
 
 def _time_score(channel: ChannelFacts, clock_given: bool) -> float:
-    """Return how well a channel fits time. Rows that are counted are no time, nor is any channel that happens to rise.
+    """Rate how well a channel fits time. Rows that are counted are no time, nor is any channel that happens to rise.
 
     Without a name or a unit of time only the first channel of a table may be time, if it rises evenly. A channel that
     is named time and steps by 1 is time if the unit of time is given.
@@ -205,7 +201,7 @@ def _counts_rows(channel: ChannelFacts, unit_given: bool) -> bool:
 
 
 def fitting_units(column: str, channels: Sequence[ChannelFacts], cylinder: Cylinder | None = None) -> list[str]:
-    """Return the units that the values of all these channels fit, likeliest first; empty if they fit none."""
+    """List the units that the values of all these channels fit, likeliest first; empty if they fit none."""
     quantity, greatest = QUANTITIES[column], np.inf
     sizes = {
         "time": [each.step or each.mean_step for each in channels],
@@ -226,7 +222,7 @@ def fitting_units(column: str, channels: Sequence[ChannelFacts], cylinder: Cylin
 
 
 def suspicion(column: str, unit: str, channel: ChannelFacts) -> str:
-    """Return why a unit can hardly be right, or nothing."""
+    """Say why a unit can hardly be right; empty if it may be."""
     if QUANTITIES[column] not in PLAUSIBLE:
         return ""
     least, greatest, shown_in, scale, what = PLAUSIBLE[QUANTITIES[column]]
@@ -236,47 +232,3 @@ def suspicion(column: str, unit: str, channel: ChannelFacts) -> str:
     if least <= size <= greatest:
         return ""
     return f"{unit} would make the {what} {size / scale:.3g} {shown_in}; is that the unit?"
-
-
-def position_sign(chosen: Mapping[str, ChannelFacts]) -> tuple[int, str]:
-    """Return 1, or -1 with a sentence for the user if the position seems to count the other way.
-
-    Friction takes work and gives none: with F = P1 - r·P2, less a cubic of position (any load that position alone
-    decides), the residual must have the sign of the direction of motion.
-    """
-    known = [chosen[column] for column in SAMPLE_COLUMNS if column in chosen]
-    if len(known) < len(SAMPLE_COLUMNS) or len({(channel.table, len(channel.values)) for channel in known}) > 1:
-        return 1, ""
-    if known[0].unit != known[1].unit or any(electrical(channel.unit) is not None for channel in known[:2]):
-        return 1, ""
-    finite = np.isfinite([channel.values for channel in known]).all(axis=0)
-    first, second, position = (channel.values[finite] for channel in known)
-    if not all(_force_with_direction(first - ratio * second, position) < 0.0 for ratio in AREA_RATIOS):
-        return 1, ""
-    pushes = "the pressures push against the motion, so that friction would drive the piston"
-    if known[2].high > -known[2].low:  # counted the other way, all of it would lie before the retracted end
-        return 1, (
-            f"{pushes}: the two pressures are swapped, or the sign of both is reversed, or the position counts from "
-            "the extended end; then write sign -1, and as offset what its sensor reads with the rod in"
-        )
-    return -1, f"sign -1 because {pushes}; it is 1 if the two pressures are swapped instead"
-
-
-def _force_with_direction(force: Array, position: Array) -> float:
-    """Return the part of a force that changes sign with the direction of motion, 0 if it is not significant."""
-    travel = float(np.ptp(position)) if len(position) else 0.0
-    if travel == 0.0:
-        return 0.0
-    # The rows at which the position has moved on by a step since the last such row.
-    levels = np.floor((position - position.min()) / (STROKE_SHARE * travel))
-    rows = np.concatenate([[0], np.flatnonzero(np.diff(levels) != 0.0) + 1])
-    direction = np.sign(np.diff(position[rows]))
-    middle = (rows[:-1] + rows[1:]) // 2
-    if min((direction > 0).sum(), (direction < 0).sum()) < 5:
-        return 0.0
-    scaled = (position[middle] - position.min()) / travel
-    columns = np.column_stack([np.ones_like(scaled), scaled, scaled**2, scaled**3, direction])
-    solution = np.linalg.lstsq(columns, force[middle], rcond=None)[0]
-    residual = force[middle] - columns @ solution
-    uncertainty = float(np.std(residual)) / np.sqrt(len(residual))
-    return float(solution[-1]) if abs(solution[-1]) > 4.0 * uncertainty else 0.0

@@ -7,8 +7,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cache
 
-from cylinder_friction.recordings.formats.header import unit_in_name
-from cylinder_friction.recordings.mapping.units import electrical, quantity_of
+from cylinder_friction.recordings.mapping.units import electrical, quantity_of, unit_in_name
 
 TIME_NAMES = ("time", "t", "time_s", "timestamp", "timestamps", "zeit", "x_value", "name", "channel name")
 """Whole names of time channels, in small letters: X_Value is LabVIEW's, Name the TwinCAT Scope's, Channel name

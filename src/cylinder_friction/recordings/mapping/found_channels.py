@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.recording import RecordingError
 
 MOST_NAMES = 40

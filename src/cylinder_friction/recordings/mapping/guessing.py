@@ -3,7 +3,7 @@
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -20,14 +20,13 @@ from cylinder_friction.recordings.columns import (
     SAMPLE_COLUMNS,
     TIME,
 )
-from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.mapping.channel_facts import (
     SIDES,
     ChannelFacts,
     Ranked,
     facts_of,
     fitting_units,
-    position_sign,
     ranked_channels,
     suspicion,
     usual_unit,
@@ -60,7 +59,6 @@ class GuessedColumn:
     column: str
     channel: ChannelFacts | None  # The best guess; None if nothing fits
     unit: str = ""  # Of that channel; empty if it holds dates
-    sign: int = 1
     # reasons, checks: For the guess, and what the user should look at, one sentence each
     reasons: tuple[str, ...] = ()
     checks: tuple[str, ...] = ()
@@ -93,7 +91,7 @@ class GuessedMapping:
             return ChannelMapping(rate_hz=guessed.rate_hz)
         assert guessed.channel is not None
         table, time = self.place_of(column)
-        return ChannelMapping(guessed.channel.name, guessed.unit, guessed.sign, table, time)
+        return ChannelMapping(guessed.channel.name, guessed.unit, table=table, time=time)
 
     def place_of(self, column: str) -> tuple[str, str]:
         """Return which table and which time channel a mapping must name for a column; empty if it need not."""
@@ -108,7 +106,6 @@ class GuessedMapping:
             name: {
                 "channel": each.channel.name,
                 "unit": each.unit,
-                "sign": each.sign,
                 "reasons": list(each.reasons),
                 "check": [*each.checks, *(f"{other.name!r} could be meant, too" for other in each.others)],
             }
@@ -154,12 +151,8 @@ def guess_mapping(
         chosen[TIME] = time
     elif not chosen and ranked[TIME] and not (rate_hz or why):
         chosen[TIME] = ranked[TIME][0][0]
-    sign = position_sign(chosen)
     used = {id(channel) for channel in (*chosen.values(), *stamps.values())}
-    columns = {
-        column: _guessed(column, chosen, ranked[column], sign, _unit(column, chosen, cylinder, units or {}))
-        for column in wanted
-    }
+    columns = {column: _guessed(column, chosen, ranked[column], cylinder, units or {}) for column in wanted}
     if TIME not in chosen:
         columns[TIME] = GuessedColumn(TIME, None, rate_hz=rate_hz, checks=(why,) if why else ())
     return GuessedMapping(
@@ -172,7 +165,7 @@ def guess_mapping(
 
 
 def _time_unknown(ranked: Ranked, facts: Sequence[ChannelFacts]) -> str:
-    """Return why no channel may be taken for time, and what to do; empty if one may.
+    """Say why no channel may be taken for time, and what to do; empty if one may.
 
     What is named time but cannot be read comes before channels that only rise.
     """
@@ -217,9 +210,9 @@ def _refuse_row_per_tag(tables: Sequence[LoggedTable], clocks: Sequence[ChannelF
 
 
 def _of_one_cylinder(ranked: dict[str, Ranked]) -> dict[str, ChannelFacts]:
-    """Return pressures and position of the cylinder whose channels fit best; cylinders differ in the rest of the name.
+    """Choose pressures and position of the cylinder whose channels fit best; cylinders differ in the rest of the name.
 
-    Where no cylinder has all three, the best of each column.
+    If no cylinder has all three, return the best of each column.
     """
     groups: dict[tuple[str, ...], dict[str, tuple[ChannelFacts, float]]] = {}
     for column in SAMPLE_COLUMNS:
@@ -244,7 +237,7 @@ def _take_first_free(column: str, ranked: dict[str, Ranked], chosen: dict[str, C
 
 
 def _stamps(ranked: Ranked, chosen: dict[str, ChannelFacts]) -> dict[str, ChannelFacts]:
-    """Return the time channel of each column: the best of its table."""
+    """Find the time channel of each column: the best of its table."""
     stamps: dict[str, ChannelFacts] = {}
     for column, channel in chosen.items():
         free = (time for time, _ in ranked if time.table == channel.table and time not in chosen.values())
@@ -254,32 +247,29 @@ def _stamps(ranked: Ranked, chosen: dict[str, ChannelFacts]) -> dict[str, Channe
 
 
 def _guessed(
-    column: str, chosen: dict[str, ChannelFacts], ranked: Ranked, position: tuple[int, str], unit: "_GuessedUnit"
+    column: str,
+    chosen: Mapping[str, ChannelFacts],
+    ranked: Ranked,
+    cylinder: Cylinder | None,
+    units: Mapping[str, str],
 ) -> GuessedColumn:
     channel = chosen.get(column)
     if channel is None:
         return GuessedColumn(column, None, others=tuple(other for other, _ in ranked))
     taken = {id(other) for other in chosen.values()}
     least = next(score for other, score in ranked if other is channel) - NEARLY
-    sign, why = position if column == POSITION else (1, "")
-    return GuessedColumn(
-        column=column,
-        channel=channel,
-        unit=unit.unit,
-        sign=sign,
-        reasons=(_meaning(column, channel), *unit.reasons),
-        checks=(*_meaning_checks(column, channel), *unit.checks, *((why,) if why else ())),
-        others=tuple(
-            other
-            for other, score in ranked
-            if id(other) not in taken and score >= least and not (column == TIME and other.table != channel.table)
-        ),
-        fitting=unit.fitting,
+    others = tuple(
+        other
+        for other, score in ranked
+        if id(other) not in taken and score >= least and not (column == TIME and other.table != channel.table)
     )
+    guess = _with_unit(GuessedColumn(column, channel, others=others), channel, chosen, cylinder, units)
+    reasons, checks = (_meaning(column, channel), *guess.reasons), (*_meaning_checks(column, channel), *guess.checks)
+    return replace(guess, reasons=reasons, checks=checks)
 
 
 def _meaning(column: str, channel: ChannelFacts) -> str:
-    """Return why a channel was taken for a column."""
+    """Say why a channel was taken for a column."""
     quantity = QUANTITIES[column].replace("length", "position")
     side = SIDES.get(column)
     if side is not None and channel.words.side == side:
@@ -297,41 +287,39 @@ def _meaning_checks(column: str, channel: ChannelFacts) -> list[str]:
     if column == DRIVE_FORCE:
         return ["no pressures were found, so the force stands in; it must be positive towards extension"]
     if column == POSITION and channel.low < -BELOW_ZERO * (channel.high - channel.low):
-        return ["it falls below 0; state as offset what the sensor reads with the rod in"]
+        return [
+            "it falls below 0: write sign -1 if it counts down, and as offset what its sensor reads with the rod in"
+        ]
     if column == LOAD_FORCE:
         return ["it must be positive when it resists extension"]
     return []
 
 
-@dataclass(frozen=True)
-class _GuessedUnit:
-    unit: str = ""
-    reasons: tuple[str, ...] = ()
-    checks: tuple[str, ...] = ()
-    fitting: tuple[str, ...] | None = None
-
-
-def _unit(
-    column: str, chosen: Mapping[str, ChannelFacts], cylinder: Cylinder | None, units: Mapping[str, str]
-) -> _GuessedUnit:
-    """Return the unit, the reasons for it, what to check about it, and all that fit if it is stated nowhere."""
-    channel, given = chosen.get(column), units.get(QUANTITIES[column])
-    if channel is None or channel.dates:
-        return _GuessedUnit(reasons=("holds dates",))
+def _with_unit(
+    guess: GuessedColumn,
+    channel: ChannelFacts,
+    chosen: Mapping[str, ChannelFacts],
+    cylinder: Cylinder | None,
+    units: Mapping[str, str],
+) -> GuessedColumn:
+    """Add the unit, the reasons for it, what to check about it, and all that fit if it is stated nowhere."""
+    column, given = guess.column, units.get(QUANTITIES[guess.column])
+    if channel.dates:
+        return replace(guess, reasons=("holds dates",))
     if column == TIME and not channel.unit and (epoch := epoch_of(channel.values)) is not None:
-        return _GuessedUnit(epoch.unit, (f"counts {epoch.counted} since {epoch.since}",), fitting=(epoch.unit,))
+        counted = (f"counts {epoch.counted} since {epoch.since}",)
+        return replace(guess, unit=epoch.unit, reasons=counted, fitting=(epoch.unit,))
     if channel.unit or given is not None:
-        unit = channel.unit or str(given)
+        unit, stated = (channel.unit, f"from the {channel.stated_by}") if channel.unit else (str(given), "as given")
         doubt = "" if electrical(unit) else suspicion(column, unit, channel)
-        stated = f"from the {channel.stated_by}" if channel.unit else "as given"
-        return _GuessedUnit(unit, (f"unit {unit} {stated}", channel.described()), (doubt,) if doubt else ())
+        reasons = (f"unit {unit} {stated}", channel.described())
+        return replace(guess, unit=unit, reasons=reasons, checks=(doubt,) if doubt else ())
     alike = [chosen[name] for name in PRESSURES if name in chosen] if column in SIDES else [channel]
     fitting = fitting_units(column, [each for each in alike if not each.unit], cylinder)
     stated_units = [each.unit for each in alike if each.unit in fitting]
-    first, *others = sorted(fitting, key=lambda unit: unit not in stated_units) or [usual_unit(column)]
-    also = (
-        f"; {' or '.join(others)} would fit too" if others else "" if fitting else "; the values fit none of the usual"
-    )
+    first, *more = sorted(fitting, key=lambda unit: unit not in stated_units) or [usual_unit(column)]
+    also = f"; {' or '.join(more)} would fit too" if more else "" if fitting else "; the values fit none of the usual"
     what = f"steps of {channel.step:.4g}" if column == TIME else channel.described()
     reason = f"{what} fit {first}" if fitting else f"{what}; {first} is usual"
-    return _GuessedUnit(first, (reason,), (f"the unit is stated nowhere{also}",), tuple(fitting))
+    checks = (f"the unit is stated nowhere{also}",)
+    return replace(guess, unit=first, reasons=(reason,), checks=checks, fitting=tuple(fitting))

@@ -11,7 +11,7 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import QUANTITIES, TIME
-from cylinder_friction.recordings.formats.logged_table import LoggedTable
+from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.mapping import units
 from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts, clocks_of
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping

@@ -1,20 +1,24 @@
-"""A first mapping as YAML, every guess marked by a comment."""
+"""A first mapping as YAML, every guess marked by a comment; and what it leaves open, in a sentence."""
 
 import glob
 import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import yaml
 
-from cylinder_friction.recordings.columns import OTHER_POSITIONS, POSITION
+from cylinder_friction.cylinder import ONE_CHAMBER
+from cylinder_friction.recordings.columns import OTHER_POSITIONS, POSITION, PRESSURE_1, PRESSURE_2, QUANTITIES, TIME
 from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts, usual_unit
 from cylinder_friction.recordings.mapping.guessing import GuessedColumn, GuessedMapping
-from cylinder_friction.recordings.mapping.units import electrical
+from cylinder_friction.recordings.mapping.units import electrical, units_agree
+from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.wording import printable
 
 NOT_FOUND = "NOT FOUND"
 """Stands where a channel's name must be filled in; no file has such a channel, so ingest lists those there are."""
 
+OTHERWISE = {"time": "200Hz"}  # the rate of the rows, if no unit of time fits
 LISTED = 60  # channels that the comment below the mapping lists
 
 TEMPLATE = """\
@@ -36,7 +40,7 @@ name_table: null
 
 
 def mapping_yaml(guess: GuessedMapping, database: Path | None = None) -> str:
-    """Return the text of ``conf/ingest/<name>.yaml``, with the file's folder as the source.
+    """Write the text of ``conf/ingest/<name>.yaml``, with the file's folder as the source.
 
     ``database`` (DBC) is that of the bus whose frames the file holds.
     """
@@ -53,7 +57,7 @@ def mapping_yaml(guess: GuessedMapping, database: Path | None = None) -> str:
 
 
 def channel_lines(guess: GuessedMapping) -> list[str]:
-    """Return the lines below ``channels:``, not indented, the channels that no column took listed at their end."""
+    """Write the lines below ``channels:``, not indented, the channels that no column took listed at their end."""
     lines = []
     for column in guess.columns.values():
         lines += _column_lines(column, guess)
@@ -84,8 +88,6 @@ def _column_lines(column: GuessedColumn, guess: GuessedMapping) -> list[str]:
     entry = {"channel": quoted(column.channel.name), "unit": _unit(column.unit)}
     places = zip(("table", "time"), guess.place_of(column.column), strict=True)
     entry |= {key: quoted(place) for key, place in places if place}
-    if column.sign != 1:
-        entry["sign"] = str(column.sign)
     if not column.known:
         lines.append(f"# {NOT_FOUND}: the sensor's range, and what the channel holds at its two ends")
         entry["sensor"] = _sensor(column.column, column.channel)
@@ -101,7 +103,7 @@ def _not_found(column: GuessedColumn) -> list[str]:
 
 
 def _sensor(column: str, channel: ChannelFacts) -> str:
-    """Return a sensor to be corrected: the usual signal of its unit, and a range that no sensor has by chance."""
+    """Write a sensor to be corrected: the usual signal of its unit, and a range that no sensor has by chance."""
     kind = electrical(channel.unit)
     signal = {"mA": "[4, 20]", "count": "[0, 4095]"}.get(kind or "", "[0, 10]")
     return f"{{range: [0, 1], unit: {_unit(usual_unit(column))}, signal: {signal}}}"
@@ -112,12 +114,55 @@ def _unit(unit: str) -> str:
 
 
 def _suffix(name: str) -> str:
-    """Return the ending of a file's name; of ``log.csv.gz`` both."""
+    """Find the ending of a file's name; of ``log.csv.gz`` both."""
     match = re.search(r"(\.[A-Za-z0-9]+)?\.[A-Za-z0-9]+$", name) if name.endswith(".gz") else None
     match = match or re.search(r"(?<=.)\.[A-Za-z0-9]+$", name)
     return match[0] if match else ""
 
 
 def quoted(text: str) -> str:
-    """Return text as a YAML scalar on one line, in quotes, whatever it holds."""
+    """Write text as a YAML scalar on one line, in quotes, whatever it holds."""
     return yaml.safe_dump(text, default_style='"', allow_unicode=True, width=10**9).rstrip("\n")
+
+
+def refuse_unknown(guess: GuessedMapping, units: Mapping[str, str]) -> None:
+    """Refuse columns and units that a file leaves open, and ``units`` that it contradicts, by quantity.
+
+    Raises:
+        RecordingError: A column, a sensor's range or a unit cannot be guessed; it states what to write.
+    """
+    unknown = {name: each.checks for name, each in guess.columns.items() if not each.known}
+    if unknown:
+        why = "".join(f": {check}" for check in unknown.get(TIME, ()))
+        why += f" ({ONE_CHAMBER})" if PRESSURE_2 in unknown and PRESSURE_1 not in unknown else ""
+        raise RecordingError(
+            f"no mapping was given, and that of {', '.join(unknown)} cannot be guessed{why}; state channels, starting "
+            "from\n" + "\n".join(channel_lines(guess))
+        )
+    doubtful: dict[str, list[GuessedColumn]] = {}
+    for name, each in guess.columns.items():
+        quantity, channel = QUANTITIES[name], each.channel
+        if channel is not None and channel.unit and not units_agree(channel.unit, units.get(quantity, channel.unit)):
+            raise RecordingError(
+                f"channel {channel.name!r} states {channel.unit}, but {quantity}={units[quantity]} was given as its "
+                "unit; leave it out, or correct the file"
+            )
+        # Friction does not depend on temperature.
+        if each.fitting is not None and len(each.fitting) != 1 and quantity != "temperature":
+            doubtful.setdefault(quantity, []).append(each)
+    if doubtful:
+        words = "; ".join(f"{quantity} of {_and_their_fit(each)}" for quantity, each in doubtful.items())
+        options = "; ".join(
+            " or ".join(f"--unit {quantity}={unit}" for unit in each[0].fitting or [OTHERWISE.get(quantity, "UNIT")])
+            for quantity, each in doubtful.items()
+        )
+        raise RecordingError(
+            f"no mapping was given, and units that the file does not state cannot be guessed: {words}; state what they "
+            f"are: {options} (in Python units={{quantity: unit}}), or give a mapping"
+        )
+
+
+def _and_their_fit(columns: Sequence[GuessedColumn]) -> str:
+    named = [f"{each.channel.name!r} ({each.reasons[1].partition(' fit ')[0]})" for each in columns if each.channel]
+    fitting = columns[0].fitting
+    return f"{' and '.join(named)} fits {' or '.join(fitting) if fitting else 'no usual unit'}"

@@ -72,7 +72,15 @@ COMMON = {
 }
 """Units to offer in a message; the first is the column's own."""
 
-_PORTS = frozenset("ABCFHKPTXY")
+_RARE = "psig psia kg/cm² dm g mN uN μN uV μV MHz deg_c m/s² m/s^2 mm/s² g/s 1/s min-1 J ohm Ω m³/s cm³/s bit bits -"
+KNOWN = frozenset({*USUAL, *ELECTRICAL, *OTHER_QUANTITIES, *_RARE.casefold().split()})
+"""Units in use, in small letters."""
+
+_PORTS = frozenset("ABCFGHKPTXY")
+"""Single letters that name a port or an axis sooner than a unit: 'pressure (A)'."""
+_IN_BRACKETS = re.compile(r"^(?P<name>.*?)\s*\[\s*(?P<unit>[^\[\]]*?)\s*\]$")
+_IN_PARENTHESES = re.compile(r"^(?P<name>.*?)\s*\(\s*(?P<unit>[^()]*?)\s*\)$")
+_DIVIDED = re.compile(r"^(?P<name>\S+?\s*/\s*|.*\S (?:in|/) )(?P<unit>\S+)$")
 _BRACKETS = {"[": "]", "(": ")", "{": "}", "<": ">"}
 _REFERENCE = re.compile(r"(?P<unit>.+?)[ _,.-]*\(?(?:(?P<absolute>a|abs|absolute?)|g|gauge|rel|relativ|ü)\.?\)?", re.I)
 
@@ -130,6 +138,22 @@ def stated_rate(unit: str) -> float | None:
     """Return the rate [Hz] that stands in place of a unit of time: ``200 Hz``; None for a unit."""
     match = re.fullmatch(r"(\d+(?:\.\d+)?) ?(k?)hz", unit.strip(), re.IGNORECASE)
     return float(match[1]) * (1e3 if match[2] else 1.0) if match else None
+
+
+def unit_in_name(name: str) -> str | None:
+    """Find the unit that a header cell states; None without one.
+
+    What stands in square brackets is taken at its word, unless it is an index such as ``axis[1]``; what stands in
+    parentheses or behind a stroke only if it is a unit in use, for it may be a remark.
+    """
+    match = _IN_BRACKETS.match(name)
+    if match and match["unit"] and not match["unit"].isdigit():
+        return match["unit"]
+    for pattern in (_IN_PARENTHESES, _DIVIDED):
+        match = pattern.match(name)
+        if match and match["unit"].casefold() in KNOWN and match["unit"].upper() not in _PORTS:
+            return match["unit"]
+    return None
 
 
 def names_a_unit(text: str) -> bool:

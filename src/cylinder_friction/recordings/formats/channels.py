@@ -1,6 +1,6 @@
-"""What a logger's file holds, before it is given a meaning: tables, or channels that are put together by length."""
+"""Channels of a binary file, found one by one, are put together to tables by their length."""
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -8,46 +8,9 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from cylinder_friction.recordings.formats.format import LoggedTable, named_columns
 from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.start import Start
-
-Column = tuple[str, NDArray[Any]]
-"""A channel's name and values."""
-
-
-@dataclass(frozen=True)
-class LoggedTable:
-    """Channels of a file that share their rows, as the logger names them, in its units."""
-
-    # One column per channel: numbers, time stamps (``datetime64[ns]``), or text where a cell is no number. A missing
-    # value is NaN. Names are stripped of blanks; a name may occur twice.
-    channels: pd.DataFrame
-    # The unit that the file itself states, by channel; a channel without one is absent
-    units: Mapping[str, str] = field(default_factory=dict)
-    name: str = ""  # Of the table or group within the file; empty if the file has only one
-    unread: tuple[str, ...] = ()  # Names of channels that were there but not asked for
-    notes: tuple[str, ...] = ()  # What the reader repaired, one sentence each, for example a last line that was cut off
-    start: Start | None = None  # When its clock was at 0 s, as the file states it beside the rows
-    utc: bool = False  # Whether its time stamps are in UTC; if not, their time zone is not stated
-
-
-@dataclass(frozen=True)
-class LongTable:
-    """The one table of a file that is too long to be read at once; each part has the same channels."""
-
-    count: int  # How many chunks there are, about
-    chunks: Callable[[], Iterator[LoggedTable]]  # All rows, in order
-
-
-def named_columns(columns: Sequence[Column]) -> pd.DataFrame:
-    """Return columns as a table, not copied; a name may occur twice or be damaged."""
-    table = pd.DataFrame(dict(enumerate(values for _, values in columns)), copy=False)
-    table.columns = pd.Index([name for name, _ in columns], dtype=object)
-    return table
-
-
-RISING_SHARE = 0.99  # time may have a few repeated or backward stamps and still be time
 
 
 @dataclass(frozen=True)
@@ -73,7 +36,7 @@ class Found:
 
 
 def column_arrays(name: str, shape: tuple[int, ...]) -> list[tuple[str, int, Any]]:
-    """Return the channels that an array of this shape holds: name, length, and index of the channel's values in it.
+    """List the channels that an array of this shape holds: name, length, and index of the channel's values in it.
 
     A vector, standing or lying, is one channel. A matrix is one per column, name_1, name_2, ...; its longer side is
     time. What has fewer than two values or more than two axes is none.
@@ -82,17 +45,16 @@ def column_arrays(name: str, shape: tuple[int, ...]) -> list[tuple[str, int, Any
         return [(name, max(shape), ())] if max(shape) > 1 else []
     if len(shape) != 2 or 0 in shape:
         return []
-    every = slice(None)
-    across = shape[0] >= shape[1]
+    every, across = slice(None), shape[0] >= shape[1]
     return [
         (f"{name}_{index + 1}", max(shape), (every, index) if across else (index, every)) for index in range(min(shape))
     ]
 
 
 def tables_by_length(found: Found, wanted: Collection[str] | None, separator: str) -> list[LoggedTable]:
-    """Return one table for all channels of a length (and of a stated sample time), in the order of the file.
+    """Make one table of all channels of a length (and of a stated sample time), in the order of the file.
 
-    Where there are several, a table is named by the group its channels share, otherwise by its length.
+    If there are several, a table is named by the group its channels share, otherwise by its length.
     """
     if not found.channels and wanted is not None and found.others:
         return [LoggedTable(pd.DataFrame(), unread=tuple(found.others))]
@@ -122,25 +84,23 @@ def table_of(
     sample_time_s: float | None = None,
     others: Sequence[str] = (),
 ) -> LoggedTable:
-    """Return channels of one length as a table, with a channel ``time`` [s] first if a sample time is given."""
+    """Read channels of one length as a table, with a channel ``time`` [s] first if a sample time is given.
+
+    What is named time is loaded beside what is wanted, for it must not contradict.
+    """
     if sample_time_s is not None:
         length, step = channels[0].length, sample_time_s
         channels = [Channel("time", length, lambda: np.arange(length) * step, "s"), *channels]
-    loaded = [channel for channel in channels if wanted is None or channel.name in wanted]
-    loaded = [channel for channel in channels if channel in loaded or (loaded and _is_time(channel))]
+    asked = [channel for channel in channels if wanted is None or channel.name in wanted]
+    loaded = [each for each in channels if each in asked or (asked and words_of(each.name).quantity == "time")]
     unread = [channel.name for channel in channels if channel not in loaded]
     table = named_columns([(channel.name, channel.read()) for channel in loaded])
     units = {channel.name: channel.unit for channel in channels if channel.unit}
     return LoggedTable(table, units, name, (*unread, *others))
 
 
-def _is_time(channel: Channel) -> bool:
-    """Return whether a channel is time by its name: it is loaded beside what is wanted, for it must not contradict."""
-    return words_of(channel.name).quantity == "time"
-
-
 def numeric(values: NDArray[Any]) -> NDArray[Any]:
-    """Return numbers in the machine's own byte order; true and false as 1 and 0; half precision as single."""
+    """Give numbers the machine's own byte order; true and false become 1 and 0, half precision single."""
     if values.dtype.kind == "b":
         return values.astype(np.uint8)
     if values.dtype.kind == "f" and values.dtype.itemsize not in (4, 8):
