@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 from cylinder_friction.recordings.checks.limits import CheckLimits
-from cylinder_friction.recordings.checks.screening import ScreenRules
 from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.mapping.channel_mapping import SensorScale
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
@@ -26,12 +25,9 @@ def sensor(**values: Any) -> SensorScale:
     ("rules", "values", "message"),
     [
         (TimeRules, {"rate_hz": 0.0}, "rate_hz: expected a positive number or None, but got 0.0"),
-        (TimeRules, {"jitter_share": 0.5}, "jitter_share: expected a number in [0, 0.25], but got 0.5"),
-        (TimeRules, {"shortest_piece_samples": 1}, "shortest_piece_samples: expected 3 or more, but got 1"),
-        (ScreenRules, {"most_bad": -1.0}, "most_bad: expected a number of at least 0, but got -1.0"),
-        (ScreenRules, {"spike_noise": 0.0}, "spike_noise: expected a positive number, but got 0.0"),
-        (limits, {"stuck_travel": 1.0}, "stuck_travel: expected at least 0 and less than 1, but got 1.0"),
-        (limits, {"lowest_pressure_pa": math.inf}, "lowest_pressure_pa: expected a finite number, but got inf"),
+        (TimeRules, {"longest_bridge_samples": -1}, "longest_bridge_samples: expected 0 or more, but got -1"),
+        (limits, {"least_travel": 1.0}, "least_travel: expected at least 0 and less than 1, but got 1.0"),
+        (limits, {"highest_pressure_pa": math.inf}, "highest_pressure_pa: expected a positive number, but got inf"),
         (limits, {"load": "gravity"}, "load: expected none, measured or position, but got 'gravity'"),
         (limits, {"piston_area_m2": 1e-3}, "piston_area_m2 and annulus_area_m2: expected both or neither, but got"),
         (limits, {"piston_area_m2": 1e-3, "annulus_area_m2": 2e-3}, "expected more than 0 and less than"),

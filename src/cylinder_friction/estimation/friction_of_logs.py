@@ -36,15 +36,7 @@ from cylinder_friction.realtime.trained_for import pressure_noise_pa
 from cylinder_friction.recordings.checks.duplicates import SeenRecordings
 from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.conversion import ROWS_AT_ONCE
-from cylinder_friction.recordings.ingesting import (
-    Batch,
-    Converted,
-    LoggedFile,
-    Quarantined,
-    batch_of,
-    converted,
-    usable,
-)
+from cylinder_friction.recordings.ingesting import Converted, LoggedFile, Quarantined, converted, usable
 from cylinder_friction.recordings.reading_logs import Logs
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.recordings.result_folder import existing
@@ -55,7 +47,7 @@ from cylinder_friction.signals.smooth_signals import SignalFilter, filtered
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
 
-ROWS_IN_MEMORY = 1 << 20
+ROWS_IN_MEMORY = 1 << 21
 """Labelled recordings of more rows than this in all wait on disk for the offset of their session."""
 
 
@@ -92,12 +84,10 @@ class RecordingFriction:
     def estimator(self) -> FrictionEstimator | None:
         return loaded_once(self.model) if isinstance(self.model, Path) else self.model
 
-    def labelled_file(self, file: LoggedFile, keeper: Keeper) -> list[LabelledRecording | Quarantined]:
-        """Convert a file and label its recordings, each as soon as it is read."""
-        return [self.labelled(each, keeper) for each in converted(file)]
-
-    def kept_file(self, file: LoggedFile, keeper: Keeper) -> list[Converted | Quarantined]:
-        """Convert a file and keep its recordings until load and mass of their sessions are identified."""
+    def of_file(self, file: LoggedFile, keeper: Keeper) -> list[Converted | Quarantined]:
+        """Convert a file and label its recordings; keep them until load and mass of their session are identified."""
+        if not self.labeller.needs_identification:
+            return [each if isinstance(each, Quarantined) else self.labelled(each, keeper) for each in converted(file)]
         return [
             each if isinstance(each, Quarantined) else replace(each, result=keeper.keep(each.result))
             for each in converted(file)
@@ -119,11 +109,9 @@ class RecordingFriction:
         return self.labelled(replace(each, result=each.result.read()), keeper, identified)
 
     def labelled(
-        self, each: Converted | Quarantined, keeper: Keeper, identified: SessionIdentification | None = None
+        self, each: Converted, keeper: Keeper, identified: SessionIdentification | None = None
     ) -> LabelledRecording | Quarantined:
         """Smooth and label a recording, run the estimator over it if there is one, and keep it."""
-        if isinstance(each, Quarantined):
-            return each
         recording: Recording = each.result
         estimator, of_session = self.estimator, None if identified is None else identified.load
         try:
@@ -174,24 +162,17 @@ class RecordingFriction:
         estimator, rows, counts = self.estimator, len(recording), flag_counts(recording)
         about, given = recording.metadata, None if estimator is None else estimator.position_load
         known = self.labeller.load if given is None else given.in_words()
-        other = noisy = ""
-        noise_pa = 0.0 if estimator is None else pressure_noise_pa([recording])
-        level = None if estimator is None else estimator.noise_level(noise_pa)
-        if estimator is not None and estimator.trained_for is not None and level is not None:
-            trained = replace(estimator.trained_for, pressure_noise_pa=level.noise_pa)
-            other, noisy = trained.differences([recording], noise_pa)
-        trained_for = None if estimator is None else estimator.trained_for
-        fits = trained_for is None or trained_for.fits(self.labeller.cylinder)  # a model's own areas hold no load
+        other, noisy, fits = "", "", True
+        if estimator is not None and (trained_for := estimator.trained_for) is not None:
+            fits = trained_for.fits(self.labeller.cylinder)  # a model's own areas hold no load
+            noise_pa = pressure_noise_pa([recording])
+            if (level := estimator.noise_level(noise_pa)) is not None:
+                trained = replace(trained_for, pressure_noise_pa=level.noise_pa)
+                other, noisy = trained.differences([recording], noise_pa)
         shares = {name: 100.0 * count / rows for name, count in counts.items() if count}
+        same = ("name", "source_file", "source_sha256", "session", "condition", "asset", "start", "start_source")
         return FrictionOfRecording(
-            name=about.name,
-            source_file=about.source_file,
-            source_sha256=about.source_sha256,
-            session=about.session,
-            condition=about.condition,
-            asset=about.asset,
-            start=about.start,
-            start_source=about.start_source,
+            **{name: getattr(about, name) for name in same},
             sensors=dict(about.sensors),
             rows=rows,
             duration_s=rows * about.sample_time_s,
@@ -300,49 +281,48 @@ class LabelledLogs:
                 of at most ``MOST_SEARCHED`` of their sessions, evenly spread.
             digests: SHA-256 of the files, if they are known.
         """
-        logs = self.logs
-        batch = batch_of(logs.files, logs.recipe, self.rows_at_once, seen, digests, logs.tables)
-        outcomes = self._by_session(batch) if self.friction.labeller.needs_identification else self._at_once(batch)
-        labelled: list[LabelledRecording] = []
-        for outcome in outcomes:
-            if isinstance(outcome, Quarantined):
-                self.refused.append(outcome)
+        logs, seen, of_file = self.logs, seen or SeenRecordings(), partial(self.friction.of_file, keeper=self.keeper)
+        known: dict[str, Any] = {"rows": self.rows_at_once, "digests": digests, "tables": logs.tables}
+        read: list[Converted] = []
+        for each in usable(logs.files, logs.recipe, of_file, seen, workers=self.workers, **known):
+            if isinstance(each, Quarantined):
+                self.refused.append(each)
             else:
-                labelled.append(outcome)
-        if overlaps := batch.seen.overlaps():
+                read.append(each)
+        if self.friction.labeller.needs_identification:
+            read = self._labelled_by_session(read)
+        labelled = [each for each in read if isinstance(each, LabelledRecording)]
+        if overlaps := seen.overlaps():
             warnings.warn(overlaps, stacklevel=4)
         self.load_uncertainty_n = max((each.load_uncertainty_n for each in labelled), default=0.0)
         shown = [each.evidence for each in labelled if each.evidence is not None]
         if shown:
             every = [*_spread(evidence), *shown]
-            known = known_offsets(every, self.cylinder, self.friction.plan)
+            offsets = known_offsets(every, self.cylinder, self.friction.plan)
             self.loss = named_loss(every)
             sessions = {each.session for each in shown}
-            self.offsets = {each.session: each for each in known if each.session in sessions}
+            self.offsets = {each.session: each for each in offsets if each.session in sessions}
         return labelled
 
-    def _at_once(self, batch: Batch) -> Iterator[LabelledRecording | Quarantined]:
-        """Yield each recording, labelled where its file is read."""
-        work = [partial(self.friction.labelled_file, file, self.keeper) for file in batch.files]
-        yield from usable(batch, work, self.workers)
-
-    def _by_session(self, batch: Batch) -> Iterator[LabelledRecording | Quarantined]:
-        """Yield each recording, labelled once load and mass of its session are known."""
-        work = [partial(self.friction.kept_file, file, self.keeper) for file in batch.files]
-        outcomes: list[Converted | Quarantined] = list(usable(batch, work, self.workers))
-        read = [each for each in outcomes if isinstance(each, Converted)]
+    def _labelled_by_session(self, read: Sequence[Converted]) -> list[Converted]:
+        """Label kept recordings once load and mass of their sessions are known; ``refused`` gets the others."""
         sessions: dict[str, list[Kept]] = {}
         for each in read:
             sessions.setdefault(each.metadata.session, []).append(each.result)
         identified = self.workers.in_order([partial(self.friction.identified, own) for own in sessions.values()])
         found = dict(zip(sessions, identified, strict=True))
-        label = [
+        work = [
             partial(self.friction.labelled_in_session, each, self.keeper, found[each.metadata.session]) for each in read
         ]
-        for each, labelled in zip(read, self.workers.in_order(label), strict=True):
-            yield refused_piece(each.metadata, labelled) if isinstance(labelled, Died) else labelled
+        labelled: list[Converted] = []
+        for each, outcome in zip(read, self.workers.in_order(work), strict=True):
             each.result.remove()
-        yield from (each for each in outcomes if isinstance(each, Quarantined))
+            if isinstance(outcome, LabelledRecording):
+                labelled.append(outcome)
+            else:
+                reason = refused_piece(each.metadata, outcome) if isinstance(outcome, Died) else outcome
+                self.refused.append(reason)
+        return labelled
 
 
 def _spread(evidence: Sequence[OffsetEvidence]) -> list[OffsetEvidence]:

@@ -28,13 +28,21 @@ from cylinder_friction.estimation.friction_of_logs import (
     loaded_once,
     refused_piece,
 )
-from cylinder_friction.estimation.result_file import FileFormat, Result, packed, read_results, sort_logs, write_result
+from cylinder_friction.estimation.result_file import (
+    FileFormat,
+    Result,
+    packed,
+    read_results,
+    sort_logs,
+    unpacked,
+    write_result,
+)
 from cylinder_friction.estimation.results import FrictionOfLogs, table_rows
 from cylinder_friction.evaluation.inspection.friction_view import view_of_labelled
 from cylinder_friction.execution.workers import Died, Workers
 from cylinder_friction.files.whole_files import hash_of, read_json
 from cylinder_friction.labelling.apparent_loss import ApparentLoss
-from cylinder_friction.labelling.known_offset import KnownOffset
+from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence
 from cylinder_friction.recordings.checks.duplicates import SeenRecordings
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, PRESSURES
@@ -42,10 +50,9 @@ from cylinder_friction.recordings.conversion import ROWS_AT_ONCE
 from cylinder_friction.recordings.ingesting import digest_of
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertainty
 from cylinder_friction.recordings.reading_logs import Logs, find_logs
-from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.result_folder import ResultFolder
 from cylinder_friction.recordings.stated_load import StatedLoad
-from cylinder_friction.reporting.friction_page import friction_pane, write_friction_page
+from cylinder_friction.reporting.friction_page import friction_pane, pane_file, write_friction_page
 from cylinder_friction.reporting.page import PLOTTED
 from cylinder_friction.reporting.result_tables import level_tables
 from cylinder_friction.signals.smooth_signals import smooth_recording
@@ -132,18 +139,16 @@ def estimate_logs(
     with target.scratch() as scratch:
         digests, there = {name: digest_of(path) for name, path in logs.files.items()}, read_results(into)
         found = sort_logs(logs, digests, into, there, depends_on)
-        work_on = replace(logs, files=found.new)
-        run = LabelledLogs(work_on, cylinder, scratch, given_model, rows_at_once, workers)
+        run = LabelledLogs(replace(logs, files=found.new), cylinder, scratch, given_model, rows_at_once, workers)
         labelled = _labelled(run, found.kept, digests, depends_on)
         listed = frozenset(target.listed())
         if not listed:
             target.claim()
         new = _write_results(run, labelled, into, file_format, depends_on, listed)
         results = sorted([*found.kept, *new], key=lambda each: Path(each.entry.source_file))
-        stale = {each.entry.name: each for each in there}
-        for each in results:
-            stale.pop(each.entry.name, None)
-        target.remove([name for each in stale.values() for name in (each.file, *each.beside)])
+        current = {each.entry.name for each in results}
+        stale = [each for each in there if each.entry.name not in current]
+        target.remove([name for each in stale for name in each.files])
         offsets = {each.offset.session: each.offset for each in results if each.offset is not None} | run.offsets
         result = FrictionOfLogs(
             into,
@@ -157,8 +162,7 @@ def estimate_logs(
             logs.guessed,
             _loss_in_words(run, into),
         )
-        own_files = [name for each in results for name in (each.file, *each.beside)]
-        _write_summary(target, result, own_files)
+        _write_summary(target, result, [name for each in results for name in each.files])
     return result
 
 
@@ -166,16 +170,12 @@ def _labelled(
     run: LabelledLogs, kept: Sequence[Result], digests: Mapping[str, str], depends_on: Mapping[str, str]
 ) -> list[LabelledRecording]:
     """Label the new logs, beside what the kept results show."""
-    seen, evidence = SeenRecordings(), []
-    if run.logs.files:
-        compared = [each.of_other_recordings() for each in kept]
-        about = [(each.entry.name, each.entry.source_file, each.entry.source_sha256) for each in kept]
-        seen.remember((*who, samples) for who, (_, samples) in zip(about, compared, strict=True))
-        evidence = [
-            shown
-            for each, (shown, _) in zip(kept, compared, strict=True)
-            if shown is not None and each.depends_on == depends_on
-        ]
+    seen, evidence = SeenRecordings(), list[OffsetEvidence]()
+    for each in kept if run.logs.files else ():
+        shown, samples = unpacked(each.compared)
+        seen.remember(each.entry.name, each.entry.source_file, each.entry.source_sha256, samples)
+        if shown is not None and each.depends_on == depends_on:
+            evidence.append(shown)
     return run.labelled(seen, evidence, digests)
 
 
@@ -189,23 +189,12 @@ def _write_results(
 ) -> list[Result]:
     """Write the result of each recording; those that cannot be written are ``refused``."""
     of_file = Counter(each.metadata.source_file for each in labelled)
-    detailed = len(labelled) <= PLOTTED
-    work = [
-        partial(
-            _written,
-            run.friction,
-            each,
-            run.offsets.get(each.metadata.session),
-            run.loss,
-            of_file[each.metadata.source_file],
-            folder,
-            file_format,
-            depends_on,
-            detailed,
-            listed,
-        )
-        for each in labelled
-    ]
+    given: dict[str, Any] = {"file_format": file_format, "depends_on": depends_on, "listed": listed}
+    write = partial(_written, run.friction, folder, run.loss, detailed=len(labelled) <= PLOTTED, **given)
+    work = []
+    for each in labelled:
+        about = each.metadata
+        work.append(partial(write, each, run.offsets.get(about.session), of_file[about.source_file]))
     results = []
     for each, result in zip(labelled, run.workers.in_order(work), strict=True):
         if isinstance(result, Died):
@@ -218,39 +207,38 @@ def _write_results(
 
 def _written(
     friction: RecordingFriction,
+    folder: Path,
+    loss: ApparentLoss | None,
     labelled: LabelledRecording,
     offset: KnownOffset | None,
-    loss: ApparentLoss | None,
     of_file: int,
-    folder: Path,
+    *,
+    detailed: bool,
     file_format: FileFormat,
     depends_on: Mapping[str, str],
-    detailed: bool,
     listed: Collection[str],
 ) -> Result:
     """Take the offset off a recording's friction and write its result.
 
-    Args:
-        offset: What is known of the sensors' offset; None with an estimator.
-        loss: What looks like a loss between sensors and cylinder; None if nothing does.
-        of_file: How many recordings its log gave.
-        detailed: Whether the page shows friction against velocity, and the Stribeck curve.
+    Its log gave ``of_file`` recordings. If ``detailed``, the page draws friction against velocity, too.
     """
-    finished = friction.finished(labelled.result.read(), offset, loss)
-    finished = replace(finished, metadata=replace(finished.metadata, depends_on=depends_on))
-    entry, bounded = friction.entry(finished, labelled.load), bool(np.isfinite(finished.column("lower_n")).any())
-    compared = packed(labelled.evidence, labelled.samples)
-    result = Result.of(entry, depends_on, of_file, file_format, bounded, offset, compared)
-    write_result(folder, finished, result, _pane(friction, finished, detailed), listed)
-    return result
-
-
-def _pane(friction: RecordingFriction, finished: Recording, detailed: bool) -> str:
-    view = None
+    finished = friction.finished(labelled.result.read(), offset, loss).described(depends_on=depends_on)
+    entry, view = friction.entry(finished, labelled.load), None
+    also = [f"{entry.name}.csv"] if file_format == "csv" else []
+    result = Result(
+        entry,
+        depends_on,
+        of_file,
+        (*also, pane_file(entry.name)),
+        bounded=bool(np.isfinite(finished.column("lower_n")).any()),
+        offset=offset,
+        compared=packed(labelled.evidence, labelled.samples),
+    )
     if detailed:
         smooth = smooth_recording(finished, friction.filter)
         view = view_of_labelled(finished, smooth, friction.labeller.cylinder, friction.filter)
-    return friction_pane(finished, view)
+    write_result(folder, finished, result, friction_pane(finished, view), listed)
+    return result
 
 
 def _write_summary(target: ResultFolder, result: FrictionOfLogs, files: Sequence[str]) -> None:

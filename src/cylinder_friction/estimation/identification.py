@@ -21,7 +21,7 @@ from cylinder_friction.estimation.identified_model import (
     pressure_problem,
 )
 from cylinder_friction.estimation.results import load_left
-from cylinder_friction.estimation.stribeck_points import IdentifiedCurve, identified_curve, stribeck_points
+from cylinder_friction.estimation.stribeck_points import IdentifiedCurve, stribeck_points
 from cylinder_friction.estimation.velocity_choices import (
     FITS_ALIKE,
     LEAST_SHARE,
@@ -42,10 +42,9 @@ from cylinder_friction.evaluation.friction_levels import (
 )
 from cylinder_friction.files.whole_files import write_json, write_text
 from cylinder_friction.friction_models.identification.intervals import INTERVAL_METHOD
-from cylinder_friction.friction_models.identification.known_curve import undetermined
+from cylinder_friction.friction_models.identification.known_curve import known_curve, undetermined
 from cylinder_friction.friction_models.identification.procedure import SearchEffort, identify
 from cylinder_friction.friction_models.lugre import LuGre
-from cylinder_friction.labelling.apparent_loss import ApparentLoss
 from cylinder_friction.labelling.known_offset import KnownOffset, mean_uncertainty_n
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.ingesting import Quarantined, none_usable, other_rates
@@ -180,7 +179,7 @@ def identify_logs(
         recordings = [recording for recording, _ in labelled if recording.name not in others]
         if not recordings:
             raise none_usable(logs.root.as_posix(), len(logs.files), refused[0])
-        search = ModelSearch(recordings, cylinder, generations, seed, run.offsets, run.loss, run.load_uncertainty_n)
+        search = ModelSearch(recordings, run, generations, seed)
         models = search.plain(), search.pressure_scaled()
         result = FrictionModels(
             into,
@@ -201,17 +200,8 @@ def identify_logs(
 class ModelSearch:
     """Identification on recordings of one sample time."""
 
-    def __init__(
-        self,
-        recordings: Sequence[Recording],
-        cylinder: Cylinder,
-        generations: int,
-        seed: int,
-        offsets: Mapping[str, KnownOffset],
-        loss: ApparentLoss | None = None,
-        load_n: float = 0.0,
-    ) -> None:
-        self.cylinder, self.offsets, self.loss, self.load_n = cylinder, offsets, loss, load_n
+    def __init__(self, recordings: Sequence[Recording], run: LabelledLogs, generations: int, seed: int) -> None:
+        self.run = run
         sample_time_s = recordings[0].sample_time_s
         noise_m = max(sensor_noise(recording.column("position_m")) for recording in recordings)
         window = odd_window(STEADY_DURATION_S, sample_time_s)
@@ -220,21 +210,17 @@ class ModelSearch:
         self.recordings = [recording.with_columns(velocity_m_s=smooth(recording)) for recording in recordings]
         self.velocities = velocities_on_offer(noise_m, sample_time_s)
         self.effort = SearchEffort(
-            seed,
-            POPULATION,
-            generations,
-            SIMULATED_RECORDINGS,
-            piece_s=PIECE_S,
-            polished_piece_s=POLISHED_PIECE_S,
+            seed, POPULATION, generations, SIMULATED_RECORDINGS, piece_s=PIECE_S, polished_piece_s=POLISHED_PIECE_S
         )
 
     def curves(self) -> tuple[IdentifiedCurve, ...]:
         conditions = sorted({recording.metadata.condition for recording in self.recordings})
-        curves = [
-            identified_curve(condition, own, self.slowest_m_s, CONFIDENCE, self._zeros_n(own))
-            for condition, own in ((each, self._of(each)) for each in conditions)
-        ]
-        return tuple(curves if self.loss is None else (each.with_loss(self.loss) for each in curves))
+        curves = []
+        for condition, own in ((each, self._of(each)) for each in conditions):
+            points = stribeck_points(own, self.slowest_m_s, CONFIDENCE, self._zeros_n(own))
+            curve = IdentifiedCurve(condition, tuple(each.name for each in own), points, *known_curve(points))
+            curves.append(curve if self.run.loss is None else curve.with_loss(self.run.loss))
+        return tuple(curves)
 
     def plain(self) -> IdentifiedModel:
         return self._identified(LuGre(), self._of(condition_of_smallest_friction(self.recordings)))
@@ -272,40 +258,28 @@ class ModelSearch:
 
     def _zeros_n(self, recordings: Sequence[Recording]) -> float:
         """Return by how much zeros, or an identified load that has absorbed them, may shift friction [N] (k = 2)."""
-        if self.load_n:
-            return self.load_n
-        sessions = {each.metadata.session for each in recordings} & self.offsets.keys()
-        return mean_uncertainty_n([self.offsets[name] for name in sorted(sessions)])
+        if self.run.load_uncertainty_n:
+            return self.run.load_uncertainty_n
+        sessions = {each.metadata.session for each in recordings} & self.run.offsets.keys()
+        return mean_uncertainty_n([self.run.offsets[name] for name in sorted(sessions)])
 
     def _of(self, condition: str) -> list[Recording]:
         return [recording for recording in self.recordings if recording.metadata.condition == condition]
 
     def _identified(self, model: LuGre, recordings: Sequence[Recording]) -> IdentifiedModel:
         points = stribeck_points(recordings, self.slowest_m_s, CONFIDENCE)
-        problem = undetermined(points) if points else ""
-        if problem:
+        if problem := undetermined(points) if points else "":
             return _unidentified(model, recordings, problem)
         pressure = _pressure if model.pressure_scaled else None
-        mass_kg = self.cylinder.moving_mass_kg
+        given: dict[str, Any] = {"mass_kg": self.run.cylinder.moving_mass_kg, "damping_ratio": DAMPING_RATIO}
         try:
-            found = identify(
-                model,
-                recordings,
-                self.velocities,
-                pressure,
-                self.effort,
-                mass_kg=mass_kg,
-                damping_ratio=DAMPING_RATIO,
-                dead_band_m_s=self.slowest_m_s,
-                confidence=CONFIDENCE,
-            )
+            limits: dict[str, Any] = {"dead_band_m_s": self.slowest_m_s, "confidence": CONFIDENCE}
+            found = identify(model, recordings, self.velocities, pressure, self.effort, **given, **limits)
         except ValueError as error:  # too few points of steady sliding
             return _unidentified(model, recordings, str(error))
-        intervals = widened_intervals(
-            found, model, recordings, self.velocities, pressure, mass_kg=mass_kg, damping_ratio=DAMPING_RATIO
-        )
+        intervals = widened_intervals(found, model, recordings, self.velocities, pressure, **given)
         found = replace(found, intervals=shifted_intervals(found, intervals, self._zeros_n(recordings)))
-        no_viscous = "" if self.loss is None else self.loss.unknown_viscous
+        no_viscous = "" if self.run.loss is None else self.run.loss.unknown_viscous
         parameters = determined(model, found, points, DAMPING_RATIO, no_viscous)
         names = tuple(recording.name for recording in recordings)
         return IdentifiedModel(model.name, model.title, names, "", parameters, found.velocity, found)
@@ -336,15 +310,12 @@ def _write(folder: Path, result: FrictionModels, search: ModelSearch, cylinder: 
         (recording, {model.title: search.simulated(model, recording) for model in known})
         for recording in search.recordings
     ]
-    write_identification_page(
-        folder / PAGE_FILE,
-        result.curves,
-        result.models,
-        simulated,
-        result.offsets,
-        result.refused,
-        CONFIDENCE,
-        result.guessed,
-        level_tables(result.differences, result.levels),
-    )
+    tables = level_tables(result.differences, result.levels)
+    given: dict[str, Any] = {
+        "offsets": result.offsets,
+        "refused": result.refused,
+        "guessed": result.guessed,
+        "levels": tables,
+    }
+    write_identification_page(folder / PAGE_FILE, result.curves, result.models, simulated, CONFIDENCE, **given)
     write_json(folder / MODELS_FILE, result.to_dict())

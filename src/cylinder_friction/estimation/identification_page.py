@@ -8,13 +8,11 @@ from typing import Any
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.estimation.identified_model import SYMBOLS, IdentifiedModel, IdentifiedParameter, meaning
+from cylinder_friction.estimation.identified_model import SYMBOLS, IdentifiedModel, meaning
 from cylinder_friction.estimation.stribeck_points import SLOW_PARAMETERS, IdentifiedCurve
 from cylinder_friction.files.whole_files import write_text
-from cylinder_friction.friction_models.identification.steady_points import StribeckPoint
 from cylinder_friction.friction_models.parameters import RETRACT_RATIO, STRIBECK
 from cylinder_friction.labelling.known_offset import KnownOffset
-from cylinder_friction.recordings.ingesting import Quarantined
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.friction_page import guess_table
 from cylinder_friction.reporting.page import PLOTTED, Cell, Table, page_html
@@ -30,6 +28,7 @@ HEADROOM = 1.25
 """Height of the curve's figure over its greatest friction; intervals of few strokes may reach far beyond."""
 COLOURS = (ORANGE, BLUE)
 NOT_DETERMINED = "not determined"
+TIP = "%{x:.3~g} mm/s, %{y:.4~g} N<br>%{customdata[0]} strokes, %{customdata[1]} rows<extra></extra>"
 
 
 def write_identification_page(
@@ -37,11 +36,11 @@ def write_identification_page(
     curves: Sequence[IdentifiedCurve],
     models: Sequence[IdentifiedModel],
     simulated: Sequence[tuple[Recording, Mapping[str, Array]]],
-    offsets: Sequence[KnownOffset],
-    refused: Sequence[Quarantined],
     confidence: float,
-    guessed: Mapping[str, Any] | None = None,
-    levels: Sequence[tuple[str, str, Table]] = (),
+    *,
+    offsets: Sequence[KnownOffset],
+    guessed: Mapping[str, Any] | None,
+    **further: Any,
 ) -> None:
     """Write the page whole; equal input makes equal bytes.
 
@@ -50,10 +49,9 @@ def write_identification_page(
         curves: Of every condition.
         models: Identified or not.
         simulated: Every labelled recording, and the friction of each identified model by title [N], shape ``(n,)``.
-        offsets: What is known of the pressure sensors' offset in each session.
-        refused: What could not be used.
         confidence: Of the intervals.
-        guessed, levels: As in ``write_friction_page``.
+        offsets, guessed: As in ``write_friction_page``.
+        further: For the template: ``refused``, what could not be used, and ``levels`` as in ``write_friction_page``.
     """
     drawn = simulated[:PLOTTED]
     titles = [model.title for model in models if model.found is not None]
@@ -68,8 +66,7 @@ def write_identification_page(
         panes=[(f"recording-{n}", each.name, _over_time(each, lines)) for n, (each, lines) in enumerate(drawn, 1)],
         left_out=len(simulated) - len(drawn),
         offsets=offset_table(offsets) if offsets else None,
-        refused=refused,
-        levels=levels,
+        **further,
         guessed=None if guessed is None else (guessed["from"], guess_table(guessed)),
     )
     write_text(path, html)
@@ -86,18 +83,28 @@ def _stribeck_figure(curves: Sequence[IdentifiedCurve]) -> PageFigure | None:
     for number, each in enumerate(curves):
         for way, words, symbol, dash in ((1.0, "extending", "circle", "solid"), (-1.0, "retracting", "square", "dash")):
             points = [point for point in each.points if way * point.velocity_m_s > 0.0]
+            if not points:
+                continue
             name, colour = f"{_named(each, curves)}, {words}", SERIES[number % len(SERIES)]
-            if points:
-                figure.add(**_points(points, way, name, colour, symbol))
-            if points and each.curve is not None:
-                speeds = [way * point.velocity_m_s for point in points]
+            speeds = [way * point.velocity_m_s for point in points]
+            figure.add(
+                x=[MM_PER_M * speed for speed in speeds],
+                y=[way * point.friction_n for point in points],
+                error_y={"type": "data", "array": [point.known_half_width_n for point in points], "thickness": 1.2},
+                customdata=[[point.strokes, point.rows] for point in points],
+                mode="markers",
+                name=name,
+                legendgroup=name,
+                marker={"color": colour, "size": 8, "symbol": symbol},
+                hovertemplate=TIP,
+            )
+            if each.curve is not None:
                 seen = np.geomspace(min(speeds), max(speeds), CURVE_POINTS)
-                line = {"color": colour, "width": 1.5, "dash": dash}
                 figure.add(
                     x=MM_PER_M * seen,
                     y=way * each.curve.friction(way * seen),
                     mode="lines",
-                    line=line,
+                    line={"color": colour, "width": 1.5, "dash": dash},
                     legendgroup=name,
                     showlegend=False,
                     hoverinfo="skip",
@@ -109,21 +116,6 @@ def _stribeck_figure(curves: Sequence[IdentifiedCurve]) -> PageFigure | None:
     figure.x_axis(title="speed [mm/s]", type="log", tickvals=speed_ticks(speeds))
     figure.y_axis(title="friction against the motion [N]", range=[0.0, HEADROOM * max(seen_n)])
     return figure.look(480, legend_rows=len(curves))
-
-
-def _points(points: Sequence[StribeckPoint], way: float, name: str, colour: str, symbol: str) -> dict[str, Any]:
-    tip = "%{x:.3~g} mm/s, %{y:.4~g} N<br>%{customdata[0]} strokes, %{customdata[1]} rows<extra></extra>"
-    return {
-        "x": [MM_PER_M * way * point.velocity_m_s for point in points],
-        "y": [way * point.friction_n for point in points],
-        "error_y": {"type": "data", "array": [point.known_half_width_n for point in points], "thickness": 1.2},
-        "customdata": [[point.strokes, point.rows] for point in points],
-        "mode": "markers",
-        "name": name,
-        "legendgroup": name,
-        "marker": {"color": colour, "size": 8, "symbol": symbol},
-        "hovertemplate": tip,
-    }
 
 
 def _curve_table(each: IdentifiedCurve) -> Table | None:
@@ -155,15 +147,13 @@ def _point_table(each: IdentifiedCurve) -> Table:
 
 
 def _parameter_table(model: IdentifiedModel) -> Table:
-    head = ("parameter", "value", "interval", "unit", "remark")
-    return Table(head, [_parameter_row(each) for each in model.parameters], words=(3, 4), style="stacked")
-
-
-def _parameter_row(each: IdentifiedParameter) -> list[str | Cell]:
-    value = Cell("–", style="none") if each.value is None else four_digits(each.value)
-    interval = "" if each.interval is None else " to ".join(four_digits(limit) for limit in each.interval)
-    remark = f"{NOT_DETERMINED}: {each.note}" if each.value is None else each.note
-    return [Cell(each.meaning, small=each.symbol), value, interval, each.unit, Cell(remark, style="words")]
+    rows: list[list[str | Cell]] = []
+    for each in model.parameters:
+        value = Cell("–", style="none") if each.value is None else four_digits(each.value)
+        interval = "" if each.interval is None else " to ".join(four_digits(limit) for limit in each.interval)
+        remark = Cell(f"{NOT_DETERMINED}: {each.note}" if each.value is None else each.note, style="words")
+        rows.append([Cell(each.meaning, small=each.symbol), value, interval, each.unit, remark])
+    return Table(("parameter", "value", "interval", "unit", "remark"), rows, words=(3, 4), style="stacked")
 
 
 def _error_table(simulated: Sequence[tuple[Recording, Mapping[str, Array]]], titles: Sequence[str]) -> Table:

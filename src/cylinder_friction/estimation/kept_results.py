@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -62,8 +61,9 @@ def restore_summary(results: Path) -> str:
     else:
         return ""
     found = read_results(results)
-    about = {"recordings": [asdict(each.entry) for each in found], "depends_on": found[-1].depends_on if found else {}}
-    target.claim([name for each in found for name in (each.file, *each.beside)], about)
+    entries = [each.entry.to_dict() for each in found]
+    about = {"recordings": entries, "depends_on": found[-1].depends_on if found else {}}
+    target.claim([name for each in found for name in each.files], about)
     return problem
 
 

@@ -9,11 +9,11 @@ import base64
 import json
 import os
 import time
-from collections import Counter, defaultdict
+from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal
 
 import pyarrow as pa
 
@@ -26,13 +26,12 @@ from cylinder_friction.recordings.checks.duplicates import Samples
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.result_folder import refuse_foreign
 from cylinder_friction.recordings.storage import read_beside, write_recording
-from cylinder_friction.reporting.friction_page import pane_file
 
 if TYPE_CHECKING:
     from cylinder_friction.recordings.reading_logs import Logs
 
 FileFormat = Literal["parquet", "csv"]
-"""What further files end in that are asked for beside the Parquet file."""
+"""Whether a CSV file is asked for beside the Parquet file."""
 ABOUT, COMPARED = "cylinder_friction_result", "cylinder_friction_compared"
 """Names of the texts in a result's metadata: what it states, and what later recordings are compared with."""
 SETTLED_S = 10.0
@@ -54,35 +53,17 @@ class Result:
     offset: KnownOffset | None  # What was known of its session's offset; None with an estimator
     compared: str = field(repr=False, default="")  # As ``packed`` made it
 
-    @classmethod
-    def of(
-        cls,
-        entry: FrictionOfRecording,
-        depends_on: Mapping[str, str],
-        of_file: int,
-        file_format: FileFormat,
-        bounded: bool,
-        offset: KnownOffset | None,
-        compared: str,
-    ) -> Self:
-        """Return the result of a recording whose friction is wanted in a format, too."""
-        also = [f"{entry.name}.csv"] if file_format == "csv" else []
-        return cls(entry, depends_on, of_file, (*also, pane_file(entry.name)), bounded, offset, compared)
-
     @property
     def file(self) -> str:
         return f"{self.entry.name}.parquet"
 
-    def is_whole(self, folder: Path) -> bool:
-        """Return whether all files of the result are there."""
-        return all((folder / name).is_file() for name in self.beside)
-
-    def of_other_recordings(self) -> tuple[OffsetEvidence | None, Samples]:
-        """Unpack what the recording shows of its sensors' offset, and its samples."""
-        return unpacked(self.compared)
+    @property
+    def files(self) -> tuple[str, ...]:
+        """All files of the result, below the folder."""
+        return self.file, *self.beside
 
     def texts(self) -> dict[str, str]:
-        about = {**vars(self), "entry": asdict(self.entry), "offset": self.offset and asdict(self.offset)}
+        about = {**vars(self), "entry": self.entry.to_dict(), "offset": self.offset and vars(self.offset)}
         about.pop("compared")
         return {ABOUT: json.dumps(about, sort_keys=True), COMPARED: self.compared}
 
@@ -118,24 +99,19 @@ def write_result(folder: Path, finished: Recording, result: Result, pane: str, l
     """
     path = folder / result.file
     earlier = read_result(path) if path.is_file() else None
-    beside = () if earlier is None else earlier.beside
-    own = {*listed, *beside, *([] if earlier is None else [result.file])}
-    for name in (result.file, *result.beside):
-        if name not in own:
-            refuse_foreign(folder / name)
-    for name in {*beside, *result.beside}:  # a new result beside an old pane would be taken for whole
+    own = () if earlier is None else earlier.files
+    for name in set(result.files) - {*listed, *own}:
+        refuse_foreign(folder / name)
+    for name in {*own, *result.beside} - {result.file}:  # a new result beside an old pane would be taken for whole
         (folder / name).unlink(missing_ok=True)
     write_recording(folder, finished, beside=result.texts())
     for name in result.beside:
-        _write_beside(folder / name, finished, pane)
-
-
-def _write_beside(path: Path, finished: Recording, pane: str) -> None:
-    if path.suffix == ".csv":
-        with whole_file(path) as draft:
-            finished.table.to_csv(draft, index=False, float_format="%.9g")
-    else:
-        write_text(path, pane)
+        beside = folder / name
+        if beside.suffix == ".csv":
+            with whole_file(beside) as draft:
+                finished.table.to_csv(draft, index=False, float_format="%.9g")
+        else:
+            write_text(beside, pane)
 
 
 def packed(evidence: OffsetEvidence | None, samples: Samples) -> str:
@@ -214,18 +190,19 @@ def sort_logs(
     changed = digests.keys() - same
     early = {name for name in changed - same_bytes if 0.0 <= now_s - _changed_s(logs.files[name]) < SETTLED_S}
     held = {digest: name for name, digest in digests.items() if name not in early}
-    gone = {name for name, digest in known.items() if name not in digests and digest not in held}
     moved = {name: held[digest] for name, digest in known.items() if name not in digests and digest in held}
-    sessions = {_session(logs, name) for name in changed - early} - {""}
+    gone = known.keys() - digests.keys() - moved.keys()
+    process = changed - early
+    sessions = {_session(logs, name) for name in process} - {""}
     mates = {name for name in same if _session(logs, name) in sessions}
     stay = (same - mates) | (early & known.keys())
-    anew = (changed - early) & same_bytes
+    anew = process & same_bytes
     others = sorted({key for name in anew for each in of_file[name] for key in _unlike(each, depends_on)})
-    counts = Counter(name in known for name in changed - early - anew)
+    with_content = process & known.keys() - anew
     news = [
         (len(anew), f"processed anew, with another {' and another '.join(others)} than before", ""),
-        (counts[False] - len(set(moved.values()) - known.keys()), "new or refused until now", ""),
-        (counts[True], "with new content", ""),
+        (len(process - known.keys() - set(moved.values())), "new or refused until now", ""),
+        (len(with_content), "with new content", ""),
         (len(mates), "processed again: a log of their session is new", ""),
         (len(moved), "renamed", _some(f"{old} is {now}" for old, now in moved.items())),
         (len(early), LEFT_FOR_NEXT_RUN, _some(early)),
@@ -233,26 +210,24 @@ def sort_logs(
         (len(stay), "as before", ""),
     ]
     kept = [each for name in stay for each in of_file[name]]
-    kept += [_marked(each, depends_on) for name in gone for each in of_file[name]]
-    new = {name: path for name, path in logs.files.items() if name in (changed - early) | mates}
-    return Sorted(new, kept, tuple(_in_words(*each) for each in news if each[0]))
+    for each in (each for name in gone for each in of_file[name]):
+        unlike = _unlike(each, depends_on)
+        words = f"; it was processed with another {' and another '.join(unlike)}" if unlike else ""
+        kept.append(replace(each, entry=replace(each.entry, gone=GONE + words)))
+    new = {name: path for name, path in logs.files.items() if name in process | mates}
+    counted = ((f"{count} file{'' if count == 1 else 's'} {what}", which) for count, what, which in news if count)
+    return Sorted(new, kept, tuple(f"{words}: {which}" if which else words for words, which in counted))
 
 
 def _all_there(results: Iterable[Result], digest: str, folder: Path) -> bool:
     """Return whether these are all results of a log with this SHA-256."""
     own = list(results)
-    alike = all(each.entry.source_sha256 == digest and each.is_whole(folder) for each in own)
-    return bool(own) and alike and {each.of_file for each in own} == {len(own)}
+    alike = all(each.entry.source_sha256 == digest and each.of_file == len(own) for each in own)
+    return bool(own) and alike and all((folder / name).is_file() for each in own for name in each.beside)
 
 
 def _unlike(each: Result, depends_on: Mapping[str, str]) -> list[str]:
     return [key for key in depends_on if each.depends_on.get(key) != depends_on[key]]
-
-
-def _marked(each: Result, depends_on: Mapping[str, str]) -> Result:
-    others = " and another ".join(_unlike(each, depends_on))
-    words = GONE + (f"; it was processed with another {others}" if others else "")
-    return replace(each, entry=replace(each.entry, gone=words))
 
 
 def _changed_s(path: Path) -> float:
@@ -272,8 +247,3 @@ def _session(logs: Logs, name: str) -> str:
 def _some(names: Iterable[str]) -> str:
     first, *others = sorted(names) or [""]
     return ", ".join([first, *others[:2]]) + (", ..." if len(others) > 2 else "")
-
-
-def _in_words(count: int, what: str, which: str) -> str:
-    files = "1 file" if count == 1 else f"{count} files"
-    return f"{files} {what}" + (f": {which}" if which else "")

@@ -42,6 +42,10 @@ class FrictionOfRecording:
     levels: tuple[FrictionLevel, ...] = ()  # Friction of steady sliding at each level of pressure and speed
     gone: str = ""  # That its file was not among the logs of the last run, in words; empty if it was
 
+    def to_dict(self) -> dict[str, Any]:
+        """Return the content as JSON-compatible values."""
+        return {**vars(self), "levels": [dict(vars(each)) for each in self.levels]}
+
 
 @dataclass(frozen=True)
 class FrictionOfLogs:
@@ -75,7 +79,7 @@ class FrictionOfLogs:
         return {
             "folder": self.folder.as_posix(),
             "bounds": self.bounds,
-            "recordings": [asdict(each) for each in self.recordings],
+            "recordings": [each.to_dict() for each in self.recordings],
             "refused": [asdict(each) for each in self.refused],
             "offsets": [{name: known_number(value) for name, value in asdict(each).items()} for each in self.offsets],
             "differences": [asdict(each) for each in self.differences],

@@ -7,7 +7,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from cylinder_friction.friction_models.identification.known_curve import is_breakaway_known, known_curve
+from cylinder_friction.friction_models.identification.known_curve import is_breakaway_known
 from cylinder_friction.friction_models.identification.steady_points import (
     SteadyPoint,
     StribeckPoint,
@@ -82,14 +82,6 @@ def no_rise_seen(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> str:
     )
 
 
-def identified_curve(
-    condition: str, recordings: Sequence[Recording], slowest_m_s: float, confidence: float, zeros_n: float = 0.0
-) -> IdentifiedCurve:
-    """Return the points and the curve of one condition; arguments as for ``stribeck_points``."""
-    points = stribeck_points(recordings, slowest_m_s, confidence, zeros_n)
-    return IdentifiedCurve(condition, tuple(recording.name for recording in recordings), points, *known_curve(points))
-
-
 def stribeck_points(
     recordings: Sequence[Recording], slowest_m_s: float, confidence: float, zeros_n: float = 0.0
 ) -> tuple[StribeckPoint, ...]:
@@ -101,11 +93,9 @@ def stribeck_points(
         confidence: Probability of each interval.
         zeros_n: By how much zeros of the sensors may shift all points [N]; part of each interval.
     """
-    steady = [_steady(recording, slowest_m_s) for recording in recordings]
+    steady = []
+    for each in recordings:
+        rows = steady_rows(each.column("velocity_m_s"), each.sample_time_s, slowest_m_s, STEADY_VARIATION)
+        steady.append(each.with_columns(usable=each.usable() & rows))
     points = [rows.point_with_interval(confidence) for rows in steady_sliding_by_speed(steady, slowest_m_s)]
     return tuple(replace(each, half_width_n=math.hypot(each.half_width_n, zeros_n)) for each in points)
-
-
-def _steady(recording: Recording, slowest_m_s: float) -> Recording:
-    rows = steady_rows(recording.column("velocity_m_s"), recording.sample_time_s, slowest_m_s, STEADY_VARIATION)
-    return recording.with_columns(usable=recording.usable() & rows)

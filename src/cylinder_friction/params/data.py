@@ -8,7 +8,6 @@ from pydantic import Field, field_validator, model_validator
 
 from cylinder_friction.params.section import Count, NotNegative, Positive, Section, Seed
 from cylinder_friction.recordings.checks.limits import CheckRules, LoadMode
-from cylinder_friction.recordings.checks.screening import ScreenRules
 from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, check_mapping
 from cylinder_friction.recordings.path_names import compile_name_pattern
@@ -31,7 +30,6 @@ class IngestParams(Section):
     csv: CsvOptions
     channels: dict[str, ChannelMapping]
     time: TimeRules
-    screen: ScreenRules
     start: StartRules
     asset: str
     database: str | None

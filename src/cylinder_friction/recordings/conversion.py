@@ -19,7 +19,7 @@ import pandas as pd
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits, LoadMode
 from cylinder_friction.recordings.checks.recording_checks import checked_recording, inspect_recording
-from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
+from cylinder_friction.recordings.checks.screening import screen_signals
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, TIME
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.layout import CsvOptions
@@ -66,7 +66,6 @@ class Recipe:
     limits: CheckLimits
     file_format: str = "auto"
     csv: CsvOptions = field(default_factory=CsvOptions)
-    screen: ScreenRules = field(default_factory=ScreenRules)
     time: TimeRules = field(default_factory=TimeRules)
     start: StartRules = field(default_factory=StartRules)
     asset: str = ""  # The machine, if the files' names do not state it
@@ -78,9 +77,8 @@ class Recipe:
     ) -> Recipe:
         """Return the recipe of an ingest configuration, ``conf/ingest/*.yaml`` as nested dictionaries.
 
-        ``settings`` holds ``channels``, and if they differ from the defaults ``format``, ``csv``, ``time``,
-        ``screen``, ``start``, ``asset``, ``database`` and ``checks``. Recordings are checked against the
-        cylinder's stroke and areas.
+        ``settings`` holds ``channels``, and if they differ from the defaults ``format``, ``csv``, ``time``, ``start``,
+        ``asset``, ``database`` and ``checks``. Recordings are checked against the cylinder's stroke and areas.
         """
         if settings.get("zero", {}).get("method", "none") != "none":
             raise RecordingError(
@@ -106,7 +104,6 @@ class Recipe:
             ),
             file_format=settings.get("format", "auto"),
             csv=CsvOptions(**settings.get("csv", {})),
-            screen=ScreenRules(**settings.get("screen", {})),
             time=TimeRules(**settings.get("time", {})),
             start=StartRules(**settings.get("start", {})),
             asset=settings.get("asset") or "",
@@ -182,7 +179,7 @@ def pieces_from(
         signals = {name: replace(each, time_s=later[id(each.time_s)]) for name, each in signals.items()}
     if screened:
         limits = sensor_limits(recipe.channels)
-        signals, bad = screen_signals(signals, limits, recipe.screen, recipe.limits.stroke_m)
+        signals, bad = screen_signals(signals, limits, recipe.limits.stroke_m)
         notes = (*mapped.notes, *bad)
     start = recipe.start.of(mapped.start, about.source_file)
     pieces = align(signals, recipe.time, replace(about, repairs=notes), start)

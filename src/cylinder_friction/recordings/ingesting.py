@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 import sys
+import uuid
 import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -87,20 +88,19 @@ def ingest_folder(source: Source, into: Path, quarantine_file: Path, workers: Wo
             "ingest.source and their pattern as ingest.pattern in params.yaml"
         )
     files = {path.relative_to(source.folder).as_posix(): path for path in paths}
-    notes = [*source.recipe.names.lines_without_file(files), *_not_read(source, paths)]
-    result, workers = Ingested(len(files), notes), workers or Workers()
+    result, seen = Ingested(len(files)), SeenRecordings()
     with whole_folder(into) as folder:
         elsewhere = folder / ".converted"
-        batch = batch_of(files, source.recipe)
-        work = [partial(_written, file, elsewhere / str(number)) for number, file in enumerate(batch.files)]
-        for outcome in usable(batch, work, workers):
+        work = partial(_written, folder=elsewhere)
+        for outcome in usable(files, source.recipe, work, seen, workers=workers):
             if isinstance(outcome, Quarantined):
                 result.quarantined.append(outcome)
                 continue
             path, rows = outcome.result
             path.rename(folder / f"{outcome.metadata.name}.parquet")
             result.recordings.append((outcome.metadata, rows))
-        result.notes += [overlaps] if (overlaps := batch.seen.overlaps()) else []
+        notes = *source.recipe.names.lines_without_file(files), *_not_read(source, paths), seen.overlaps()
+        result.notes = [note for note in notes if note]
         shutil.rmtree(elsewhere, ignore_errors=True)
         others = other_rates([metadata for metadata, _ in result.recordings])
         for name in others:
@@ -115,13 +115,12 @@ def ingest_folder(source: Source, into: Path, quarantine_file: Path, workers: Wo
 
 def _written(file: LoggedFile, folder: Path) -> list[Converted | Quarantined]:
     """Write the recordings of a file into a folder; in place of each return its path and its number of rows."""
-    outcomes: list[Converted | Quarantined] = []
-    for each in converted(file):
-        if isinstance(each, Converted):
-            path = write_recording(folder, each.result, str(len(outcomes)))
-            each = replace(each, result=(path, len(each.result)))
-        outcomes.append(each)
-    return outcomes
+
+    def written(each: Converted) -> Converted:
+        path = write_recording(folder, each.result, uuid.uuid4().hex)
+        return replace(each, result=(path, len(each.result)))
+
+    return [each if isinstance(each, Quarantined) else written(each) for each in converted(file)]
 
 
 @dataclass(frozen=True)
@@ -173,55 +172,12 @@ def recordings_of(
     rows: int | None = None,
     tables: Mapping[str, Sequence[LoggedTable]] | None = None,
 ) -> Iterator[Recording | Quarantined]:
-    """Yield the recordings of each file in turn, and for what is unusable the reason; see ``batch_of``."""
-    batch = batch_of(files, recipe, rows, tables=tables)
-    work = [partial(list[Converted | Quarantined], converted(file)) for file in batch.files]
-    for each in usable(batch, work, Workers()):
+    """Yield the recordings of each file in turn, and for what is unusable the reason; see ``usable``."""
+    seen = SeenRecordings()
+    for each in usable(files, recipe, converted, seen, rows=rows, tables=tables):
         yield each.result if isinstance(each, Converted) else each
-    if overlaps := batch.seen.overlaps():
+    if overlaps := seen.overlaps():
         warnings.warn(overlaps, stacklevel=3)
-
-
-@dataclass(frozen=True)
-class Batch:
-    """Files to be converted, and those that are copies of others."""
-
-    files: list[LoggedFile]
-    copies: list[Quarantined]
-    seen: SeenRecordings  # Recordings of these files, and of those that were converted before
-
-
-def batch_of(
-    files: Mapping[str, Path],
-    recipe: Recipe,
-    rows: int | None = None,
-    seen: SeenRecordings | None = None,
-    digests: Mapping[str, str] | None = None,
-    tables: Mapping[str, Sequence[LoggedTable]] | None = None,
-) -> Batch:
-    """Collect files to be converted by one recipe.
-
-    Args:
-        files: By their paths below the source, with ``/``.
-        recipe: Its channels have passed ``check_mapping``.
-        rows: As in ``LoggedFile``.
-        seen: What was converted before.
-        digests: SHA-256 of each file, if it is known.
-        tables: What was read of some files already.
-    """
-    batch = Batch([], [], seen or SeenRecordings())
-    known = batch.seen.digests
-    for name, path in files.items():
-        digest = digest_of(path) if digests is None else digests[name]
-        if digest in known:
-            reason = f"holds the same bytes as {known[digest]}; a copy would be counted twice"
-            batch.copies.append(Quarantined(name, reason))
-            continue
-        if digest:
-            known[digest] = name
-        own = tuple((tables or {}).get(name, ()))
-        batch.files.append(LoggedFile(name, path, recipe, digest, rows, own))
-    return batch
 
 
 def digest_of(path: Path) -> str:
@@ -246,24 +202,54 @@ def shown(items: Iterable[Item], words: str, total: int, unit: str, **look: Any)
 
 
 def usable(
-    batch: Batch, work: Sequence[Callable[[], Sequence[OfFile | Quarantined]]], workers: Workers
+    files: Mapping[str, Path],
+    recipe: Recipe,
+    work: Callable[[LoggedFile], Iterable[OfFile | Quarantined]],
+    seen: SeenRecordings,
+    *,
+    rows: int | None = None,
+    digests: Mapping[str, str] | None = None,
+    tables: Mapping[str, Sequence[LoggedTable]] | None = None,
+    workers: Workers | None = None,
 ) -> Iterator[OfFile | Quarantined]:
-    """Do the ``work`` on each file of a batch; yield what it finds in order, and refuse copies of a recording."""
-    done = workers.in_order(work)
-    for file, outcomes in zip(batch.files, shown(done, "ingest", len(work), "file"), strict=True):
+    """Do the ``work`` on each file; yield what it finds in order, without copies of a file or a recording.
+
+    Args:
+        files: By their paths below the source, with ``/``.
+        recipe: By which they are converted; its channels have passed ``check_mapping``.
+        work: Converts one file; what it returns can be pickled if there are ``workers``.
+        seen: What was converted before; these recordings are added.
+        rows: As in ``LoggedFile``.
+        digests: SHA-256 of each file, if it is known.
+        tables: What was read of some files already.
+        workers: Work on files side by side; None: one after the other, here.
+    """
+    workers, copies, own = workers or Workers(), list[Quarantined](), list[LoggedFile]()
+    for name, path in files.items():
+        digest = digest_of(path) if digests is None else digests[name]
+        if digest in seen.digests:
+            reason = f"holds the same bytes as {seen.digests[digest]}; a copy would be counted twice"
+            copies.append(Quarantined(name, reason))
+            continue
+        if digest:
+            seen.digests[digest] = name
+        read = tuple((tables or {}).get(name, ()))
+        own.append(LoggedFile(name, path, recipe, digest, rows, read))
+    done = workers.in_order([partial(work, file) for file in own])
+    for file, outcomes in zip(own, shown(done, "ingest", len(own), "file"), strict=True):
         if isinstance(outcomes, Died):
             yield Quarantined(file.name, outcomes.reason)
             continue
-        for each in outcomes:
+        found = list(outcomes)
+        for each in found:
             if not isinstance(each, Quarantined):
                 try:
-                    batch.seen.refuse(each.metadata.name, file.name, each.samples)
+                    seen.refuse(each.metadata.name, file.name, each.samples)
                 except RecordingError as error:
-                    where = each.metadata.name if len(outcomes) > 1 else ""
-                    yield Quarantined(file.name, str(error), where)
+                    yield Quarantined(file.name, str(error), each.metadata.name if len(found) > 1 else "")
                     continue
             yield each
-    yield from batch.copies
+    yield from copies
 
 
 def other_rates(metadata: Sequence[RecordingMetadata]) -> dict[str, Quarantined]:

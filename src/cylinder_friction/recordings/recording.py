@@ -12,13 +12,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array, Mask
-from cylinder_friction.recordings.columns import (
-    DRIVE_FORCE,
-    SAMPLE_COLUMNS,
-    TIME,
-    UNCERTAINTY_COLUMN,
-    missing_column,
-)
+from cylinder_friction.recordings.columns import DRIVE_FORCE, SAMPLE_COLUMNS, TIME, UNCERTAINTY_COLUMN, missing_column
 from cylinder_friction.recordings.line_loss import LineLoss
 
 Columns = Mapping[str, NDArray[Any]]
@@ -234,10 +228,7 @@ class Recording:
         taken = {column: who.zero_offset.get(column, 0.0) + zero.offset for column, zero in zeros.items()}
         stated = {column: replace(who.uncertainty[column], zero=zero.uncertainty) for column, zero in zeros.items()}
         metadata = replace(
-            who,
-            zero_offset={**who.zero_offset, **taken},
-            uncertainty={**who.uncertainty, **stated},
-            identified_zero={},
+            who, zero_offset={**who.zero_offset, **taken}, uncertainty={**who.uncertainty, **stated}, identified_zero={}
         )
         since_s = self.sample_time_s * np.arange(len(self))
         columns = {column: self.column(column) - zero.offset - zero.drift * since_s for column, zero in zeros.items()}

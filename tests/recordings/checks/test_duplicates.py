@@ -38,7 +38,7 @@ def test_the_same_samples_are_a_copy_in_any_unit() -> None:
 
 def test_what_an_earlier_run_held_is_remembered() -> None:
     seen = SeenRecordings()
-    seen.remember([("before", "before.csv", "0" * 64, samples(columns()))])
+    seen.remember("before", "before.csv", "0" * 64, samples(columns()))
     assert seen.digests == {"0" * 64: "before.csv"}
     with pytest.raises(RecordingError, match=r"the same samples as recording 'before' of before\.csv"):
         seen.refuse("again", "again.csv", samples(columns()))

@@ -5,8 +5,8 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.checks.limits import Finding
-from cylinder_friction.recordings.checks.plausibility import check_friction, clear_motion
+from cylinder_friction.recordings.checks.limits import CheckLimits, Finding
+from cylinder_friction.recordings.checks.plausibility import check_friction
 from logger_files import columns_of
 
 STEP_S = 0.005
@@ -41,9 +41,8 @@ def stepping(generator: np.random.Generator, time_s: np.ndarray) -> np.ndarray:
 
 
 def found(cylinder: Cylinder, table: pd.DataFrame, mode: str = "measured") -> list[Finding]:
-    areas, columns = (cylinder.piston_area_m2, cylinder.annulus_area_m2), columns_of(table)
-    motion = clear_motion(columns["position_m"], STEP_S, cylinder.stroke_m)
-    findings = check_friction(columns, motion, STEP_S, areas, mode)
+    limits = CheckLimits(cylinder.stroke_m, cylinder.piston_area_m2, cylinder.annulus_area_m2, mode)
+    findings = check_friction(columns_of(table), STEP_S, limits)
     return [each for each in findings if each.check == "load_delay"]
 
 

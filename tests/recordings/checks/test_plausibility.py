@@ -7,8 +7,8 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.checks.limits import Finding, LoadMode
-from cylinder_friction.recordings.checks.plausibility import check_friction, clear_motion
+from cylinder_friction.recordings.checks.limits import CheckLimits, Finding, LoadMode
+from cylinder_friction.recordings.checks.plausibility import check_friction
 from logger_files import columns_of
 
 Change = Callable[[pd.DataFrame], pd.DataFrame]
@@ -34,8 +34,7 @@ def areas(cylinder: Cylinder) -> tuple[float, float]:
 
 
 def checked(table: pd.DataFrame, areas: tuple[float, float] | None, load: LoadMode = "none") -> list[Finding]:
-    columns = columns_of(table)
-    return check_friction(columns, clear_motion(columns["position_m"], 0.005, STROKE_M), 0.005, areas, load)
+    return check_friction(columns_of(table), 0.005, CheckLimits(STROKE_M, *(areas or (None, None)), load))
 
 
 def outcomes(findings: list[Finding]) -> dict[str, str]:

@@ -53,7 +53,7 @@ def test_good_recording_passes_unchanged() -> None:
 def test_a_drive_force_stands_in_for_the_pressures() -> None:
     findings = inspect(forced())
     assert {finding.outcome for finding in findings} == {"ok"}
-    assert [finding.check for finding in findings][-3:] == ["force_stuck", "direction", "position_against_force"]
+    assert [finding.check for finding in findings][-2:] == ["force_stuck", "direction"]
 
 
 def test_a_rounded_pressure_is_not_stuck_if_its_steps_are_stated() -> None:

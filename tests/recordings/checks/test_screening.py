@@ -5,13 +5,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.checks.screening import ScreenRules, screen_signals
+from cylinder_friction.recordings.checks.screening import screen_signals
 from cylinder_friction.recordings.mapping.channel_mapping import SensorLimits
 from cylinder_friction.recordings.recording import RecordingError, Signal
 
 ROWS = 6000
 TIME_S = 0.005 * np.arange(ROWS)
-RULES, STROKE_M = ScreenRules(), 0.25
+STROKE_M = 0.25
 LIMITS = {
     "pressure_1_pa": SensorLimits(0.0, 250e5, 250e5 / 4096, "0 to 250 bar (4 to 20 mA)"),
     "position_m": SensorLimits(0.0, 0.25, 0.25 / 4096, "0 to 250 mm (0 to 10 V)"),
@@ -28,7 +28,7 @@ def pressure() -> Array:
 
 def screen(values: Array, column: str = "pressure_1_pa", known: bool = True) -> tuple[Array, tuple[str, ...]]:
     signals, repairs = screen_signals(
-        {column: Signal(TIME_S[: len(values)], values)}, LIMITS if known else {}, RULES, STROKE_M
+        {column: Signal(TIME_S[: len(values)], values)}, LIMITS if known else {}, STROKE_M
     )
     return signals[column].values, repairs
 
@@ -126,8 +126,8 @@ def test_a_position_sensor_shorter_than_the_stroke_saturates() -> None:
     values = np.minimum(0.15 + 0.1 * np.sin(TIME_S), 0.2)
     short = {"position_m": SensorLimits(0.0, 0.2, None, "0 to 200 mm")}
     with pytest.raises(RecordingError, match=r"position_m is 0.2 m in row .* the end of its sensor's range of 0 to"):
-        screen_signals({"position_m": Signal(TIME_S, values)}, short, RULES, STROKE_M)
-    signals, _ = screen_signals({"position_m": Signal(TIME_S, values)}, short, RULES)
+        screen_signals({"position_m": Signal(TIME_S, values)}, short, STROKE_M)
+    signals, _ = screen_signals({"position_m": Signal(TIME_S, values)}, short)
     assert signals["position_m"].values is values  # nobody said where the stroke ends
 
 
@@ -139,14 +139,14 @@ def test_nothing_is_found_in_the_rigs_recordings(rig_tables: dict[str, pd.DataFr
             signals = {
                 column: Signal(TIME_S, np.ascontiguousarray(table[column].to_numpy()[::stride])) for column in columns
             }
-            assert screen_signals(signals, limits, RULES, STROKE_M)[1] == ()
+            assert screen_signals(signals, limits, STROKE_M)[1] == ()
 
 
 def test_a_channel_slower_than_its_table_is_screened_by_its_own_samples() -> None:
     time_s = 0.0005 * np.arange(10 * ROWS)
     values = np.full(len(time_s), np.nan)
     values[7::10] = with_values([3000], 60e5)
-    signals, (said,) = screen_signals({"pressure_1_pa": Signal(time_s, values)}, LIMITS, RULES, STROKE_M)
+    signals, (said,) = screen_signals({"pressure_1_pa": Signal(time_s, values)}, LIMITS, STROKE_M)
     assert "pressure_1_pa is 60 bar in row 30008 (1 such rows in all), a spike" in said
     screened = signals["pressure_1_pa"].values
     assert np.flatnonzero(np.isnan(screened) & ~np.isnan(values)).tolist() == [30007]

@@ -14,7 +14,7 @@ import pytest
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.checks.position_checks import check_position_steps
+from cylinder_friction.recordings.checks.position_steps import check_position_steps
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
 from cylinder_friction.recordings.conversion import open_tables, pieces_from
 from cylinder_friction.recordings.ingesting import Quarantined, recordings_of
@@ -141,6 +141,25 @@ def test_a_sensor_at_the_end_of_its_range_is_not_held_for_lack_of_noise() -> Non
         position_m = np.minimum(np.clip(0.05 * (time_s - 5.0), 0.02, at_end_m + 0.01) + noise_m, at_end_m)
         finding = check_position_steps(position_m, time_s, 0.25)
         assert (finding.outcome, "without the noise" in finding.text) == (outcome, outcome == "noted")
+
+
+def test_a_small_jump_is_noted_and_a_large_one_refuses_the_recording() -> None:
+    time_s = 0.005 * np.arange(2000)
+    position_m = 0.12 + 0.05 * np.sin(time_s)
+    for height_m, outcome in ((0.001, "noted"), (0.005, "refused")):
+        found = check_position_steps(position_m + height_m * (time_s >= 5.0), time_s, stroke_m=0.25)
+        assert found.outcome == outcome
+        assert f"jumps by +{1e3 * height_m:.0f} mm at 5" in found.text.replace(".00 mm", " mm")
+
+
+@pytest.mark.parametrize(("times", "outcome"), [(60.0, "noted"), (3.0, "ok")])
+def test_noise_of_a_third_of_a_recording_is_compared_with_the_quietest_stretch(times: float, outcome: str) -> None:
+    time_s, generator = 0.01 * np.arange(6000), np.random.default_rng(1)
+    position_m = 0.125 + 0.05 * np.sin(0.25 * np.pi * time_s) + generator.normal(0.0, 2e-5, 6000)
+    position_m[2000:4000] += generator.normal(0.0, times * 2e-5, 2000)
+    found = check_position_steps(position_m, time_s, stroke_m=0.25)
+    assert found.outcome == outcome
+    assert outcome == "ok" or re.search(r"noise between (19|20)\.\d+ and (39|40)\.\d+ s", found.text)
 
 
 @pytest.mark.extended

@@ -65,7 +65,7 @@ def test_damaged_order(name: str) -> None:
     damage, kept, repairs = CASES[name]
     segments = 1 + max((int(text.split()[2]) for text in repairs if text.startswith("split")), default=0)
     logged = damage(good())
-    ordered = order_stamps(logged, np.zeros(ROWS, dtype=np.bool_), TimeRules())
+    ordered = order_stamps(logged, np.zeros(ROWS, dtype=np.bool_))
     assert list(ordered.repairs) == repairs
     assert len(ordered.time_s) == kept
     assert ordered.segments[-1] + 1 == segments
@@ -77,7 +77,7 @@ def test_damaged_order(name: str) -> None:
 def test_rows_with_neither_stamp_nor_value_are_no_rows() -> None:
     time_s = good()
     time_s[200:] = np.nan
-    ordered = order_stamps(time_s, np.isnan(time_s), TimeRules())
+    ordered = order_stamps(time_s, np.isnan(time_s))
     assert (len(ordered.time_s), ordered.repairs) == (200, ())
 
 
@@ -107,7 +107,7 @@ def test_rows_with_neither_stamp_nor_value_are_no_rows() -> None:
 def test_stamps_beyond_repair_are_refused(damage: Damage, message: str) -> None:
     time_s = damage(good())
     with pytest.raises(RecordingError, match=re.escape(message)):
-        order_stamps(time_s, np.zeros(len(time_s), dtype=np.bool_), TimeRules())
+        order_stamps(time_s, np.zeros(len(time_s), dtype=np.bool_))
 
 
 COARSE_ROWS = 2000

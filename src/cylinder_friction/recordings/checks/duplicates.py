@@ -4,7 +4,6 @@ A copy has the same bytes, or the same samples in another file or format. Anythi
 """
 
 import hashlib
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -46,23 +45,23 @@ class SeenRecordings:
     files: dict[str, str] = field(default_factory=dict)  # The file of each, by its name
     digests: dict[str, str] = field(default_factory=dict)  # The file of each SHA-256
     samples: dict[str, Samples] = field(default_factory=dict)  # By its name
+    names: dict[str, str] = field(default_factory=dict)  # Of the recording with these samples, by their SHA-256
 
-    def remember(self, recordings: Iterable[tuple[str, str, str, Samples]]) -> None:
-        """Remember recordings of an earlier run: name, file, SHA-256 of it, and samples."""
-        for name, file, digest, samples in recordings:
-            self.files[name], self.digests[digest], self.samples[name] = file, file, samples
+    def remember(self, name: str, file: str, digest: str, samples: Samples) -> None:
+        """Remember a recording of an earlier run, its file and the file's SHA-256."""
+        self.files[name], self.digests[digest], self.samples[name] = file, file, samples
+        self.names[samples.values] = name
 
     def refuse(self, name: str, file: str, samples: Samples) -> None:
         """Remember a recording and its file; raise ``RecordingError`` if its name or its samples are known."""
         if name in self.files:
             raise RecordingError(f"has the name {name!r}, which {self.files[name]} has already")
-        copy = next((known for known, each in self.samples.items() if each.values == samples.values), None)
-        if copy is not None:
+        if (copy := self.names.get(samples.values)) is not None:
             raise RecordingError(
                 f"holds the same samples as recording {copy!r} of {self.files[copy]}; a copy would be counted twice, "
                 "and a model could be tested on its own training data; keep one of them"
             )
-        self.files[name], self.samples[name] = file, samples
+        self.files[name], self.samples[name], self.names[samples.values] = file, samples, name
 
     def overlaps(self) -> str:
         """Return a sentence on recordings of one session that overlap in time; empty if none do."""

@@ -1,7 +1,7 @@
 """How late a load cell is beside the pressures: the filter of its amplifier, or a logger of its own, holds it back.
 
-Where the load changes while the piston slides on in one direction, friction hardly does, so that the drive force F
-changes with the load L at once:
+While the piston slides on in one direction, friction hardly changes, so that the drive force F changes with the load L
+at once:
 
     F(t) - F(t - w) = L(t + delay) - L(t + delay - w) + residual
 
@@ -44,11 +44,11 @@ def check_load_delay(
     late_ms, error_ms = (1e3 * value for value in delay)
     if abs(late_ms) < max(1e3 * SHORTEST_S, SURE * error_ms):
         return Finding("load_delay", "ok", f"the load cell has no clear delay ({late_ms:.1f} ± {error_ms:.1f} ms)")
-    which = "the load cell" if late_ms > 0.0 else "both pressure sensors"
+    when, which = ("after", "the load cell") if late_ms > 0.0 else ("before", "both pressure sensors")
     text = (
-        f"load_force_n comes {abs(late_ms):.1f} ± {error_ms:.1f} ms {'after' if late_ms > 0.0 else 'before'} the "
-        "pressures; expected both at once, or friction is off while the load changes; state sensor.delay_s of "
-        f"{which} in the mapping, {abs(delay[0]):.3f} s more than it is now"
+        f"load_force_n comes {abs(late_ms):.1f} ± {error_ms:.1f} ms {when} the pressures; expected both at once, or "
+        f"friction is off while the load changes; state sensor.delay_s of {which} in the mapping, {abs(delay[0]):.3f} "
+        "s more than it is now"
     )
     return Finding("load_delay", "noted", text)
 
@@ -61,14 +61,21 @@ def _delay(
     Rows within a window count as one. None if the load changes too little, or explains too little, to show a delay.
     """
     window, most = (max(1, round(time_s / sample_time_s)) for time_s in (WINDOW_S, LONGEST_S))
-    rows = _sliding_on(rows, direction, window)
-    rows = rows[(rows >= window + most) & (rows < len(load_n) - most)]
-    change_n = load_n[window:] - load_n[:-window]
+    stride = int(np.diff(rows).min()) if len(rows) > 1 else 1
+    # The rows before which the piston has moved in one direction for a whole window
+    began, place, turned = (
+        np.searchsorted(rows, rows - window),
+        np.arange(len(rows)),
+        np.append(0.0, direction).cumsum(),
+    )
+    sliding = (place - began) * stride >= window - stride
+    sliding &= np.abs(turned[place + 1] - turned[began]) == place - began + 1
+    rows = rows[sliding & (rows >= window + most) & (rows < len(load_n) - most)]
     lags = np.arange(-most, most + 1)
-    changes_n = change_n[rows[:, None] - window + lags]
+    changes_n = (load_n[window:] - load_n[:-window])[rows[:, None] - window + lags]
     low, high = np.quantile(load_n, (0.01, 0.99))
     clear = np.abs(changes_n).max(axis=1, initial=0.0) > CLEAR_SHARE * (high - low)
-    if clear.sum() * _stride(rows) * sample_time_s < LEAST_S:
+    if clear.sum() * stride * sample_time_s < LEAST_S:
         return None
     changes_n, driven_n = changes_n[clear], (drive_n[rows] - drive_n[rows - window])[clear]
     residual = np.var(driven_n[:, None] - changes_n, axis=0)
@@ -77,21 +84,8 @@ def _delay(
         return None
     before, here, after = residual[best - 1 : best + 2]
     bend = before - 2.0 * here + after  # of residual = here + bend/2·(lag - best)²
-    independent = len(driven_n) * _stride(rows) / window
+    independent = len(driven_n) * stride / window
     return (
         float(lags[best] + 0.5 * (before - after) / bend) * sample_time_s,
         math.sqrt(2.0 * here / (bend * independent)) * sample_time_s,
     )
-
-
-def _sliding_on(rows: NDArray[np.int64], direction: Array, window: int) -> NDArray[np.int64]:
-    """Return the rows before which the piston has moved in one direction for a whole window."""
-    began = np.searchsorted(rows, rows - window)
-    place = np.arange(len(rows))
-    turned = np.concatenate([[0.0], np.cumsum(direction)])
-    unbroken = (place - began) * _stride(rows) >= window - _stride(rows)
-    return rows[unbroken & (np.abs(turned[place + 1] - turned[began]) == place - began + 1)]
-
-
-def _stride(rows: NDArray[np.int64]) -> int:
-    return int(np.diff(rows).min()) if len(rows) > 1 else 1

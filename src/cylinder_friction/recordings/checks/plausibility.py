@@ -18,36 +18,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.checks.limits import Finding, LoadMode
+from cylinder_friction.recordings.checks.limits import CheckLimits, Finding, LoadMode
 from cylinder_friction.recordings.checks.load_delay import check_load_delay
 from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, POSITION, PRESSURES
 
-HALF_WINDOW_S = 0.05  # velocity is the difference over twice this time
-ROWS = 5_000  # rows used at most, spread evenly: more do not make the result more certain
-
+HALF_WINDOW_S = 0.05  # Velocity is the difference over twice this time [s]
+ROWS = 5_000  # Rows used at most, spread evenly: more do not make the result more certain
+FEWEST_ROWS = 20  # Of clear motion in either direction
 SURE = 3.0
 """A mean differs from zero if it is this many standard errors away; strokes count as independent, rows do not."""
-
 BETTER = 2.0
-"""A hypothesis is preferred if its residual is below 1/2 of the other's, 1/3 where nothing else is against that."""
-
+"""A hypothesis is preferred if its residual is below 1/2 of the other's, 1/3 if nothing else is against that."""
 LEAST_OVERLAP = 0.2
 """Share of the variance of direction that position must leave unexplained; with less, the two are inseparable."""
-
 NEGLIGIBLE = 1e-14
 """A combination of terms whose square sum is a smaller share of the largest one is not shown."""
-
 GREATEST_N_MM, HIGH_N_MM, LOW_N_MM = 100.0, 10.0, 0.2
 """Friction per millimetre of seal, around piston and rod: beyond any seal; rare; only low-friction seals [N/mm]."""
-
-
-@dataclass(frozen=True)
-class ClearMotion:
-    """Rows in which the piston moves clearly, evenly and away from the end stops."""
-
-    rows: NDArray[np.int64]  # Their indices
-    direction: Array  # 1 extending, -1 retracting, one per row
-    strokes: int  # How many times the direction changes, plus one
 
 
 @dataclass(frozen=True)
@@ -56,9 +43,8 @@ class Balance:
 
     friction_n: float  # Half the difference between extension and retraction, b [N]
     residual_n: float  # Root mean square of what neither b nor position explains [N]
-    # extending_n, retracting_n: Mean force against the motion, by direction [N]
-    extending_n: float
-    retracting_n: float
+    extending_n: float  # Mean force against the motion while extending [N]
+    retracting_n: float  # The same while retracting [N]
     sure_n: float  # Smallest size of ``friction_n`` that differs from zero [N]
 
     @property
@@ -74,15 +60,14 @@ class Balance:
         """The smaller of the two mean forces against the motion [N]."""
         return min(self.extending_n, self.retracting_n)
 
+    def in_words(self) -> str:
+        return (
+            f"the force against the motion is {self.extending_n:.3g} N extending and {self.retracting_n:.3g} N "
+            f"retracting ({self.friction_n:.3g} N at equal position)"
+        )
 
-def check_friction(
-    columns: Mapping[str, Array],
-    motion: ClearMotion,
-    sample_time_s: float,
-    areas_m2: tuple[float, float] | None,
-    load: LoadMode = "none",
-    rod_diameter_1_m: float = 0.0,
-) -> list[Finding]:
+
+def check_friction(columns: Mapping[str, Array], sample_time_s: float, limits: CheckLimits) -> list[Finding]:
     """Return the findings ``direction`` (swapped, inverted), ``friction_size`` (unit of the pressures), ``load_delay``.
 
     Refuses only what is clear: friction that drives the motion, or signals that balance far better the other way round.
@@ -90,45 +75,38 @@ def check_friction(
 
     Args:
         columns: Of a uniformly sampled recording in SI units, without NaN.
-        motion: Its clear motion.
         sample_time_s: Its sample time [s].
-        areas_m2: A1 and A2 [m²]; without them only a recording with a ``drive_force_n`` can be checked.
-        load: What the cylinder carries.
-        rod_diameter_1_m: Diameter of the rod on side 1 [m]; 0 without one.
+        limits: Of its cylinder, with its load and areas; without areas only a ``drive_force_n`` can be checked.
     """
-    shape = _position_terms(columns[POSITION][motion.rows])
-    problem = _undecidable(columns, motion, shape, areas_m2, load)
-    if problem:
+    rows, direction = _clear_motion(columns[POSITION], sample_time_s, limits.stroke_m)
+    shape = _position_terms(columns[POSITION][rows])
+    if problem := _undecidable(columns, direction, shape, limits):
         return [Finding("direction", "noted", f"whether friction opposes the motion cannot be decided: {problem}")]
-    moving = {name: values[motion.rows] for name, values in columns.items()}
-    load_n = moving[LOAD_FORCE] if load == "measured" else 0.0
-    if DRIVE_FORCE in moving:
-        drive = moving[DRIVE_FORCE]
-        as_is, turned = _balances(motion, shape, [drive - load_n, drive + load_n])
-        return [
-            _inverted_load(as_is, turned, load)
-            or _opposing(as_is, load, f"change the sign of position_m or of {DRIVE_FORCE} in the mapping")
-        ]
-    assert areas_m2 is not None
-    (a1, a2), p1, p2 = areas_m2, moving[PRESSURES[0]], moving[PRESSURES[1]]
-    drive, exchanged = p1 * a1 - p2 * a2, p2 * a1 - p1 * a2
-    as_is, swapped, turned = _balances(motion, shape, [drive - load_n, exchanged - load_n, drive + load_n])
-    direction = _inverted_load(as_is, turned, load) or _direction(as_is, swapped, load)
-    if direction.outcome == "refused":
-        return [direction]
-    if direction.outcome == "noted" and load == "none" and not rod_diameter_1_m:
-        (alike,) = _balances(motion, shape, [(p1 - p2) * a2])
-        direction = replace(direction, text=direction.text + _second_rod(as_is, alike))
-    findings = [direction, _size(as_is, areas_m2, rod_diameter_1_m)]
+    load, load_n = limits.load, columns[LOAD_FORCE][rows] if limits.load == "measured" else np.zeros(len(rows))
+    if DRIVE_FORCE in columns:
+        drive_n = columns[DRIVE_FORCE][rows]
+        as_is, turned = _balances(direction, shape, drive_n - load_n, drive_n + load_n)
+        remedy = f"change the sign of position_m or of {DRIVE_FORCE} in the mapping"
+        return [_inverted_load(as_is, turned, load) or _opposing(as_is, load, remedy)]
+    assert limits.areas_m2 is not None
+    (a1, a2), (p1, p2) = limits.areas_m2, (columns[name] for name in PRESSURES)
+    drive_n = p1 * a1 - p2 * a2
+    here_n, exchanged_n, alike_n = drive_n[rows], (p2 * a1 - p1 * a2)[rows], ((p1 - p2) * a2)[rows]
+    forces = here_n - load_n, exchanged_n - load_n, here_n + load_n, alike_n
+    as_is, swapped, turned, alike = _balances(direction, shape, *forces)
+    found = _inverted_load(as_is, turned, load) or _direction(as_is, swapped, load)
+    if found.outcome == "refused":
+        return [found]
+    if found.outcome == "noted" and load == "none" and not limits.rod_diameter_1_m:
+        found = replace(found, text=found.text + _second_rod(as_is, alike))
+    findings = [found, _size(as_is, limits.areas_m2, limits.rod_diameter_1_m)]
     if load == "measured":
-        p1, p2, load_n = (columns[name] for name in (*PRESSURES, LOAD_FORCE))
-        drive = p1 * a1 - p2 * a2
-        findings.append(check_load_delay(drive, load_n, motion.rows, motion.direction, sample_time_s))
+        findings.append(check_load_delay(drive_n, columns[LOAD_FORCE], rows, direction, sample_time_s))
     return findings
 
 
-def clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> ClearMotion:
-    """Return the rows of clear motion.
+def _clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> tuple[NDArray[np.int64], Array]:
+    """Return the rows of clear motion, evenly chosen, shape ``(m,)``, and 1 if the piston extends there, else -1.
 
     There the piston moves faster than a fifth of its usual top speed, at least 5 % of the stroke away from the end
     stops, and its speed changes within a quarter of a second by less than the top speed.
@@ -137,7 +115,7 @@ def clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> Cl
     first, last, step = 2 * half, len(position_m) - 2 * half, max(1, len(position_m) // ROWS)
     rows = np.arange(first, last, step)
     if len(rows) == 0:
-        return ClearMotion(rows, np.empty(0), 0)
+        return rows, np.empty(0)
 
     def later(by: int) -> Array:
         return position_m[first + by : last + by : step]
@@ -154,69 +132,47 @@ def clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> Cl
         & (here < 0.95 * stroke_m)
         & (np.abs(bend) / (2.0 * step_s) < 4.0 * top)  # acceleration = bend / (2 step)², speed = moved / (2 step)
     )
-    direction = np.sign(moved[clear])
-    return ClearMotion(rows[clear], direction, int(np.count_nonzero(np.diff(direction))) + 1)
+    return rows[clear], np.sign(moved[clear])
 
 
-def _undecidable(
-    columns: Mapping[str, Array],
-    motion: ClearMotion,
-    shape: Array,
-    areas_m2: tuple[float, float] | None,
-    load: LoadMode,
-) -> str:
+def _undecidable(columns: Mapping[str, Array], direction: Array, shape: Array, limits: CheckLimits) -> str:
     """Return why the force balance cannot show the direction of friction; empty if it can."""
-    if areas_m2 is None and DRIVE_FORCE not in columns:
+    if limits.areas_m2 is None and DRIVE_FORCE not in columns:
         return "the areas of the cylinder are not known"
-    if load == "measured" and LOAD_FORCE not in columns:
-        return "load_force_n is not recorded, though the load is to be measured"
-    fewest = int(min(np.count_nonzero(motion.direction > 0.0), np.count_nonzero(motion.direction < 0.0)))
-    if fewest < 20:
-        return f"the piston moves clearly in both directions in {fewest} rows only, expected 20 each"
-    explained = solve_normal_equations(shape.T @ shape, shape.T @ motion.direction)
-    unexplained = float(np.var(motion.direction - shape @ explained) / np.var(motion.direction))
+    if limits.load == "measured" and LOAD_FORCE not in columns:
+        return f"{LOAD_FORCE} is not recorded, though the load is to be measured"
+    fewest = int(min(np.count_nonzero(direction > 0.0), np.count_nonzero(direction < 0.0)))
+    if fewest < FEWEST_ROWS:
+        return f"the piston moves clearly in both directions in {fewest} rows only, expected {FEWEST_ROWS} each"
+    unexplained = float(np.var(direction - shape @ _factors(shape, direction)) / np.var(direction))
     return "extension and retraction hardly pass the same positions" if unexplained < LEAST_OVERLAP else ""
 
 
-def solve_normal_equations(gram: Array, moment: Array) -> Array:
-    """Return the solution of normal equations, with nothing of what rows do not show.
-
-    Where terms are scaled and few these are exact enough, and many times as fast as an SVD.
-    """
-    sizes, axes = np.linalg.eigh(gram)
-    shown = sizes > NEGLIGIBLE * sizes[-1]
-    axes = axes[:, shown]
-    return np.asarray(axes @ ((axes.T @ moment).T / sizes[shown]).T)
+def _factors(terms: Array, wanted: Array) -> Array:
+    """Solve the normal equations, with nothing of what rows do not show: many times as fast as an SVD of the rows."""
+    sizes, axes = np.linalg.eigh(terms.T @ terms)
+    axes = axes[:, sizes > NEGLIGIBLE * sizes[-1]]
+    return np.asarray(axes @ ((axes.T @ (terms.T @ wanted)).T / sizes[-axes.shape[1] :]).T)
 
 
-def _position_terms(position: Array) -> Array:
-    """Return powers of the positions, standardised, shape ``(n, 4)``."""
-    if not len(position):
+def _position_terms(position_m: Array) -> Array:
+    """Return the powers 0 to 3 of standardised positions, shape ``(n, 4)``."""
+    if not len(position_m):
         return np.empty((0, 4))
-    return powers((position - position.mean()) / max(float(np.std(position)), 1e-12))
+    scaled = (position_m - position_m.mean()) / max(float(np.std(position_m)), 1e-12)
+    return np.column_stack([np.ones(len(scaled)), scaled, scaled * scaled, scaled * scaled * scaled])
 
 
-def powers(values: Array) -> Array:
-    """Return the powers 0 to 3 of values, shape ``(n, 4)``."""
-    square = values * values
-    return np.column_stack([np.ones(len(values)), values, square, square * values])
-
-
-def _balances(motion: ClearMotion, shape: Array, forces: list[Array]) -> list[Balance]:
-    terms = np.column_stack([motion.direction, shape])
-    stacked = np.column_stack(forces)
-    factors = solve_normal_equations(terms.T @ terms, terms.T @ stacked)
-    residuals = np.sqrt(np.mean((stacked - terms @ factors) ** 2, axis=0))
-    out = motion.direction > 0.0
+def _balances(direction: Array, shape: Array, *forces: Array) -> list[Balance]:
+    terms, stacked = np.column_stack([direction, shape]), np.column_stack(forces)
+    factors = _factors(terms, stacked)
+    residuals_n = np.sqrt(np.mean((stacked - terms @ factors) ** 2, axis=0)).tolist()
+    out, strokes = direction > 0.0, int(np.count_nonzero(np.diff(direction))) + 1
+    means = [(float(force[out].mean()), -float(force[~out].mean())) for force in forces]
+    sure = SURE / math.sqrt(strokes)
     return [
-        Balance(
-            friction_n=float(factors[0, index]),
-            residual_n=float(residuals[index]),
-            extending_n=float(force[out].mean()),
-            retracting_n=-float(force[~out].mean()),
-            sure_n=SURE * float(residuals[index]) / math.sqrt(motion.strokes),
-        )
-        for index, force in enumerate(forces)
+        Balance(friction_n, residual_n, *mean_n, sure * residual_n)
+        for friction_n, residual_n, mean_n in zip(factors[0].tolist(), residuals_n, means, strict=True)
     ]
 
 
@@ -227,7 +183,7 @@ def _inverted_load(as_is: Balance, turned: Balance, load: LoadMode) -> Finding |
     if load != "measured" or not (turned.dissipates and better):
         return None
     text = (
-        f"load_force_n is inverted: as it stands, {_against(as_is)}; the other way round, {_against(turned)}; change "
+        f"load_force_n is inverted: as it stands, {as_is.in_words()}; the other way round, {turned.in_words()}; change "
         "its sign in the mapping (it is positive where the load resists extension)"
     )
     return Finding("direction", "refused", text)
@@ -242,14 +198,14 @@ def _direction(as_is: Balance, swapped: Balance, load: LoadMode) -> Finding:
         return Finding(
             "direction",
             "refused",
-            f"the pressures are swapped{also}: as they stand, {_against(as_is)} and {as_is.residual_n:.3g} N of the "
+            f"the pressures are swapped{also}: as they stand, {as_is.in_words()} and {as_is.residual_n:.3g} N of the "
             f"force are explained by nothing; the other way round, friction is {abs(swapped.friction_n):.3g} N and "
             f"{swapped.residual_n:.3g} N are left; exchange the channels of pressure_1_pa (piston side) and "
             "pressure_2_pa" + (", and change the sign of position_m" if also else ""),
         )
     if as_is.drives and 1.0 / ratio > BETTER:
         text = (
-            f"position_m is inverted, or both pressures are: {_against(as_is)}, so friction would drive the piston; "
+            f"position_m is inverted, or both pressures are: {as_is.in_words()}, so friction would drive the piston; "
             "expected it to oppose the motion; correct in the mapping what is inverted: write sign: -1 and, as offset, "
             "what its sensor reads with the rod in or without pressure (position_m must grow while the rod extends)"
         )
@@ -261,7 +217,7 @@ def _direction(as_is: Balance, swapped: Balance, load: LoadMode) -> Finding:
 def _opposing(as_is: Balance, load: LoadMode, remedy: str) -> Finding:
     """Return whether friction opposes the motion. If it drives the motion, that is a refusal with this ``remedy``."""
     if as_is.drives:
-        text = f"friction would drive the piston: {_against(as_is)}; expected it to oppose the motion; {remedy}"
+        text = f"friction would drive the piston: {as_is.in_words()}; expected it to oppose the motion; {remedy}"
         return Finding("direction", "refused", text)
     if not as_is.dissipates:
         unexplained = f"({as_is.residual_n:.3g} N are unexplained)"
@@ -271,7 +227,7 @@ def _opposing(as_is: Balance, load: LoadMode, remedy: str) -> Finding:
         measured = load == "measured"
         load_n = 0.5 * (as_is.extending_n - as_is.retracting_n)
         text = (
-            f"{_against(as_is)}: one of them drives the motion, so there is {'another' if measured else 'a'} load of "
+            f"{as_is.in_words()}: one of them drives the motion, so there is {'another' if measured else 'a'} load of "
             f"about {load_n:.3g} N, or a pressure sensor's zero is off; "
             f"{'check unit and zero of load_force_n' if measured else 'state the load'}, or zero the sensors"
         )
@@ -286,13 +242,6 @@ def _second_rod(as_is: Balance, alike: Balance) -> str:
     return (
         f"; with equal areas it is {alike.extending_n:.3g} and {alike.retracting_n:.3g} N: if the cylinder has a rod "
         "on both sides, state the second one too (rod_diameter_1_m)"
-    )
-
-
-def _against(balance: Balance) -> str:
-    return (
-        f"the force against the motion is {balance.extending_n:.3g} N extending and {balance.retracting_n:.3g} N "
-        f"retracting ({balance.friction_n:.3g} N at equal position)"
     )
 
 

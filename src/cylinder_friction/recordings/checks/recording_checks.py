@@ -1,6 +1,6 @@
 """Check a uniformly sampled table before it counts as a recording."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array, true_runs
 from cylinder_friction.recordings.checks.limits import CheckLimits, Finding, spoken
-from cylinder_friction.recordings.checks.plausibility import check_friction, clear_motion
-from cylinder_friction.recordings.checks.position_checks import check_position_against_force, check_position_steps
+from cylinder_friction.recordings.checks.plausibility import check_friction
+from cylinder_friction.recordings.checks.position_steps import check_position_steps
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
     LOAD_FORCE,
@@ -21,8 +21,12 @@ from cylinder_friction.recordings.columns import (
 )
 from cylinder_friction.recordings.recording import Columns, Recording, RecordingError, RecordingMetadata
 
-RATE_TOLERANCE = 1e-3  # a logger's clock may be off by this share of its rate
-
+RATE_TOLERANCE = 1e-3  # A logger's clock may be off by this share of its rate
+LOWEST_PRESSURE_PA = -2e5  # Gauge: vacuum and a sensor's offset [Pa]
+POSITION_SLACK = 0.05  # Share of the stroke by which position may read beyond it
+STUCK_TRAVEL = 0.25  # A sensor that stays exactly constant over more than this share of the stroke is stuck
+LEAST_SPANS = {"pressure": 1e3, "force": 1e-3}
+"""By what a live sensor on a moving cylinder changes at least [Pa, N]."""
 NOISY_SHARE = 0.25  # A sensor that changes in this share of the rows shows noise, and never stays constant for long
 NEXT_STEP = 1.5  # Values at most this many steps of the converter apart are neighbours
 
@@ -63,6 +67,16 @@ class _Survey:
         self.lowest, self.highest = float(values[self.lowest_row]), float(values[self.highest_row])
         self.span = self.highest - self.lowest
 
+    def stuck(self, name: str, check: str, unit: str, stroke_m: float, remedy: str, *, may_be: bool = False) -> Finding:
+        """Refuse a column that is constant over a long travel, unless it ``may_be``."""
+        return Finding.of(
+            check,
+            may_be or self.stuck_travel_m <= STUCK_TRAVEL * stroke_m,
+            f"{name} stays exactly constant over {self.stuck_travel_m:.3g} m of travel at most",
+            f"{name} stays at exactly {self.stuck_at:.6g} {unit} from row {self.stuck_from + 1} to row {self.stuck_to} "
+            f"while the piston travels {self.stuck_travel_m:.3g} m{remedy}",
+        )
+
     def worst(self, low: float, high: float) -> tuple[float, int]:
         """Return the value furthest outside of two bounds, and its row, counted from 1."""
         if low - self.lowest > self.highest - high:
@@ -88,8 +102,8 @@ def inspect_recording(table: Columns, limits: CheckLimits, sample_time_s: float)
     The names of the checks, in their order: ``columns``, ``length``, ``finite``, ``rate``, ``position_range``,
     ``motion``, ``position_steps``; for each pressure ``pressure_range``, ``pressure_alive``, ``pressure_stuck``, for
     both ``pressures_differ`` and ``unit_plausible``, or in their place ``force_alive`` and ``force_stuck``;
-    ``load_alive`` and ``load_stuck``; ``direction``, ``friction_size``, ``load_delay`` and ``position_against_force``.
-    The last four need signals that passed and known areas.
+    ``load_alive`` and ``load_stuck``; ``direction``, ``friction_size`` and ``load_delay``. The last three need signals
+    that passed and known areas.
     """
     if missing := missing_column(table):
         yield Finding("columns", "refused", f"{missing}; map it to a channel")
@@ -102,57 +116,41 @@ def inspect_recording(table: Columns, limits: CheckLimits, sample_time_s: float)
     for name, values in columns.items():
         bad = np.flatnonzero(~np.isfinite(values))
         if len(bad):
-            text = (
-                f"{name} is {values[bad[0]]} in row {bad[0] + 1} "
-                f"({len(bad)} such rows in all); expected finite numbers; repair or cut the log"
-            )
-            yield Finding("finite", "refused", text)
+            text = f"{name} is {values[bad[0]]} in row {bad[0] + 1} ({len(bad)} such rows in all)"
+            yield Finding("finite", "refused", f"{text}; expected finite numbers; repair or cut the log")
             return
     yield Finding("finite", "ok", "every value is a finite number")
-    yield _length(rows, sample_time_s, limits)
-    rate = f"is sampled at {1.0 / sample_time_s:.4g} Hz"
+    duration_s, least_s, least_hz = rows * sample_time_s, limits.minimum_duration_s, limits.minimum_rate_hz
+    lasts, rate = f"lasts {duration_s:.3g} s ({rows} rows)", f"is sampled at {1.0 / sample_time_s:.4g} Hz"
+    yield Finding.of(
+        "length",
+        duration_s >= least_s,
+        lasts,
+        f"{lasts}, expected at least {least_s:.3g} s; log longer or lower checks.minimum_duration_s in the mapping",
+    )
     yield Finding.of(
         "rate",
-        1.0 / sample_time_s >= limits.minimum_rate_hz * (1.0 - RATE_TOLERANCE),
+        1.0 / sample_time_s >= least_hz * (1.0 - RATE_TOLERANCE),
         rate,
-        f"{rate}, expected at least {limits.minimum_rate_hz:.4g} Hz; the filters would smear starts, stops and "
-        "reversals over each other; log faster, or correct the unit of time_s (ms read as s?)",
+        f"{rate}, expected at least {least_hz:.4g} Hz; the filters would smear starts, stops and reversals over each "
+        "other; log faster, or correct the unit of time_s (ms read as s?)",
     )
-    valid = True
     seen = {name: _Survey(values, columns[POSITION], limits.steps.get(name, 0.0)) for name, values in columns.items()}
-    for finding in (
-        *_of_position(columns, seen, limits),
-        *(
-            _alive(DRIVE_FORCE, "force", seen[DRIVE_FORCE], limits.least_force_span_n, limits)
-            if DRIVE_FORCE in columns
-            else _of_pressures(columns, seen, limits)
-        ),
-        *(_of_load(columns[LOAD_FORCE], seen[LOAD_FORCE], limits) if LOAD_FORCE in columns else ()),
-    ):
-        valid = valid and finding.outcome != "refused"
-        yield finding
+    findings = [*_of_position(columns, seen, limits)]
+    if DRIVE_FORCE in columns:
+        findings += _alive(DRIVE_FORCE, "force", seen[DRIVE_FORCE], limits)
+    else:
+        findings += _of_pressures(columns, seen, limits)
+    if LOAD_FORCE in columns and limits.load == "measured" and limits.stated_load is None:
+        findings += _of_load(columns[LOAD_FORCE], seen[LOAD_FORCE], limits)
+    yield from findings
+    valid = all(finding.outcome != "refused" for finding in findings)
     if valid and (DRIVE_FORCE in columns or limits.areas_m2 is not None):
-        motion = clear_motion(columns[POSITION], sample_time_s, limits.stroke_m)
-        yield from check_friction(columns, motion, sample_time_s, limits.areas_m2, limits.load, limits.rod_diameter_1_m)
-        yield check_position_against_force(columns, motion, limits)
+        yield from check_friction(columns, sample_time_s, limits)
 
 
-def _length(rows: int, sample_time_s: float, limits: CheckLimits) -> Finding:
-    """Check that a recording lasts long enough."""
-    duration_s = rows * sample_time_s
-    text = f"lasts {duration_s:.3g} s ({rows} rows)"
-    return Finding.of(
-        "length",
-        duration_s >= limits.minimum_duration_s,
-        text,
-        f"{text}, expected at least {limits.minimum_duration_s:.3g} s; log longer or lower "
-        "checks.minimum_duration_s in the mapping",
-    )
-
-
-def _of_position(columns: Columns, of_columns: Mapping[str, _Survey], limits: CheckLimits) -> Iterator[Finding]:
-    seen = of_columns[POSITION]
-    stroke_m, slack_m = limits.stroke_m, limits.position_slack * limits.stroke_m
+def _of_position(columns: Columns, of_columns: dict[str, _Survey], limits: CheckLimits) -> Iterator[Finding]:
+    seen, stroke_m, slack_m = of_columns[POSITION], limits.stroke_m, POSITION_SLACK * limits.stroke_m
     runs = f"it runs from {seen.lowest:.4g} to {seen.highest:.4g} m"
     value, row = seen.worst(0.0, stroke_m)
     advice = "its unit (mm read as m?)"
@@ -167,8 +165,7 @@ def _of_position(columns: Columns, of_columns: Mapping[str, _Survey], limits: Ch
         f"position_m is {value:.4g} m in row {row} ({runs}), expected 0 to {stroke_m:.4g} m, the stroke; "
         f"check {advice}",
     )
-    least_m = limits.least_travel * stroke_m
-    moves = f"position_m moves by {seen.span:.3g} m"
+    least_m, moves = limits.least_travel * stroke_m, f"position_m moves by {seen.span:.3g} m"
     elsewhere = [name for name in OTHER_POSITIONS if name in of_columns and of_columns[name].span >= least_m]
     if seen.span < least_m and elsewhere:
         text = (
@@ -188,7 +185,7 @@ def _of_position(columns: Columns, of_columns: Mapping[str, _Survey], limits: Ch
 
 
 def _of_pressures(columns: dict[str, Array], seen: dict[str, _Survey], limits: CheckLimits) -> Iterator[Finding]:
-    low, high = limits.lowest_pressure_pa, limits.highest_pressure_pa
+    low, high = LOWEST_PRESSURE_PA, limits.highest_pressure_pa
     for name in PRESSURES:
         value, row = seen[name].worst(low, high)
         advice = "check unit (Pa or kPa read as bar?) and sign"
@@ -201,7 +198,7 @@ def _of_pressures(columns: dict[str, Array], seen: dict[str, _Survey], limits: C
             f"{name} is {spoken(name, value)} in row {row}, expected {low / 1e5:.4g} to {high / 1e5:.4g} bar gauge; "
             f"{advice}",
         )
-        yield from _alive(name, "pressure", seen[name], limits.least_pressure_span_pa, limits)
+        yield from _alive(name, "pressure", seen[name], limits)
     yield Finding.of(
         "pressures_differ",
         not np.array_equal(columns[PRESSURES[0]], columns[PRESSURES[1]]),
@@ -221,45 +218,34 @@ def _of_pressures(columns: dict[str, Array], seen: dict[str, _Survey], limits: C
     )
 
 
-def _alive(name: str, kind: str, seen: _Survey, least: float, limits: CheckLimits) -> Iterator[Finding]:
+def _alive(name: str, kind: str, seen: _Survey, limits: CheckLimits) -> Iterator[Finding]:
     """Check that a sensor changes with the motion and does not stick while the piston travels."""
     unit, wrong = ("Pa", "bar read as Pa?") if kind == "pressure" else ("N", "MN or kN read as N?")
     what = "is constant" if seen.span == 0.0 else f"changes by {seen.span:.3g} {unit} only"
     alive = Finding.of(
         f"{kind}_alive",
-        seen.span >= least,
+        seen.span >= LEAST_SPANS[kind],
         f"{name} changes by {spoken(name, seen.span)}",
         f"{name} {what} (at {seen.highest:.4g} {unit}) while the cylinder moves; the sensor is stuck or not "
         f"connected, or the unit is wrong ({wrong})",
     )
     yield alive
     if alive.outcome == "ok":
-        yield Finding.of(
-            f"{kind}_stuck",
-            seen.stuck_travel_m <= limits.stuck_travel * limits.stroke_m,
-            f"{name} stays exactly constant over {seen.stuck_travel_m:.3g} m of travel at most",
-            f"{name} stays at exactly {seen.stuck_at:.6g} {unit} from row {seen.stuck_from + 1} to row {seen.stuck_to} "
-            f"while the piston travels {seen.stuck_travel_m:.3g} m; the sensor is stuck or at the end of its range, or "
-            "its values are rounded: then state its range and bits as its sensor in the mapping",
+        remedy = (
+            "; the sensor is stuck or at the end of its range, or its values are rounded: then state its range and "
+            "bits as its sensor in the mapping"
         )
+        yield seen.stuck(name, f"{kind}_stuck", unit, limits.stroke_m, remedy)
 
 
 def _of_load(load_n: Array, seen: _Survey, limits: CheckLimits) -> Iterator[Finding]:
     """Check that a load cell changes. Unlike a pressure, a load may stay constant unless the cell's noise ceases."""
-    if limits.load != "measured" or limits.stated_load is not None:
-        return
     if seen.span == 0.0:
         text = f"load_force_n is constant (at {seen.highest:.4g} N); the load cell is idle, stuck or not connected"
         yield Finding("load_alive", "noted", text)
         return
     yield Finding("load_alive", "ok", f"load_force_n changes by {spoken(LOAD_FORCE, seen.span)}")
     elsewhere = len(load_n) - (seen.stuck_to - seen.stuck_from)
-    noisy = np.count_nonzero(np.diff(load_n)) > NOISY_SHARE * elsewhere
-    yield Finding.of(
-        "load_stuck",
-        not noisy or seen.stuck_travel_m <= limits.stuck_travel * limits.stroke_m,
-        f"load_force_n stays exactly constant over {seen.stuck_travel_m:.3g} m of travel at most",
-        f"load_force_n stays at exactly {seen.stuck_at:.6g} N from row {seen.stuck_from + 1} to row {seen.stuck_to} "
-        f"while the piston travels {seen.stuck_travel_m:.3g} m, and changes from row to row elsewhere; the load cell "
-        "or its amplifier was stuck; cut the log there",
-    )
+    noisy = bool(np.count_nonzero(np.diff(load_n)) > NOISY_SHARE * elsewhere)
+    remedy = ", and changes from row to row elsewhere; the load cell or its amplifier was stuck; cut the log there"
+    yield seen.stuck(LOAD_FORCE, "load_stuck", "N", limits.stroke_m, remedy, may_be=not noisy)

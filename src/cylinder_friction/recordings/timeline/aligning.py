@@ -1,7 +1,7 @@
 """Bring columns as they were sampled to pieces at one constant rate, and report what was bridged or moved."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,28 +23,11 @@ from cylinder_friction.recordings.timeline.stamp_repair import counted
 from cylinder_friction.recordings.timeline.timestamps import WHOLE_HERTZ, TimeRules, even_rate, whole_hertz
 
 Spans = list[tuple[float, float]]
+Placed = tuple[list[tuple[Columns, int]], dict[str, list[str]], Spans]
+"""Pieces with their segment of the clock, the columns of each method of resampling, and stretches too short [s]."""
 
 HIGHEST_RATIO = 10.0  # A wanted rate above this multiple of the fastest channel's is refused
-
-
-@dataclass(frozen=True)
-class _Described:
-    """What recordings of one file have in common."""
-
-    about: RecordingMetadata
-    start: Start | None
-
-    def piece(self, columns: Columns, rate_hz: float, repairs: Sequence[str] = (), segment: int = 0) -> Recording:
-        """Return columns as a recording, yet to be checked. A start holds until the clock restarts."""
-        own = self.start if self.start is not None and (segment == 0 or self.start.dated_rows) else None
-        about = replace(
-            self.about,
-            sample_time_s=1.0 / rate_hz,
-            repairs=(*self.about.repairs, *repairs),
-            start="" if own is None else own.after(float(columns[TIME][0])).text(),
-            start_source="" if own is None else own.source,
-        )
-        return Recording.unchecked(about, columns)
+SHORTEST_PIECE = 10  # A stretch between two gaps with fewer samples is left out
 
 
 def align(
@@ -73,15 +56,68 @@ def align(
     Raises:
         RecordingError: The stamps cannot be put in order, a column has no samples, or no stretch is long enough.
     """
-    described = _Described(about, start)
-    unchanged = _unchanged(signals, rules, described)
-    if unchanged is not None:
-        return [unchanged]
-    _check(signals)
+    unchanged_hz = _rate_of_unchanged(signals, rules)
+    if unchanged_hz is not None:
+        columns = {TIME: next(iter(signals.values())).time_s} | {name: each.values for name, each in signals.items()}
+        return [_piece(columns, unchanged_hz, about, start)]
     timelines, repairs = find_timelines(signals, rules)
     _check_restarts(timelines)
+    rate_hz = _common_rate(timelines, rules)
+    one_grid = all(each.grid is timelines[0].grid and each.even and each.stride == 1 for each in timelines)
+    same_rate = one_grid and abs(rate_hz * timelines[0].step_s - 1.0) <= WHOLE_HERTZ
+    pieces, methods, short = _on_logged_grid(timelines) if same_rate else _on_new_grid(timelines, rate_hz)
+    repairs += _gap_note(timelines, rules)
+    if not pieces:
+        why = "; ".join(repairs) or "the columns do not overlap in time"
+        raise RecordingError(
+            f"has no stretch of {SHORTEST_PIECE} samples at {rate_hz:.6g} Hz without a gap in any column "
+            f"({why}), expected at least one; log without gaps, or leave the column with the gaps out of the mapping"
+        )
+    repairs += [*_edge_note(timelines, rate_hz), *_short_note(short), *_sentences(methods, len(timelines))]
+    return [
+        _piece(columns, rate_hz, about, start, segment, (*repairs, *_bridged_note(timelines, columns[TIME], segment)))
+        for columns, segment in pieces
+    ]
+
+
+def _piece(
+    columns: Columns,
+    rate_hz: float,
+    about: RecordingMetadata,
+    start: Start | None,
+    segment: int = 0,
+    repairs: Sequence[str] = (),
+) -> Recording:
+    """Return columns as a recording, yet to be checked. A start holds until the clock restarts."""
+    own = start if start is not None and (segment == 0 or start.dated_rows) else None
+    described = replace(
+        about,
+        sample_time_s=1.0 / rate_hz,
+        repairs=(*about.repairs, *repairs),
+        start="" if own is None else own.after(float(columns[TIME][0])).text(),
+        start_source="" if own is None else own.source,
+    )
+    return Recording.unchecked(described, columns)
+
+
+def _rate_of_unchanged(signals: Mapping[str, Signal], rules: TimeRules) -> float | None:
+    """Return the rate [Hz] of columns that need no repair and no resampling; None if they do."""
+    time_s, *others = {id(signal.time_s): signal.time_s for signal in signals.values()}.values()
+    one_clock = all(np.array_equal(time_s, other) for other in others)
+    complete = one_clock and all(np.isfinite(signal.values).all() for signal in signals.values())
+    rate_hz = even_rate(time_s) if complete else None
+    if rate_hz is None:
+        return None
+    wanted_hz = whole_hertz(rate_hz) if rules.rate_hz is None else rules.rate_hz
+    return wanted_hz if abs(wanted_hz - rate_hz) <= WHOLE_HERTZ * rate_hz else None
+
+
+def _common_rate(timelines: Sequence[ChannelTimeline], rules: TimeRules) -> float:
+    """Return the wanted rate, or that of the slowest column [Hz].
+
+    Oil temperature changes over minutes: logged once a second, it does not set the rate of the others.
+    """
     own_hz = {timeline.column: own_rate(timeline) for timeline in timelines}
-    # Oil temperature changes over minutes: logged once a second, it does not set the rate of the others.
     fast = [rate for column, rate in own_hz.items() if column != OIL_TEMPERATURE]
     rate_hz = min(fast or own_hz.values()) if rules.rate_hz is None else rules.rate_hz
     if rate_hz > HIGHEST_RATIO * max(own_hz.values()):
@@ -89,57 +125,7 @@ def align(
             f"cannot be resampled to {rate_hz:.6g} Hz: its fastest channel is sampled at {max(own_hz.values()):.6g} "
             f"Hz, expected at most {HIGHEST_RATIO:.0f} times that; lower rate_hz"
         )
-    one_grid = all(each.grid is timelines[0].grid and each.even and each.stride == 1 for each in timelines)
-    same_rate = one_grid and abs(rate_hz * timelines[0].step_s - 1.0) <= WHOLE_HERTZ
-    place = _on_logged_grid if same_rate else _on_new_grid
-    pieces, more, short = place(timelines, rate_hz, rules, described)
-    if not pieces:
-        why = "; ".join([*repairs, *_gap_note(timelines, rules)]) or "the columns do not overlap in time"
-        raise RecordingError(
-            f"has no stretch of {rules.shortest_piece_samples} samples at {rate_hz:.6g} Hz without a gap in any column "
-            f"({why}), expected at least one; log without gaps, or leave the column with the gaps out of the mapping"
-        )
-    whole = (
-        *about.repairs, *repairs, *_gap_note(timelines, rules), *_edge_note(timelines, rate_hz),
-        *_short_note(short, rules), *more,
-    )  # fmt: skip
-    own = [piece.metadata.repairs[len(about.repairs) :] for piece in pieces]
-    return [piece.described(repairs=(*whole, *bridged)) for piece, bridged in zip(pieces, own, strict=True)]
-
-
-def _check(signals: Mapping[str, Signal]) -> None:
-    for column, signal in signals.items():
-        if len(signal.values) < 3:
-            raise RecordingError(f"has {len(signal.values)} rows, expected at least 3")
-        if not np.isfinite(signal.values).any():
-            raise RecordingError(
-                f"{column} has no finite value in {len(signal.values)} rows, expected at least 3; check its channel in "
-                "the mapping"
-            )
-
-
-def _unchanged(signals: Mapping[str, Signal], rules: TimeRules, described: _Described) -> Recording | None:
-    """Return the columns as a recording, not copied, if they need no repair and no resampling; else None."""
-    time_s, *others = {id(signal.time_s): signal.time_s for signal in signals.values()}.values()
-    one_clock = all(np.array_equal(time_s, other) for other in others)
-    complete = one_clock and all(np.isfinite(signal.values).all() for signal in signals.values())
-    rate_hz = even_rate(time_s, rules.jitter_share) if complete else None
-    if rate_hz is None:
-        return None
-    wanted_hz = whole_hertz(rate_hz) if rules.rate_hz is None else rules.rate_hz
-    if abs(wanted_hz - rate_hz) > WHOLE_HERTZ * rate_hz:
-        return None
-    columns = {column: signal.values for column, signal in signals.items()}
-    return described.piece({TIME: time_s, **columns}, wanted_hz)
-
-
-def _origins(timelines: Sequence[ChannelTimeline]) -> list[float]:
-    """Return the first stamp of any column after each start of the clock; NaN if no column has one."""
-    origins_s = []
-    for segment in range(int(timelines[0].grid.segments[-1]) + 1):
-        firsts = [each.time_s[each.segments == segment][:1] for each in timelines]
-        origins_s.append(min((float(first[0]) for first in firsts if len(first)), default=np.nan))
-    return origins_s
+    return rate_hz
 
 
 def _check_restarts(timelines: Sequence[ChannelTimeline]) -> None:
@@ -152,30 +138,25 @@ def _check_restarts(timelines: Sequence[ChannelTimeline]) -> None:
         )
 
 
-def _on_logged_grid(
-    timelines: Sequence[ChannelTimeline], rate_hz: float, rules: TimeRules, described: _Described
-) -> tuple[list[Recording], list[str], Spans]:
-    """Cut columns of one grid at their gaps and bridge lost samples; return the pieces and what was too short."""
+def _on_logged_grid(timelines: Sequence[ChannelTimeline]) -> Placed:
+    """Cut columns of one grid at their gaps and bridge lost samples."""
     grid = timelines[0].grid
     spans: Spans = [(-np.inf, np.inf)]
     for each in timelines:
         spans = _overlap(spans, [(float(each.index[a]), float(each.index[b - 1])) for a, b in each.stretches()])
-    pieces, short = [], []
+    pieces: list[tuple[Columns, int]] = []
+    short: Spans = []
     for first, last in ((int(a), int(b)) for a, b in spans):
         a, b = np.searchsorted(grid.index, [first, last + 1])
-        if last - first + 1 < rules.shortest_piece_samples:
-            if b > a:
-                short.append((float(grid.time_s[a]), float(grid.time_s[b - 1])))
-            continue
-        numbers = np.arange(first, last + 1)
-        time_s = grid.time_s[a:b]
-        if len(time_s) < len(numbers):
-            time_s = np.interp(numbers, grid.index, grid.time_s)
-        columns = {each.column: _filled(each, numbers) for each in timelines}
-        segment = int(grid.segments[a])
-        repairs = _bridged_note(timelines, float(time_s[0]), float(time_s[-1]), segment)
-        pieces.append(described.piece({TIME: time_s, **columns}, rate_hz, repairs, segment))
-    return pieces, [], short
+        if last - first + 1 >= SHORTEST_PIECE:
+            numbers, time_s = np.arange(first, last + 1), grid.time_s[a:b]
+            if len(time_s) < len(numbers):
+                time_s = np.interp(numbers, grid.index, grid.time_s)
+            columns = {TIME: time_s} | {each.column: _filled(each, numbers) for each in timelines}
+            pieces.append((columns, int(grid.segments[a])))
+        elif b > a:
+            short.append((float(grid.time_s[a]), float(grid.time_s[b - 1])))
+    return pieces, {}, short
 
 
 def _filled(timeline: ChannelTimeline, numbers: NDArray[np.int64]) -> Array:
@@ -191,16 +172,15 @@ def _filled(timeline: ChannelTimeline, numbers: NDArray[np.int64]) -> Array:
     return filled[numbers[0] - index[start] :][: len(numbers)]
 
 
-def _on_new_grid(
-    timelines: Sequence[ChannelTimeline], rate_hz: float, rules: TimeRules, described: _Described
-) -> tuple[list[Recording], list[str], Spans]:
-    """Return pieces on the grid of ``rate_hz``, how each column got there, and stretches that were too short."""
-    pieces: list[Recording] = []
+def _on_new_grid(timelines: Sequence[ChannelTimeline], rate_hz: float) -> Placed:
+    """Resample columns to a grid of ``rate_hz`` from the first stamp of any of them after each start of the clock."""
+    pieces: list[tuple[Columns, int]] = []
     short: Spans = []
     methods: dict[str, list[str]] = {}
-    for segment, start_s in enumerate(_origins(timelines)):
-        if not all((each.segments == segment).any() for each in timelines):
+    for segment, stamps in enumerate(_stamps_by_segment(timelines)):
+        if len(stamps) < len(timelines):
             continue
+        start_s = min(float(time_s[0]) for time_s in stamps)
         uniform = {each.column: uniform_segments(each, segment, start_s) for each in timelines}
         spans: Spans = [(-np.inf, np.inf)]
         for of_column in uniform.values():
@@ -209,19 +189,24 @@ def _on_new_grid(
             # A stamp may miss its multiple of the sample time by rounding.
             first = int(np.ceil((first_s - start_s) * rate_hz - 1e-6))
             last = int(np.floor((last_s - start_s) * rate_hz + 1e-6))
-            if last - first + 1 < rules.shortest_piece_samples:
+            if last - first + 1 < SHORTEST_PIECE:
                 short.append((first_s, last_s))
                 continue
-            time_s = start_s + np.arange(first, last + 1) / rate_hz
-            columns: dict[str, Array] = {}
+            columns = {TIME: start_s + np.arange(first, last + 1) / rate_hz}
             for column, of_column in uniform.items():
                 covering = next(each for each in of_column if each.first_s <= first_s <= each.last_s)
-                columns[column], method = sampled_at(covering, time_s, rate_hz, rules)
+                columns[column], method = sampled_at(covering, columns[TIME], rate_hz)
                 if method and column not in methods.setdefault(method, []):
                     methods[method].append(column)
-            repairs = _bridged_note(timelines, first_s, last_s, segment)
-            pieces.append(described.piece({TIME: time_s, **columns}, rate_hz, repairs, segment))
-    return pieces, _sentences(methods, len(timelines)), short
+            pieces.append((columns, segment))
+    return pieces, methods, short
+
+
+def _stamps_by_segment(timelines: Sequence[ChannelTimeline]) -> list[list[Array]]:
+    """List the stamps of the columns after each start of the clock, without columns that have none there."""
+    segments = range(int(timelines[0].grid.segments[-1]) + 1)
+    stamps = ([each.time_s[each.segments == segment] for each in timelines] for segment in segments)
+    return [[time_s for time_s in own if len(time_s)] for own in stamps]
 
 
 def _overlap(one: Spans, other: Spans) -> Spans:
@@ -264,12 +249,13 @@ def _gap_note(timelines: Sequence[ChannelTimeline], rules: TimeRules) -> list[st
     ]
 
 
-def _bridged_note(timelines: Sequence[ChannelTimeline], first_s: float, last_s: float, segment: int) -> list[str]:
-    """Return how many lost samples of a piece were interpolated, columns with the same ones together."""
+def _bridged_note(timelines: Sequence[ChannelTimeline], stamps_s: Array, segment: int) -> list[str]:
+    """State how many lost samples of a piece were interpolated, columns with the same ones together."""
     done: dict[str, list[str]] = {}
     for each in timelines:
         time_s, lost = each.time_s, np.flatnonzero(each.lost)
-        lost = lost[(time_s[lost] < last_s) & (time_s[lost + 1] > first_s) & (each.segments[lost] == segment)]
+        within = (time_s[lost] < stamps_s[-1]) & (time_s[lost + 1] > stamps_s[0])
+        lost = lost[within & (each.segments[lost] == segment)]
         if len(lost):
             text = (
                 f"{counted(int(each.lost[lost].sum()), 'lost sample')} interpolated (at most {each.lost[lost].max()} "
@@ -282,13 +268,9 @@ def _bridged_note(timelines: Sequence[ChannelTimeline], first_s: float, last_s: 
 def _edge_note(timelines: Sequence[ChannelTimeline], rate_hz: float) -> list[str]:
     """State the time at both ends that only some of the columns cover."""
     starts_s = ends_s = 0.0
-    for segment in range(int(timelines[0].grid.segments[-1]) + 1):
-        stamps = [each.time_s[each.segments == segment] for each in timelines]
-        spans = [(float(time_s[0]), float(time_s[-1])) for time_s in stamps if len(time_s)]
-        if not spans:
-            continue
-        firsts, lasts = zip(*spans, strict=True)
-        everywhere = len(spans) == len(timelines)
+    for stamps in filter(None, _stamps_by_segment(timelines)):
+        firsts, lasts = ([float(time_s[end]) for time_s in stamps] for end in (0, -1))
+        everywhere = len(stamps) == len(timelines)
         starts_s += max(firsts) - min(firsts) if everywhere else 0.0
         ends_s += max(lasts) - min(lasts if everywhere else firsts)
     slowest_s = max(1.0 / rate_hz, *(each.step_s for each in timelines))
@@ -298,9 +280,9 @@ def _edge_note(timelines: Sequence[ChannelTimeline], rate_hz: float) -> list[str
     return [f"time: {start} at the start and {end} at the end left out, not covered by every column"]
 
 
-def _short_note(short: Spans, rules: TimeRules) -> list[str]:
+def _short_note(short: Spans) -> list[str]:
     return [
-        f"time: {counted(len(short), 'stretch', 'es')} of fewer than {rules.shortest_piece_samples} samples between "
-        f"gaps left out (first: {first_s:.6g} to {last_s:.6g} s)"
+        f"time: {counted(len(short), 'stretch', 'es')} of fewer than {SHORTEST_PIECE} samples between gaps left out "
+        f"(first: {first_s:.6g} to {last_s:.6g} s)"
         for first_s, last_s in short[:1]
     ]

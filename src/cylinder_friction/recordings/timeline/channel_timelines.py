@@ -11,6 +11,7 @@ from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.recordings.recording import RecordingError, Signal
 from cylinder_friction.recordings.timeline.stamp_repair import OrderedStamps, order_stamps, resolve_duplicates
 from cylinder_friction.recordings.timeline.timestamps import (
+    JITTER_SHARE,
     Indices,
     TimeRules,
     explaining_resolution,
@@ -34,9 +35,7 @@ class SampleGrid:
     step_s: float  # Time between two samples [s]
     even: bool  # Whether the stamps lie on an even clock, lost samples aside; else their step is the median one
     index: Indices  # Sample number of each stamp, shape ``(n,)``; meaningless across a gap or a restart
-    # Whether more samples than may be bridged are lost, or the clock restarts, between a stamp and the next, shape ``(n
-    # - 1,)``
-    gaps: Mask
+    gaps: Mask  # Whether more than may be bridged is lost, or the clock restarts, after a stamp, shape ``(n - 1,)``
 
 
 @dataclass(frozen=True)
@@ -84,9 +83,13 @@ def find_timelines(signals: Mapping[str, Signal], rules: TimeRules) -> tuple[lis
     """
     timelines: list[ChannelTimeline] = []
     repairs: list[str] = []
-    for time_s, values in _tables(signals):
+    tables: dict[int, dict[str, Signal]] = {}
+    for column, signal in signals.items():
+        tables.setdefault(id(signal.time_s), {})[column] = signal
+    for table in tables.values():
+        values = {name: signal.values for name, signal in table.items()}
         blank = np.logical_and.reduce([~np.isfinite(column) for column in values.values()])
-        stamps = order_stamps(time_s, blank, rules)
+        stamps = order_stamps(next(iter(table.values())).time_s, blank)
         repairs += _with_subject(stamps.repairs, values, signals)
         for columns, together in _sampled_together(stamps, values):
             more, done = _timelines_of(stamps, columns, together, rules)
@@ -99,13 +102,6 @@ def find_timelines(signals: Mapping[str, Signal], rules: TimeRules) -> tuple[lis
 def _with_subject(repairs: Sequence[str], columns: Mapping[str, Array], signals: Mapping[str, Signal]) -> list[str]:
     of = "" if len(columns) == len(signals) else f" of {', '.join(name for name in signals if name in columns)}"
     return [f"time{of}: {repair}" for repair in repairs]
-
-
-def _tables(signals: Mapping[str, Signal]) -> list[tuple[Array, dict[str, Array]]]:
-    tables: dict[int, tuple[Array, dict[str, Array]]] = {}
-    for column, signal in signals.items():
-        tables.setdefault(id(signal.time_s), (signal.time_s, {}))[1][column] = signal.values
-    return list(tables.values())
 
 
 def _sampled_together(stamps: OrderedStamps, values: Mapping[str, Array]) -> list[tuple[dict[str, Array], Mask]]:
@@ -200,7 +196,7 @@ def _even_grid(time_s: Array, segments: Indices, step_s: float, rules: TimeRules
     covered_s = float(steps_s[~gaps].sum())
     mean_s = covered_s / float(np.diff(index)[~gaps].sum())
     resolution_s = explaining_resolution(time_s, mean_s)
-    tolerance_s = max(rules.jitter_share * mean_s, 1.05 * resolution_s)
+    tolerance_s = max(JITTER_SHARE * mean_s, 1.05 * resolution_s)
     bounds = np.concatenate([[0], np.flatnonzero(gaps) + 1, [len(time_s)]])
     for start, end in pairwise(bounds):
         if end - start > 1 and not follows_even_clock(time_s[start:end], index[start:end], mean_s, tolerance_s):

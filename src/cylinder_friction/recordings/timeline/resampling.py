@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimeline
-from cylinder_friction.recordings.timeline.timestamps import BLOCK, WHOLE_HERTZ, TimeRules, whole_hertz
+from cylinder_friction.recordings.timeline.timestamps import BLOCK, JITTER_SHARE, WHOLE_HERTZ, whole_hertz
 
 ON_THE_LINE = 1e-3
 """A segment whose stamps follow one straight line this closely, as a share of a step, is read off that line."""
@@ -87,7 +87,7 @@ def uniform_segments(timeline: ChannelTimeline, segment: int, start_s: float) ->
     return result
 
 
-def sampled_at(segment: UniformSegment, time_s: Array, rate_hz: float, rules: TimeRules) -> tuple[Array, str]:
+def sampled_at(segment: UniformSegment, time_s: Array, rate_hz: float) -> tuple[Array, str]:
     """Return the values at uniform instants within the segment, shape ``(m,)``, and the method; empty if as logged."""
     knot_s, knot_number = segment.knot_s, segment.knot_number
     numbers: Array = np.interp(time_s, knot_s, knot_number)
@@ -96,7 +96,7 @@ def sampled_at(segment: UniformSegment, time_s: Array, rate_hz: float, rules: Ti
         numbers[beyond] = knot_number[edge] + slope * (time_s[beyond] - knot_s[edge])
     numbers = np.clip(numbers, 0.0, len(segment.values) - 1.0)
     nearest = np.rint(numbers).astype(np.int64)
-    on_samples = np.abs(numbers - nearest).max() <= max(rules.jitter_share, 1e-6)
+    on_samples = np.abs(numbers - nearest).max() <= JITTER_SHARE
     if on_samples and (np.diff(nearest) == 1).all():
         return segment.values[nearest], segment.method
     from cylinder_friction.recordings.timeline.windowed_sinc import CUT_OFF, windowed_sinc  # Numba

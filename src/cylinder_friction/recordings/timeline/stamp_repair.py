@@ -13,6 +13,8 @@ RUNS_ON = 16
 """Rows before and after a backward step that must run on for it to be a restart of the clock."""
 UNDONE_SHARE = 0.5
 """A forward jump near a backward step, by more than this share of it, undoes it: then no clock restarted."""
+DAMAGED_SHARE = 0.05
+"""With more damaged stamps than this share of the rows, the order of the rows is unknown."""
 FEWEST_STAMPS = 10  # A clock is taken for coarse from this many different stamps on
 
 LAG = 32
@@ -29,7 +31,7 @@ class OrderedStamps:
     repairs: tuple[str, ...]  # What was done, one text each, without its subject
 
 
-def order_stamps(time_s: Array, blank: Mask, rules: TimeRules) -> OrderedStamps:
+def order_stamps(time_s: Array, blank: Mask) -> OrderedStamps:
     """Return the stamps in order.
 
     Rows that hold neither stamp nor value (``blank``) are ignored, and a few stamps that are not finite (or 1e11 s and
@@ -45,13 +47,13 @@ def order_stamps(time_s: Array, blank: Mask, rules: TimeRules) -> OrderedStamps:
     logged = len(rows) + len(lost)
     if logged < 3:
         raise RecordingError(f"has {logged} rows, expected at least 3")
-    most_damaged = max(3.0, rules.damaged_share * logged)
+    most_damaged = max(3.0, DAMAGED_SHARE * logged)
     repairs = []
     if len(lost):
         if len(lost) > min(most_damaged, logged - 3):
             raise RecordingError(
                 f"time_s is not a number, or beyond {LATEST_S:.0e} s, in {len(lost)} of {logged} rows (first: row "
-                f"{lost[0] + 1}), expected at most {100.0 * rules.damaged_share:.3g} %; check the time channel and its "
+                f"{lost[0] + 1}), expected at most {100.0 * DAMAGED_SHARE:.3g} %; check the time channel and its "
                 "unit or date format"
             )
         repairs.append(f"{counted(len(lost), 'row')} without a time stamp left out (first: row {lost[0] + 1})")
@@ -100,7 +102,7 @@ def resolve_duplicates(
     """Return the stamps, which increase over the rows to keep, the mask of these rows, and what was done.
 
     - Copies of the row before (same stamp, same values) are left out, however many there are.
-    - Where more than ``damaged_share`` of the rows repeat a stamp with other values, the clock is coarse (a tick of
+    - If more than 5 % of the rows repeat a stamp with other values, the clock is coarse (a tick of
       10 or 15.6 ms, or one stamp for a block of samples): the samples are spread evenly, on a straight line along
       the first sample of each stamp and none of these before its stamp. Stamps off that line by more than the usual
       time between two of them were not sampled evenly. Fewer lost samples than that are hidden by the rounding.
@@ -123,7 +125,7 @@ def resolve_duplicates(
     # A sensor at rest repeats its values without being copied; then they repeat from stamp to stamp as well.
     at_rest = float(same[~repeated][1:].mean()) if (~repeated).sum() > 1 else 0.0
     others = repeated & ~copies
-    few = repeated.sum() <= rules.damaged_share * len(keep)
+    few = repeated.sum() <= DAMAGED_SHARE * len(keep)
     if copies.any() and (few or (at_rest < 0.5 and copies.sum() >= 0.9 * repeated.sum())):
         keep &= ~copies
         repairs.append(_first(copies, stamps, "stamp and values of the row before"))
@@ -131,7 +133,7 @@ def resolve_duplicates(
         others = repeated
     if not others.any():
         return stamps.time_s, keep, repairs
-    if others.sum() <= max(3.0, rules.damaged_share * len(keep)):
+    if others.sum() <= max(3.0, DAMAGED_SHARE * len(keep)):
         keep &= ~others
         repairs.append(_first(others, stamps, "the stamp of the row before but other values"))
         return stamps.time_s, keep, repairs

@@ -29,6 +29,9 @@ LATEST_S = 1e11
 USUAL_STEP_SHARE = 0.9
 """If one step makes up this share, stamps are exact, and longer steps are lost samples rather than rounding."""
 
+JITTER_SHARE = 0.02
+"""Stamps off an even clock by less than this share of a step count as even."""
+
 
 @dataclass(frozen=True)
 class TimeRules:
@@ -37,20 +40,12 @@ class TimeRules:
     # Rate of the recording [Hz]; None for the slowest channel's own, oil temperature not counted
     rate_hz: float | None = None
     longest_bridge_samples: int = 2  # Up to this many lost samples in a row are interpolated; more split the recording
-    jitter_share: float = 0.02  # Stamps off an even clock by less than this share of a step count as even
-    # With more damaged stamps than this share of the rows, the order of the rows is unknown
-    damaged_share: float = 0.05
-    shortest_piece_samples: int = 10  # A stretch between two gaps that is shorter is left out
 
     def __post_init__(self) -> None:
-        for name, valid, wanted in (
-            ("rate_hz", self.rate_hz is None or 0.0 < self.rate_hz < math.inf, "a positive number or None"),
-            ("longest_bridge_samples", self.longest_bridge_samples >= 0, "0 or more"),
-            ("jitter_share", 0.0 <= self.jitter_share <= 0.25, "a number in [0, 0.25]"),
-            ("damaged_share", 0.0 <= self.damaged_share <= 0.5, "a number in [0, 0.5]"),
-            ("shortest_piece_samples", self.shortest_piece_samples >= 3, "3 or more"),
-        ):
-            expect(valid, name, wanted, getattr(self, name))
+        rate_is_valid = self.rate_hz is None or 0.0 < self.rate_hz < math.inf
+        expect(rate_is_valid, "rate_hz", "a positive number or None", self.rate_hz)
+        lost = self.longest_bridge_samples
+        expect(lost >= 0, "longest_bridge_samples", "0 or more", lost)
 
 
 def stamps_to_seconds(stamps: pd.Series[Any] | NDArray[Any], origin: pd.Timestamp | None = None) -> Array:
@@ -93,10 +88,10 @@ def whole_hertz(rate_hz: float, uncertainty: float = 0.0) -> float:
     return whole if abs(rate_hz - whole) <= max(WHOLE_HERTZ, min(uncertainty, 1e-3)) * rate_hz else rate_hz
 
 
-def even_rate(time_s: Array, jitter_share: float) -> float | None:
+def even_rate(time_s: Array) -> float | None:
     """Return the mean rate [Hz] of evenly spaced stamps, one per sample; None if they are uneven.
 
-    Even means: within every 1024 samples the stamps are off a straight line by no more than ``jitter_share`` of a
+    Even means: within every 1024 samples the stamps are off a straight line by no more than 2 % of a
     step, or than their printed resolution explains, and the rate stays the same within 1e-3. A clock that is fast,
     slow or drifts by some parts per million is even. A lost sample moves the line by half a step, so it is not.
     """
@@ -106,10 +101,10 @@ def even_rate(time_s: Array, jitter_share: float) -> float | None:
     if step_s <= 0.0:
         return None
     numbers = np.arange(len(time_s))
-    if follows_even_clock(time_s, numbers, step_s, jitter_share * step_s):
+    if follows_even_clock(time_s, numbers, step_s, JITTER_SHARE * step_s):
         return 1.0 / step_s
     resolution_s = explaining_resolution(time_s, step_s)
-    if resolution_s > jitter_share * step_s and follows_even_clock(time_s, numbers, step_s, 1.05 * resolution_s):
+    if resolution_s > JITTER_SHARE * step_s and follows_even_clock(time_s, numbers, step_s, 1.05 * resolution_s):
         return whole_hertz(1.0 / step_s, resolution_s / (time_s[-1] - time_s[0]))
     return None
 
