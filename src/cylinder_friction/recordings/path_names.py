@@ -22,7 +22,7 @@ class PathNames:
     name: str
     condition: str
     session: str
-    load: str
+    load: str = ""
     asset: str = ""
 
 
@@ -53,7 +53,7 @@ class NameRules:
         return {} if self.table is None else read_names_table(self.table)
 
     def names(self, relative_path: str) -> PathNames:
-        """Return what is known of a file, by its path relative to the source, with ``/``.
+        """Tell what is known of a file, by its path relative to the source, with ``/``.
 
         Raises:
             RecordingError: The pattern does not match, the table has no line for it, or other systems cannot have a
@@ -88,7 +88,7 @@ class NameRules:
         return self._compiled is not None and self._compiled.search(relative_path) is not None
 
     def lines_without_file(self, relative_paths: Collection[str]) -> list[str]:
-        """Return a sentence for each line of the table that is of no file; empty if names come from a pattern."""
+        """Write a sentence for each line of the table that is of no file; empty if names come from a pattern."""
         return [
             f"the table of names has a line for {file!r}, which is not there; correct the line, or put the file where "
             "it belongs"
@@ -112,13 +112,13 @@ def compile_name_pattern(pattern: str) -> re.Pattern[str]:
 
 
 def name_of(path: str) -> str:
-    """Return a recording's name: its file's path without the last suffix, with ``-`` for ``/``."""
+    """Make a recording's name: its file's path without the last suffix, with ``-`` for ``/``."""
     stem = path.rsplit(".", 1)[0] if "." in path.rsplit("/", 1)[-1] else path
     return stem.replace("/", "-")
 
 
 def read_names_table(path: Path) -> dict[str, PathNames]:
-    """Return the lines of a table of names by the file that they are for; a comma, a semicolon or a tab separates."""
+    """Read the lines of a table of names by the file that they are for; a comma, a semicolon or a tab separates."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:
@@ -126,8 +126,7 @@ def read_names_table(path: Path) -> dict[str, PathNames]:
     delimiter = max(",;\t", key=text.split("\n", 1)[0].count)
     rows = [[cell.strip() for cell in row] for row in csv.reader(text.splitlines(), delimiter=delimiter)]
     columns = [cell.casefold() for cell in rows[0]] if rows else []
-    missing = [column for column in _REQUIRED if columns.count(column) != 1]
-    if missing:
+    if missing := [column for column in _REQUIRED if columns.count(column) != 1]:
         raise RecordingError(
             f"table of names {path.name!r}: expected one column {missing[0]!r} in its header, but got "
             f"{', '.join(map(repr, columns)) or 'nothing'}; write file,condition,session (and perhaps load, asset)"
@@ -137,14 +136,13 @@ def read_names_table(path: Path) -> dict[str, PathNames]:
         if not any(row):
             continue
         where = f"table of names {path.name!r}: line {number}"
+        cells = dict(zip(columns, row, strict=False))
         if len(row) != len(columns):
             raise RecordingError(f"{where} has {len(row)} cells, its header {len(columns)}; make them equal")
-        cells = dict(zip(columns, row, strict=True))
         if empty := [column for column in _REQUIRED if not cells[column]]:
             raise RecordingError(f"{where} has no {empty[0]}; fill in the cell")
         file = cells["file"].replace("\\", "/").removeprefix("./")
         if file in lines:
             raise RecordingError(f"{where} is for {file!r} again; expected one line per file")
-        more = (cells.get(name, "") for name in ("load", "asset"))
-        lines[file] = PathNames(file, cells["condition"], cells["session"], *more)
+        lines[file] = PathNames(file, *(cells.get(name, "") for name in ("condition", "session", "load", "asset")))
     return lines

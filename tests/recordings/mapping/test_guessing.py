@@ -81,17 +81,6 @@ def test_units_of_the_file_are_taken_and_missing_ones_guessed_with_alternatives(
     assert "CHECK: the unit is stated nowhere; bar or psi would fit too" in comment_of(text, "pressure_2_pa")
 
 
-@pytest.mark.parametrize(
-    ("unit", "scale", "doubt"),
-    [("bar", 1e5, "bar would make the greatest pressure 4e+06 bar"), ("mm", 0.2, "mm would make the travel 0.2 mm")],
-)
-def test_a_unit_that_can_hardly_be_right_is_marked(unit: str, scale: float, doubt: str) -> None:
-    odd = {"p1": 40.0 * scale * STROKE} if unit == "bar" else {"x": scale * STROKE}
-    values = {"t": TIME, "p1": 40.0 * STROKE, "p2": 30.0 * STROKE, "x": 200.0 * STROKE} | odd
-    text = text_of(values, {"p1": "bar", "p2": "bar", "x": "mm"})
-    assert f"CHECK: {doubt}; is that the unit?" in text
-
-
 def test_two_cylinders_in_one_file_stay_apart_and_are_marked() -> None:
     channels = {"t_s": TIME}
     for number, cylinder in enumerate(("main", "jib"), start=1):

@@ -42,17 +42,17 @@ def is_missing(cell: str) -> bool:
 
 
 def is_number(cell: str, decimal: str | None) -> bool:
-    """Return whether a cell is a number with this decimal sign; None allows point and comma."""
+    """Tell whether a cell is a number with this decimal sign; None allows point and comma."""
     return bool((decimal != "," and _POINT.fullmatch(cell)) or (decimal != "." and _COMMA.fullmatch(cell)))
 
 
 def is_value(cell: str, decimal: str | None) -> bool:
-    """Return whether a cell is a number, a date or a time of day."""
+    """Tell whether a cell is a number, a date or a time of day."""
     return is_number(cell, decimal) or bool(_DATE_OR_CLOCK.fullmatch(cell))
 
 
 def split_cells(line: str, delimiter: str) -> list[str]:
-    """Return a line's cells without the blanks and the quotation marks around them.
+    """Split a line into cells, without the blanks and the quotation marks around them.
 
     Under ``whitespace`` a unit in brackets stays with the name before it.
     """
@@ -80,30 +80,8 @@ _MONTHS = pa.array(["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep
 _HALF_DAYS = pa.array([f"{hour or 12:02d}{half}" for half in ("am", "pm") for hour in range(12)])
 
 
-def plain_values(column: Any) -> NDArray[Any] | None:
-    """Return a column of a simple type; a null is NaN (or NaT), a date is ``datetime64[ns]`` (UTC if it has a zone).
-
-    None for text and for types that are no single value per row, such as lists.
-    """
-    kind = column.type
-    if pa.types.is_null(kind):
-        return np.full(len(column), np.nan)
-    if pa.types.is_time(kind) or pa.types.is_duration(kind):
-        nanoseconds = column.cast(pa.duration("ns") if pa.types.is_duration(kind) else pa.time64("ns"))
-        return pc.divide(nanoseconds.cast(pa.int64()).cast(pa.float64()), 1e9).to_numpy()
-    if pa.types.is_temporal(kind):
-        column = column.cast(pa.timestamp("ns"))
-    elif pa.types.is_boolean(kind):
-        column = column.cast(pa.uint8())
-    elif pa.types.is_decimal(kind):
-        column = column.cast(pa.float64())
-    elif not (pa.types.is_integer(kind) or pa.types.is_floating(kind)):
-        return None
-    return np.asarray(column.to_numpy())
-
-
 def states_zone(column: Any) -> bool:
-    """Return whether every cell of a column is a time stamp with its time zone."""
+    """Tell whether every cell of a column is a time stamp with its time zone."""
     if pa.types.is_timestamp(column.type):
         return column.type.tz is not None
     if not pa.types.is_string(column.type) or column.null_count == len(column):
@@ -111,8 +89,8 @@ def states_zone(column: Any) -> bool:
     return bool(pc.all(pc.match_substring_regex(column, _ZONED)).as_py())
 
 
-class TextColumn(NamedTuple):
-    """What a column of text holds."""
+class CellValues(NamedTuple):
+    """What a column holds."""
 
     values: NDArray[Any]  # Numbers, dates, or numbers and text, shape ``(n,)``
     unit: str = ""  # That every cell states; ``s`` for times of day, which are seconds since midnight
@@ -120,17 +98,29 @@ class TextColumn(NamedTuple):
     note: str = ""  # What was taken as missing
 
 
-def column_values(column: Any, decimal: str, name: str) -> TextColumn:
-    """Return a column of any simple type; text as by ``text_values``."""
-    values = plain_values(column)
-    if values is None:
-        return text_values(column, decimal, name)
-    clock = bool(pa.types.is_time(column.type))
-    return TextColumn(values, "s" if clock else "", clock)
+def column_values(column: Any, decimal: str, name: str) -> CellValues:
+    """Read a column of Arrow; a null is NaN (or NaT), a date is ``datetime64[ns]`` (UTC if it has a zone)."""
+    kind, types = column.type, pa.types
+    if types.is_null(kind):
+        return CellValues(np.full(len(column), np.nan))
+    if types.is_time(kind) or types.is_duration(kind):
+        clock = bool(types.is_time(kind))
+        nanoseconds = column.cast(pa.time64("ns") if clock else pa.duration("ns")).cast(pa.int64())
+        seconds = pc.divide(nanoseconds.cast(pa.float64()), 1e9).to_numpy()
+        return CellValues(seconds, "s" if clock else "", clock)
+    if types.is_temporal(kind):
+        column = column.cast(pa.timestamp("ns"))
+    elif types.is_boolean(kind):
+        column = column.cast(pa.uint8())
+    elif types.is_decimal(kind):
+        column = column.cast(pa.float64())
+    elif not (types.is_integer(kind) or types.is_floating(kind)):
+        return _text_values(column, decimal, name)
+    return CellValues(np.asarray(column.to_numpy()))
 
 
-def text_values(column: Any, decimal: str, name: str) -> TextColumn:
-    """Return a column of text as numbers (``7.2``, ``+  7.2``, ``7.2 bar``), dates or times of day; else as text.
+def _text_values(column: Any, decimal: str, name: str) -> CellValues:
+    """Read a column of text as numbers (``7.2``, ``+  7.2``, ``7.2 bar``), dates or times of day; else as text.
 
     Under a decimal comma a point is no decimal sign: such a cell stays text, for it may be a thousands separator.
     Signs of a value beyond the range are missing samples.
@@ -139,37 +129,33 @@ def text_values(column: Any, decimal: str, name: str) -> TextColumn:
     text = pc.if_else(pc.is_in(text, pa.array(MISSING)), None, text)
     form = f"^(?:{COMMA_NUMBER if decimal == ',' else POINT_NUMBER})$"
     if text.null_count == len(text):
-        return TextColumn(np.full(len(text), np.nan))
-    number = pc.match_substring_regex(text, form)
+        return CellValues(np.full(len(text), np.nan))
+    number, note = pc.match_substring_regex(text, form), ""
     if pc.any(number).as_py():
         over = pc.fill_null(pc.is_in(text, pa.array(OVER_RANGE)), False)
         if count := pc.sum(over).as_py():
             cells = f"{count} cell{'' if count == 1 else 's'} of {name!r} with {text.filter(over)[0].as_py()!r}"
-            numbers = _numbers(pc.if_else(over, None, text), number, decimal)
-            return TextColumn(numbers, note=f"{cells}, beyond the range of the input, taken as missing")
-        return TextColumn(_numbers(text, number, decimal))
+            note = f"{cells}, beyond the range of the input, taken as missing"
+        return CellValues(_numbers(pc.if_else(over, None, text), number, decimal), note=note)
     if (seconds := _clock_seconds(text)) is not None:
-        return TextColumn(seconds, "s", clock=True)
+        return CellValues(seconds, "s", clock=True)
     if (stamps := _date_stamps(text, name)) is not None:
-        return TextColumn(stamps)
-    parts = pc.extract_regex(text, pattern=_WITH_UNIT)
-    units = pc.unique(pc.struct_field(parts, "unit").drop_null()).to_pylist()
-    if parts.null_count == text.null_count and len(units) == 1 and names_a_unit(units[0]):
-        plain = pc.struct_field(parts, "number")
-        values = _numbers(plain, pc.match_substring_regex(plain, form), decimal)
-        if values.dtype.kind == "f":
-            return TextColumn(values, units[0])
-    return TextColumn(text_objects(text))
+        return CellValues(stamps)
+    if (parts := _fields(text, _WITH_UNIT)) is not None:
+        units = pc.unique(parts["unit"].drop_null()).to_pylist()
+        values = _numbers(parts["number"], pc.match_substring_regex(parts["number"], form), decimal)
+        if len(units) == 1 and names_a_unit(units[0]) and values.dtype.kind == "f":
+            return CellValues(values, units[0])
+    return CellValues(_numbers(text, number, decimal))
 
 
 def _numbers(text: Any, number: Any, decimal: str) -> NDArray[Any]:
-    """Return the cells that are a ``number`` as such, and the others as text; a null is NaN."""
+    """Read the cells that are a ``number`` as such, and the others as text; a null is NaN."""
     plain = pc.if_else(number, text, None)
     plain = pc.replace_substring(plain, ",", ".") if decimal == "," else plain
     plain = pc.replace_substring(pc.utf8_ltrim(plain, characters="+ "), " ", "")
     numbers: NDArray[Any] = plain.cast(pa.float64()).to_numpy()
-    words = pc.fill_null(pc.invert(number), False)
-    words = pc.and_(words, text.is_valid()).to_numpy()
+    words = pc.and_(pc.fill_null(pc.invert(number), False), text.is_valid()).to_numpy()
     if not words.any():
         return numbers
     mixed = numbers.astype(object)
@@ -178,27 +164,15 @@ def _numbers(text: Any, number: Any, decimal: str) -> NDArray[Any]:
 
 
 def holds_decimal_commas(column: Any) -> bool:
-    """Return whether every cell of a column of text is a number under a decimal comma."""
+    """Tell whether every cell of a column of text is a number under a decimal comma."""
     text = pc.utf8_trim_whitespace(column)
     return bool(pc.all(pc.match_substring_regex(text, f"^(?:{COMMA_NUMBER})$")).as_py())
 
 
-def text_objects(text: Any) -> NDArray[Any]:
-    """Return a column of text as Python strings; a null is NaN."""
-    cells = np.array(text.to_pylist(), dtype=object)
-    cells[~text.is_valid().to_numpy()] = np.nan
-    return cells
-
-
 def _clock_seconds(text: Any) -> Array | None:
-    """Return times of day (08:15:00,125; 08:15 PM) or minutes and seconds (15:00.1) in seconds, null as NaN.
-
-    None if a cell is neither.
-    """
+    """Read times of day (08:15:00,125; 08:15 PM) or minutes and seconds (15:00.1) [s]; None if a cell is neither."""
     for pattern, missing in ((f"^{_CLOCK_PARTS}$", {}), (_MINUTES, {"H": "0", "half": ""})):
-        parts = pc.extract_regex(text, pattern=pattern)
-        if parts.null_count == text.null_count:
-            fields = _fields(parts)
+        if (fields := _fields(text, pattern)) is not None:
             fields |= {key: pc.if_else(fields["M"].is_null(), None, value) for key, value in missing.items()}
             stamps = _stamps({"Y": "1970", "m": "1", "d": "1", **fields})
             return None if stamps is None else stamps.cast(pa.int64()).to_numpy() / 1e9
@@ -206,16 +180,14 @@ def _clock_seconds(text: Any) -> Array | None:
 
 
 def _date_stamps(text: Any, name: str) -> NDArray[np.datetime64] | None:
-    """Return dates with or without a time of day as ``datetime64[ns]``, or None if a cell is none; null is NaT.
+    """Read dates with or without a time of day as ``datetime64[ns]``, or None if a cell is none; null is NaT.
 
     With dots the day comes first. With strokes the first row that can only be read one way settles it for the column.
     A time zone is taken off: the stamps are then in UTC.
     """
     for pattern in (_YEAR_FIRST, _DOTS, _EITHER, _NAMED_MONTH):
-        parts = pc.extract_regex(text, pattern=pattern)
-        if parts.null_count > text.null_count:
+        if (fields := _fields(text, pattern)) is None:
             continue
-        fields = _fields(parts)
         if pattern == _EITHER and _month_first(fields, text, name):
             fields["d"], fields["m"] = fields["m"], fields["d"]
         elif pattern == _NAMED_MONTH:
@@ -226,12 +198,16 @@ def _date_stamps(text: Any, name: str) -> NDArray[np.datetime64] | None:
     return None
 
 
-def _fields(parts: Any) -> dict[str, Any]:
+def _fields(text: Any, pattern: str) -> dict[str, Any] | None:
+    """Split cells by the groups of a pattern; None if a cell does not match."""
+    parts = pc.extract_regex(text, pattern=pattern)
+    if parts.null_count > text.null_count:
+        return None
     return {field.name: pc.struct_field(parts, field.name) for field in parts.type}
 
 
 def _month_first(fields: dict[str, Any], text: Any, name: str) -> bool:
-    """Return whether dates such as 01/02/2026 have the month first; refuse dates that do not show it."""
+    """Tell whether dates such as 01/02/2026 have the month first; refuse dates that do not show it."""
     first, second = (fields[key].cast(pa.int64()) for key in ("d", "m"))
     if pc.any(pc.greater(second, 12)).as_py():
         return True

@@ -31,7 +31,7 @@ FEWEST_ROWS = 20
 
 
 def beside_clocks(names: Collection[str]) -> set[str]:
-    """Return the names of columns that may hold a part of time: dates, times of day, milliseconds."""
+    """Name the columns that may hold a part of time: dates, times of day, milliseconds."""
     return {name for name in names if words_of(name).quantity == "time" or name.casefold() in MILLISECONDS}
 
 
@@ -85,7 +85,7 @@ def _joined(columns: list[Column], clocks: Collection[str], wanted: Collection[s
 
 
 def _known(stamps: NDArray[Any], step: np.timedelta64) -> bool:
-    """Return whether stamps are multiples of a step, and there are some."""
+    """Tell whether there are stamps, all of them multiples of a step."""
     known = stamps[~np.isnat(stamps)].astype(np.int64)
     return len(known) > 0 and not (known % step.astype("timedelta64[ns]").astype(np.int64)).any()
 
@@ -99,7 +99,7 @@ def _in_place(columns: list[Column], old: set[str], stamps: NDArray[Any], name: 
 
 
 def with_dates(table: LoggedTable) -> LoggedTable:
-    """Return a table whose numbers of days, ticks and the like since a known date are dates; a note states which.
+    """Make dates of a table's numbers of days, ticks and the like since a known date; a note states which.
 
     Numbers since 1970 stay numbers.
     """
@@ -125,7 +125,7 @@ def with_dates(table: LoggedTable) -> LoggedTable:
 
 
 def oldest_first(table: LoggedTable) -> LoggedTable:
-    """Return a table that was written newest row first turned round; a note states it.
+    """Turn a table round that was written newest row first; a note states it.
 
     It was if a column of dates, or one that is named time, falls, and none rises.
     """
@@ -157,7 +157,7 @@ def repeated_names(names: Sequence[str]) -> set[str]:
 
 
 def padded(lines: list[str], delimiters: Collection[str]) -> list[str]:
-    """Return a text's first lines, rows below a line of repeated names with as many cells as that one has."""
+    """Give rows below a line of repeated names as many cells as that one has."""
     for number, line in enumerate(lines):
         if line[:1].isdecimal():  # a row, as most lines are
             continue
@@ -169,14 +169,14 @@ def padded(lines: list[str], delimiters: Collection[str]) -> list[str]:
 
 
 def _padded(line: str, delimiter: str, width: int) -> str:
-    """Return a row with empty cells behind its last one, up to ``width`` of them; any other line as it is."""
+    """Add empty cells behind a row's last one, up to ``width`` of them; return any other line as it is."""
     first = next((cell for cell in split_cells(line, delimiter) if cell), "")
     bare = line.rstrip("\r\n")
     return bare + delimiter * (width - 1 - bare.count(delimiter)) + line[len(bare) :] if is_value(first, None) else line
 
 
 def split_groups(columns: list[Column], units: dict[str, str], repeated: Collection[str]) -> list[LoggedTable]:
-    """Return one table for each time column of a ``repeated`` name, named ``group 1``, ...; else one table.
+    """Make one table for each time column of a ``repeated`` name, named ``group 1``, ...; else one table.
 
     A group ends with its last row that holds anything.
     """
@@ -192,7 +192,7 @@ def split_groups(columns: list[Column], units: dict[str, str], repeated: Collect
 
 
 def _are_clocks(columns: list[Column], name: str) -> bool:
-    """Return whether every column of a name holds rising stamps; of channels without a sample it may be empty."""
+    """Tell whether every column of a name holds rising stamps; of channels without a sample it may be empty."""
     rising = [_rises(values) for other, values in columns if other == name]
     return True in rising and False not in rising
 

@@ -62,19 +62,18 @@ def _read(
     start = start_in_header([line.decode() for line in lines[: layout.first_row]], layout.delimiter)
     below = lines[layout.first_row :]
     step = text.end if rows is None else max(1, sum(map(len, below)) // len(below)) * rows
-    if text.end - begin <= step:
-        return _tables(_Rows(text, layout, begin, begin, start), wanted)
-    if repeated := repeated_names(layout.names):
-        if source.size > MOST_INDIVISIBLE:
-            raise RecordingError(
-                f"is too large to be read whole ({source.size / 1e6:.0f} MB, at most {MOST_INDIVISIBLE / 1e6:.0f} MB), "
-                f"and its columns of one name ({', '.join(sorted(repeated))}) end at rows of their own, so that it "
-                "cannot be read in parts; export it with one time column, or split it"
-            )
-        return _tables(_Rows(text, layout, begin, begin, start), wanted)
+    whole, repeated = _Rows(text, layout, begin, begin, start), repeated_names(layout.names)
+    if text.end - begin > step and repeated and source.size > MOST_INDIVISIBLE:
+        raise RecordingError(
+            f"is too large to be read whole ({source.size / 1e6:.0f} MB, at most {MOST_INDIVISIBLE / 1e6:.0f} MB), and "
+            f"its columns of one name ({', '.join(sorted(repeated))}) end at rows of their own, so that it cannot be "
+            "read in parts; export it with one time column, or split it"
+        )
+    if text.end - begin <= step or repeated:
+        return _tables(whole, wanted)
     end = _line_end(text, begin + step)
-    (first,) = _tables(_Rows(replace(text, end=end), layout, begin, begin, start), wanted)
-    later = partial(_parts, _Rows(replace(text, notes=()), layout, end, begin, start), step, wanted)
+    (first,) = _tables(replace(whole, text=replace(text, end=end)), wanted)
+    later = partial(_parts, replace(whole, text=replace(text, notes=()), begin=end), step, wanted)
     return [replace(first, more=later, parts=-(-(text.end - begin) // step))]
 
 
@@ -155,33 +154,27 @@ class _Rows:
 
     def parsed(self, loaded: list[int]) -> tuple[Any, str]:
         """Parse the columns of these numbers as a ``pyarrow.Table``, and the decimal sign they were read with."""
-        layout = self.layout
-        table = self._parsed(loaded, layout.decimal or ".")
+        sign = self.layout.decimal or "."
+        table = self._parsed(loaded, sign)
         # Whole numbers at first, and the first decimal sign further down than was looked.
-        if layout.decimal is None and layout.delimiter != ",":
+        if self.layout.decimal is None and self.layout.delimiter != ",":
             texts = [column for column in table.columns if pa.types.is_string(column.type)]
             floats = any(pa.types.is_floating(column.type) for column in table.columns)
             if not floats and any(holds_decimal_commas(column) for column in texts):
-                return self._parsed(loaded, ","), ","
-        return table, layout.decimal or "."
+                sign, table = ",", self._parsed(loaded, ",")
+        return table, sign
 
     def _parsed(self, loaded: list[int], decimal: str) -> Any:
         width = len(self.layout.names)
         delimiter = "\t" if self.layout.delimiter == "whitespace" else self.layout.delimiter
+        names, included = [str(index) for index in range(width)], [str(index) for index in loaded]
+        reading = pa_csv.ReadOptions(use_threads=False, column_names=names)
+        parsing = pa_csv.ParseOptions(delimiter=delimiter, ignore_empty_lines=width > 1, quote_char=self.text.quote)
+        cells = pa_csv.ConvertOptions(
+            decimal_point=decimal, null_values=MISSING, strings_can_be_null=True, include_columns=included
+        )
         try:
-            table = pa_csv.read_csv(
-                self._stream(),
-                read_options=pa_csv.ReadOptions(use_threads=False, column_names=[str(index) for index in range(width)]),
-                parse_options=pa_csv.ParseOptions(
-                    delimiter=delimiter, ignore_empty_lines=width > 1, quote_char=self.text.quote
-                ),
-                convert_options=pa_csv.ConvertOptions(
-                    decimal_point=decimal,
-                    null_values=MISSING,
-                    strings_can_be_null=True,
-                    include_columns=[str(index) for index in loaded],
-                ),
-            )
+            table = pa_csv.read_csv(self._stream(), reading, parsing, cells)
         except pa.ArrowInvalid as error:
             if self.layout.names[0] == SCOPE_TIME and not self.ended and (ended := self._ended_early()):
                 self.ended = ended
@@ -214,21 +207,18 @@ class _Rows:
         names, rows = self.layout.names, [split_cells(line, self.layout.delimiter) for _, line in self._lines()]
         widths = [len(row) for row in rows]
         whole = widths.count(len(names))
-        if (
-            whole < _FEWEST_LINES
-            or whole == len(rows)
-            or widths[0] > len(names)
-            or widths != sorted(widths, reverse=True)
-        ):
+        falling = widths == sorted(widths, reverse=True) and widths[0] == len(names)
+        if not (falling and _FEWEST_LINES <= whole < len(rows)):
             return ""
-        shared = [row[: widths[whole]] for row in rows[whole - _FEWEST_LINES : whole + 1]]
         try:
-            steps = np.abs(np.diff(np.array(shared, dtype=np.float64), axis=0))
+            values = np.array(
+                [row[: widths[whole]] for row in rows[whole - _FEWEST_LINES : whole + 1]], dtype=np.float64
+            )
             _ = [np.array(row, dtype=np.float64) for row in rows[whole:]]
-            slack = 1e-6 * np.abs(np.array(shared[-2], dtype=np.float64))
         except ValueError:
             return ""
-        if (steps[-1] > LARGEST_STEP * steps[:-1].max(axis=0) + slack).any():
+        steps = np.abs(np.diff(values, axis=0))
+        if (steps[-1] > LARGEST_STEP * steps[:-1].max(axis=0) + 1e-6 * np.abs(values[-2])).any():
             return ""
         return (
             f"the last {len(rows) - whole} rows hold {widths[-1]} of {len(names)} values: {names[widths[-1]]!r} and "
@@ -246,15 +236,11 @@ class _Rows:
 
     def _lines(self) -> list[tuple[int, str]]:
         """List the rows that are not empty, each with its number within the file, counted from 1."""
-        content = self.text.file.read_at(self.text.end - self.begin, self.begin).decode(errors="replace")
-        above = self.layout.first_row + self._lines_before()
-        lines = enumerate(re.split(r"\r\n|\n|\r", content), start=above + 1)
+        read_at, places = self.text.file.read_at, range(self.first, self.begin, HEAD_SIZE)
+        before = sum(read_at(min(HEAD_SIZE, self.begin - place), place).count(b"\n") for place in places)
+        content = read_at(self.text.end - self.begin, self.begin).decode(errors="replace")
+        lines = enumerate(re.split(r"\r\n|\n|\r", content), start=self.layout.first_row + before + 1)
         return [(number, line) for number, line in lines if line or len(self.layout.names) == 1]
-
-    def _lines_before(self) -> int:
-        read_at = self.text.file.read_at
-        places = range(self.first, self.begin, HEAD_SIZE)
-        return sum(read_at(min(HEAD_SIZE, self.begin - place), place).count(b"\n") for place in places)
 
     def _refuse_ragged_line(self) -> None:
         width = len(self.layout.names)

@@ -69,6 +69,11 @@ class _Grid:
     numeric: list[int]
     score: float
 
+    @property
+    def trailing(self) -> bool:
+        """Whether every row ends in a delimiter, so that its last cell is no channel, unless it has a name."""
+        return self.width > 1 and not any(row[-1] for row in self.rows if len(row) == self.width)
+
     def is_row(self, cells: list[str]) -> bool:
         """Return whether every numeric column holds a value or nothing, and at least one holds a value."""
         if len(cells) != self.width:
@@ -86,10 +91,10 @@ def find_layout(lines: list[str], options: CsvOptions) -> Layout:
     lines = padded(lines, delimiters)
     decimal = None if options.decimal == "auto" else options.decimal
     # Of delimiters that occur in no line all make the same grid, of one column.
-    looked_at = "\n".join(lines[index] for index in content[-LOOKED_AT:])
-    absent = [each for each in delimiters if each != "whitespace" and each not in looked_at]
+    looked_at = [lines[index] for index in content[-LOOKED_AT:]]
+    absent = [each for each in delimiters if each != "whitespace" and each not in "".join(looked_at)]
     tried = [each for each in delimiters if each not in absent[1:]]
-    grids = [grid for delimiter in tried if (grid := _grid(lines, content, delimiter, decimal)) is not None]
+    grids = [grid for delimiter in tried if (grid := _grid(looked_at, delimiter, decimal)) is not None]
     if not grids:
         raise RecordingError(
             f"no rows of numbers were found in its first {len(content)} lines; expected a table: a line of names and "
@@ -97,21 +102,19 @@ def find_layout(lines: list[str], options: CsvOptions) -> Layout:
         )
     grid = max(grids, key=lambda grid: _likelihood(grid, [lines[index] for index in content]))
     first = _first_row(grid, lines, content)
-    trailing = grid.width > 1 and not any(row[-1] for row in grid.rows if len(row) == grid.width)
-    names, units = _read_header(lines[:first], grid.delimiter, grid.width, trailing, options.header)
+    names, units = _names_and_units(lines[:first], grid, options.header)
     settled = decimal or _decimal([split_cells(line, grid.delimiter) for line in lines[first:][:LOOKED_AT]], grid)
     return Layout(grid.delimiter, settled, names, units, first)
 
 
-def _grid(lines: list[str], content: list[int], delimiter: str, decimal: str | None) -> _Grid | None:
-    """Split the last lines into cells. Return None if no column holds numbers or dates."""
+def _grid(lines: list[str], delimiter: str, decimal: str | None) -> _Grid | None:
+    """Split lines into cells. Return None if no column holds numbers or dates."""
     decimal = "." if delimiter == "," and decimal is None else decimal
-    rows = [split_cells(lines[index], delimiter) for index in content[-LOOKED_AT:]]
+    rows = [split_cells(line, delimiter) for line in lines]
     if not rows:
         return None
     # The later of two equally common widths: a header is above the rows.
-    counts = Counter(len(row) for row in reversed(rows))
-    width, _ = counts.most_common(1)[0]
+    width, _ = Counter(len(row) for row in reversed(rows)).most_common(1)[0]
     if width > MOST_COLUMNS:
         raise RecordingError(
             f"has {width:,} columns, expected at most {MOST_COLUMNS:,}; export the channels of the cylinder alone"
@@ -205,104 +208,69 @@ _SCOPE_KEY = re.compile(
 )
 _COMMENT = ("#", "%", "//", ";", "'")
 
-Named = tuple[list[str], dict[str, str]]
-"""Names of the columns, and units by name."""
 
+def _names_and_units(above: list[str], grid: _Grid, mode: str) -> tuple[list[str], dict[str, str]]:
+    """Find channels and their units in the lines above the first row; ``mode`` is ``CsvOptions.header``.
 
-def _read_header(above: list[str], delimiter: str, width: int, trailing: bool, mode: str) -> Named:
-    """Find what the lines above the first row, which has ``width`` cells, name: channels and their units.
-
-    The name of a last column that only a delimiter at the end of each row makes is ''.
-
-    Args:
-        trailing: Every row ends in a delimiter, so that its last cell is no channel, unless it has a name.
-        mode: ``CsvOptions.header``.
-
-    Raises:
-        RecordingError: The line of names has more or fewer cells than the rows.
+    A line of names has a cell for each column, or lacks the last one. A last column that only a delimiter at the end of
+    each row makes is named ''.
     """
-    block = _lines_of_cells(above, delimiter, width, trailing)
-    if not block:
-        _refuse_other_width(above, delimiter, width)
-        return _named([], None, width, trailing)
-    if scope := _scope_lines(above, delimiter, width):
-        return _named(scope["name"], _scope_units(scope, above), width, trailing)
-    if mode == "names_units" and len(block) > 1:
-        return _named(block[-2], block[-1], width, trailing)
-    for names, line in reversed(list(pairwise(block))):
-        if (units := _units_in_line(line)) and not _units_in_line(names):
-            return _named(names, units, width, trailing)
-    return _named(block[-1], None, width, trailing)
-
-
-def _lines_of_cells(above: list[str], delimiter: str, width: int, trailing: bool) -> list[list[str]]:
-    """Split the unbroken run of lines right above the rows that have a cell for each column."""
     block: list[list[str]] = []
     for line in reversed([line for line in above if line.strip()]):
-        cells = split_cells(line, delimiter)
-        bare = split_cells(line.lstrip("#%/ "), delimiter)
-        cells = bare if line.lstrip().startswith(("#", "%", "//")) else cells
-        if not _fits(cells, width, trailing) or (width == 1 and block):
+        comment = line.lstrip().startswith(("#", "%", "//"))
+        cells = split_cells(line.lstrip("#%/ ") if comment else line, grid.delimiter)
+        more = len(cells) - grid.width
+        last = more == 1 and cells[-1].casefold() in ("", "comment")  # LabVIEW has a column of comments
+        if not (more == 0 or last or (more == -1 and grid.trailing)) or (grid.width == 1 and block):
             break
         block.insert(0, cells)
-    return block
+    pairs = reversed(list(pairwise(block)))
+    stated = ((names, units) for names, line in pairs if (units := _units_in_line(line)) and not _units_in_line(names))
+    if not block:
+        _refuse_other_width(above, grid)
+        cells, units = [], None
+    elif scope := _scope_names(above, grid):
+        cells, units = scope
+    elif mode == "names_units" and len(block) > 1:
+        cells, units = block[-2:]
+    else:
+        cells, units = next(stated, (block[-1], None))
+    cells = [*cells, *[""] * grid.width][: grid.width]
+    names = [name or f"column_{index}" for index, name in enumerate(cells, start=1)]
+    if grid.trailing and not cells[-1]:
+        names[-1] = ""
+    of_names = {name: unit for name in names if (unit := unit_in_name(name)) is not None}
+    return names, of_names | {name: unit for name, unit in zip(names, units or [], strict=False) if name and unit}
 
 
-def _fits(cells: list[str], width: int, trailing: bool) -> bool:
-    """Compare a line's cells with the rows: either may lack the last one (a delimiter, LabVIEW's comment column)."""
-    if len(cells) == width + 1:
-        return cells[-1].casefold() in ("", "comment")
-    return len(cells) == width or (trailing and len(cells) == width - 1)
-
-
-def _refuse_other_width(above: list[str], delimiter: str, width: int) -> None:
+def _refuse_other_width(above: list[str], grid: _Grid) -> None:
     """Refuse a line of names with too few or too many cells: the columns could not be identified."""
-    number = max((index for index, line in enumerate(above, start=1) if line.strip()), default=0)
-    if not number:
-        return
-    line = above[number - 1]
-    cells = split_cells(line, delimiter)
+    number, line = max(((number, line) for number, line in enumerate(above, start=1) if line.strip()), default=(0, ":"))
+    cells = split_cells(line, grid.delimiter)
     plain = not line.lstrip().startswith(_COMMENT) and ":" not in line and "=" not in line
-    if plain and len(cells) > max(1, width // 2) and not any(is_number(cell, None) for cell in cells):
+    if plain and len(cells) > max(1, grid.width // 2) and not any(is_number(cell, None) for cell in cells):
         raise RecordingError(
-            f"line {number} names {len(cells)} channels, but the line below holds {width} values; "
+            f"line {number} names {len(cells)} channels, but the line below holds {grid.width} values; "
             "expected a name for each value"
         )
 
 
-def _scope_lines(above: list[str], delimiter: str, width: int) -> dict[str, list[str]]:
-    """Find the lines in which the TwinCAT Scope describes its channels, by key; empty for other files.
+def _scope_names(above: list[str], grid: _Grid) -> tuple[list[str], list[str] | None] | None:
+    """Find the names of a TwinCAT Scope's channels and their units, which it writes as ``V (Voltage)``.
 
-    The line of names is ``Name;Axis.Pos;Name;Axis.Vel``, or ``Name;p1;p2;Name;x`` if channels share a time column.
-    SymbolName;...;SymbolName;... and the like may follow below it.
+    The line of names is ``Name;Axis.Pos;Name;Axis.Vel``, or ``Name;p1;p2;Name;x`` if channels share a time column,
+    which is in ms. SymbolName;...;SymbolName;... and the like may follow below it.
     """
     found: dict[str, list[str]] = {}
-    for cells in reversed([split_cells(line, delimiter) for line in above]):
-        key = cells[0].casefold() if len(cells) == width else ""
+    for cells in reversed([split_cells(line, grid.delimiter) for line in above]):
+        key = cells[0].casefold() if len(cells) == grid.width else ""
         if key == "name":
-            return {**found, key: cells}
+            if not found and not any("Starttime of export" in line for line in above):
+                return cells, None
+            stated = [cell.partition("(")[0].strip() for cell in found.get("unit", [""] * len(cells))]
+            return cells, ["ms" if name == SCOPE_TIME else unit for name, unit in zip(cells, stated, strict=True)]
         if _SCOPE_KEY.fullmatch(key):
             found[key] = cells
         elif key:
             break
-    return {}
-
-
-def _scope_units(found: dict[str, list[str]], above: list[str]) -> list[str] | None:
-    """Tell the units of a TwinCAT Scope's channels, which it writes as ``V (Voltage)``; its time is in ms."""
-    names = found["name"]
-    if len(found) == 1 and not any("Starttime of export" in line for line in above):
-        return None
-    stated = [cell.partition("(")[0].strip() for cell in found.get("unit", [""] * len(names))]
-    return ["ms" if name == SCOPE_TIME else unit for name, unit in zip(names, stated, strict=True)]
-
-
-def _named(cells: list[str], units: list[str] | None, width: int, trailing: bool) -> Named:
-    padded = [*cells, *[""] * width][:width]
-    names = [name or f"column_{index}" for index, name in enumerate(padded, start=1)]
-    if trailing and not padded[-1]:
-        names[-1] = ""
-    found = {name: unit for name in names if (unit := unit_in_name(name)) is not None}
-    if units is not None:
-        found |= {name: unit for name, unit in zip(names, units, strict=False) if name and unit}
-    return names, found
+    return None

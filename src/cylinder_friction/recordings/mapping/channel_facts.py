@@ -15,7 +15,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, QUANTITIES, TIME
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.mapping.channel_words import Words, words_of
-from cylinder_friction.recordings.mapping.units import column_scale, electrical, quantity_of, to_column_unit
+from cylinder_friction.recordings.mapping.units import column_scale, electrical, quantity_of
 from cylinder_friction.recordings.start import NEVER_FALLS
 from cylinder_friction.recordings.timeline.timestamps import stamps_to_datetimes
 
@@ -122,13 +122,6 @@ For time of the step, for length of the travel. The pressures of one file share 
 
 GREATEST_PRESSURE_PA = 7e7  # no force of a cylinder exceeds that of this pressure on its piston
 
-PLAUSIBLE = {
-    "pressure": (2e4, 7e7, "bar", 1e5, "greatest pressure"),
-    "length": (2e-3, 20.0, "mm", 1e-3, "travel"),
-    "force": (1.0, 2e7, "N", 1.0, "greatest force"),
-}
-"""Least and greatest for a cylinder, in the column's unit; the unit of messages and its scale; and the name."""
-
 
 def usual_unit(column: str) -> str:
     return LIKELY_UNITS[QUANTITIES[column]][0][0] if QUANTITIES[column] != "length" else "mm"
@@ -170,10 +163,6 @@ def _score(column: str, channel: ChannelFacts) -> float:
     score -= 6.0 * words.wanted_value
     if column == LOAD_FORCE:
         score += words.carried
-    if not signal:
-        score -= 1.5 * bool(
-            suspicion(column, channel.unit or (fitting_units(column, [channel]) or [usual_unit(column)])[0], channel)
-        )
     return score
 
 
@@ -188,16 +177,13 @@ def _time_score(channel: ChannelFacts, clock_given: bool) -> float:
         return 6.0 + named if channel.mean_step else 0.0
     if not channel.rising or (channel.unit and quantity_of(channel.unit) != "time"):
         return 0.0
-    if channel.words.quantity not in (None, "time", "temperature") or _counts_rows(channel, named and clock_given):
+    counts_rows = channel.counts and not channel.unit and not (named and clock_given)
+    if channel.words.quantity not in (None, "time", "temperature") or counts_rows:
         return 0.0
     even = abs(channel.step - channel.mean_step) <= EVEN_SHARE * channel.mean_step
     if not (named or channel.unit or (channel.leads and even)):
         return 0.0
     return 1.0 + 4.0 * named + 2.0 * bool(channel.unit)
-
-
-def _counts_rows(channel: ChannelFacts, unit_given: bool) -> bool:
-    return channel.counts and not channel.unit and not unit_given
 
 
 def fitting_units(column: str, channels: Sequence[ChannelFacts], cylinder: Cylinder | None = None) -> list[str]:
@@ -219,16 +205,3 @@ def fitting_units(column: str, channels: Sequence[ChannelFacts], cylinder: Cylin
         and (not ticks or unit in ("ms", "100ns"))
         and (greatest == np.inf or size * column_scale(column, unit) <= greatest)
     ]
-
-
-def suspicion(column: str, unit: str, channel: ChannelFacts) -> str:
-    """Say why a unit can hardly be right; empty if it may be."""
-    if QUANTITIES[column] not in PLAUSIBLE:
-        return ""
-    least, greatest, shown_in, scale, what = PLAUSIBLE[QUANTITIES[column]]
-    with np.errstate(over="ignore"):
-        low, high = to_column_unit(np.array([channel.low, channel.high]), unit, column).tolist()
-    size = high - low if QUANTITIES[column] == "length" else max(abs(low), abs(high))
-    if least <= size <= greatest:
-        return ""
-    return f"{unit} would make the {what} {size / scale:.3g} {shown_in}; is that the unit?"

@@ -11,12 +11,10 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import ONE_CHAMBER
-from cylinder_friction.recordings.columns import PRESSURE_2, PRESSURES, QUANTITIES, missing_columns
+from cylinder_friction.recordings.columns import PRESSURE_2, PRESSURES, QUANTITIES, TIME, missing_columns
 from cylinder_friction.recordings.line_loss import RECTANGULAR, LineLoss
 from cylinder_friction.recordings.mapping import units
 from cylinder_friction.recordings.recording import RecordingError, SensorUncertainty, expect
-
-HALF_WIDTH_TO_STANDARD = RECTANGULAR
 
 
 @dataclass(frozen=True)
@@ -61,7 +59,7 @@ class SensorScale:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """Return the sensor of a dictionary, for example out of YAML, where pairs are lists."""
+        """Make the sensor of a dictionary, for example out of YAML, in which pairs are lists."""
         pairs = {key: tuple(values[key]) for key in ("range", "signal") if values.get(key) is not None}
         texts = {key: str(values[key]) for key in ("serial", "calibrated") if values.get(key) is not None}
         line = {} if values.get("line_loss") is None else {"line_loss": LineLoss(**values["line_loss"])}
@@ -79,9 +77,9 @@ class SensorScale:
         return abs(self.range[1] - self.range[0])
 
     def reading(self, signal: Array) -> Array:
-        """Return what the sensor reads, in ``unit``, from its electrical signal: linear, and beyond the ends too.
+        """Work out what the sensor reads, in ``unit``, from its signal: linear, and beyond the ends too.
 
-        The signal itself is returned if the logger has done that sum already.
+        If the logger has done that sum already, return the signal.
         """
         if self.signal is None:
             return signal
@@ -108,7 +106,7 @@ class ChannelMapping:
     """Where one column of a recording comes from.
 
     With x what the sensor reads, in its unit, the column is sign · (x - offset), in the column's own unit, less one
-    standard atmosphere where pressure is absolute.
+    standard atmosphere if pressure is absolute.
     """
 
     channel: str = ""  # The logger's name of the channel; empty only for a ``time_s`` that is made from ``rate_hz``
@@ -116,8 +114,8 @@ class ChannelMapping:
     # a time channel that holds dates.
     unit: str = ""
     sign: int = 1  # -1 if the sensor is mounted backwards, so that extension and what drives it are positive
-    table: str = ""  # Name of the file's table that holds the channel; needed where its name occurs in several
-    # Channel that stamps this one, where tables have their own; by default the channel of ``time_s``, out of this one's
+    table: str = ""  # Name of the file's table that holds the channel; needed if its name occurs in several
+    # Channel that stamps this one, if tables have their own; by default the channel of ``time_s``, out of this one's
     # own table
     time: str = ""
     time_unit: str = ""  # Of that channel, if the file does not state it
@@ -153,7 +151,7 @@ class ChannelMapping:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """Return the mapping of a nested dictionary, for example out of YAML."""
+        """Make the mapping of a nested dictionary, for example out of YAML."""
         sensor = values.get("sensor")
         others = values.get("alternatives") or ()
         if isinstance(others, str):
@@ -162,7 +160,7 @@ class ChannelMapping:
         return cls(**{**values, **made})
 
     def for_stroke(self, column: str, stroke_m: float) -> Self:
-        """Return the mapping with the sensor that a percentage of the stroke means; any other one as it is."""
+        """Give the channel the sensor that a percentage of the stroke means; return any other one as it is."""
         if self.sensor is not None or not units.of_stroke(column, self.unit):
             return self
         return replace(self, sensor=SensorScale((0.0, stroke_m), "m", signal=(0.0, 100.0)))
@@ -183,13 +181,13 @@ class ChannelMapping:
         return self.reference == "absolute" or units.stated_reference(self.reading_unit) == "absolute"
 
     def column_values(self, raw: Array, column: str) -> Array:
-        """Return a channel's cells as the column's values; the array itself if there is nothing to convert."""
+        """Convert a channel's cells to the column's values; return the array itself if there is nothing to convert."""
         reading = raw if self.sensor is None else self.sensor.reading(raw)
         zeroed = reading if self.offset == 0.0 else reading - self.offset
         return self.counted(units.to_column_unit(zeroed, self.reading_unit, column))
 
     def counted(self, values: Array) -> Array:
-        """Return values in the column's unit, counted as the column does: sign, then atmosphere."""
+        """Count values in the column's unit as the column does: sign, then atmosphere."""
         signed = values if self.sign == 1 else -values
         return signed - STANDARD_ATMOSPHERE_PA if self.absolute else signed
 
@@ -204,59 +202,58 @@ def check_mapping(mapping: Mapping[str, ChannelMapping]) -> None:
     for column in mapping:
         if column not in QUANTITIES:
             raise RecordingError(f"column {column!r} is not known; expected some of {', '.join(QUANTITIES)}")
-    missing = missing_columns(mapping)
-    if missing:
+    if missing := missing_columns(mapping):
         why = f" ({ONE_CHAMBER})" if missing[0] == PRESSURE_2 else ""
         raise RecordingError(f"column {missing[0]!r} has no channel; name the logger's channel that holds it{why}")
     for column, source in mapping.items():
-        _check_column(column, source)
+        if problem := _problem(column, source):
+            raise RecordingError(f"column {column!r}: {problem}")
     for (user, other), (column, source) in itertools.combinations(mapping.items(), 2):
-        one_table = other.table == source.table or not (other.table and source.table)
         shared = sorted({*other.names} & {*source.names})
-        if shared and one_table:
+        if shared and (other.table == source.table or not (other.table and source.table)):
             raise RecordingError(
                 f"channel {shared[0]!r} is to fill both {user!r} and {column!r}; expected one column per channel"
             )
 
 
-def _check_column(column: str, source: ChannelMapping) -> None:
-    if column == "time_s":
+def _problem(column: str, source: ChannelMapping) -> str:
+    """Say what a column's mapping contradicts; empty if nothing. A unit that does not fit is refused."""
+    sensor = source.sensor
+    if column == TIME:
         if source.unit:
             units.check_unit(column, source.unit)
-        if source.sign != 1 or source.sensor is not None or source.time or source.time_unit:
-            raise RecordingError("column 'time_s': sign, sensor and time have no meaning for time; leave them out")
-        return
+        meaningless = source.sign != 1 or sensor is not None or source.time or source.time_unit
+        return "sign, sensor and time have no meaning for time; leave them out" if meaningless else ""
     if source.time_unit:
-        units.check_unit("time_s", source.time_unit)
+        units.check_unit(TIME, source.time_unit)
     if source.rate_hz is not None:
-        raise RecordingError(f"column {column!r}: rate_hz is for 'time_s' alone; name the channel")
-    if source.sensor is None and units.of_stroke(column, source.unit):
-        return
+        return f"rate_hz is for {TIME!r} alone; name the channel"
+    if sensor is None and units.of_stroke(column, source.unit):
+        return ""
     units.check_unit(column, source.reading_unit)
-    if source.sensor is not None:
-        units.check_unit(column, source.sensor.unit)
-        if not source.absolute and units.stated_reference(source.sensor.unit) == "absolute":
-            raise RecordingError(
-                f"column {column!r}: the sensor's unit {source.sensor.unit!r} is absolute pressure, but the channel "
-                "is read as gauge; set reference: absolute, or give the range in gauge pressure"
+    if sensor is not None:
+        units.check_unit(column, sensor.unit)
+        if not source.absolute and units.stated_reference(sensor.unit) == "absolute":
+            return (
+                f"the sensor's unit {sensor.unit!r} is absolute pressure, but the channel is read as gauge; set "
+                "reference: absolute, or give the range in gauge pressure"
             )
-    if source.sensor is not None and source.sensor.line_loss is not None and column not in PRESSURES:
-        raise RecordingError(f"column {column!r}: sensor.line_loss is for the cylinder's pressures alone; leave it out")
+        if sensor.line_loss is not None and column not in PRESSURES:
+            return "sensor.line_loss is for the cylinder's pressures alone; leave it out"
     if source.reference == "absolute" and QUANTITIES[column] != "pressure":
-        raise RecordingError(f"column {column!r}: reference: absolute is for pressures alone; leave it out")
+        return "reference: absolute is for pressures alone; leave it out"
     if source.reference == "absolute" and units.stated_reference(source.reading_unit) == "gauge":
-        raise RecordingError(
-            f"column {column!r}: unit {source.reading_unit!r} is gauge pressure, but reference is absolute; correct one"
-        )
+        return f"unit {source.reading_unit!r} is gauge pressure, but reference is absolute; correct one"
+    return ""
 
 
 def wanted_channels(mapping: Mapping[str, ChannelMapping]) -> set[str]:
-    """Return the names of all channels that a mapping reads, time channels included."""
+    """List the names of all channels that a mapping reads, time channels included."""
     return {name for source in mapping.values() for name in (*source.names, source.time) if name}
 
 
 def sensor_limits(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorLimits]:
-    """Return what each stated sensor can read, by column: unit, offset, gauge and sign applied as to the samples."""
+    """Work out what each stated sensor can read, by column: unit, offset, gauge and sign applied as to the samples."""
     limits = {}
     for column, source in mapping.items():
         sensor = source.sensor
@@ -275,7 +272,7 @@ def sensor_limits(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorLimi
 
 
 def sensor_uncertainty(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorUncertainty]:
-    """Return the standard uncertainty of each sensor whose accuracy is stated, by column, before any zeroing.
+    """Work out the standard uncertainty of each sensor whose accuracy is stated, by column, before any zeroing.
 
     A stated accuracy of ± a % of full scale bounds the error and no more, so every error within it is as likely
     as any other: u = a·FS / √3 (JCGM 100:2008, GUM, 4.3.7). It is counted as an error of the zero, for it is the same
@@ -284,19 +281,20 @@ def sensor_uncertainty(mapping: Mapping[str, ChannelMapping]) -> dict[str, Senso
     stated = {}
     for column, source in mapping.items():
         sensor = source.sensor
-        if sensor is not None and sensor.accuracy_percent is not None:
-            resolution = sensor_step(column, sensor, source.unit) or 0.0
-            share = sensor.accuracy_percent / 100.0 * HALF_WIDTH_TO_STANDARD
-            scale = units.column_scale(column, sensor.unit)
-            if sensor.zero_uncertainty is not None:
-                stated[column] = SensorUncertainty(sensor.zero_uncertainty * scale, share, resolution)
-            else:
-                stated[column] = SensorUncertainty(share * sensor.full_scale * scale, 0.0, resolution)
+        if sensor is None or sensor.accuracy_percent is None:
+            continue
+        resolution = sensor_step(column, sensor, source.unit) or 0.0
+        share = sensor.accuracy_percent / 100.0 * RECTANGULAR
+        scale = units.column_scale(column, sensor.unit)
+        if sensor.zero_uncertainty is None:
+            stated[column] = SensorUncertainty(share * sensor.full_scale * scale, 0.0, resolution)
+        else:
+            stated[column] = SensorUncertainty(sensor.zero_uncertainty * scale, share, resolution)
     return stated
 
 
 def sensor_step(column: str, sensor: SensorScale, channel_unit: str = "") -> float | None:
-    """Return one step of the converter in the column's unit: one count, or the range over 2^bits; None if unknown."""
+    """Work out one step of the converter in the column's unit: one count, or the range over 2^bits; None if unknown."""
     if sensor.signal is not None and units.electrical(channel_unit) == "count":
         steps = abs(sensor.signal[1] - sensor.signal[0])
     elif sensor.bits is not None:

@@ -28,7 +28,6 @@ from cylinder_friction.recordings.mapping.channel_facts import (
     facts_of,
     fitting_units,
     ranked_channels,
-    suspicion,
     usual_unit,
 )
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
@@ -311,9 +310,7 @@ def _with_unit(
         return replace(guess, unit=epoch.unit, reasons=counted, fitting=(epoch.unit,))
     if channel.unit or given is not None:
         unit, stated = (channel.unit, f"from the {channel.stated_by}") if channel.unit else (str(given), "as given")
-        doubt = "" if electrical(unit) else suspicion(column, unit, channel)
-        reasons = (f"unit {unit} {stated}", channel.described())
-        return replace(guess, unit=unit, reasons=reasons, checks=(doubt,) if doubt else ())
+        return replace(guess, unit=unit, reasons=(f"unit {unit} {stated}", channel.described()))
     alike = [chosen[name] for name in PRESSURES if name in chosen] if column in SIDES else [channel]
     fitting = fitting_units(column, [each for each in alike if not each.unit], cylinder)
     stated_units = [each.unit for each in alike if each.unit in fitting]

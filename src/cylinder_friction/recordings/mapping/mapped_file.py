@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from difflib import get_close_matches
+from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import QUANTITIES, TIME
@@ -15,7 +17,6 @@ from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.mapping import units
 from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts, clocks_of
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
-from cylinder_friction.recordings.mapping.found_channels import find_channel, numbers
 from cylinder_friction.recordings.recording import RecordingError, Signal
 from cylinder_friction.recordings.start import SECONDS_SINCE_1970, Start, epoch_of, is_future
 from cylinder_friction.recordings.timeline.timestamps import stamps_to_datetimes, stamps_to_seconds
@@ -25,6 +26,7 @@ TIME_UNITS_S = (1.0, 1e-3, 1e-6, 1e-7, 1e-9)  # what a time channel without a un
 ENDS_TOGETHER = 0.95  # columns that end within this share of their rows are of one rate
 FEWEST_ROWS = 10  # in fewer no rate shows
 MOST_TIMES_SLOWER = 20  # an end at a smaller share of the rows may be chance
+MOST_NAMES = 40  # channels that a message lists; a measurement file may have thousands
 
 
 class MappedFile(NamedTuple):
@@ -44,7 +46,7 @@ class _Clock(NamedTuple):
 
 
 def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapping]) -> MappedFile:
-    """Return the columns of a file that the mapping, which passed ``check_mapping``, finds a channel for.
+    """Take the columns of a file that the mapping, which passed ``check_mapping``, finds a channel for.
 
     Raises:
         RecordingError: A channel or its time is missing or occurs twice, a cell holds text, the file states another
@@ -52,10 +54,11 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
     """
     there = {str(name) for table in tables for name in (*table.channels.columns, *table.unread)}
     mapping = {
-        column: source if source.channel in there else _alternative(source, there) for column, source in mapping.items()
+        column: replace(source, channel=next((name for name in source.names if name in there), source.channel))
+        for column, source in mapping.items()
     }
     columns = [column for column in mapping if column != "time_s"]
-    places = {name: find_channel(tables, mapping[name].channel, mapping[name].table, name) for name in columns}
+    places = {name: _find_channel(tables, mapping[name].channel, mapping[name].table, name) for name in columns}
     clocks = {column: _clock(tables, places[column], column, mapping) for column in columns}
     if (rate_hz := mapping["time_s"].rate_hz) is not None:
         _refuse_rate(tables, sorted({clock.table for clock in clocks.values() if not clock.channel}), rate_hz)
@@ -66,7 +69,7 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
     for column in columns:
         source, table = mapping[column], tables[places[column]]
         _check_stated_unit(table, column, source)
-        raw = numbers(table.channels[source.channel], source.channel, column, source.unit)
+        raw = _numbers(table.channels[source.channel], source.channel, column, source.unit)
         time_s = stamps[clocks[column]]
         if len(time_s) != len(raw):
             raise RecordingError(
@@ -75,7 +78,7 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
             )
         signals[column] = Signal(time_s, source.column_values(raw, column))
     _refuse_two_ends(signals, mapping)
-    notes += take_delays(signals, mapping)
+    notes += _take_delays(signals, mapping)
     start = _start(tables, stamps)
     if start is not None and is_future(start.at):
         notes.append(f"its clock started in the future, {start.text()} ({start.source}); when it was made is not known")
@@ -83,12 +86,8 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
     return MappedFile(signals, tuple(notes), start)
 
 
-def _alternative(source: ChannelMapping, there: Collection[str]) -> ChannelMapping:
-    return replace(source, channel=next((name for name in source.names if name in there), source.channel))
-
-
 def _start(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Array]) -> Start | None:
-    """Return when the clock of a file was at 0 s: as its time stamps state it, else as it states it beside its rows."""
+    """Tell when the clock of a file was at 0 s: as its time stamps state it, else as it states it beside its rows."""
     for clock, time_s in stamps.items():
         table = tables[clock.table]
         raw = table.channels[clock.channel] if clock.channel else None
@@ -102,7 +101,7 @@ def _start(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Array]) -> Sta
     return next((tables[clock.table].start for clock in stamps if tables[clock.table].start is not None), None)
 
 
-def take_delays(signals: dict[str, Signal], mapping: Mapping[str, ChannelMapping]) -> list[str]:
+def _take_delays(signals: dict[str, Signal], mapping: Mapping[str, ChannelMapping]) -> list[str]:
     """Move the stamps of sensors of a stated delay; returns a note for each. Those of one clock keep one array."""
     notes = []
     earlier: dict[tuple[int, float], Array] = {}
@@ -119,7 +118,7 @@ def take_delays(signals: dict[str, Signal], mapping: Mapping[str, ChannelMapping
 
 
 def _clock(tables: Sequence[LoggedTable], place: int, column: str, mapping: Mapping[str, ChannelMapping]) -> _Clock:
-    """Return what stamps a column: the channel it names itself, else the one of ``time_s`` in its own table."""
+    """Find what stamps a column: the channel it names itself, else the one of ``time_s`` in its own table."""
     source, time = mapping[column], mapping["time_s"]
     if not source.time and time.rate_hz is not None:
         return _Clock(place, "")
@@ -132,9 +131,9 @@ def _clock(tables: Sequence[LoggedTable], place: int, column: str, mapping: Mapp
     if own == 1:
         return _Clock(place, name)
     if source.time:
-        return _Clock(find_channel(tables, name, time.table if name == time.channel else "", column), name)
+        return _Clock(_find_channel(tables, name, time.table if name == time.channel else "", column), name)
     if len(tables) == 1:
-        find_channel(tables, name, "", "time_s")
+        _find_channel(tables, name, "", "time_s")
     there = ", ".join(repr(str(other)) for other in tables[place].channels.columns if other != source.channel)
     raise RecordingError(
         f"channel {source.channel!r} (for {column!r}) has no time channel {name!r} in its table "
@@ -181,10 +180,10 @@ def _refuse_two_clocks(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Ar
     """Refuse a table with a clock of another step beside the one that stamps its columns, and that stamps none."""
     for clock, time_s in stamps.items():
         steps_s = np.diff(time_s[np.isfinite(time_s)])
-        own_hz = (
-            [1.0 / step_s for step_s in (steps_s.mean(), np.median(steps_s)) if step_s > 0.0] if len(steps_s) else []
-        )
-        if not (clock.channel and len(steps_s) >= FEWEST_ROWS and own_hz):
+        if not clock.channel or len(steps_s) < FEWEST_ROWS:
+            continue
+        own_hz = [1.0 / step_s for step_s in (steps_s.mean(), np.median(steps_s)) if step_s > 0.0]
+        if not own_hz:
             continue
         known = [each.channel for each in stamps if each.table == clock.table]
         for other in clocks_of(tables[clock.table], known):
@@ -225,7 +224,7 @@ def _refuse_two_ends(signals: Mapping[str, Signal], mapping: Mapping[str, Channe
 def _stamps(
     tables: Sequence[LoggedTable], clocks: Mapping[str, _Clock], mapping: Mapping[str, ChannelMapping]
 ) -> dict[_Clock, Array]:
-    """Return the seconds of each clock, each made once; dates of one file count from the earliest among them."""
+    """Make the seconds of each clock once; dates of one file count from the earliest among them."""
     time = mapping["time_s"]
     columns = {clock: column for column, clock in reversed(list(clocks.items()))}
     raw = {clock: tables[clock.table].channels[clock.channel] for clock in columns if clock.channel}
@@ -250,7 +249,7 @@ def _stamps(
 
 
 def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping, time_unit: str) -> Array:
-    """Return a time channel's numbers in seconds.
+    """Read a time channel's numbers in seconds.
 
     The unit of ``time_s`` is that of the channel it names; another time channel has its own, by the mapping
     (``time_unit``) or the file.
@@ -266,7 +265,7 @@ def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping
             f"time channel {channel!r} (for {column!r}) holds {raw.dtype} and states no unit; "
             "expected dates, or numbers with channels.time_s.unit"
         )
-    values = numbers(raw, channel, "time_s", unit)
+    values = _numbers(raw, channel, "time_s", unit)
     _refuse_other_epoch(values, channel, unit)
     return units.to_column_unit(values - time.offset if time.offset else values, unit, "time_s")
 
@@ -302,3 +301,56 @@ def _refuse_other_unit(stated: str, configured: str, channel: str, column: str) 
             f"channel {channel!r} (for {column!r}): the file states the unit {stated!r}, but it is read in "
             f"{configured!r}; expected the same; correct channels.{column}.unit in the mapping, or the file"
         )
+
+
+def _find_channel(tables: Sequence[LoggedTable], name: str, table: str, column: str) -> int:
+    """Find the table that holds the channel for ``column``, by its place; any will do if ``table`` is empty."""
+    searched = [index for index, entry in enumerate(tables) if table in ("", entry.name)]
+    if not searched:
+        raise RecordingError(
+            f"table {table!r} (for {column!r}) is missing; got tables {_listed([entry.name for entry in tables])}; "
+            f"correct the file or channels.{column}.table"
+        )
+    holding = [index for index in searched for other in tables[index].channels.columns if other == name]
+    if len(holding) == 1:
+        return holding[0]
+    key = "channel"
+    there = [str(other) for index in searched for other in (*tables[index].channels.columns, *tables[index].unread)]
+    if not holding:
+        problem = f"is missing; got channels {_listed(there)}{_nearest(name, there)}; correct the file or"
+    elif len(set(holding)) == 1:
+        problem = f"occurs {len(holding)} times; got channels {_listed(there)}; rename one in the file or correct"
+    else:
+        problem, key = f"occurs in tables {_listed([tables[each].name for each in holding])}; state which as", "table"
+    raise RecordingError(f"channel {name!r} (for {column!r}) {problem} channels.{column}.{key} in the mapping")
+
+
+def _listed(names: Sequence[str]) -> str:
+    more = f" and {len(names) - MOST_NAMES} more" if len(names) > MOST_NAMES else ""
+    return ", ".join(map(repr, names[:MOST_NAMES])) + more
+
+
+def _nearest(name: str, there: Sequence[str]) -> str:
+    by_folded = {"".join(other.split()).casefold(): other for other in there}
+    close = get_close_matches("".join(name.split()).casefold(), by_folded, n=1, cutoff=0.6)
+    return f" (nearest: {by_folded[close[0]]!r})" if close else ""
+
+
+def _numbers(raw: pd.Series[Any], channel: str, column: str, unit: str) -> Array:
+    """Read a channel's cells as numbers, shape ``(n,)``; an empty cell is NaN. No copy if they are float64."""
+    if raw.dtype.kind in "iufb":
+        return raw.to_numpy(dtype=np.float64)
+    if raw.dtype.kind in "mMc":
+        raise RecordingError(
+            f"channel {channel!r} (for {column!r}) holds "
+            f"{'dates' if raw.dtype.kind == 'M' else raw.dtype}; expected numbers "
+            f"in {unit}; correct channels.{column}.channel"
+        )
+    values: Array = pd.to_numeric(raw, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
+    rows = np.flatnonzero(np.isnan(values) & raw.notna().to_numpy())
+    if len(rows):
+        raise RecordingError(
+            f"channel {channel!r} (for {column!r}) holds {raw.iloc[rows[0]]!r} in row {rows[0] + 1} "
+            f"({len(rows)} such rows in all); expected numbers in {unit}; repair or cut the log"
+        )
+    return values

@@ -99,7 +99,7 @@ def _squeezed(text: str) -> str:
 
 
 def electrical(unit: str) -> str | None:
-    """Return V, mV, mA, μA, count or % if a unit is a sensor's signal, else None."""
+    """Tell V, mV, mA, μA, count or % if a unit is a sensor's signal, else None."""
     return ELECTRICAL.get(_squeezed(bare(unit)))
 
 
@@ -110,7 +110,7 @@ def of_stroke(column: str, unit: str) -> bool:
 
 @cache
 def conversion(unit: str, quantity: str) -> tuple[float, float] | None:
-    """Return scale and offset to the column's unit; None if the unit does not measure this quantity."""
+    """Look up scale and offset to the column's unit; None if the unit does not measure this quantity."""
     text, known = bare(unit), _CONVERSIONS[quantity]
     found = known.get(_squeezed(text))
     if found is None and quantity == "pressure" and (match := _REFERENCE.fullmatch(text)):
@@ -120,13 +120,13 @@ def conversion(unit: str, quantity: str) -> tuple[float, float] | None:
 
 @cache
 def quantity_of(unit: str) -> str | None:
-    """Return which of a recording's quantities a unit measures; None if none of them."""
+    """Tell which of a recording's quantities a unit measures; None if none of them."""
     return next((quantity for quantity in _CONVERSIONS if conversion(unit, quantity) is not None), None)
 
 
 @cache
 def stated_reference(unit: str) -> Reference | None:
-    """Return the reference that a unit of pressure states itself: ``bara``, ``psi(g)``; None if it states none."""
+    """Tell the reference that a unit of pressure states itself: ``bara``, ``psi(g)``; None if it states none."""
     text, known = bare(unit), _CONVERSIONS["pressure"]
     match = _REFERENCE.fullmatch(text)
     if _squeezed(text) in known or match is None or _squeezed(match["unit"]) not in known:
@@ -135,7 +135,7 @@ def stated_reference(unit: str) -> Reference | None:
 
 
 def stated_rate(unit: str) -> float | None:
-    """Return the rate [Hz] that stands in place of a unit of time: ``200 Hz``; None for a unit."""
+    """Read the rate [Hz] that stands in place of a unit of time: ``200 Hz``; None for a unit."""
     match = re.fullmatch(r"(\d+(?:\.\d+)?) ?(k?)hz", unit.strip(), re.IGNORECASE)
     return float(match[1]) * (1e3 if match[2] else 1.0) if match else None
 
@@ -157,7 +157,7 @@ def unit_in_name(name: str) -> str | None:
 
 
 def names_a_unit(text: str) -> bool:
-    """Return whether text in a header is meant as a unit: a lone capital mostly names a port, ``rod`` a side."""
+    """Tell whether text in a header is meant as a unit: a lone capital mostly names a port, ``rod`` a side."""
     text = bare(text)
     if len(text) == 1 and text in _PORTS:
         return False
@@ -182,7 +182,7 @@ def check_unit(column: str, unit: str) -> None:
 
 
 def to_column_unit(values: Array, unit: str, column: str) -> Array:
-    """Return values given in ``unit`` in the column's own unit; values already in it are returned untouched.
+    """Convert values given in ``unit`` to the column's own unit; return values already in it untouched.
 
     Temperatures are converted with their zero, so 32 °F is 0 °C. Refuses as ``check_unit``.
     """
@@ -192,7 +192,7 @@ def to_column_unit(values: Array, unit: str, column: str) -> Array:
 
 
 def column_scale(column: str, unit: str) -> float:
-    """Return how many of the column's unit one of ``unit`` is, for differences: 1 °F is 5/9 °C."""
+    """Tell how many of the column's unit one of ``unit`` is, for differences: 1 °F is 5/9 °C."""
     return _checked(unit, column)[0]
 
 
@@ -205,7 +205,7 @@ def _checked(unit: str, column: str) -> tuple[float, float]:
 
 @cache
 def units_agree(stated: str, configured: str) -> bool:
-    """Return whether what a file states of its channel agrees with the configuration: the same unit.
+    """Tell whether what a file states of its channel agrees with the configuration: the same unit.
 
     Spellings do not matter (``[Bar]`` and ``bar`` agree), nor does what pressure is counted from. Text that is no unit
     in use (``rod side``, ``A``, ``-``) contradicts nothing.
