@@ -134,7 +134,7 @@ def _first_lines(text: Text, options: CsvOptions) -> tuple[list[bytes], Layout]:
             lines = lines[:-1] if len(lines) > _FEWEST_LINES or size >= _LARGEST_HEAD else []
         for most in (_USUAL_LINES, len(lines)):  # what stands above the rows may be long
             try:
-                return lines[:most], find_layout([line.decode() for line in lines[:most]], options)
+                return lines, find_layout([line.decode() for line in lines[:most]], options)
             except RecordingError:
                 if most >= len(lines) and size >= min(_LARGEST_HEAD, text.end - text.start):
                     raise
