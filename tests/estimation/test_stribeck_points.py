@@ -8,7 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.estimation.stribeck_points import StribeckPoint, identified_curve, stribeck_points
+from cylinder_friction.estimation.stribeck_points import IdentifiedCurve, StribeckPoint, stribeck_points
+from cylinder_friction.friction_models.identification.known_curve import known_curve
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 
@@ -61,7 +62,8 @@ def test_a_curve_without_slow_sliding_has_no_numbers_for_it() -> None:
     curve = StribeckCurve(240.0, 360.0, 2e-3, 1.5, 1500.0, 1.2)
     speeds = np.geomspace(1e-3, 0.2, 12).tolist()
     for chosen, known in ((speeds, True), (speeds[5:], False)):
-        found = identified_curve("1", [strokes(chosen, np.zeros(2 * len(chosen)), curve)], 5e-4, 0.95).to_dict()
+        points = stribeck_points([strokes(chosen, np.zeros(2 * len(chosen)), curve)], 5e-4, 0.95)
+        found = IdentifiedCurve("1", ("r",), points, *known_curve(points)).to_dict()
         assert found["curve"]["coulomb_n"] == pytest.approx(240.0, rel=0.1)
         assert (found["curve"]["static_n"] is not None) == known
         assert ("record" in found["why_not"]) != known

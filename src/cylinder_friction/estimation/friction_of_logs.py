@@ -124,14 +124,13 @@ class RecordingFriction:
                 labelled = estimated(labelled, estimator.with_bounds_for([recording]))
         except ValueError as error:  # shorter than the filter, or not what the estimator takes
             return refused_piece(each.metadata, str(error))
-        evidence = self._evidence(labelled) if estimator is None else None
+        evidence = None
+        if estimator is None:
+            known = LOADED.get(self.labeller.load, "")
+            evidence = offset_evidence(labelled, self.labeller.cylinder, self.plan, *self._halves(labelled), known)
         load, off_n = ("", 0.0) if of_session is None else (of_session.sentence(), of_session.expanded_n)
         kept = keeper.keep(labelled)
         return LabelledRecording(each.metadata, kept, each.samples, evidence, load, len(labelled), off_n)
-
-    def _evidence(self, labelled: Recording) -> OffsetEvidence:
-        known = LOADED.get(self.labeller.load, "")
-        return offset_evidence(labelled, self.labeller.cylinder, self.plan, *self._halves(labelled), known)
 
     def _halves(self, recording: Recording) -> tuple[float, float]:
         """Return half the sum and half the difference of friction up and down at equal position [N]."""
@@ -159,7 +158,8 @@ class RecordingFriction:
     def entry(self, recording: Recording, load: str) -> FrictionOfRecording:
         """State what became of a finished recording. ``load`` is which one was identified and taken off, in words."""
         load_n, half_n = self._halves(recording)
-        estimator, rows, counts = self.estimator, len(recording), flag_counts(recording)
+        estimator, rows, flags = self.estimator, len(recording), recording.columns.get("flags")
+        counts = Counter({str(flag.name): 0 if flags is None else int((flags & flag != 0).sum()) for flag in Flag})
         about, given = recording.metadata, None if estimator is None else estimator.position_load
         known = self.labeller.load if given is None else given.in_words()
         other, noisy, fits = "", "", True
@@ -196,14 +196,6 @@ class RecordingFriction:
 
         another_load = estimator.position_load is not None and self.labeller.load == "none"
         return "" if another_load else label_missed(recording, estimator.bounds)
-
-
-def flag_counts(recording: Recording) -> Counter[str]:
-    """Count the rows of each flag, by its name; of a recording without flags there are none."""
-    if "flags" not in recording.columns:
-        return Counter()
-    flags = recording.columns["flags"]
-    return Counter({str(flag.name): int((flags & flag != 0).sum()) for flag in Flag})
 
 
 def refused_piece(about: RecordingMetadata, reason: str | Died) -> Quarantined:

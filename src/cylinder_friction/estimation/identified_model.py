@@ -191,36 +191,31 @@ def modelica_record(model: IdentifiedModel, cylinder: Cylinder, confidence: floa
         cylinder: Whose.
         confidence: Of the intervals.
     """
-    lines = [f'record {model.name} "{_modelica_text(_origin(model, cylinder))}"']
-    lines += [f"  // {line}" for line in _comments(model)]
+    origin, *comments = _comments(model, cylinder)
+    lines = [f'record {model.name} "{_modelica_text(origin)}"', *(f"  // {line}" for line in comments)]
     for each in model.parameters:
-        unit = each.unit.replace(" ", ".")
-        value = "" if each.value is None else f" = {each.value:.9g}"
-        words = _modelica_text(_words(each, confidence))
-        lines.append(f'  parameter Real {each.name}(unit = "{unit}"){value} "{words}";')
+        value, words = "" if each.value is None else f" = {each.value:.9g}", _modelica_text(_words(each, confidence))
+        lines.append(f'  parameter Real {each.name}(unit = "{each.unit.replace(" ", ".")}"){value} "{words}";')
     return "\n".join([*lines, f"end {model.name};", ""])
 
 
 def matlab_script(model: IdentifiedModel, cylinder: Cylinder, confidence: float) -> str:
     """Return a script that defines a structure; what has no number is NaN. Arguments as for ``modelica_record``."""
-    lines = [f"% {line}" for line in (_origin(model, cylinder), *_comments(model))]
+    lines = [f"% {line}" for line in _comments(model, cylinder)]
     for each in model.parameters:
         value = "NaN" if each.value is None else f"{each.value:.9g}"
         lines.append(f"{MATLAB_VARIABLE}.{each.name} = {value}; % [{each.unit}] {_words(each, confidence)}")
     return "\n".join([*lines, ""])
 
 
-def _origin(model: IdentifiedModel, cylinder: Cylinder) -> str:
+def _comments(model: IdentifiedModel, cylinder: Cylinder) -> list[str]:
     assert model.found is not None
     count = len(model.recordings)
-    return (
+    origin = (
         f"{model.title}: friction of {cylinder.name}, identified from {count} recording{'s' if count > 1 else ''}; "
         f"mean error {model.found.error_percent:.1f} % of mean friction"
     )
-
-
-def _comments(model: IdentifiedModel) -> Sequence[str]:
-    return *model.equation, *(SIGNS if model.pressure_scaled else SIGNS[:1])
+    return [origin, *model.equation, *(SIGNS if model.pressure_scaled else SIGNS[:1])]
 
 
 def _words(each: IdentifiedParameter, confidence: float) -> str:

@@ -5,7 +5,6 @@ Which logs are new to a folder follows from what its results state: by content, 
 
 from __future__ import annotations
 
-import base64
 import json
 import os
 import time
@@ -15,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import pyarrow as pa
+import numpy as np
 
 from cylinder_friction.estimation.results import FrictionOfRecording
 from cylinder_friction.evaluation.friction_levels import FrictionLevel
@@ -38,7 +37,6 @@ SETTLED_S = 10.0
 """A new file that was changed less than this long ago may still be written: it is left for the next run."""
 LEFT_FOR_NEXT_RUN = f"changed less than {SETTLED_S:g} s ago and left for the next run"
 GONE, KEPT = "its file was not among the logs of the last run", "not among the logs any more, results kept"
-OF_BLOCKS, OF_QUANTITY = ("label_n", "direction", "stroke"), "column "
 
 
 @dataclass(frozen=True)
@@ -116,29 +114,25 @@ def write_result(folder: Path, finished: Recording, result: Result, pane: str, l
 
 def packed(evidence: OffsetEvidence | None, samples: Samples) -> str:
     """Return what later recordings are compared with as text; equal content makes equal text."""
-    about: dict[str, Any] = {"samples": vars(samples), "evidence": evidence and {**vars(evidence), "sliding": None}}
-    columns: dict[str, Any] = {}
-    if evidence is not None and evidence.sliding is not None:
-        content = dict(vars(evidence.sliding))
-        columns = {f"{OF_QUANTITY}{name}": values for name, values in content.pop("columns").items()}
-        columns |= {name: content.pop(name) for name in OF_BLOCKS}
-        about["evidence"]["sliding"] = content
-    table, sink = pa.table(columns).replace_schema_metadata({"about": json.dumps(about)}), pa.BufferOutputStream()
-    with pa.ipc.new_stream(sink, table.schema) as stream:
-        stream.write_table(table)
-    return base64.b64encode(sink.getvalue()).decode()
+
+    def plain(content: Any) -> Any:
+        return content.tolist() if isinstance(content, np.ndarray) else vars(content)
+
+    return json.dumps({"evidence": evidence, "samples": samples}, default=plain)
 
 
 def unpacked(text: str) -> tuple[OffsetEvidence | None, Samples]:
     """Return what ``packed`` was given."""
-    table = pa.ipc.open_stream(base64.b64decode(text)).read_all()
-    about = json.loads(table.schema.metadata[b"about"])
-    evidence, columns = about["evidence"], {name: table[name].to_numpy() for name in table.column_names}
-    if evidence is not None and evidence["sliding"] is not None:
-        own = {name: columns.pop(name) for name in OF_BLOCKS}
-        quantities = {name.removeprefix(OF_QUANTITY): values for name, values in columns.items()}
-        evidence["sliding"] = SlidingBlocks(**evidence["sliding"], **own, columns=quantities)
-    return None if evidence is None else OffsetEvidence(**evidence), Samples(**about["samples"])
+    about = json.loads(text)
+    evidence, samples = about["evidence"], Samples(**about["samples"])
+    if evidence is None:
+        return None, samples
+    if (sliding := evidence["sliding"]) is not None:
+        sliding |= {name: np.array(sliding[name], dtype=np.float64) for name in ("label_n", "direction")}
+        sliding["stroke"] = np.array(sliding["stroke"], dtype=np.int64)
+        columns = {name: np.array(values, dtype=np.float64) for name, values in sliding.pop("columns").items()}
+        evidence["sliding"] = SlidingBlocks(**sliding, columns=columns)
+    return OffsetEvidence(**evidence), samples
 
 
 @dataclass(frozen=True)

@@ -95,10 +95,13 @@ def widened_intervals(
         name: (min(lower, values[name] * (1.0 - LEAST_SHARE)), max(upper, values[name] * (1.0 + LEAST_SHARE)))
         for name, (lower, upper) in found.intervals.items()
     }
+    pressures = [np.zeros(len(each)) if pressure is None else pressure(each) for each in recordings]
     for velocity in tqdm(velocities.values(), desc=f"intervals {model.title}", unit="velocity", disable=None):
-        motions = Motions.of(
-            [_motion(recording, velocity, pressure) for recording in recordings], recordings[0].sample_time_s, model
-        )
+        moving = [
+            Motion(velocity(each), pressure_pa, each.column("friction_n"), each.usable())
+            for each, pressure_pa in zip(recordings, pressures, strict=True)
+        ]
+        motions = Motions.of(moving, recordings[0].sample_time_s, model)
         reference_pa = 0.0 if pressure is None else motions.reference_pressure_pa
         coordinates = Coordinates.around(model, found.curve, mass_kg, damping_ratio, reference_pa)
         end = search_locally(motions, coordinates, coordinates.point(found.parameters), EVALUATIONS)
@@ -123,19 +126,11 @@ def shifted_intervals(
         zeros_n: Greatest shift [N].
     """
     shifts = {"coulomb_n": zeros_n, "static_n": zeros_n}
-    shifts["retract_ratio"] = (
-        zeros_n * (1.0 + found.parameters.value("retract_ratio")) ** 2 / (2.0 * found.mean_friction_n)
-    )
+    ratio = found.parameters.value("retract_ratio")
+    shifts["retract_ratio"] = zeros_n * (1.0 + ratio) ** 2 / (2.0 * found.mean_friction_n)
     widened = dict(intervals)
     for name in shifts.keys() & intervals.keys():
         value, (lower, upper) = found.parameters.value(name), intervals[name]
         low, high = math.hypot(value - lower, shifts[name]), math.hypot(upper - value, shifts[name])
         widened[name] = max(value - low, 1e-6 * value), value + high
     return widened
-
-
-def _motion(
-    recording: Recording, velocity: Callable[[Recording], Array], pressure: Callable[[Recording], Array] | None
-) -> Motion:
-    pressure_pa = np.zeros(len(recording)) if pressure is None else pressure(recording)
-    return Motion(velocity(recording), pressure_pa, recording.column("friction_n"), recording.usable())

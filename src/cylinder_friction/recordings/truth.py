@@ -28,22 +28,22 @@ def read_truth(folder: Path, recording: Recording) -> pd.DataFrame | None:
     missing = [column for column in TRUTH_COLUMNS if column not in truth.columns]
     if missing:
         raise RecordingError(f"{path}: column {missing[0]!r} is missing; got columns {list(truth.columns)}")
-    time_s = recording.column("time_s")
-    begins = int(np.searchsorted(truth["time_s"], time_s[0] - 0.5 * recording.sample_time_s))
+    time_s, name, slack_s = recording.column("time_s"), recording.name, 0.5 * recording.sample_time_s
+    begins = int(np.searchsorted(truth["time_s"], time_s[0] - slack_s))
     truth = truth.iloc[begins : begins + len(time_s)].reset_index(drop=True)
     if len(truth) != len(time_s):
-        raise RecordingError(f"{path}: has {len(truth)} rows, but recording {recording.name!r} has {len(time_s)}")
-    late = np.abs(truth["time_s"].to_numpy() - time_s) > 0.5 * recording.sample_time_s
-    if late.any():
-        row = int(np.flatnonzero(late)[0])
+        raise RecordingError(f"{path}: has {len(truth)} rows, but recording {name!r} has {len(time_s)}")
+    late = np.flatnonzero(np.abs(truth["time_s"].to_numpy() - time_s) > slack_s)
+    if len(late):
+        row = int(late[0])
         raise RecordingError(
-            f"{path}: time_s is {truth['time_s'].iloc[row]:.6g} s in row {row + 1}, but recording "
-            f"{recording.name!r} has {time_s[row]:.6g} s there; expected the truth of this very recording"
+            f"{path}: time_s is {truth['time_s'].iloc[row]:.6g} s in row {row + 1}, but recording {name!r} has "
+            f"{time_s[row]:.6g} s there; expected the truth of this very recording"
         )
     return truth
 
 
 def known_truth(folder: str, recordings: Sequence[Recording]) -> dict[str, Array]:
-    """Return true friction [N] by recording name, as far as it is known; ``folder`` is empty where nobody knows it."""
+    """Return true friction [N] by recording name, as far as it is known; ``folder`` is empty if nobody knows it."""
     truths = {recording.name: read_truth(Path(folder), recording) for recording in recordings} if folder else {}
     return {name: truth["friction_n"].to_numpy(dtype=np.float64) for name, truth in truths.items() if truth is not None}

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,10 +14,8 @@ import pytest
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.position_steps import check_position_steps
-from cylinder_friction.recordings.checks.recording_checks import inspect_recording
-from cylinder_friction.recordings.conversion import open_tables, pieces_from
 from cylinder_friction.recordings.ingesting import Quarantined, recordings_of
-from cylinder_friction.recordings.reading_logs import Logs, find_logs
+from cylinder_friction.recordings.reading_logs import find_logs
 from logger_files import CHANNELS, made_log
 
 ROWS, LEAST_NAMED = 8000, 28
@@ -160,29 +157,3 @@ def test_noise_of_a_third_of_a_recording_is_compared_with_the_quietest_stretch(t
     found = check_position_steps(position_m, time_s, stroke_m=0.25)
     assert found.outcome == outcome
     assert outcome == "ok" or re.search(r"noise between (19|20)\.\d+ and (39|40)\.\d+ s", found.text)
-
-
-@pytest.mark.extended
-def test_faults_in_recordings_of_a_crane(crane_logs: Logs) -> None:
-    """64 faults, in eight recordings where the jib is fastest: all found, 62 by kind; none in eleven untouched ones."""
-
-    def findings(x: Array | None, path: Path) -> str:
-        (table,) = open_tables(path, crane_logs.recipe)
-        if x is not None:
-            table = replace(table, channels=table.channels.assign(JibPistonPosition=x))
-        limits, pieces = crane_logs.recipe.limits, pieces_from([table], crane_logs.recipe)
-        found = [each for one in pieces for each in inspect_recording(one.columns, limits, one.sample_time_s)]
-        return " | ".join(each.text for each in found if each.check == "position_steps" and each.outcome != "ok")
-
-    assert len(crane_logs.files) == 11
-    assert [name for name, path in crane_logs.files.items() if findings(None, path)] == []
-    named = []
-    for name, path in crane_logs.files.items():
-        if not name.startswith("Main"):  # there the jib stands
-            (table,) = open_tables(path, crane_logs.recipe)
-            x = table.channels["JibPistonPosition"].to_numpy(dtype=np.float64)
-            row = fastest(x, len(x) // 4, 4 * len(x) // 5)
-            named += [(findings(change(x, row), path), words) for change, words in POSITION.values()]
-    assert len(named) == 64
-    assert all(text for text, _ in named)
-    assert sum(bool(re.search(words, text)) for text, words in named) >= 62

@@ -153,12 +153,6 @@ def test_a_slow_channel_in_one_table_is_no_gap() -> None:
     assert piece.metadata.repairs == ("a: resampled from 200 to 50 Hz (windowed sinc, cut-off 22.5 Hz)",)
 
 
-def test_a_tone_above_the_new_rate_does_not_alias() -> None:
-    time_s = np.arange(6000) / 1000.0
-    (piece,) = align(one(time_s, sine(time_s, 150.0)), TimeRules(rate_hz=200.0))
-    assert np.abs(inner(piece)["a"]).max() < 1e-3
-
-
 @pytest.mark.parametrize("jitter", [0.1, 0.4])
 def test_uneven_stamps_come_to_an_even_grid(jitter: float) -> None:
     time_s = EVEN_S + np.random.default_rng(3).uniform(0.0, jitter * 0.005, ROWS)

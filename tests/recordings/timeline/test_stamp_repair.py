@@ -111,6 +111,7 @@ def test_stamps_beyond_repair_are_refused(damage: Damage, message: str) -> None:
 
 
 COARSE_ROWS = 2000
+EVEN_S = 0.005 * np.arange(COARSE_ROWS)
 NOISE = np.random.default_rng(0).normal(size=COARSE_ROWS)
 
 
@@ -120,24 +121,28 @@ def resolved(time_s: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.nda
     return resolve_duplicates(stamps, [values], TimeRules())
 
 
-def test_copies_of_a_row_are_left_out_however_many() -> None:
-    result_s, keep, repairs = resolved(np.repeat(0.005 * np.arange(COARSE_ROWS), 2), np.repeat(NOISE, 2))
-    np.testing.assert_array_equal(result_s[keep], 0.005 * np.arange(COARSE_ROWS))
-    assert repairs == [f"{COARSE_ROWS} rows with stamp and values of the row before left out (first: row 2)"]
+COPIED = "stamp and values of the row before left out (first: row"
+HOLES = np.insert(NOISE, 9, np.nan)
+HOLES[8] = np.nan
 
 
-def test_a_copied_row_with_a_missing_value_is_a_copy() -> None:
-    time_s, values = np.insert(0.005 * np.arange(COARSE_ROWS), 9, 0.04), np.insert(NOISE, 9, np.nan)
-    values[8] = np.nan
-    assert resolved(time_s, values)[2] == ["1 row with stamp and values of the row before left out (first: row 10)"]
-
-
-def test_the_first_of_two_rows_with_one_stamp_stays() -> None:
-    time_s = np.insert(0.005 * np.arange(COARSE_ROWS), [5, 5], 0.02)
-    result_s, keep, repairs = resolved(time_s, np.insert(NOISE, [5, 5], [8, 9]))
-    np.testing.assert_array_equal(np.flatnonzero(~keep), [5, 6])
-    np.testing.assert_array_equal(result_s[keep], 0.005 * np.arange(COARSE_ROWS))
-    assert repairs == ["2 rows with the stamp of the row before but other values left out (first: row 6)"]
+@pytest.mark.parametrize(
+    ("time_s", "values", "repair"),
+    [
+        (np.repeat(EVEN_S, 2), np.repeat(NOISE, 2), f"{COARSE_ROWS} rows with {COPIED} 2)"),
+        (np.insert(EVEN_S, 9, 0.04), HOLES, f"1 row with {COPIED} 10)"),
+        (
+            np.insert(EVEN_S, [5, 5], 0.02),
+            np.insert(NOISE, [5, 5], [8, 9]),
+            "2 rows with the stamp of the row before but other values left out (first: row 6)",
+        ),
+    ],
+    ids=["each row twice", "a missing value twice", "other values"],
+)
+def test_the_first_of_rows_with_one_stamp_stays(time_s: np.ndarray, values: np.ndarray, repair: str) -> None:
+    result_s, keep, repairs = resolved(time_s, values)
+    np.testing.assert_array_equal(result_s[keep], EVEN_S)
+    assert repairs == [repair]
 
 
 @pytest.mark.parametrize(("rate_hz", "tick_s"), [(200.0, 0.015625), (1000.0, 0.1), (210.0, 0.010), (97.3, 0.05)])
@@ -146,15 +151,11 @@ def test_a_coarse_clock_is_spread_evenly(rate_hz: float, tick_s: float) -> None:
     stamps_s = np.floor(true_s / tick_s + 1e-9) * tick_s
     result_s, keep, repairs = resolved(stamps_s, NOISE)
     assert keep.all()
+    assert resolved(stamps_s, np.ones(COARSE_ROWS))[1].all()  # rows of a constant channel are no copies
     np.testing.assert_allclose(np.diff(result_s), 1.0 / rate_hz, rtol=2e-4)
     assert np.abs(result_s - true_s).max() < 1.5 / rate_hz
     assert (result_s >= stamps_s - 1e-9).all()
     assert re.match(r"coarse stamps, \d+ of 2000 rows .* \(a new stamp every \S+ ms\), spread evenly", repairs[0])
-
-
-def test_a_constant_channel_does_not_make_a_coarse_clock_a_row_of_copies() -> None:
-    _, keep, _ = resolved(np.floor(np.arange(COARSE_ROWS) / 4) * 0.02, np.ones(COARSE_ROWS))
-    assert keep.all()
 
 
 def test_a_gap_of_a_coarse_clock_stays_a_gap() -> None:
