@@ -15,10 +15,13 @@ from dataclasses import replace
 
 import numpy as np
 import pandas as pd
+from sentences import sentences
 from zero_sweep import PLAN, RIG, Kind, identified, raw_recordings
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
 from cylinder_friction.labelling.apparent_loss import apparent_loss
 from cylinder_friction.labelling.known_offset import STROKES, KnownOffset, OffsetEvidence, offset_evidence
 from cylinder_friction.labelling.label import Labeller, label
@@ -158,7 +161,7 @@ def without_loss(recording: Recording, truth: pd.DataFrame, bar: float, cylinder
 
 
 def loads(seed: int, quick: bool) -> Iterator[Row]:
-    """Yield whether an identified weight, and Coulomb friction beside it, lie within what is printed."""
+    """Yield whether an identified weight lies within what is printed."""
     place = "labelling/load.py sentence"
     for bar in (0.0, 3.0):
         logs, _, cylinder = campaign_of(seed, quick, weight_n=WEIGHT_N, line_loss_bar=bar)
@@ -194,17 +197,39 @@ def zeros(seed: int, quick: bool) -> Iterator[Row]:
 
 
 def rates(seed: int, quick: bool) -> Iterator[Row]:
-    """Yield the label's error at each rate over that at 200 Hz, of one motion."""
-    errors: dict[float, list[float]] = {}
+    """Yield errors at each rate over those at 200 Hz, of one motion: of the label, and of a hybrid in new sessions.
+
+    At 100 Hz also over a causal balance, a low-pass tuned on the hybrid's own training.
+    """
+    found: dict[float, tuple[float, float, float]] = {}
     for step_s in (0.01, 0.005, 0.002, 0.001):
         logs, truths, cylinder = campaign_of(seed, quick, sample_time_s=step_s)
-        errors[step_s] = [free_error(*pair) for pair in zip(label(logs, cylinder), truths, strict=True)]
-    for step_s, own in errors.items():
-        ratio = float(np.mean(own) / np.mean(errors[0.005]))
-        yield "signals/zero_phase.py", f"error at {1.0 / step_s:.0f} Hz over that at 200 Hz", ratio
+        labelled = label(logs, cylinder)
+        names = sorted({each.metadata.session for each in labelled})
+        new = {name for number, name in enumerate(names) if number % 4 == 3 or (quick and number % 2)}
+        train = [each for each in labelled if each.metadata.session not in new]
+        plan = replace(HybridEstimator(cylinder).plan, epochs=10, patience=None)
+        estimators = (
+            HybridEstimator(cylinder, plan=plan).fit(train, ()),
+            LowPassForceBalanceEstimator(cylinder).fit(train),
+        )
+        errors = [free_error(*pair) for pair in zip(labelled, truths, strict=True)]
+        held = [pair for pair in zip(labelled, truths, strict=True) if pair[0].metadata.session in new]
+        of_each = [
+            float(
+                np.mean([free_error(each.with_columns(friction_n=model.estimate(each)), truth) for each, truth in held])
+            )
+            for model in estimators
+        ]
+        found[step_s] = (float(np.mean(errors)), *of_each)
+    for step_s, (own, hybrid, balance) in found.items():
+        rate = f"error at {1.0 / step_s:.0f} Hz over"
+        yield "signals/zero_phase.py", f"{rate} that at 200 Hz, label", own / found[0.005][0]
+        yield "estimators/hybrid.py", f"{rate} that at 200 Hz, hybrid", hybrid / found[0.005][1]
+        yield "estimators/hybrid.py", f"{rate} that of a tuned low-pass, hybrid", hybrid / balance
 
 
-PARTS = {"losses": losses, "loads": loads, "zeros": zeros, "rates": rates}
+PARTS = {"losses": losses, "loads": loads, "zeros": zeros, "rates": rates, "sentences": sentences}
 
 
 def main() -> None:

@@ -49,8 +49,8 @@ def print_crane(data: Path) -> None:
         assert load is not None
         low, high = load.coulomb_interval_n
         print(
-            f"  {name}: Coulomb {load.coulomb_n:.0f} N ({low:.0f} to {high:.0f}), up {load.coulomb_extend_n:.0f} N, "
-            f"down {load.coulomb_retract_n:.0f} N, greatest local difference {figures.greatest_asymmetry_percent:.1f} %"
+            f"  {name}: Coulomb {load.coulomb_n:.0f} N ({low:.0f} to {high:.0f}), "
+            f"greatest local difference {figures.greatest_asymmetry_percent:.1f} %"
         )
         print(
             f"    load {load.load_range_n[0]:.0f} to {load.load_range_n[1]:.0f} N, order {load.order}, "

@@ -118,7 +118,9 @@ def test_pressures_that_hardly_vary_determine_no_law_of_pressure() -> None:
 
 def test_a_load_in_friction_is_no_parameter(tmp_path: Path, cylinder: Cylinder) -> None:
     write_lugre_log(tmp_path / "r.csv", TRUTH, cylinder, [0.01, 0.05, 0.08] * 5, load_n=900.0)
-    with pytest.raises(RecordingError, match=r"first, r\.csv: friction_n holds a load of about \d{3} N; map a load"):
+    with pytest.raises(
+        RecordingError, match=r"first, r\.csv: friction_n holds a load, or a sensor's zero, of about \d{3} N"
+    ):
         identify_logs(tmp_path / "r.csv", cylinder, tmp_path / "out", channels=CHANNELS)
 
 

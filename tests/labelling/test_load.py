@@ -17,7 +17,6 @@ def test_load_and_friction_of_a_boom_are_found() -> None:
     assert found.viscous_n_s_m == pytest.approx(2000.0, rel=0.2)
     assert found.coulomb_interval_n[0] < 400.0 < found.coulomb_interval_n[1]
     assert found.viscous_interval_n_s_m[0] < 2000.0 < found.viscous_interval_n_s_m[1]
-    assert found.coulomb_extend_n == pytest.approx(found.coulomb_retract_n, rel=0.05)
     assert 2 <= found.order <= 6
     assert found.load_range_n[0] == pytest.approx(boom_load(grid).min(), abs=20.0)
     assert min(found.strokes_extend, found.strokes_retract) >= 7

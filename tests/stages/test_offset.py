@@ -141,7 +141,7 @@ def test_beside_a_measured_load_the_load_cell_has_its_part_of_the_offset(workpla
 def write_loads(spread_n: float) -> None:
     """Write what stage ``label`` would of loads by position: 300 N in the first session, more in each further one."""
     names = sorted({each.metadata.session for each in read_stored(LABELLED_FOLDER)})
-    number = dict.fromkeys(("asymmetry_n", "coulomb_n", "coulomb_extend_n", "coulomb_retract_n", "residual_n"), 4.0)
+    number = dict.fromkeys(("asymmetry_n", "coulomb_n", "residual_n"), 4.0)
     pairs = dict.fromkeys(("coulomb_interval_n", "viscous_interval_n_s_m", "load_range_n"), (0.0, 0.0))
     load = LoadIdentification(
         (0.0,), TravelCovered(((0.02, 0.2),)), (3.0,) * 51, viscous_n_s_m=0.0, confidence=0.95,

@@ -62,7 +62,6 @@ def test_friction_comes_out_of_a_crane_that_nobody_told_its_load(crane: Any, run
     assert 3000.0 < load.coulomb_n < 4500.0
     assert load.coulomb_interval_n[0] > 3000.0
     assert load.coulomb_interval_n[1] < 4500.0
-    assert load.coulomb_extend_n == pytest.approx(load.coulomb_retract_n, rel=0.2)
     assert crane[run].greatest_asymmetry_percent < 20.0
     assert 24e3 < load.load_range_n[0] < load.load_range_n[1] < 38e3
 
@@ -83,7 +82,7 @@ def test_inspection_states_the_crane_s_friction_once_its_load_is_taken_off(
     path = DATA / f"crane/{run}_230425__100Hz.csv.gz"
     loaded = inspected(public, "crane", path, "none")
     assert loaded.friction == {}
-    assert loaded.subject.verdict.startswith("not usable: the force still holds a load, or a sensor's zero: 3")
+    assert loaded.subject.verdict.startswith("not usable: the force is not friction alone: 3")
     taken_off = inspected(public, "crane", path, "position")
     assert taken_off.subject.verdict.startswith("usable for labelling")
     for mean in taken_off.friction.values():

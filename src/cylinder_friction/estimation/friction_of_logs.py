@@ -79,6 +79,7 @@ class RecordingFriction:
     plan: OffsetPlan
     # What friction comes from, or where it is saved; None: the label, less the sensors' offset if it is known
     model: FrictionEstimator | Path | None
+    stated_load: str = ""  # The constant load that was stated, in words; empty if none was
 
     @property
     def estimator(self) -> FrictionEstimator | None:
@@ -161,7 +162,7 @@ class RecordingFriction:
         estimator, rows, flags = self.estimator, len(recording), recording.columns.get("flags")
         counts = Counter({str(flag.name): 0 if flags is None else int((flags & flag != 0).sum()) for flag in Flag})
         about, given = recording.metadata, None if estimator is None else estimator.position_load
-        known = self.labeller.load if given is None else given.in_words()
+        known = (self.stated_load or self.labeller.load) if given is None else given.in_words()
         other, noisy, fits = "", "", True
         if estimator is not None and (trained_for := estimator.trained_for) is not None:
             fits = trained_for.fits(self.labeller.cylinder)  # a model's own areas hold no load
@@ -237,7 +238,9 @@ class LabelledLogs:
             model.save(scratch / "model")
             model = scratch / "model"  # read once by each worker
         labeller = Labeller(cylinder, load=logs.recipe.limits.load)
-        self.friction = RecordingFriction(labeller, default_filter(cylinder), OffsetPlan(), model)
+        stated = logs.recipe.limits.stated_load
+        words = "" if stated is None else stated.in_words()
+        self.friction = RecordingFriction(labeller, default_filter(cylinder), OffsetPlan(), model, words)
         self.refused: list[Quarantined] = []
         self.offsets: dict[str, KnownOffset] = {}
         self.loss: ApparentLoss | None = None

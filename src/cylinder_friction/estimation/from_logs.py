@@ -37,7 +37,7 @@ from cylinder_friction.estimation.result_file import (
     unpacked,
     write_result,
 )
-from cylinder_friction.estimation.results import FrictionOfLogs, table_rows
+from cylinder_friction.estimation.results import FrictionOfLogs, FrictionOfRecording, table_rows
 from cylinder_friction.evaluation.inspection.friction_view import view_of_labelled
 from cylinder_friction.execution.workers import Died, Workers
 from cylinder_friction.files.whole_files import hash_of, read_json
@@ -152,7 +152,7 @@ def estimate_logs(
         offsets = {each.offset.session: each.offset for each in results if each.offset is not None} | run.offsets
         result = FrictionOfLogs(
             into,
-            _bounds_in_words(run, any(each.bounded for each in results)),
+            _bounds_in_words(run, any(each.bounded for each in results), [each.entry for each in results]),
             [each.entry for each in results],
             sorted(run.refused, key=lambda each: (each.file, each.piece)),
             [offsets[name] for name in sorted(offsets)],
@@ -280,13 +280,15 @@ def _depends_on(
     return hashes
 
 
-def _bounds_in_words(run: LabelledLogs, bounded: bool) -> str:
+def _bounds_in_words(run: LabelledLogs, bounded: bool, entries: Sequence[FrictionOfRecording]) -> str:
     """Return what the bounds hold, or why there are none and what stating the sensors' accuracy would give."""
     estimator, assumed = run.friction.estimator, run.logs.assumed
     if estimator is not None:
         return "none: the model was never calibrated" if estimator.bounds is None else estimator.bounds.in_words()
     if bounded:
-        return f"{LABEL_BOUNDS}{assumed and '; '}{assumed}"
+        loaded = sum(each.load_left_n is not None for each in entries)
+        but = f"; not in the {loaded} recordings whose friction holds a load" if loaded else ""
+        return f"{LABEL_BOUNDS}{but}{assumed and '; '}{assumed}"
     typical = run.logs.with_sensor_class(TYPICAL_CLASS)
     if not typical.assumed:
         return "none: the accuracy of a force sensor is not stated (sensor.accuracy_percent in the mapping)"

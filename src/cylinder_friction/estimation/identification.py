@@ -67,9 +67,9 @@ MOST_ROWS = 1 << 20
 SIMULATED_RECORDINGS, PIECE_S, POLISHED_PIECE_S = 16, 10.0, 60.0
 """What differential evolution simulates, and the longest piece of each recording in the last local searches."""
 INTERVALS_OF_PARAMETERS = (
-    f"{INTERVAL_METHOD}; widened to hold what is identified with every velocity whose error exceeds the least by at "
-    f"most {100.0 * FITS_ALIKE:g} % of mean |friction|, to {100.0 * LEAST_SHARE:g} % either way at least, and by what "
-    "is stated of the sensors' zeros, or uncertain of an identified load"
+    f"{INTERVAL_METHOD}; widened to hold what steady sliding alone gives, and what is identified with every velocity "
+    f"whose error exceeds the least by at most {100.0 * FITS_ALIKE:g} % of mean |friction|, to {100.0 * LEAST_SHARE:g} "
+    "% either way at least, and by what is stated of the sensors' zeros, or uncertain of an identified load"
 )
 INTERVALS_OF_POINTS = (
     "Student's t over the medians of strokes, with what is stated of the sensors' zeros, or uncertain of an identified "

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.stribeck_points import SLOW_PARAMETERS, no_rise_seen
+from cylinder_friction.estimation.stribeck_points import LEAST_RISE, SLOW_PARAMETERS, no_rise_seen
 from cylinder_friction.friction_models.identification.procedure import Identification
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
 from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
@@ -47,6 +47,10 @@ WIDEST = 4.0
 """Upper over lower limit of an interval above which a parameter is not determined: a factor of 2 either way."""
 LEAST_PRESSURE_SPAN = 1.5
 """Greatest over least sum of pressures while usable; below it, pressure and preload take each other's place."""
+UNSEPARATED = (
+    "part of it may be how dry friction falls with speed, as the Stribeck velocity is not determined; record more "
+    "strokes at constant speed, slow ones and fast ones"
+)
 _AT_THE_EDGE = 0.01
 _AT_THE_LIMIT = 0.05
 """Share of a limit of the search within which the end of an interval counts as that limit."""
@@ -118,7 +122,9 @@ def determined(
     no_rise = no_rise_seen(found.parameters.curve, points)
     for spec in model.searched:
         why_not[spec.name] = (no_rise if spec.name in SLOW_PARAMETERS else "") or _unknown(spec, found)
-    why_not["viscous_n_s_m"] = no_viscous or why_not["viscous_n_s_m"]
+    falls = found.parameters.static_n > (1.0 + LEAST_RISE) * found.parameters.coulomb_n
+    unseparated = UNSEPARATED if falls and why_not["stribeck_velocity_m_s"] else ""
+    why_not["viscous_n_s_m"] = no_viscous or why_not["viscous_n_s_m"] or unseparated
     parameters = []
     for spec in model.specs:
         if spec.relative_to == "pressure" and not model.pressure_scaled:

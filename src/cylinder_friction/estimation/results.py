@@ -112,8 +112,8 @@ def load_left(each: FrictionOfRecording) -> str:
     """Return what load friction still holds, and what to do; empty if nothing hints at one."""
     if each.load_left_n is None:
         return ""
-    remedy = "map a load cell, use --load position, or state a second rod (rod_diameter_1_m)"
-    return f"friction_n holds a load of about {each.load_left_n:.0f} N; {remedy}"
+    remedy = "map a load cell, use --load position, zero the sensors, or state a second rod (rod_diameter_1_m)"
+    return f"friction_n holds a load, or a sensor's zero, of about {each.load_left_n:.0f} N; {remedy}"
 
 
 def table_rows(result: FrictionOfLogs) -> list[tuple[str, str, float | None, str, str]]:

@@ -26,6 +26,8 @@ LEAST_SHARE = 0.02
 """Least half-width of an interval, over the value: as much as smoothing of label and velocity bends where noise is
 small."""
 EVALUATIONS = 400
+STEADY = {"coulomb_n", "viscous_n_s_m", "retract_ratio"}
+"""Parameters that steady sliding determines too."""
 
 
 def slope(window: int, backlash_m: float, dead_band_m_s: float) -> Callable[[Recording], Array]:
@@ -85,10 +87,12 @@ def widened_intervals(
     mass_kg: float,
     damping_ratio: float,
 ) -> dict[str, tuple[float, float]]:
-    """Return the intervals of a result, widened to hold what is found with every velocity that fits alike, and 2 %.
+    """Widen the intervals of a result to hold what steady sliding and every velocity that fits alike give, and 2 %.
 
     A filter and a gate at standstill bend what is identified by more than noise scatters it, bristle stiffness above
-    all. So a local search starts from the best parameters with each velocity. Arguments are as for ``identify``.
+    all. So a local search starts from the best parameters with each velocity. A friction that follows another law has
+    other best parameters over all rows than over steady sliding: the truth may be either, each as uncertain as found.
+    With dry friction that grows with pressure steady sliding alone shows other quantities. Arguments: see ``identify``.
     """
     values = {name: found.parameters.value(name) for name in found.intervals}
     intervals = {
@@ -110,6 +114,9 @@ def widened_intervals(
         parameters = coordinates.parameters(end)
         for name, (lower, upper) in intervals.items():
             intervals[name] = min(lower, parameters.value(name)), max(upper, parameters.value(name))
+    for name in STEADY & intervals.keys() if pressure is None else ():
+        (lower, upper), other = intervals[name], getattr(found.curve, name) / values[name]
+        intervals[name] = min(lower, other * lower), max(upper, other * upper)
     return intervals
 
 

@@ -119,8 +119,8 @@ def too_uneven(uneven_n: float, friction_n: float, zero_n: float | None, plan: O
         return ""
     return (
         f"{four_digits(uneven_n)} N does not turn with the direction, where the stated zeros and an asymmetry of "
-        f"friction explain {four_digits(largest_n)} N; a load acts, friction is more asymmetric, or a zero is worse "
-        "than stated"
+        f"friction explain {four_digits(largest_n)} N; a load acts, a line loses pressure, friction is more "
+        "asymmetric, or a zero is worse than stated"
     )
 
 
@@ -283,8 +283,8 @@ def undetermined(found: SessionOffset, model: OffsetModel, plan: OffsetPlan) -> 
     if model.plan.asymmetry > UNEXPECTED * plan.asymmetry:
         return (
             f"friction extending and retracting differs from its mean by {100.0 * model.plan.asymmetry:.0f} %, where "
-            f"{100.0 * plan.asymmetry:.0f} % is expected, and may differ in another way in each session; give at least "
-            f"{LEAST_IN_CONDITION} sessions of each condition together"
+            f"{100.0 * plan.asymmetry:.0f} % is expected: it may differ in another way in each session; or a line "
+            "loses pressure or zeros are worse than stated, and then bounds are too narrow"
         )
     few = len(model.sessions) < LEAST_SESSIONS
     if found.standard_uncertainty_n < (LEAST_NARROWING_OF_FEW if few else LEAST_NARROWING) * found.prior_n:
@@ -294,7 +294,7 @@ def undetermined(found: SessionOffset, model: OffsetModel, plan: OffsetPlan) -> 
             "what does not turn with the direction differs from session to session by ± "
             f"{COVERAGE_FACTOR * model.even_spread_n:.0f} N, where the stated zeros explain ± "
             f"{COVERAGE_FACTOR * found.prior_n:.0f} N: friction of each is asymmetric in its own way, a load differs, "
-            "or zeros are worse than stated; in the last two cases bounds are too narrow"
+            "a line loses pressure, or zeros are worse than stated; unless it is friction, bounds are too narrow"
         )
     return (
         "strokes in both directions narrow it no further, as friction of each session may be asymmetric in its own "

@@ -33,6 +33,7 @@ from cylinder_friction.labelling.robust import (
 from cylinder_friction.labelling.strokes import OthersCovered, StrokePoints, TravelCovered, coverage_of, others_covered
 from cylinder_friction.realtime.position_load import LoadAxis, PositionLoad
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, POSITION
+from cylinder_friction.recordings.line_loss import RECTANGULAR
 from cylinder_friction.recordings.recording import RecordingError
 
 GRID = 51
@@ -55,7 +56,8 @@ _AS_GOOD = 1.01
 """Cross-validated error of the chosen order over the least one, at most."""
 _ALIKE = 1.1
 """Up to this factor of the least residual another set of speed terms describes friction as well: Coulomb friction is
-uncertain by what they make of it."""
+uncertain by what they make of it. Terms that describe it better by more, but that strokes do not determine, leave the
+load uncertain by what they make of that."""
 _OWN_SHARE = 0.05
 """Viscous friction is identified if position and direction leave this share of velocity's square unexplained."""
 _LEAST_POINTS_PER_COEFFICIENT = 4
@@ -102,10 +104,6 @@ class LoadIdentification:
     asymmetry_n: float  # Standard uncertainty of the load from friction that may differ between the directions [N]
     coulomb_n: float  # Coulomb friction, half the difference between up and down at no speed [N]
     coulomb_interval_n: tuple[float, float]  # Its confidence interval [N]
-    # Median residual in either direction after subtracting load and viscous friction [N]; a constant difference between
-    # them has gone into the load
-    coulomb_extend_n: float
-    coulomb_retract_n: float
     viscous_n_s_m: float  # Viscous friction [N s/m]; 0 if the speeds do not determine it
     viscous_interval_n_s_m: tuple[float, float]  # Its confidence interval, then (0, 0)
     load_range_n: tuple[float, float]  # Least and greatest load over the coverage [N]
@@ -160,8 +158,7 @@ class LoadIdentification:
             f"the load is {load} ± {self.expanded_n:.0f} N between {from_m:.3g} and {to_m:.3g} m{self._elsewhere()}, "
             f"from strokes ({self.strokes_extend} out, {self.strokes_retract} in); "
             f"± {COVERAGE_FACTOR * self.asymmetry_n:.0f} N of that is asymmetric friction, which strokes do not tell "
-            f"from a load; Coulomb friction {self.coulomb_n:.4g} N ({self.coulomb_interval_n[0]:.4g} to "
-            f"{self.coulomb_interval_n[1]:.4g}), the mean of both directions"
+            "from a load"
         )
 
     @property
@@ -223,11 +220,12 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
     of_load = shape.shape[1]
     dry = np.column_stack([shape, direction])
     linear = points.velocity_m_s[:, None]
-    fits = []
+    fits, loads_n = [], []
     for terms in (linear[:, :0], linear, linear * np.abs(linear), np.hstack([linear, linear * np.abs(linear)])):
         design = np.hstack([dry, terms])
         fit = robust_fit(design, points.force_n)
         drawn = bootstrap_coefficients(design, fit, points.force_n, blocks, groups, plan.repeats, plan.seed)
+        loads_n.append((float(np.abs(fit.residuals).sum()), fit.coefficients[:of_load]))
         if not terms.shape[1] or _determined(design, drawn[:, of_load:], plan.confidence):
             fits.append((float(np.abs(fit.residuals).sum()), terms is linear or terms.shape[1] > 1, design, fit, drawn))
     least = min(each[0] for each in fits)
@@ -250,10 +248,11 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
         )
     grid = np.linspace(*coverage.range_m, GRID)
     friction_n = points.force_n - shape @ fit.coefficients[:of_load]
-    dry_n = friction_n - design[:, of_load + 1 :] @ fit.coefficients[of_load + 1 :]
     if around is None:
         along = _polynomials(grid[:, None], coverage, None, order, 0)
-        scatter_n = np.std(drawn[:, :of_load] @ along.T, axis=0)
+        better = [each for error, each in loads_n if _ALIKE * error < np.abs(fit.residuals).sum()]
+        off_n = max((np.abs(along @ (each - fit.coefficients[:of_load])) for each in better), key=np.max, default=0.0)
+        scatter_n = np.hypot(np.std(drawn[:, :of_load] @ along.T, axis=0), RECTANGULAR * off_n)
         loads = (along @ fit.coefficients[:of_load])[coverage.holds(grid)]
     else:
         along = _polynomials(around.middles_m, coverage, around, order, other_order)
@@ -275,8 +274,6 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
         asymmetry_n=plan.asymmetry * max(coulomb, float(np.mean(np.abs(friction_n)))),
         coulomb_n=coulomb,
         coulomb_interval_n=coulomb_interval_n,
-        coulomb_extend_n=float(np.median(dry_n[direction > 0.0])),
-        coulomb_retract_n=float(-np.median(dry_n[direction < 0.0])),
         viscous_n_s_m=viscous,
         viscous_interval_n_s_m=viscous_interval,
         load_range_n=(float(loads.min()), float(loads.max())),

@@ -162,7 +162,10 @@ class OffsetModel:
         many sessions leave it. What is left rests on asymmetry not changing from session to session.
         """
         mean_n = sum(each.offset_n for each in self.sessions.values()) / len(self.sessions)
-        common_n = 1.0 / math.sqrt(sum(1.0 / max(each.prior_n, 1e-9) ** 2 for each in self.sessions.values()))
+        return self._shifted(mean_n, _common_n(self.sessions.values()))
+
+    def _shifted(self, mean_n: float, common_n: float) -> Self:
+        """Return the model with a mean offset moved into friction, where it is as uncertain as ``common_n``."""
         coefficients = list(self.coefficients)
         coefficients[len(coefficients) - len(self.even_places)] += mean_n / self.level_n
         sessions = {
@@ -515,29 +518,19 @@ def _with_sessions(
     The mean offset looks like an asymmetry, so that no data separate them: it stays 0, as uncertain as the zeros leave
     it, unless those may be much larger than an asymmetry.
     """
-    weights = np.array([1.0 / max(session.prior_n, 1e-9) ** 2 for session in sessions])
-    stated_n = 1.0 / math.sqrt(weights.sum())
+    stated_n = _common_n(sessions)
     common_n = seen_n = 1.0 / math.hypot(1.0 / stated_n, 1.0 / max(model.plan.asymmetry * model.level_n, 1e-9))
     mean_n = 0.0
     if seen_n > LEAST_NARROWING * stated_n:
+        weights = np.array([1.0 / max(session.prior_n, 1e-9) ** 2 for session in sessions])
         common_n, mean_n = stated_n, float(weights @ offsets_n) / float(weights.sum())
-    place = len(model.coefficients) - len(model.even_places)
-    coefficients = np.array(model.coefficients)
-    coefficients[place] += mean_n / model.level_n
-    return replace(
-        model,
-        coefficients=_floats(coefficients),
-        common_uncertainty_n=common_n,
-        sessions={
-            each.session: replace(
-                each,
-                offset_n=each.offset_n - mean_n,
-                standard_uncertainty_n=math.hypot(each.relative_uncertainty_n, common_n),
-                common_uncertainty_n=common_n,
-            )
-            for each in _session_offsets(offsets_n, uncertainties_n, sessions, seen_n)
-        },
-    )
+    found = {each.session: each for each in _session_offsets(offsets_n, uncertainties_n, sessions, seen_n)}
+    return replace(model, sessions=found)._shifted(mean_n, common_n)
+
+
+def _common_n(sessions: Iterable[SlidingBlocks | SessionOffset]) -> float:
+    """Return how uncertain stated zeros leave the mean offset of sessions [N]."""
+    return 1.0 / math.sqrt(np.array([1.0 / max(each.prior_n, 1e-9) ** 2 for each in sessions]).sum())
 
 
 def _session_offsets(
