@@ -1,18 +1,21 @@
 """A candidate for the champion's place in a written pipeline, and what the registry holds then."""
 
 import json
+import shutil
 from collections.abc import Sequence
 from multiprocessing.synchronize import Barrier
 from pathlib import Path
 
 from mlflow import MlflowClient
 from mlflow.entities.model_registry import ModelVersion
+from mlflow.models import Model
 
 from cylinder_friction.dvc_hashes import dvc_hash, hashes_in
 from cylinder_friction.estimators.saved_folder import read_description, write_description
 from cylinder_friction.evaluation.reported import error_metrics
 from cylinder_friction.files.whole_files import read_yaml
 from cylinder_friction.run_record import Dataset, RunRecord
+from cylinder_friction.tracking import model_version
 from cylinder_friction.tracking.gate import Candidate, Registered
 from cylinder_friction.tracking.lineage import shaping_params
 from cylinder_friction.tracking.log_run import log_run
@@ -76,11 +79,23 @@ def register_together(root: Path, errors_of: dict[str, dict[str, float]], barrie
 
 
 def race(roots: Sequence[Path], errors_of: dict[str, dict[str, float]], barrier: Barrier) -> None:
-    """Register the model of each repository in turn; others, which register at the same moment, meet at the barrier."""
+    """Register the model of each repository in turn; others, which register at the same moment, meet at the barrier.
+
+    The models cannot be served, so that a round takes no second of computing.
+    """
+    model_version.save_model_folder = _save_estimator_alone
     for root in roots:
         register_together(root, errors_of, barrier)
         barrier.wait()  # whoever looks between two rounds finds both decided
         barrier.wait()
+
+
+def _save_estimator_alone(path: Path, estimator: Path, *about: object) -> None:
+    model = about[-1]
+    assert isinstance(model, Model)
+    shutil.copytree(estimator, path / "estimator")
+    model.add_flavor("python_function", artifacts={"estimator": {"path": "estimator"}})
+    model.save(path / "MLmodel")
 
 
 def other_model(root: Path) -> None:

@@ -12,7 +12,8 @@ import yaml
 
 from cylinder_friction.commands.init import make_project
 from cylinder_friction.commands.params import compose_params, write_params
-from cylinder_friction.params.checking import ParamsError, check_params
+from cylinder_friction.params.checking import check_params
+from cylinder_friction.params.file import ParamsError
 
 PROJECT = Path(__file__).parents[1]
 CONF = PROJECT / "conf"

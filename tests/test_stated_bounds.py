@@ -9,13 +9,13 @@ import pytest
 
 from cylinder_friction.commands.cli import main
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.deployment.brought_code import described
 from cylinder_friction.deployment.c_export.export import export_c
 from cylinder_friction.deployment.fmu.variables import fmu_variables
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.files.whole_files import read_json
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.model_card import model_card
-from cylinder_friction.tracking.model_folder import described
 from logger_files import write_log
 
 UNITS = ["--unit", "pressure=bar", "--unit", "length=mm"]

@@ -91,7 +91,7 @@ def rig_logs(folder: Path) -> Path:
 
     from cylinder_friction.params.checking import check_params
     from cylinder_friction.rig.campaign import campaign
-    from cylinder_friction.stages.record import write_logger_csv
+    from cylinder_friction.rig.sensors import write_logger_csv
 
     params = check_params(yaml.safe_load((ROOT / "params.yaml").read_text(encoding="utf-8")), "params.yaml")
     folder.mkdir()

@@ -175,8 +175,8 @@ MUTANTS = (
     Mutant(
         "model that was rolled back promoted again",
         "tracking/registry.py",
-        "if any(ROLLED_BACK in each.tags for each in same):",
-        "if any(ROLLED_BACK not in each.tags for each in same):",
+        "if any(ROLLED_BACK in each.tags for each in same.values()):",
+        "if any(ROLLED_BACK not in each.tags for each in same.values()):",
         ("tracking/test_registry.py",),
     ),
     Mutant(

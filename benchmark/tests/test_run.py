@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 import yaml
 
-from cylinder_friction.params.checking import ParamsError, checked
+from cylinder_friction.params.file import ParamsError
+from cylinder_friction.params.section import checked
 from cylinder_friction.tracking.store import open_store
 from friction_benchmark import params as configuration
 from friction_benchmark import run as benchmark

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.estimators.linear import RidgeEstimator
-from cylinder_friction.params.checking import ParamsError
+from cylinder_friction.params.file import ParamsError
 from cylinder_friction.recordings.storage import read_stored, write_recording
 from friction_benchmark.conclusions import findings_of
 from friction_benchmark.datasets import Sources, _read, cases_of, folds_of

@@ -17,19 +17,9 @@ Table = dict[str, list[Any]]
 """A table by columns of equal length: texts, numbers, or None."""
 
 STAGES = (
-    "record",
-    "ingest",
-    "filter",
-    "label",
-    "split",
-    "offset",
-    "search",
-    "train",
-    "baselines",
-    "lugre",
-    "compare",
-    "register",
-)
+    "record", "ingest", "filter", "label", "split", "offset",
+    "search", "train", "baselines", "lugre", "compare", "register",
+)  # fmt: skip
 """The stages of the pipeline, in its order."""
 RUNS_FOLDER = Path("reports/runs")
 """One ``<stage>.json`` each: the stage's ``RunRecord``."""

@@ -13,7 +13,7 @@ import pytest
 from cylinder_friction.commands.cli import main
 from cylinder_friction.commands.estimate import cylinder_of
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.params.checking import ParamsError
+from cylinder_friction.params.file import ParamsError
 from cylinder_friction.recordings.recording import Recording
 
 GEOMETRY = "bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0"

@@ -13,7 +13,7 @@ from cylinder_friction.commands.cli import main
 from cylinder_friction.commands.init import EXAMPLE
 from cylinder_friction.import_graph import code_key
 from cylinder_friction.run_record import STAGES
-from cylinder_friction.tracking.repository import git
+from cylinder_friction.tracking.repository import asked_git
 
 CHECKOUT = Path(__file__).parents[2]
 NO_CYLINDER = (
@@ -34,11 +34,11 @@ def project(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_project_holds_what_its_pipeline_and_its_user_need(project: Path) -> None:
     for name in ("conf/config.yaml", "params.yaml", "dvc.yaml"):
         assert (project / name).read_bytes() == (CHECKOUT / name).read_bytes()
-    assert git(project, "check-ignore", "code.yaml") is None, "the hashes of its code are committed"
+    assert asked_git(project, "check-ignore", "code.yaml")[0] is None, "the hashes of its code are committed"
     assert {".dvc", ".dvcignore", ".git", ".gitignore"} <= {path.name for path in project.iterdir()}
     readme = (project / "README.md").read_text(encoding="utf-8")
     assert len([line for line in readme.splitlines() if line]) <= 10
-    assert git(project, "status", "--porcelain", "--", "README.md") == "?? README.md"
+    assert asked_git(project, "status", "--porcelain", "--", "README.md")[0] == "?? README.md"
 
 
 def test_code_yaml_holds_the_hash_of_every_stage(project: Path) -> None:

@@ -12,10 +12,10 @@ import pytest
 from mlflow.exceptions import MlflowException
 from mlflow.models import Model
 
+from cylinder_friction.deployment.served_model import save_model_folder
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from cylinder_friction.tracking.model_folder import save_model_folder
 from golden_fixtures import GOLDEN, golden_model, samples
 
 __all__ = ["golden_model", "samples"]

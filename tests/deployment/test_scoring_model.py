@@ -11,10 +11,10 @@ import pandas as pd
 import pytest
 from mlflow.models import Model
 
+from cylinder_friction.deployment.served_model import save_model_folder
 from cylinder_friction.files.whole_files import hash_of
 from cylinder_friction.import_graph import SOURCE
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
-from cylinder_friction.tracking.model_folder import save_model_folder
 
 GOLDEN_MODEL = Path(__file__).parents[1] / "golden/model"
 LOAD = """

@@ -19,10 +19,10 @@ from mlflow.models import Model
 from mlflow.pyfunc import PyFuncModel
 from mlflow.pyfunc.scoring_server import invocations
 
+from cylinder_friction.deployment.served_model import save_model_folder
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.tracking.model_folder import save_model_folder
 
 JSON, CSV, PARQUET = "application/json", "text/csv", "application/vnd.apache.parquet"
 PAGE = Path(__file__).parents[2] / "docs/serving.md"

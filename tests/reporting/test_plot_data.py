@@ -22,7 +22,7 @@ def test_tables_have_equal_columns_in_every_row(compared, curves, strokes):
     assert tables["friction_over_time.csv"].startswith("time_s,condition,label_n,truth_n,rival_n,estimate_n\n")
     head, *rows = tables["errors_by_condition.csv"].splitlines()
     assert head == "condition,error_percent,mae_n,against"
-    assert [row.split(",")[0] for row in rows] == ["1", "2", "3", "4"], "of the model alone, not of all estimators"
+    assert [row.split(",")[0] for row in rows] == ["1", "2", "3", "4", "mean"], "of the model alone"
     assert {row.split(",")[-1] for row in rows} == {"truth"}
     sessions = tables["errors_by_session.csv"].splitlines()
     assert len(sessions) == 1 + len({recording.metadata.session for recording in strokes})

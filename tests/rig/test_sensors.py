@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.rig.parameters import SensorParameters
-from cylinder_friction.rig.sensors import LOAD_COLUMN, LOGGER_COLUMNS, as_written, measure
-from cylinder_friction.stages.record import write_logger_csv
+from cylinder_friction.rig.sensors import LOAD_COLUMN, LOGGER_COLUMNS, as_written, measure, write_logger_csv
 
 SILENT = SensorParameters(
     pressure_noise_pa=0.0, position_noise_m=0.0, backlash_m=0.0, temperature_noise_c=0.0, load_noise_n=0.0

@@ -7,7 +7,8 @@ import pytest
 
 from cylinder_friction.commands.params import compose_params
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.params.checking import Params, ParamsError, check_params
+from cylinder_friction.params.checking import Params, check_params
+from cylinder_friction.params.file import ParamsError
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.stages import ingest

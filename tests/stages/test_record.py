@@ -7,7 +7,8 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.files.whole_files import hash_of
-from cylinder_friction.params.checking import Params, ParamsError
+from cylinder_friction.params.checking import Params
+from cylinder_friction.params.file import ParamsError
 from cylinder_friction.rig.campaign import TRUTH_COLUMNS
 from cylinder_friction.stages import record
 from cylinder_friction.stages._stage import RIG_FOLDER, RIG_TRUTH_FOLDER

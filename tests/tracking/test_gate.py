@@ -63,5 +63,5 @@ def test_a_promoted_candidate_is_better_overall_and_nowhere_worse_than_tolerated
 
 @pytest.mark.parametrize("incumbent", [None, Incumbent("12" * 32, {"1": 2.5, "2": 1.5})])
 def test_a_registration_comes_back_from_its_file(incumbent: Incumbent | None) -> None:
-    registered = Registered(CANDIDATE, "champion", True, "promoted: better", incumbent)
+    registered = Registered(CANDIDATE, True, "promoted: better", incumbent)
     assert Registered.from_dict(json.loads(json.dumps(registered.to_dict()))) == registered

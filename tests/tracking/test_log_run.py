@@ -79,18 +79,13 @@ def test_everything_in_a_record_is_in_the_run(root: Path, record: RunRecord) -> 
     assert table == {"columns": ["condition", "percent"], "data": [["1", 1.5], ["2", None]]}
     (dataset,) = run.inputs.dataset_inputs
     assert (dataset.dataset.name, dataset.dataset.digest) == ("train", "ab" * 16 + ".dir")
+    assert (run.info.start_time, run.info.end_time) == (1_000, 5_000), "as in the record, however late it is logged"
+    assert (run.data.metrics["system/processor_s"], run.data.metrics["system/peak_memory_mb"]) == (3.25, 812.5)
+    (sample,) = client.get_metric_history(run_id, "system/memory_mb")
+    assert (sample.timestamp, sample.value) == (2_000, 500.0)
     children = runs_of(root, f"tags.`mlflow.parentRunId` = '{run_id}'")
     assert sorted(child.info.run_name for child in children) == ["trial 0", "trial 1", "trial 2"]
     assert all(child.info.status == "FINISHED" for child in children)
-
-
-def test_what_a_stage_took_stands_in_its_record_however_late_it_is_logged(root: Path, record: RunRecord) -> None:
-    run = client_of(root).get_run(log_run(record, root))
-    assert (run.info.start_time, run.info.end_time) == (1_000, 5_000)
-    assert run.data.metrics["system/processor_s"] == 3.25
-    assert run.data.metrics["system/peak_memory_mb"] == 812.5
-    (sample,) = client_of(root).get_metric_history(run.info.run_id, "system/memory_mb")
-    assert (sample.timestamp, sample.value) == (2_000, 500.0)
 
 
 def test_a_long_run_has_few_samples_and_its_whole_cost() -> None:

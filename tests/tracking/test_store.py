@@ -63,7 +63,7 @@ def test_a_repository_that_was_moved_or_copied_reads_its_own_artifacts(
         run = store.client.get_run(found.links[1].found.split()[1])
         version = store.client.get_model_version("friction-estimator", "1")
         locations = [run.info.artifact_uri, store.client.get_model_version_download_uri(version.name, "1")]
-        locations.append(store.client.get_experiment(store.experiment_id).artifact_location)
+        locations.append(store.client.get_experiment(store.experiment()).artifact_location)
     assert all(location.startswith(f"file://{there}/mlartifacts") for location in locations), locations
     other_model(there)
     assert registered_in(there, {"1": 1.0, "2": 1.0}).promote, "new artifacts go to the new place"
@@ -90,7 +90,7 @@ def test_what_only_reads_makes_no_store(
 @pytest.mark.parametrize(
     ("uri", "message"),
     [
-        ("./mlruns", "MLFLOW_TRACKING_URI is ./mlruns, but expected http://, https:// or a database (postgresql"),
+        ("./mlruns", "is no MLflow store that can be opened (The filesystem tracking backend"),
         ("postgresql+nodriver://localhost/x", "is no MLflow store that can be opened ("),
         ("server", "is no MLflow store that can be opened ("),
         ("file", "is no MLflow store that can be opened ("),
@@ -125,7 +125,7 @@ def test_many_processes_share_a_store_that_none_has_made_yet(tmp_path: Path, mon
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     assert subprocess.run([sys.executable, "-c", WRITERS, str(tmp_path)], timeout=600, check=False).returncode == 0
     with open_store(tmp_path) as store:
-        runs = store.client.search_runs([store.experiment_id], "tags.stage = 'label'")
+        runs = store.client.search_runs([store.experiment()], "tags.stage = 'label'")
         assert len(runs) == 3, "both wrote the same three records"
 
 

@@ -68,7 +68,7 @@ def _run(options: argparse.Namespace) -> None:
     if options.command == "in-the-loop":
         print(in_the_loop.run(options))
         return
-    from cylinder_friction.params.checking import ParamsError
+    from cylinder_friction.params.file import ParamsError
     from friction_benchmark import params, run
 
     if (params.FOLDER / params.CONF).is_dir():

@@ -9,9 +9,9 @@ from pydantic import AfterValidator, Field, model_validator
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.files.whole_files import write_text
-from cylinder_friction.params.checking import PARAMS_FILE, ParamsError, checked
 from cylinder_friction.params.composing import composed
-from cylinder_friction.params.section import Count, Section, Seed
+from cylinder_friction.params.file import PARAMS_FILE, ParamsError
+from cylinder_friction.params.section import Count, Section, Seed, checked
 from friction_benchmark.datasets import Sizes
 from friction_benchmark.scoring import ScoreSettings
 from friction_benchmark.tasks import task_named

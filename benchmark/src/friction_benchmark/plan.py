@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from cylinder_friction.params.checking import ParamsError
+from cylinder_friction.params.file import ParamsError
 from cylinder_friction.recordings.columns import OIL_TEMPERATURE
 from cylinder_friction.recordings.recording import RecordingError
 from friction_benchmark.cases import Task

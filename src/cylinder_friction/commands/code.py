@@ -9,7 +9,8 @@ import yaml
 from cylinder_friction.estimators.entry_points import own_code
 from cylinder_friction.files.whole_files import write_text
 from cylinder_friction.import_graph import code_key, remove_stale_machine_code
-from cylinder_friction.params.checking import IN_A_PROJECT, ParamsError, load_params
+from cylinder_friction.params.checking import load_params
+from cylinder_friction.params.file import IN_A_PROJECT, ParamsError
 from cylinder_friction.run_record import STAGES
 from cylinder_friction.tracking.repository import CODE_FILE
 

@@ -10,8 +10,8 @@ from cylinder_friction.files.whole_files import write_text
 from cylinder_friction.import_graph import SOURCE
 from cylinder_friction.params.checking import load_params
 from cylinder_friction.rig.campaign import campaign
-from cylinder_friction.stages.record import write_logger_csv
-from cylinder_friction.tracking.repository import CODE_FILE, git
+from cylinder_friction.rig.sensors import write_logger_csv
+from cylinder_friction.tracking.repository import CODE_FILE, asked_git
 
 SHIPPED = "cylinder_friction/project"
 EXAMPLE = "condition1_session01_recording01.csv"
@@ -56,7 +56,7 @@ def _fill(folder: Path) -> None:
     params = load_params(folder / "params.yaml")
     recordings = campaign(params.cylinder, params.record)
     write_logger_csv(folder / EXAMPLE, next(iter(recordings)).logger)
-    if git(folder, "rev-parse", "--show-toplevel") is None and git(folder, "init", "--quiet") is None:
+    if asked_git(folder, "rev-parse", "--show-toplevel")[0] is None and asked_git(folder, "init", "--quiet")[0] is None:
         config = folder / ".dvc/config"  # without git
         write_text(config, config.read_text(encoding="utf-8").replace("[core]\n", "[core]\n    no_scm = true\n"))
 

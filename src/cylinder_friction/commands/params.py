@@ -8,8 +8,9 @@ from typing import Any
 import yaml
 
 from cylinder_friction.files.whole_files import write_text
-from cylinder_friction.params.checking import PARAMS_FILE, check_params
+from cylinder_friction.params.checking import check_params
 from cylinder_friction.params.composing import CONF, composed
+from cylinder_friction.params.file import PARAMS_FILE
 
 HEADER = "# Composed from conf/ by `cylinder-friction params`; change it there, or here for one run.\n"
 

@@ -80,5 +80,5 @@ def runs_page(url: str, root: Path) -> str:
             max_results=1,
             order_by=["attributes.end_time DESC"],
         )
-        experiment = newest[0].info.experiment_id if newest else store.experiment_id
+        experiment = newest[0].info.experiment_id if newest else own[0].experiment_id if own else "0"
     return f"{url}/#/experiments/{experiment}/runs?workflowType=machine_learning&viewStateShareKey={VIEW}"

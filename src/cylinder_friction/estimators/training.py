@@ -232,6 +232,18 @@ class SideBySide:
     lengths: torch.Tensor
 
 
+def device_from(choice: str) -> str:
+    """Choose ``cuda`` or ``cpu``; ``auto`` takes CUDA if there is one.
+
+    Raises:
+        RuntimeError: ``cuda`` was asked for and there is none.
+    """
+    available = torch.cuda.is_available()
+    if choice == "cuda" and not available:
+        raise RuntimeError("device is 'cuda', but PyTorch finds no CUDA device; use 'auto' or 'cpu'")
+    return "cuda" if choice != "cpu" and available else "cpu"
+
+
 def side_by_side(recordings: Sequence[SequenceData], device: str = "cpu") -> SideBySide:
     """Return recordings of any lengths as one batch; the padding has no weight."""
     lengths = torch.tensor([len(recording.target) for recording in recordings])

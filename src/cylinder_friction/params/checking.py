@@ -29,16 +29,6 @@ from cylinder_friction.params.learning import (
 from cylinder_friction.params.section import Section, checked
 from cylinder_friction.rig.campaign_plan import CampaignPlan
 
-__all__ = [
-    "IN_A_PROJECT",
-    "PARAMS_FILE",
-    "REFERENCE_CYLINDER",
-    "Params",
-    "ParamsError",
-    "check_params",
-    "checked",
-    "load_params",
-]
 REFERENCE_CYLINDER = "Bosch H160CA 63x28"
 """Cylinder of the simulated rig as shipped, whose models need no name of their own."""
 

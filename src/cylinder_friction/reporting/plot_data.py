@@ -5,6 +5,8 @@ import math
 import pandas as pd
 
 from cylinder_friction.evaluation.analysis import Analysis
+from cylinder_friction.evaluation.comparison import Scores
+from cylinder_friction.evaluation.reported import Reference, error_metrics
 from cylinder_friction.evaluation.views import LearningCurve
 
 
@@ -12,18 +14,20 @@ def plot_tables(analysis: Analysis) -> dict[str, str]:
     """Write the CSV text of each plot, by file name.
 
     All plots show ``main``, the estimator that the comparison is about, so that two experiments overlay: its errors by
-    condition and session, its learning curve and residuals, and friction over time, the conditions' excerpts one after
-    the other.
+    condition with their mean, and by session, its learning curve and residuals, and friction over time, the
+    conditions' excerpts one after the other.
     """
     comparison, main = analysis.comparison, analysis.main
     curve = analysis.curves.get(main, LearningCurve([], [], [], 0))
     counted = analysis.histograms[main]
-    scores, reference = (comparison.truth, "truth") if comparison.truth else (comparison.label, "label")
+    scores: Scores = comparison.truth or comparison.label
+    reference: Reference = "truth" if comparison.truth else "label"
+    own = {condition: score.errors for condition, score in scores[main].items()}
+    named = error_metrics({condition: errors.percent for condition, errors in own.items()}, reference)
+    means = {"condition": "mean", "error_percent": named.get(f"{reference}_error_percent/mean", math.nan)}
+    rows = [{"condition": name, "error_percent": each.percent, "mae_n": each.mae_n} for name, each in own.items()]
     frames = {
-        "errors_by_condition": pd.DataFrame(
-            {"condition": condition, "error_percent": score.errors.percent, "mae_n": score.errors.mae_n}
-            for condition, score in scores[main].items()
-        ).assign(against=reference),
+        "errors_by_condition": pd.DataFrame([*rows, means]).assign(against=reference),
         "errors_by_session": pd.DataFrame(
             {"session": session, "condition": condition, "error_percent": percent}
             for condition, score in scores[main].items()

@@ -1,5 +1,6 @@
 """Sensors and logger: anti-alias filter, offset, gain, drift, noise, linearity, backlash and a 12-bit converter."""
 
+from pathlib import Path
 from typing import Any
 
 import numba
@@ -78,6 +79,11 @@ def as_written(table: pd.DataFrame) -> pd.DataFrame:
         values, place = np.unique(table[name].to_numpy(), return_inverse=True)
         columns[name] = np.array([float(f"{value:.{DECIMALS}f}") for value in values])[place]
     return pd.DataFrame(columns)
+
+
+def write_logger_csv(path: Path, table: pd.DataFrame) -> None:
+    """Write a table as the logger does, each number with ``DECIMALS`` decimals."""
+    table.to_csv(path, index=False, float_format=f"%.{DECIMALS}f", lineterminator="\n")
 
 
 def _transmitted(sensors: SensorParameters, trace: pd.DataFrame, side: int, log_step_s: float) -> Array:

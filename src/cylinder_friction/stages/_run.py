@@ -6,8 +6,9 @@ from pathlib import Path
 
 from cylinder_friction.execution.measuring import measured
 from cylinder_friction.files.whole_files import read_yaml, write_json
-from cylinder_friction.params.checking import PARAMS_FILE, ParamsError, load_params
+from cylinder_friction.params.checking import load_params
 from cylinder_friction.params.composing import DEFAULT, as_run_params
+from cylinder_friction.params.file import PARAMS_FILE, ParamsError
 from cylinder_friction.run_record import RUNS_FOLDER, STAGES
 from cylinder_friction.tracking.log_run import track_or_warn
 from cylinder_friction.tracking.repository import commit_of, repository_root

@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-import torch
 from tqdm import tqdm
 
 from cylinder_friction.estimators.forest import ForestPlan
 from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.estimators.training import device_from
 from cylinder_friction.estimators.training_plan import Architecture, Checkpoint, TrainingPlan
 from cylinder_friction.evaluation.validation import mean_absolute_error_n
-from cylinder_friction.files.whole_files import read_json, write_json
+from cylinder_friction.files.whole_files import json_hash, read_json, write_json
 from cylinder_friction.import_graph import code_key
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.realtime.sensor_offset import OffsetTracker
@@ -117,18 +115,6 @@ def plan_from(kind: type[Plan], given: Mapping[str, Any], prefix: str = "") -> P
     return kind(**{each.name: given[prefix + each.name] for each in fields(kind) if prefix + each.name in given})
 
 
-def device_from(choice: str) -> str:
-    """Return ``cuda`` or ``cpu``; ``auto`` takes CUDA if there is one.
-
-    Raises:
-        RuntimeError: ``cuda`` was asked for and there is none.
-    """
-    available = torch.cuda.is_available()
-    if choice == "cuda" and not available:
-        raise RuntimeError("device is 'cuda', but PyTorch finds no CUDA device; use 'auto' or 'cpu'")
-    return "cuda" if choice != "cpu" and available else "cpu"
-
-
 def train_hybrid(
     stage: str, hybrid: HybridEstimator, chosen: Mapping[str, Any], settings: LearningParams, data: LearningData
 ) -> None:
@@ -200,5 +186,5 @@ def resume_folder(stage: str, code: Sequence[str], *depends_on: Mapping[str, Any
     ``code`` are the modules that do the resumed work; their names and those of all they import go into the key by
     content.
     """
-    content = json.dumps([[dict(part) for part in depends_on], code_key(*code)], sort_keys=True)
-    return Path(".cylinder-friction/resume") / f"{stage}-{hashlib.sha256(content.encode()).hexdigest()[:16]}"
+    key = json_hash([[dict(part) for part in depends_on], code_key(*code)])
+    return Path(".cylinder-friction/resume") / f"{stage}-{key[:16]}"

@@ -7,17 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.files.whole_files import read_json, whole_folder, write_json, write_text
 from cylinder_friction.labelling.apparent_loss import loss_of_labels
-from cylinder_friction.labelling.known_offset import cautious, of_condition, training_models, without_offsets
 from cylinder_friction.labelling.label import with_common_load
 from cylinder_friction.labelling.load import LoadIdentification, pooled_load, refuse_unlike_loads
-from cylinder_friction.labelling.offset_identification import OffsetModel
-from cylinder_friction.labelling.offset_tracker import fit_offset_tracker, zeros_are_known
-from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan, zero_uncertainty_n
+from cylinder_friction.labelling.session_offsets import take_offsets
+from cylinder_friction.labelling.sliding_blocks import OffsetPlan
 from cylinder_friction.realtime.position_load import channel_names
-from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, PRESSURE_1, SAMPLE_COLUMNS
+from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recording, write_recording
 from cylinder_friction.run_record import RunRecord
@@ -37,7 +34,6 @@ from cylinder_friction.stages._stage import (
 if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
     from cylinder_friction.params.data import OffsetParams
-    from cylinder_friction.realtime.sensor_offset import OffsetTracker
 
 
 def run(params: Params) -> RunRecord:
@@ -65,60 +61,33 @@ def run(params: Params) -> RunRecord:
     # Left out: recordings without a usable row, such as those of a piston that rests where its load is not known.
     recordings = {role: [each for each in own if each.usable().any()] for role, own in recordings.items()}
     own_loads = load is not None and not settings.common_load
-    reason = "" if settings.identify == "always" else _left_alone(settings.identify, own_loads, recordings, cylinder)
-    sessions: list[dict[str, Any]] = []
-    tracker: OffsetTracker | None = None
-    if not reason:
-        plan, always = plan_from(settings), settings.identify == "always"
-        models, reason = training_models(recordings["train"], cylinder, plan, always=always)
-    if not reason:
-        plan = cautious(plan, {each.metadata.session for each in recordings["train"]})
-        recordings, sessions, tracker = _corrected(recordings, models, plan, channel_names(inputs, load))
-    loss = loss_of_labels(recordings["train"], cylinder)
+    channels = channel_names(inputs, load)
+    found = take_offsets(recordings, cylinder, plan_from(settings), channels, settings.identify, own_loads)
+    loss = loss_of_labels(found.recordings["train"], cylinder)
     for role, folder in PROCESSED_FOLDERS.items():
         with whole_folder(folder) as written:
-            for recording in recordings[role]:
+            for recording in found.recordings[role]:
                 write_recording(written, recording)
-            if not recordings[role]:  # DVC would warn of an empty folder with every command
+            if not found.recordings[role]:  # DVC would warn of an empty folder with every command
                 write_text(written / "README.txt", f"No session has the role {role}.\n")
     write_json(
         ESTIMATORS_FILE,
         {
             "inputs": inputs,
             "position_load": None if load is None else load.to_dict(),
-            "offset_tracker": None if tracker is None else tracker.to_dict(),
+            "offset_tracker": None if found.tracker is None else found.tracker.to_dict(),
         },
     )
     words = "" if loss is None else loss.sentence(cylinder)
-    write_json(OFFSET_FILE, {"left_alone_because": reason, "sessions": sessions, "loss": words})
+    write_json(OFFSET_FILE, {"left_alone_because": found.left_alone_because, "sessions": found.sessions, "loss": words})
     return RunRecord(
         name="offset",
         params=flat(params.offset),
-        metrics=_metrics(sessions),
-        tags={"offsets": reason or "identified"},
+        metrics=_metrics(found.sessions),
+        tags={"offsets": found.left_alone_because or "identified"},
         artifacts=artifacts(OFFSET_FILE, ESTIMATORS_FILE),
         datasets=datasets({"labelled": LABELLED_FOLDER}),
     )
-
-
-def _corrected(
-    recordings: Mapping[str, Sequence[Recording]],
-    models: Mapping[str, OffsetModel],
-    plan: OffsetPlan,
-    channels: tuple[str, ...],
-) -> tuple[dict[str, list[Recording]], list[dict[str, Any]], OffsetTracker | None]:
-    """Return the recordings of each role without their offsets, the offset of each session, and how one is learned."""
-    sessions = []
-    for condition, model in models.items():
-        for role, every in recordings.items():
-            own = of_condition(every, condition)
-            conditions = {each.metadata.session: each.metadata.condition for each in own}
-            for name, found in model.offsets(own).items():
-                sessions.append({"role": role, "condition": conditions[name], **found.to_dict()})
-    corrected = {role: without_offsets(every, models) for role, every in recordings.items()}
-    learnable = PRESSURE_1 in corrected["train"][0].columns and zeros_are_known(corrected["train"])
-    tracker = fit_offset_tracker(corrected["train"], model.cylinder, channels, plan) if learnable else None
-    return corrected, sessions, tracker
 
 
 def estimator_inputs(ingested: Mapping[str, Any]) -> tuple[str, ...]:
@@ -130,17 +99,6 @@ def estimator_inputs(ingested: Mapping[str, Any]) -> tuple[str, ...]:
 def plan_from(settings: OffsetParams) -> OffsetPlan:
     """Return how offsets are identified, from the configuration."""
     return OffsetPlan(**settings.model_dump(exclude={"identify", "common_load"}))
-
-
-def _left_alone(wanted: str, own_loads: bool, recordings: Mapping[str, Sequence[Recording]], cylinder: Cylinder) -> str:
-    """Return why no offsets are identified, empty where they are."""
-    if wanted == "never":
-        return "offset.identify is never"
-    if own_loads:
-        return LOADED["position"]
-    every = [recording for own in recordings.values() for recording in own]
-    unknown = [recording.name for recording in every if zero_uncertainty_n(recording, cylinder) is None]
-    return f"the uncertainty of the sensors' zeros is not stated ({unknown[0]})" if unknown else ""
 
 
 def _metrics(sessions: Sequence[Mapping[str, Any]]) -> dict[str, float]:

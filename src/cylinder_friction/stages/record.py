@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
 from tqdm import tqdm
 
 from cylinder_friction.files.whole_files import whole_folder, write_text
 from cylinder_friction.rig.campaign import campaign
-from cylinder_friction.rig.sensors import DECIMALS
+from cylinder_friction.rig.sensors import write_logger_csv
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import RIG_FOLDER, RIG_TRUTH_FOLDER, flat
 
@@ -54,8 +52,3 @@ def run(params: Params) -> RunRecord:
             **{f"mean_friction_n/condition_{name}": float(np.mean(values)) for name, values in magnitudes_n.items()},
         },
     )
-
-
-def write_logger_csv(path: Path, table: pd.DataFrame) -> None:
-    """Write a table as the logger does, each number with so many decimals."""
-    table.to_csv(path, index=False, float_format=f"%.{DECIMALS}f", lineterminator="\n")

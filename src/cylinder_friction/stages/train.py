@@ -11,14 +11,15 @@ from cylinder_friction.stages._training import LearningData, hybrid_from, train_
 if TYPE_CHECKING:
     from cylinder_friction.estimators.front_end import Design
     from cylinder_friction.params.checking import Params
-    from cylinder_friction.params.learning import TrainParams
     from cylinder_friction.run_record import RunRecord, Scalar
 
 
 def run(params: Params) -> RunRecord:
     """Read the training and validation recordings and the best hyperparameters, write the hybrid and its LSTM."""
     settings, data = params.train, LearningData.read()
-    design, chosen = chosen_hybrid(settings)
+    given = {"design": settings.design, **settings.hybrid.model_dump()}
+    chosen: dict[str, Any] = read_json(BEST_FILE) if settings.use_search else given
+    design: Design = chosen.pop("design")
     hybrid = hybrid_from(params.cylinder, design, chosen, settings, data, settings.lag_s)
     train_hybrid("train", hybrid, chosen, settings, data)
     alone = hybrid.without_forest()
@@ -30,11 +31,3 @@ def run(params: Params) -> RunRecord:
     found: dict[str, Scalar] = {"design": design} | {f"hybrid.{key}": value for key, value in chosen.items()}
     estimators = {"hybrid": hybrid, "lstm": alone}
     return training_record("train", settings, found, hybrid, estimators, data, (HYBRID_FOLDER, LSTM_FOLDER))
-
-
-def chosen_hybrid(settings: TrainParams) -> tuple[Design, dict[str, Any]]:
-    """Return the design and the hyperparameters to train: the best of the search, or those of ``train.hybrid``."""
-    if not settings.use_search:
-        return settings.design, settings.hybrid.model_dump()
-    best: dict[str, Any] = read_json(BEST_FILE)
-    return best.pop("design"), best

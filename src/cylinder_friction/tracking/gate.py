@@ -57,14 +57,12 @@ class Registered:
     """The gate's decision, without time and version numbers: equal work gives equal bytes."""
 
     candidate: Candidate
-    alias: str
     promote: bool
     reason: str
     incumbent: Incumbent | None
 
     def to_dict(self) -> dict[str, Any]:
-        content: dict[str, Any] = TypeAdapter(Registered).dump_python(self)
-        return content
+        return dict(TypeAdapter(Registered).dump_python(self))
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Self:

@@ -1,10 +1,9 @@
 """The way back: from a registered model to its run, its commit, its data and its parameters, each link checked."""
 
-import json
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -12,10 +11,10 @@ import yaml
 from mlflow.exceptions import MlflowException
 
 from cylinder_friction.dvc_hashes import LOCK_FILE, locked_hashes
-from cylinder_friction.files.whole_files import hash_of, json_hash
+from cylinder_friction.files.whole_files import hash_of, json_hash, read_json
 from cylinder_friction.tracking.model_folder import download_model, version_of
 from cylinder_friction.tracking.model_version import FILES, REASON, WRITTEN_ON_LOADING
-from cylinder_friction.tracking.repository import LineageError, TrackingError, asked_git, repository_root
+from cylinder_friction.tracking.repository import TrackingError, asked_git, repository_root
 from cylinder_friction.tracking.store import Store, open_store
 from cylinder_friction.wording import printable
 
@@ -76,76 +75,66 @@ def lineage(uri: str, root: Path) -> Lineage:
         try:
             folder = download_model(store, version, Path(scratch))
             (path,) = folder.rglob("lineage.json")
-            origin = dict(json.loads(path.read_text(encoding="utf-8")))
+            origin = dict(read_json(path))
         except (TrackingError, OSError, ValueError) as error:  # lost or damaged: nothing states the rest
             return Lineage(model, (Link("files", False, str(error)),))
-        checks = {"files": partial(_files, folder, version.tags.get(FILES, "nothing"))}
-        checks |= {"run": partial(_run, store, origin), "git commit": partial(_commit, root, origin)}
+        links = [
+            _files(folder, version.tags.get(FILES, "nothing")),
+            _run(store, origin["run_id"]),
+            _commit(root, origin),
+        ]
         for name, md5 in origin["data"].items():
-            checks[f"data {name.removeprefix('data/')}"] = partial(_data, root, name, md5)
-        checks["parameters"] = partial(_params, root, origin["params_sha256"])
-        return Lineage(model, tuple(_link(name, check) for name, check in checks.items()))
+            own = f"data {name.removeprefix('data/')}"
+            links.append(_stated(own, md5, root, LOCK_FILE, lambda text, name=name: locked_hashes(text).get(name)))
+        shaping = json_hash(origin["params"])
+        links.append(_stated("parameters", shaping, root, PARAMS_FILE, _shaping_hash))
+        return Lineage(model, tuple(links))
 
 
-def _link(name: str, check: Callable[[], str]) -> Link:
+def _files(folder: Path, stated: str) -> Link:
+    found = hash_of(folder, WRITTEN_ON_LOADING)
+    if found != stated:
+        return Link("files", False, f"their hash is {found[:12]}…, but {stated[:12]}… was registered")
+    return Link("files", True, f"hash {found[:12]}… as registered")
+
+
+def _run(store: Store, run_id: str) -> Link:
     try:
-        return Link(name, True, check())
-    except LineageError as broken:
-        return Link(name, False, str(broken))
-
-
-def _files(folder: Path, stated: str) -> str:
-    if (found := hash_of(folder, WRITTEN_ON_LOADING)) != stated:
-        raise LineageError(f"their hash is {found[:12]}…, but {stated[:12]}… was registered")
-    return f"hash {found[:12]}… as registered"
-
-
-def _run(store: Store, origin: Mapping[str, Any]) -> str:
-    try:
-        run = store.client.get_run(origin["run_id"])
+        run = store.client.get_run(run_id).info
     except MlflowException:
-        raise LineageError(f"{origin['run_id']}: not in the store") from None
-    found = f"{run.info.run_name} {run.info.run_id} ({run.info.status.lower()}, {run.info.lifecycle_stage})"
-    if run.info.lifecycle_stage != "active":
-        raise LineageError(found)
-    return found
+        return Link("run", False, f"{run_id}: not in the store")
+    words = f"{run.run_name} {run_id} ({run.status.lower()}, {run.lifecycle_stage})"
+    return Link("run", run.lifecycle_stage == "active", words)
 
 
-def _commit(root: Path, origin: Mapping[str, Any]) -> str:
+def _commit(root: Path, origin: Mapping[str, Any]) -> Link:
     sha = origin["git_commit"]
     if sha == "unknown":
-        raise LineageError(f"unknown when the model was made: {origin['git_problem']}")
+        return Link("git commit", False, f"unknown when the model was made: {origin['git_problem']}")
     words, problem = asked_git(root, "show", "-s", "--format=%s", "--end-of-options", sha)
     if words is None:
-        raise LineageError(f"{sha}: not in this repository ({problem}); fetch the branch that holds it")
-    return f"{sha[:12]} {words}" + (" (with changes that were not committed)" if origin["git_dirty"] != "false" else "")
+        return Link("git commit", False, f"{sha}: not in this repository ({problem}); fetch the branch that holds it")
+    modified = " (with changes that were not committed)" if origin["git_dirty"] != "false" else ""
+    return Link("git commit", True, f"{sha[:12]} {words}{modified}")
 
 
-def _data(root: Path, path: str, md5: str) -> str:
-    where = _where(root, LOCK_FILE, lambda text: locked_hashes(text).get(path) == md5)
-    if where is None:
-        raise LineageError(f"{md5} in no version of {LOCK_FILE}")
-    return f"{md5} in {LOCK_FILE} of {where}"
+def _shaping_hash(text: str) -> str:
+    return json_hash(shaping_params(yaml.safe_load(text)))
 
 
-def _params(root: Path, stated: str) -> str:
-    where = _where(root, PARAMS_FILE, lambda text: json_hash(shaping_params(yaml.safe_load(text))) == stated)
-    if where is None:
-        raise LineageError(f"{stated[:12]}… in no version of {PARAMS_FILE}; lineage.json inside the model holds them")
-    return f"{stated[:12]}… in {PARAMS_FILE} of {where}"
+def _stated(name: str, stated: str, root: Path, file: str, read: Callable[[str], str | None]) -> Link:
+    """Find the version of ``file`` from which ``read`` reads the hash: the working tree's, or that of a commit."""
+    for where, text in _versions(root, file):
+        with suppress(ValueError, AttributeError, yaml.YAMLError):  # the marks of a merge, for example
+            if read(text) == stated:
+                return Link(name, True, f"{stated[:36]} in {file} of {where}")
+    advice = "fetch the branch that holds it, or read lineage.json inside the model"
+    return Link(name, False, f"{stated[:36]} in no version of {file}; {advice}")
 
 
-def _where(root: Path, file: str, fits: Callable[[str], bool]) -> str | None:
-    """Name the version of ``file`` that fits: the working tree's, or that of the newest commit that changed it so."""
-
-    def fitting(text: str) -> bool:
-        try:
-            return fits(text)
-        except (ValueError, AttributeError, yaml.YAMLError):
-            return False  # a version with the marks of a merge, for example
-
-    if (root / file).is_file() and fitting((root / file).read_text(encoding="utf-8", errors="replace")):
-        return "the working tree"
-    commits = (asked_git(root, "log", "--all", "--format=%H", "--", file)[0] or "").split()
-    versions = ((sha, asked_git(root, "show", f"{sha}:{file}")[0] or "") for sha in commits)
-    return next((f"commit {sha[:12]}" for sha, text in versions if fitting(text)), None)
+def _versions(root: Path, file: str) -> Iterator[tuple[str, str]]:
+    """Yield a file's text in the working tree, then in the commits that changed it, the newest first."""
+    if (root / file).is_file():
+        yield "the working tree", (root / file).read_text(encoding="utf-8", errors="replace")
+    for sha in (asked_git(root, "log", "--all", "--format=%H", "--", file)[0] or "").split():
+        yield f"commit {sha[:12]}", asked_git(root, "show", f"{sha}:{file}")[0] or ""

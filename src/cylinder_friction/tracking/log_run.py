@@ -6,7 +6,7 @@ import logging
 import os
 import re
 import socket
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -14,24 +14,16 @@ import pandas as pd
 from mlflow.entities import Dataset as MlflowDataset
 from mlflow.entities import DatasetInput, InputTag, Metric, Param, RunTag
 from mlflow.types import ColSpec, DataType, Schema, TensorSpec
-from mlflow.utils.mlflow_tags import (
-    MLFLOW_DATASET_CONTEXT,
-    MLFLOW_GIT_COMMIT,
-    MLFLOW_PARENT_RUN_ID,
-    MLFLOW_RUN_NOTE,
-    MLFLOW_SOURCE_NAME,
-    MLFLOW_SOURCE_TYPE,
-    MLFLOW_USER,
-)
+from mlflow.utils import mlflow_tags as tag
 
 from cylinder_friction.execution.measuring import Took, now_ms
 from cylinder_friction.files.whole_files import json_hash
-from cylinder_friction.run_record import STAGES, Dataset, RunRecord, Scalar, records_in
+from cylinder_friction.run_record import Dataset, RunRecord, records_in
 from cylinder_friction.tracking.repository import TrackingError, commit_of
 from cylinder_friction.tracking.store import Store, open_store
 
 STAGE_TAG = "stage"
-"""Tag of a top-level run: which stage it is, or ``pipeline``."""
+"""Tag of a run: which stage or trial it is, or ``pipeline``."""
 KEY_TAG = "record_key"
 """Tag of a run and those below it: the key of its record, which identifies the run."""
 PIPELINE = "pipeline"
@@ -80,11 +72,7 @@ def log_in(store: Store, record: RunRecord, root: Path) -> str:
             )
         experiment, tags = store.experiment(record.experiment), _tags(store, record, record.key())
         _delete(store, experiment, tags)
-        run_id = _write(store, experiment, record, root, {**tags, STAGE_TAG: record.name})
-        for child in record.children:
-            child_id = _write(store, experiment, child, root, {**tags, MLFLOW_PARENT_RUN_ID: run_id})
-            store.client.set_terminated(child_id, "FINISHED", _took(child).ended_ms)
-        store.client.set_terminated(run_id, "FINISHED", _took(record).ended_ms)  # last: what is not finished is redone
+        run_id = _write(store, experiment, record, root, tags)
         _delete(store, experiment, tags, "RUNNING")
     if record.name in ("compare", "register"):
         log_pipeline(store, record, root)
@@ -110,31 +98,31 @@ def log_pipeline(store: Store, last: RunRecord, root: Path) -> str:
     another run.
     """
     records = {**records_in(root), last.name: last}
-    compared = {stage: records[stage] for stage in STAGES if stage in records and stage != "register"}
-    stages = {**compared, last.name: last}
-    key = json_hash([[record.key() for record in compared.values()], last.pipeline])
-    client, experiment, ended_ms = store.client, store.experiment(last.experiment), _took(last).ended_ms
-    tags = _tags(store, last, key) | {STAGE_TAG: PIPELINE, MLFLOW_SOURCE_NAME: "dvc repro"}
-    run_id = _find(store, experiment, key, PIPELINE)
-    if run_id is None:
-        started_ms = min(_took(each).started_ms for each in stages.values())
-        run_id = str(client.create_run(experiment, started_ms, tags, run_name=_pipeline_name(last)).info.run_id)
-    below = _take_stages(store, run_id, stages)
+    stages = {name: each for name, each in records.items() if name != "register" or last.name == name}
+    key = json_hash([[each.key() for name, each in stages.items() if name != "register"], last.pipeline])
     shown = [stages[name] for name in ("train", "compare", "register") if name in stages]
     used = {role: each for record in shown for role, each in record.datasets.items()}
-    params = {**last.pipeline, **{f"rows.{role}": each.rows for role, each in used.items()}}
-    counted = stages["split"].metrics.items() if "split" in stages else ()
-    params |= {name.replace("/", "."): int(value) for name, value in counted if name.startswith("sessions/")}
-    metrics = {name: value for each in shown if each.name != "train" for name, value in each.metrics.items()}
-    earlier = [stage for stage in stages if stage not in below]
+    counted = stages["split"].metrics if "split" in stages else {}
+    pipeline = RunRecord(
+        _pipeline_name(last),
+        params={
+            **last.pipeline,
+            **{f"rows.{role}": each.rows for role, each in used.items()},
+            **{name.replace("/", "."): int(value) for name, value in counted.items() if name.startswith("sessions/")},
+        },
+        metrics={name: value for each in shown if each.name != "train" for name, value in each.metrics.items()},
+        tags={tag.MLFLOW_SOURCE_NAME: "dvc repro", STAGE_TAG: PIPELINE},
+        datasets=used,
+        took=Took(min(_took(each).started_ms for each in stages.values()), _took(last).ended_ms),
+    )
+    experiment, tags = store.experiment(last.experiment), _tags(store, last, key)
+    run_id = _write(store, experiment, pipeline, root, tags, _find(store, experiment, key, PIPELINE))
+    below = _take_stages(store, run_id, stages)
+    earlier = ", ".join(stage for stage in stages if stage not in below)
     notes = [*(each.note for each in shown), f"Ran: {', '.join(below)}." if below else ""]
-    notes += [f"Up to date, from an earlier run: {', '.join(earlier)}."] if earlier else []
-    tags[MLFLOW_RUN_NOTE] = "\n\n".join(filter(None, notes))
-    client.log_inputs(run_id, [dataset_input(role, each) for role, each in used.items()])
-    points = {name: [(ended_ms, value)] for name, value in metrics.items()}
-    client.log_batch(run_id, _metrics(points), _params(params), [RunTag(*tag) for tag in tags.items()])
-    client.set_terminated(run_id, "FINISHED", max(ended_ms, client.get_run(run_id).info.end_time or 0))
-    client.set_experiment_tag(experiment, f"mlflow.sharedViewState.{VIEW}", json.dumps(_view(metrics)))
+    notes += [f"Up to date, from an earlier run: {earlier}."] if earlier else []
+    store.client.set_tag(run_id, tag.MLFLOW_RUN_NOTE, "\n\n".join(filter(None, notes)))
+    store.client.set_experiment_tag(experiment, f"mlflow.sharedViewState.{VIEW}", json.dumps(_view(pipeline.metrics)))
     _delete(store, experiment, tags, "RUNNING")
     return run_id
 
@@ -161,9 +149,9 @@ def _take_stages(store: Store, run_id: str, stages: Mapping[str, RunRecord]) -> 
     below = []
     for stage, record in stages.items():
         if found := find_run(store, record):
-            parent = store.client.get_run(found).data.tags.get(MLFLOW_PARENT_RUN_ID)
+            parent = store.client.get_run(found).data.tags.get(tag.MLFLOW_PARENT_RUN_ID)
             if parent is None or store.client.get_run(parent).info.lifecycle_stage == "deleted":
-                store.client.set_tag(found, MLFLOW_PARENT_RUN_ID, parent := run_id)
+                store.client.set_tag(found, tag.MLFLOW_PARENT_RUN_ID, parent := run_id)
             below += [stage] if parent == run_id else []
     return below
 
@@ -181,17 +169,16 @@ def dataset_input(role: str, dataset: Dataset) -> DatasetInput:
     schema = json.dumps({"mlflow_colspec": Schema(columns).to_dict()}) if columns else None
     source, profile = json.dumps({"uri": dataset.path}), json.dumps({"num_rows": dataset.rows})
     found = MlflowDataset(role, dataset.md5, "local", source, schema, profile)
-    return DatasetInput(found, [InputTag(MLFLOW_DATASET_CONTEXT, role)])
+    return DatasetInput(found, [InputTag(tag.MLFLOW_DATASET_CONTEXT, role)])
 
 
 def _tags(store: Store, record: RunRecord, key: str) -> dict[str, str]:
     """Return the tags of every run of a record: its key, who logged it, and the commit that made it."""
     commit = record.commit or commit_of(store.root)
     writer = json_hash([socket.gethostname(), str(store.root)])[:12]
-    tags = {MLFLOW_SOURCE_TYPE: "PROJECT", MLFLOW_USER: getpass.getuser(), MLFLOW_GIT_COMMIT: commit["git_commit"]}
-    tags |= {name: value for name, value in commit.items() if name != "git_commit"}
-    tags |= {"dvc_exp_name": os.environ["DVC_EXP_NAME"]} if "DVC_EXP_NAME" in os.environ else {}
-    return {**tags, KEY_TAG: key, _WRITER: writer}
+    tags = {tag.MLFLOW_SOURCE_TYPE: "PROJECT", tag.MLFLOW_USER: getpass.getuser(), KEY_TAG: key, _WRITER: writer}
+    tags |= {tag.MLFLOW_GIT_COMMIT if name == "git_commit" else name: value for name, value in commit.items()}
+    return tags | ({"dvc_exp_name": os.environ["DVC_EXP_NAME"]} if "DVC_EXP_NAME" in os.environ else {})
 
 
 def _delete(store: Store, experiment: str, tags: Mapping[str, str], status: str = "") -> None:
@@ -202,20 +189,27 @@ def _delete(store: Store, experiment: str, tags: Mapping[str, str], status: str 
         store.client.delete_run(run.info.run_id)
 
 
-def _write(store: Store, experiment: str, record: RunRecord, root: Path, tags: Mapping[str, str]) -> str:
+def _write(
+    store: Store, experiment: str, record: RunRecord, root: Path, tags: Mapping[str, str], known: str | None = None
+) -> str:
+    """Write a run, new or the ``known`` one, with its children, and return its id."""
     client, took = store.client, _took(record)
-    tags = {**tags, **record.tags, MLFLOW_SOURCE_NAME: f"cylinder-friction {record.name}"}
-    tags |= {MLFLOW_RUN_NOTE: record.note} if record.note else {}
-    run_id = str(client.create_run(experiment, took.started_ms, tags, run_name=record.name).info.run_id)
-    if record.datasets:
-        client.log_inputs(run_id, [dataset_input(role, each) for role, each in record.datasets.items()])
-    points = {name: [(took.ended_ms, value) for value in values] for name, values in record.curves.items()}
-    points |= {name: [(took.ended_ms, value)] for name, value in record.metrics.items()}
+    own = {tag.MLFLOW_SOURCE_NAME: f"cylinder-friction {record.name}", STAGE_TAG: record.name, **tags, **record.tags}
+    own |= {tag.MLFLOW_RUN_NOTE: record.note} if record.note else {}
+    run_id = known or str(client.create_run(experiment, took.started_ms, own, run_name=record.name).info.run_id)
+    client.log_inputs(run_id, [dataset_input(role, each) for role, each in record.datasets.items()])
+    points = {name: [(value, took.ended_ms) for value in values] for name, values in record.curves.items()}
+    points |= {name: [(value, took.ended_ms)] for name, value in record.metrics.items()}
     for name in ("memory_mb", "processor_s") if took.samples else ():
-        points[f"system/{name}"] = [(int(sample["time_ms"]), sample[name]) for sample in took.samples]
+        points[f"system/{name}"] = [(sample[name], int(sample["time_ms"])) for sample in took.samples]
     if took.peak_memory_mb:
-        points["system/peak_memory_mb"] = [(took.ended_ms, took.peak_memory_mb)]
-    client.log_batch(run_id, _metrics(points), _params(record.params))
+        points["system/peak_memory_mb"] = [(took.peak_memory_mb, took.ended_ms)]
+    client.log_batch(
+        run_id,
+        [Metric(allowed(name), *point, step) for name, each in points.items() for step, point in enumerate(each)],
+        [Param(allowed(name), str(value)[:_LONGEST_PARAM]) for name, value in record.params.items()],
+        [RunTag(*each) for each in own.items()],
+    )
     for path in sorted(record.artifacts):
         if (root / path).is_dir():
             client.log_artifacts(run_id, str(root / path), path)
@@ -224,20 +218,10 @@ def _write(store: Store, experiment: str, record: RunRecord, root: Path, tags: M
     for name, table in record.tables.items():
         if table:
             client.log_table(run_id, pd.DataFrame(table, dtype=object), f"{name}.json")
+    for child in record.children:
+        _write(store, experiment, child, root, {**tags, tag.MLFLOW_PARENT_RUN_ID: run_id})
+    client.set_terminated(run_id, "FINISHED", took.ended_ms)  # last: what is not finished is logged anew
     return run_id
-
-
-def _metrics(points: Mapping[str, Sequence[tuple[int, float]]]) -> list[Metric]:
-    """Turn times [ms since 1970] and values by name into metrics, one step each."""
-    return [
-        Metric(allowed(name), value, time_ms, step)
-        for name, steps in points.items()
-        for step, (time_ms, value) in enumerate(steps)
-    ]
-
-
-def _params(params: Mapping[str, Scalar]) -> list[Param]:
-    return [Param(allowed(name), str(value)[:_LONGEST_PARAM]) for name, value in params.items()]
 
 
 def _took(record: RunRecord) -> Took:

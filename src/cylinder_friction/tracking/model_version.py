@@ -2,7 +2,7 @@
 
 import json
 import tempfile
-from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,14 +14,14 @@ from mlflow.exceptions import MlflowException
 from mlflow.models import Model
 from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
 
+from cylinder_friction.deployment.served_model import save_model_folder
 from cylinder_friction.dvc_hashes import known_hash
 from cylinder_friction.evaluation.reported import error_metrics
 from cylinder_friction.execution.measuring import now_ms
-from cylinder_friction.files.whole_files import hash_of, json_hash
+from cylinder_friction.files.whole_files import hash_of
 from cylinder_friction.run_record import RunRecord, records_in
 from cylinder_friction.tracking.gate import Candidate
 from cylinder_friction.tracking.log_run import allowed, log_pipeline
-from cylinder_friction.tracking.model_folder import save_model_folder
 from cylinder_friction.tracking.repository import TrackingError, commit_of
 from cylinder_friction.tracking.store import Store
 
@@ -34,25 +34,34 @@ WRITTEN_ON_LOADING = "registered_model_meta"
 """File that MLflow adds to a model when it is loaded by its registered name; the hash leaves it out."""
 
 
-def ensure_version(
-    store: Store, candidate: Candidate, root: Path, decision: Mapping[str, str] | None = None
-) -> ModelVersion:
-    """Return the candidate's version of the registered model; log the model and make the version if they are missing.
-
-    ``decision`` are tags of a version that is made: of one that is already decided.
+def ensure_version(store: Store, candidate: Candidate, root: Path) -> ModelVersion:
+    """Find the candidate's version of the registered model, or log the model and make the version.
 
     Raises:
         TrackingError: The candidate's folder is not the one that was measured.
     """
-    version = find_version(store, candidate) or _make_version(store, candidate, root, decision or {})
-    model = store.client.get_logged_model(str(version.source).removeprefix("models:/"))
-    known, own = (
-        json.loads(model.tags.get(MLFLOW_MODEL_VERSIONS, "[]")),
-        {"name": version.name, "version": str(version.version)},
-    )
-    if own not in known:  # as `mlflow.register_model` does
-        store.client.set_logged_model_tags(model.model_id, {MLFLOW_MODEL_VERSIONS: json.dumps([*known, own])})
-    return version
+    if known := find_version(store, candidate):
+        return known
+    client, model = store.client, _ensure_logged_model(store, candidate, root)
+    with suppress(MlflowException):  # the registered model is there already
+        about = "Friction inside a hydraulic cylinder [N] from two pressures and position."
+        client.create_registered_model(candidate.model_name, description=about)
+    tags = {
+        DECISION: PENDING,
+        "error_percent": candidate.error_words(),
+        "recipe": candidate.pipeline["recipe"],
+        COMMIT: model.tags[COMMIT],
+        REASON: "being decided",
+        **{name: model.tags[name] for name in (CANDIDATE, MODEL, FILES)},
+    }
+    source = f"models:/{model.model_id}"
+    made = client.create_model_version(candidate.model_name, source, model.source_run_id, tags, model_id=model.model_id)
+    first = find_version(store, candidate) or made
+    if first.version != made.version:  # another machine has made the same one just before
+        client.delete_model_version(made.name, made.version)
+    shown = json.dumps([{"name": first.name, "version": str(first.version)}])
+    client.set_logged_model_tags(model.model_id, {MLFLOW_MODEL_VERSIONS: shown})  # as `mlflow.register_model` does
+    return first
 
 
 def find_version(store: Store, candidate: Candidate) -> ModelVersion | None:
@@ -61,72 +70,33 @@ def find_version(store: Store, candidate: Candidate) -> ModelVersion | None:
     return min(store.client.search_model_versions(query), key=lambda each: int(each.version), default=None)
 
 
-def _make_version(store: Store, candidate: Candidate, root: Path, decision: Mapping[str, str]) -> ModelVersion:
-    model = _ensure_logged_model(store, candidate, root)
-    try:
-        store.client.create_registered_model(
-            candidate.model_name,
-            description="Friction inside a hydraulic cylinder [N] from two pressures and position.",
-        )
-    except MlflowException as error:
-        if error.error_code != "RESOURCE_ALREADY_EXISTS":
-            raise
-    made = store.client.create_model_version(
-        candidate.model_name,
-        source=f"models:/{model.model_id}",
-        run_id=model.source_run_id,
-        model_id=model.model_id,
-        tags={
-            DECISION: PENDING,
-            "error_percent": candidate.error_words(),
-            "recipe": candidate.pipeline["recipe"],
-            COMMIT: model.tags[COMMIT],
-            REASON: "being decided",
-            **{name: model.tags[name] for name in (CANDIDATE, MODEL, FILES)},
-            **decision,
-        },
-    )
-    first = find_version(store, candidate) or made
-    if first.version != made.version:  # another machine has made the same one just before
-        store.client.delete_model_version(made.name, made.version)
-    return first
-
-
 def _ensure_logged_model(store: Store, candidate: Candidate, root: Path) -> LoggedModel:
     """Return the logged model; log it below the pipeline's run if it is not there whole."""
-    records, client = records_in(root), store.client
+    records, client, folder = records_in(root), store.client, root / candidate.folder
     compared = replace(records.get("compare", RunRecord("compare")), pipeline=candidate.pipeline)
-    made = [each for each in records.values() if each.name != "compare" and candidate.folder in each.artifacts]
-    trained = made[0] if made else RunRecord("train")
+    trained = next((each for each in records.values() if candidate.folder in each.artifacts), RunRecord("train"))
     experiment, run_id = store.experiment(compared.experiment), log_pipeline(store, compared, root)
     for model in client.search_logged_models([experiment], filter_string=f"tags.`{CANDIDATE}` = '{candidate.key()}'"):
         if model.status == LoggedModelStatus.READY and model.source_run_id == run_id:
             return model
         client.delete_logged_model(model.model_id)
-    folder = root / candidate.folder
-    if not folder.is_dir():
-        raise TrackingError(f"{folder}: not there; run `dvc pull` or `dvc repro` to have the model")
-    if (found := known_hash(folder, root)) != candidate.model_md5:
+    found = known_hash(folder, root) if folder.is_dir() else ""
+    if found != candidate.model_md5:
+        there = f"its hash is {found[:12]}…" if found else "it is not there"
         raise TrackingError(
-            f"{folder}: its hash is {found[:12]}…, but {candidate.model_md5[:12]}… was measured; run `dvc checkout` or "
+            f"{folder}: {there}, but {candidate.model_md5[:12]}… was measured; run `dvc checkout`, `dvc pull` or "
             "`dvc repro`"
         )
     commit = trained.commit or commit_of(root)
     tags = {COMMIT: commit["git_commit"], CANDIDATE: candidate.key(), MODEL: candidate.model_md5}
     params = {allowed(key): str(value) for key, value in trained.params.items()}
     model = client.create_logged_model(experiment, folder.name, run_id, tags, params)
-    lineage = {
-        **commit,
-        "run_id": run_id,
-        "recipe": candidate.pipeline["recipe"],
-        "data": candidate.data,
-        "params": candidate.params,
-        "params_sha256": json_hash(candidate.params),
-    }
+    origin = {"run_id": run_id, "recipe": candidate.pipeline["recipe"]}
+    origin |= {**commit, "data": candidate.data, "params": candidate.params}
     about = Model(model.artifact_location, run_id, model_uuid=model.model_id, model_id=model.model_id)
     with tempfile.TemporaryDirectory() as scratch:
         written = Path(scratch) / "model"
-        save_model_folder(written, folder, lineage, pd.DataFrame(candidate.example), about)
+        save_model_folder(written, folder, origin, pd.DataFrame(candidate.example), about)
         client.set_logged_model_tags(model.model_id, {FILES: hash_of(written, WRITTEN_ON_LOADING)})
         client.log_model_artifacts(model.model_id, str(written))
     client.log_outputs(run_id, [LoggedModelOutput(model.model_id, step=0)])

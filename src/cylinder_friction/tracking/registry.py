@@ -10,7 +10,6 @@ from datetime import UTC, datetime
 from pathlib import Path
 
 from mlflow.entities.model_registry import ModelVersion
-from mlflow.exceptions import MlflowException
 
 from cylinder_friction.tracking.gate import Candidate, Errors, Incumbent, Registered, decide
 from cylinder_friction.tracking.model_folder import download_model, saved_estimator
@@ -31,9 +30,7 @@ ALREADY = "promoted: this model is the champion already"
 _log = logging.getLogger(__name__)
 
 
-def register(
-    candidate: Candidate, root: Path, measure: Callable[[Path], Errors], patience_s: float = _PATIENCE_S
-) -> Registered:
+def register(candidate: Candidate, root: Path, measure: Callable[[Path], Errors]) -> Registered:
     """Make the candidate a version of the registered model and, if the gate lets it, the champion.
 
     A refused candidate becomes a version too, without the alias: the registry shows what was tried and why it was
@@ -41,7 +38,7 @@ def register(
     After a kill at any moment, calling the function again ends in the same state.
 
     Machines that share a server decide one after the other, in the order of their version numbers, which the server
-    gives out once each: a version waits until all before it are decided, or for ``patience_s``.
+    gives out once each: a version waits until all before it are decided, for two minutes at most.
 
     ``measure`` returns the errors of the estimator saved in a folder on the present held-out recordings: the
     champion's errors are measured, not read from the registry.
@@ -51,19 +48,20 @@ def register(
             champion's files are gone, or the champion changed while the gate decided.
     """
     with open_store(root) as store:
-        champion = champion_of(store, candidate.model_name)
-        same = [each for each in _versions(store, candidate.model_name).values() if _is_of(each, candidate)]
-        if champion is not None and _is_of(champion, candidate) and _is_decided(champion):
-            if lost := lost_files(store, champion):
-                raise TrackingError(f"{champion.name} version {champion.version} ({ALIAS}): {lost}")
-            return _decided_before(candidate, champion) or Registered(candidate, ALIAS, True, ALREADY, None)
-        if any(ROLLED_BACK in each.tags for each in same):
-            return Registered(candidate, ALIAS, False, REFUSED_ROLLED_BACK, None)
+        number, same = champion_number(store, candidate.model_name), _versions_of(store, candidate)
+        if number in same:
+            if lost := lost_files(store, same[number]):
+                raise TrackingError(f"{candidate.model_name} version {number} ({ALIAS}): {lost}")
+            _tag(store, same[number], {DECISION: "promoted"})  # a kill may have come just after the alias had moved
+            champion = _versions(store, candidate.model_name)[number]
+            return _decided_before(candidate, champion) or Registered(candidate, True, ALREADY, None)
+        if any(ROLLED_BACK in each.tags for each in same.values()):
+            return Registered(candidate, False, REFUSED_ROLLED_BACK, None)
         version = ensure_version(store, candidate, root)
         if decided := _decided_before(candidate, version):
             return decided
-        _tag(store, version, **{DECISION: PENDING})  # if it was decided at another tolerance, or abandoned
-        _wait_for_earlier(store, version, patience_s)
+        _tag(store, version, {DECISION: PENDING})  # if it was decided at another tolerance, or abandoned
+        _wait_for_earlier(store, version, _PATIENCE_S)
         return _decide(store, version, candidate, measure)
 
 
@@ -72,7 +70,7 @@ def _wait_for_earlier(store: Store, version: ModelVersion, patience_s: float) ->
     while earlier := [
         each
         for number, each in sorted(_versions(store, version.name).items())
-        if number < int(version.version) and not _is_decided(each)
+        if number < int(version.version) and each.tags.get(DECISION) == PENDING
     ]:
         if not waiting:
             words = "%s version %s waits for version %s: it is being decided"
@@ -80,30 +78,56 @@ def _wait_for_earlier(store: Store, version: ModelVersion, patience_s: float) ->
         waiting = True
         if time.monotonic() > deadline:
             for each in earlier:
-                _tag(store, each, **{DECISION: ABANDONED})
+                _tag(store, each, {DECISION: ABANDONED})
         time.sleep(_POLL_S)
 
 
 def _decide(store: Store, version: ModelVersion, candidate: Candidate, measure: Callable[[Path], Errors]) -> Registered:
-    champion = champion_of(store, version.name)
-    if _number(champion) != int(version.version):  # else a kill came just after the alias had moved
-        incumbent = None if champion is None else _measured(store, champion, measure)
-        errors = None if incumbent is None else incumbent.errors_percent
-        promote, reason = decide(candidate.errors_percent, errors, candidate.tolerance_percent)
-        _write_decision(store, version, Registered(candidate, ALIAS, promote, reason, incumbent))
-        if _number(champion_of(store, version.name)) != _number(champion) or _is_decided(_read_again(store, version)):
-            raise TrackingError(
-                f"{version.name} version {version.version}: the champion changed while the gate decided, or another "
-                "machine went on without this one; nothing was promoted; run `dvc repro` again"
-            )
-        if promote:
-            _tag(store, version, **{PROMOTED: f"from {_words(champion)} {_by_whom()}"})
-            store.client.set_registered_model_alias(version.name, ALIAS, version.version)
-    is_champion = _number(champion_of(store, version.name)) == int(version.version)
-    _tag(store, version, **{DECISION: "promoted" if is_champion else "refused"})
-    decided = _decided_before(candidate, _read_again(store, version))
-    assert decided is not None
-    return decided
+    name, number = version.name, champion_number(store, version.name)
+    incumbent = _measured(store, _versions(store, name)[number], measure) if number else None
+    errors = None if incumbent is None else incumbent.errors_percent
+    registered = Registered(
+        candidate, *decide(candidate.errors_percent, errors, candidate.tolerance_percent), incumbent
+    )
+    _write_decision(store, version, registered)
+    now = _versions(store, name)[int(version.version)]
+    if champion_number(store, name) != number or now.tags[DECISION] != PENDING:
+        raise TrackingError(
+            f"{name} version {version.version}: the champion changed while the gate decided, or another machine went "
+            "on without this one; nothing was promoted; run `dvc repro` again"
+        )
+    if registered.promote:
+        before = f"version {number}" if number else "none"
+        _tag(store, version, {PROMOTED: f"from {before} {_by_whom()}"})
+        store.client.set_registered_model_alias(name, ALIAS, version.version)
+    _tag(store, version, {DECISION: "promoted" if registered.promote else "refused"})
+    return registered
+
+
+def _measured(store: Store, champion: ModelVersion, measure: Callable[[Path], Errors]) -> Incumbent:
+    """Measure the champion on the present recordings."""
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = download_model(store, champion, Path(scratch))
+        return Incumbent(champion.tags.get(MODEL, "unknown"), measure(saved_estimator(folder)))
+
+
+def _decided_before(candidate: Candidate, version: ModelVersion) -> Registered | None:
+    """Read the decision that stands in the registry; None if there is none, or one at another tolerance."""
+    gate, decision = json.loads(version.tags.get(_GATE, "{}")), version.tags.get(DECISION)
+    if decision not in ("promoted", "refused") or gate.get("tolerance_percent") != candidate.tolerance_percent:
+        return None
+    incumbent = None if gate["incumbent"] is None else Incumbent(**gate["incumbent"])
+    return Registered(candidate, decision == "promoted", version.tags[REASON], incumbent)
+
+
+def _write_decision(store: Store, version: ModelVersion, registered: Registered) -> None:
+    """Write on what grounds the gate decided."""
+    candidate, reason = registered.candidate, registered.reason
+    gate = {"tolerance_percent": candidate.tolerance_percent, "incumbent": registered.to_dict()["incumbent"]}
+    _tag(store, version, {REASON: reason, _GATE: json.dumps(gate)})
+    way_back = f"`cylinder-friction lineage models:/{version.name}/{version.version}` checks it."
+    about = "\n\n".join([f"**{reason[0].upper()}{reason[1:]}**", candidate.card, way_back])
+    store.client.update_model_version(version.name, version.version, about)
 
 
 def move_champion(root: Path, name: str, to: int | None = None) -> str:
@@ -116,30 +140,26 @@ def move_champion(root: Path, name: str, to: int | None = None) -> str:
         TrackingError: The registry cannot be reached.
     """
     with open_store(root, create=False, write=True) as store:
-        versions, champion = _versions(store, name), champion_of(store, name)
+        versions, champion = _versions(store, name), champion_number(store, name)
         if not versions:
             raise LineageError(f"{name}: the registry at {store.uri} has no version of it; expected a registered model")
-        fallback = [
-            n
-            for n, each in versions.items()
-            if n < _number(champion) and PROMOTED in each.tags and ROLLED_BACK not in each.tags
-        ]
-        number = max(fallback, default=0) if to is None else to
+        served = [n for n, each in versions.items() if PROMOTED in each.tags and ROLLED_BACK not in each.tags]
+        number = max((n for n in served if n < champion), default=0) if to is None else to
         if number not in versions:
             what = "no previous champion is known" if to is None else f"there is no version {to}"
-            there = ", ".join(str(each) for each in sorted(versions))
+            there = ", ".join(map(str, sorted(versions)))
             raise LineageError(
                 f"{name}: {what}; name one of its versions, `cylinder-friction promote VERSION`: {there}"
             )
-        if _number(champion) == number:
+        if champion == number:
             return f"{name} version {number} is the champion already"
-        target, before, by = versions[number], _words(champion), _by_whom()
-        if champion is not None and number < int(champion.version):
+        before, by = f"version {champion}" if champion else "none", _by_whom()
+        if number < champion:
             store.client.set_registered_model_tag(name, ROLLED_BACK, f"{before} to version {number} {by}")
-            _tag(store, champion, **{ROLLED_BACK: f"to version {number} {by}"})
+            _tag(store, versions[champion], {ROLLED_BACK: f"to version {number} {by}"})
         else:
-            _tag(store, target, **{PROMOTED: f"from {before} {by}"})
-        if ROLLED_BACK in target.tags:
+            _tag(store, versions[number], {PROMOTED: f"from {before} {by}"})
+        if ROLLED_BACK in versions[number].tags:
             store.client.delete_model_version_tag(name, str(number), ROLLED_BACK)
         store.client.set_registered_model_alias(name, ALIAS, str(number))
     return f"{name}: champion was {before}, is version {number}"
@@ -152,15 +172,15 @@ def recorded_version(store: Store, registered: Registered, root: Path, *, make: 
         TrackingError: The model's folder is missing or not the registered one.
     """
     candidate, name = registered.candidate, registered.candidate.model_name
-    same = (each for each in _versions(store, name).values() if _is_of(each, candidate))
-    found = find_version(store, candidate) or next(same, None)
-    if make and found is None:
-        found = ensure_version(store, candidate, root, {DECISION: "promoted" if registered.promote else "refused"})
+    found = find_version(store, candidate) or next(iter(_versions_of(store, candidate).values()), None)
+    if make and (found is None or found.tags.get(DECISION) == PENDING):
+        found = ensure_version(store, candidate, root)
         _write_decision(store, found, registered)
+        _tag(store, found, {DECISION: "promoted" if registered.promote else "refused"})
     if found is None:
         return f"{name} has no version of {candidate.folder}: it was removed from the registry"
     command = f"`cylinder-friction promote {found.version} {name}` makes it {ALIAS}"
-    role = ALIAS if _number(champion_of(store, name)) == int(found.version) else f"not {ALIAS}; {command}"
+    role = ALIAS if champion_number(store, name) == int(found.version) else f"not {ALIAS}; {command}"
     lost = lost_files(store, found)
     return f"{name} version {found.version} ({role})" + (f": {lost}" if lost else "")
 
@@ -176,69 +196,23 @@ def lost_files(store: Store, version: ModelVersion) -> str:
     )
 
 
-def champion_of(store: Store, model_name: str) -> ModelVersion | None:
-    """Look up the version in use, if there is one."""
-    if not store.client.search_registered_models(f"name = '{model_name}'"):
-        return None  # a server with logins refuses (403) to look for an alias of what is not there
-    try:
-        return store.client.get_model_version_by_alias(model_name, ALIAS)
-    except MlflowException as error:
-        if error.error_code in ("RESOURCE_DOES_NOT_EXIST", "INVALID_PARAMETER_VALUE"):
-            return None
-        raise
+def champion_number(store: Store, name: str) -> int:
+    """Look up the number of the version in use; 0 if there is none."""
+    found = store.client.search_registered_models(f"name = '{name}'")
+    return int(found[0].aliases.get(ALIAS, 0)) if found else 0
 
 
 def _versions(store: Store, name: str) -> dict[int, ModelVersion]:
     return {int(each.version): each for each in store.client.search_model_versions(f"name = '{name}'")}
 
 
-def _number(version: ModelVersion | None) -> int:
-    return 0 if version is None else int(version.version)
+def _versions_of(store: Store, candidate: Candidate) -> dict[int, ModelVersion]:
+    """Look up all versions that hold the candidate's model, also as measured on other recordings."""
+    versions = _versions(store, candidate.model_name).items()
+    return {number: each for number, each in versions if each.tags.get(MODEL) == candidate.model_md5}
 
 
-def _is_of(version: ModelVersion, candidate: Candidate) -> bool:
-    return version.tags.get(MODEL) == candidate.model_md5
-
-
-def _is_decided(version: ModelVersion) -> bool:
-    return version.tags.get(DECISION, PENDING) != PENDING
-
-
-def _measured(store: Store, champion: ModelVersion, measure: Callable[[Path], Errors]) -> Incumbent:
-    """Measure the champion on the present recordings."""
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = download_model(store, champion, Path(scratch))
-        return Incumbent(champion.tags.get(MODEL, "unknown"), measure(saved_estimator(folder)))
-
-
-def _decided_before(candidate: Candidate, version: ModelVersion) -> Registered | None:
-    """Return the decision that stands in the registry; None if there is none, or one at another tolerance."""
-    gate, decision = json.loads(version.tags.get(_GATE, "{}")), version.tags.get(DECISION)
-    if decision not in ("promoted", "refused") or gate.get("tolerance_percent") != candidate.tolerance_percent:
-        return None
-    incumbent = None if gate["incumbent"] is None else Incumbent(**gate["incumbent"])
-    return Registered(candidate, ALIAS, decision == "promoted", version.tags[REASON], incumbent)
-
-
-def _write_decision(store: Store, version: ModelVersion, registered: Registered) -> None:
-    """Write on what grounds the gate decided."""
-    candidate, incumbent = registered.candidate, registered.to_dict()["incumbent"]
-    gate = {"tolerance_percent": candidate.tolerance_percent, "incumbent": incumbent}
-    _tag(store, version, **{REASON: registered.reason, _GATE: json.dumps(gate)})
-    reason = f"**{registered.reason[0].upper()}{registered.reason[1:]}**"
-    way_back = f"`cylinder-friction lineage models:/{version.name}/{version.version}` checks it."
-    store.client.update_model_version(version.name, version.version, "\n\n".join([reason, candidate.card, way_back]))
-
-
-def _words(version: ModelVersion | None) -> str:
-    return "none" if version is None else f"version {version.version}"
-
-
-def _read_again(store: Store, version: ModelVersion) -> ModelVersion:
-    return store.client.get_model_version(version.name, str(version.version))
-
-
-def _tag(store: Store, version: ModelVersion, **tags: str) -> None:
+def _tag(store: Store, version: ModelVersion, tags: dict[str, str]) -> None:
     for key, value in tags.items():
         store.client.set_model_version_tag(version.name, version.version, key, value)
 

@@ -47,15 +47,10 @@ def asked_git(root: Path, *arguments: str) -> tuple[str | None, str]:
     return (done.stdout.strip(), "") if done.returncode == 0 else (None, " ".join(done.stderr.split()))
 
 
-def git(root: Path, *arguments: str) -> str | None:
-    """Run git and return its stripped output; None if git fails, is absent or ``root`` is no repository."""
-    return asked_git(root, *arguments)[0]
-
-
 def commit_of(root: Path) -> dict[str, str]:
     """State a repository's commit as tags: ``git_commit``, ``git_dirty`` and, without a commit, ``git_problem``."""
     sha, problem = asked_git(root, "rev-parse", "--verify", "HEAD")
     if sha is None:
         return {"git_commit": "unknown", "git_dirty": "true", "git_problem": problem}
-    changes = git(root, "status", "--porcelain", "--", *SOURCES)
+    changes, _ = asked_git(root, "status", "--porcelain", "--", *SOURCES)
     return {"git_commit": sha, "git_dirty": str(changes != "").lower()}

@@ -9,12 +9,10 @@ from collections.abc import Iterator
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from urllib.parse import urlsplit
 
 import mlflow
 from mlflow import MlflowClient
 from mlflow.exceptions import MlflowException
-from mlflow.store.db.db_types import DATABASE_ENGINES
 from mlflow.store.tracking.sqlalchemy_store import SqlAlchemyStore
 
 from cylinder_friction.files.locks import locked
@@ -30,7 +28,6 @@ _NOTE = (
     "Smaller is better. Below each run are its stages, below the search its trials."
 )
 _VARIABLE = "MLFLOW_TRACKING_URI"
-_SCHEMES = ("http", "https", *DATABASE_ENGINES)
 _LOCATIONS = (
     ("experiments", "artifact_location"),
     ("runs", "artifact_uri"),
@@ -49,11 +46,24 @@ class Store:
     uri: str  # Tracking and registry URI
     root: Path  # Absolute root of the repository
     client: MlflowClient  # Talks to that URI
-    experiment_id: str  # The default recipe's experiment; empty if a reader finds none
 
-    def experiment(self, part: str) -> str:
-        """Return the id of one of the project's experiments, made if it is not there; ``""`` is the default's."""
-        return _experiment(self, f"{EXPERIMENT}-{part}") if part else self.experiment_id or _experiment(self)
+    def experiment(self, part: str = "") -> str:
+        """Return the id of a recipe's experiment, ``""`` for the default; make it, or restore it if it was deleted."""
+        name = f"{EXPERIMENT}-{part}" if part else EXPERIMENT
+        found = self.client.get_experiment_by_name(name)
+        if found is None:
+            location = artifact_folder(self.root).as_uri() if self.uri.startswith("sqlite:") else None
+            # The kind lets the UI open on the runs, not on traces of agents.
+            tags = {"mlflow.experimentKind": "custom_model_development", "mlflow.note.content": _NOTE}
+            try:
+                return str(self.client.create_experiment(name, artifact_location=location, tags=tags))
+            except MlflowException:  # another machine may have made it between the look and the creation
+                found = self.client.get_experiment_by_name(name)
+                if found is None:
+                    raise
+        if found.lifecycle_stage == "deleted":
+            self.client.restore_experiment(found.experiment_id)
+        return str(found.experiment_id)
 
 
 def tracking_uri(root: Path) -> str:
@@ -78,7 +88,11 @@ def open_store(root: Path, *, create: bool = True, write: bool = False) -> Itera
             the block asks for.
     """
     uri, root, given = tracking_uri(root), repository_root(root), os.environ.get(_VARIABLE)
-    _refuse_what_is_no_store(uri, create)
+    if uri.startswith("sqlite:") and not create and not Path(uri.removeprefix("sqlite:///")).is_file():
+        raise TrackingError(  # MLflow would make an empty database
+            f"{uri}: there is no such store; run `dvc repro`, or `cylinder-friction track` if the results came from "
+            "DVC, in the project's folder"
+        )
     with ExitStack() as stack:
         if create or write:
             stack.enter_context(_turn(root / LOCAL_FOLDER, uri))
@@ -90,21 +104,20 @@ def open_store(root: Path, *, create: bool = True, write: bool = False) -> Itera
             if not given:
                 _make_whole(root)
                 _follow_a_move(root)
-            store = Store(uri, root, MlflowClient(tracking_uri=uri, registry_uri=uri), "")
-            found = store.client.get_experiment_by_name(EXPERIMENT)
-            experiment_id = _experiment(store) if create else found.experiment_id if found else ""
+            store = Store(uri, root, MlflowClient(tracking_uri=uri, registry_uri=uri))
+            _ = store.experiment() if create else store.client.get_experiment_by_name(EXPERIMENT)
         except Exception as error:  # of the server, of its database's driver, of a file
-            advice = "move it away, and `cylinder-friction track` makes one from the results"
-            if given:
-                advice = (
-                    f"start the server, correct {_VARIABLE} or the login in ~/.mlflow/credentials, or unset the "
-                    "variable to use the repository's own store"
-                )
+            advice = (
+                f"start the server, correct {_VARIABLE} or the login in ~/.mlflow/credentials, or unset the variable "
+                "to use the repository's own store"
+                if given
+                else "move it away, and `cylinder-friction track` makes one from the results"
+            )
             why = in_brief(error, 400)
             raise TrackingError(f"{uri} is no MLflow store that can be opened ({why}); {advice}") from error
         _quiet()  # creating the schema sets its own levels
         try:
-            yield Store(uri, root, store.client, str(experiment_id))
+            yield store
         except MlflowException as error:
             raise TrackingError(f"{uri}: MLflow refused a request ({in_brief(error)})") from error
 
@@ -121,24 +134,6 @@ def _turn(folder: Path, uri: str) -> Iterator[None]:
             stack.enter_context(locked(path))
         holder.write_text(f"process {os.getpid()} ({' '.join([Path(sys.argv[0]).name, *sys.argv[1:]])})", "utf-8")
         yield
-
-
-def _experiment(store: Store, name: str = EXPERIMENT) -> str:
-    """Return an experiment's id; make the experiment, or restore it if a person deleted it."""
-    found = store.client.get_experiment_by_name(name)
-    if found is None:
-        location = artifact_folder(store.root).as_uri() if store.uri.startswith("sqlite:") else None
-        # The kind lets the UI open on the runs, not on traces of agents.
-        tags = {"mlflow.experimentKind": "custom_model_development", "mlflow.note.content": _NOTE}
-        try:
-            return str(store.client.create_experiment(name, artifact_location=location, tags=tags))
-        except MlflowException:  # another machine may have made it between the look and the creation
-            found = store.client.get_experiment_by_name(name)
-            if found is None:
-                raise
-    if found.lifecycle_stage == "deleted":
-        store.client.restore_experiment(found.experiment_id)
-    return str(found.experiment_id)
 
 
 def _make_whole(root: Path) -> None:
@@ -158,21 +153,6 @@ def _follow_a_move(root: Path) -> None:
         (there,) = database.execute(query, (EXPERIMENT,)).fetchone() or (here,)
         for table, column in _LOCATIONS if there != here else ():
             database.execute(f"UPDATE {table} SET {column} = replace({column}, ?, ?)", (there, here))  # noqa: S608
-
-
-def _refuse_what_is_no_store(uri: str, create: bool) -> None:
-    """Refuse an address at which MLflow would make an empty database, or whose kind this project does not use."""
-    scheme = urlsplit(uri).scheme
-    if scheme == "sqlite" and not create and not Path(uri.removeprefix("sqlite:///")).is_file():
-        raise TrackingError(
-            f"{uri}: there is no such store; run `dvc repro`, or `cylinder-friction track` if the results came from "
-            "DVC, in the project's folder"
-        )
-    if scheme.partition("+")[0] not in _SCHEMES:
-        raise TrackingError(
-            f"{_VARIABLE} is {uri}, but expected http://, https:// or a database ({', '.join(DATABASE_ENGINES)}); "
-            "correct it, or unset it to use the repository's own store"
-        )
 
 
 def _quiet() -> None:

@@ -39,12 +39,12 @@ def track(root: Path) -> Tracked:
     paths = {path.stem: path for path in (root / RUNS_FOLDER).glob("*.json")}
     if not paths:
         raise TrackingError(f"{root / RUNS_FOLDER}: holds no run; run `dvc pull` or `dvc repro` first")
-    done: dict[str, list[str]] = {"logged": [], "present": [], "problems": []}
+    logged: list[str] = []
+    present: list[str] = []
+    problems: list[str] = []
     version: str | None = None
     with open_store(root) as store:
-        for stage in (*STAGES, *sorted({*paths} - {*STAGES})):
-            if stage not in paths:
-                continue
+        for stage in (each for each in (*STAGES, *sorted({*paths} - {*STAGES})) if each in paths):
             try:
                 record = RunRecord.from_dict(read_json(paths[stage]))
                 known = find_run(store, record) is not None
@@ -52,7 +52,7 @@ def track(root: Path) -> Tracked:
                     registered = Registered.from_dict(read_json(root / REGISTERED_FILE))
                     version = recorded_version(store, registered, root, make=not known)
                 log_in(store, record, root)
-                done["present" if known else "logged"].append(stage)
+                (present if known else logged).append(stage)
             except (RuntimeError, ValueError, TypeError, AttributeError, OSError) as error:  # of a missing or cut file
-                done["problems"].append(f"{stage}.json: {error}")
-    return Tracked(tuple(done["logged"]), tuple(done["present"]), tuple(done["problems"]), version)
+                problems.append(f"{stage}.json: {error}")
+    return Tracked(tuple(logged), tuple(present), tuple(problems), version)
