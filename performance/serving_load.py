@@ -38,7 +38,10 @@ import json, sys
 from pathlib import Path
 import pandas as pd
 from mlflow.models import Model
-from cylinder_friction.deployment.served_model import save_model_folder
+try:
+    from cylinder_friction.deployment.served_model import save_model_folder
+except ImportError:  # of an older commit
+    from cylinder_friction.tracking.model_folder import save_model_folder
 save_model_folder(Path(sys.argv[1]), Path(sys.argv[2]), {}, pd.DataFrame(**json.load(sys.stdin)), Model())
 """
 """Logs an estimator with the code of a commit."""

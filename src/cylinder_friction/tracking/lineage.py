@@ -4,6 +4,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -85,7 +86,7 @@ def lineage(uri: str, root: Path) -> Lineage:
         ]
         for name, md5 in origin["data"].items():
             own = f"data {name.removeprefix('data/')}"
-            links.append(_stated(own, md5, root, LOCK_FILE, lambda text, name=name: locked_hashes(text).get(name)))
+            links.append(_stated(own, md5, root, LOCK_FILE, partial(_locked_hash, name)))
         shaping = json_hash(origin["params"])
         links.append(_stated("parameters", shaping, root, PARAMS_FILE, _shaping_hash))
         return Lineage(model, tuple(links))
@@ -116,6 +117,10 @@ def _commit(root: Path, origin: Mapping[str, Any]) -> Link:
         return Link("git commit", False, f"{sha}: not in this repository ({problem}); fetch the branch that holds it")
     modified = " (with changes that were not committed)" if origin["git_dirty"] != "false" else ""
     return Link("git commit", True, f"{sha[:12]} {words}{modified}")
+
+
+def _locked_hash(path: str, text: str) -> str | None:
+    return locked_hashes(text).get(path)
 
 
 def _shaping_hash(text: str) -> str:
