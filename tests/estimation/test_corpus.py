@@ -55,16 +55,3 @@ def test_commits_differ_by_one_bit_or_by_a_column() -> None:
     assert corpus.unequal(one, one) == []
     lines = ["c: only the first has it", "d: only the second has it", "a: other bits"]
     assert corpus.unequal(one, other) == lines
-
-
-def test_a_reason_is_kept_with_what_it_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    columns = {"a/x/friction_n": np.array([0.0, 1.0])}
-    monkeypatch.setattr(corpus, "computed", lambda group, data: columns)
-    monkeypatch.setattr(corpus, "STORED", tmp_path)
-    monkeypatch.setattr(corpus, "REASONS", tmp_path / "REASONS.md")
-    corpus.record(["rig"], "the first", tmp_path)
-    corpus.record(["rig"], "nothing", tmp_path)
-    columns["a/x/friction_n"][1] = 2.0
-    corpus.record(["rig"], "another filter", tmp_path)
-    assert (tmp_path / "REASONS.md").read_text(encoding="utf-8") == "- rig: the first\n- rig: another filter\n"
-    assert corpus.differences(corpus.stored_columns("rig"), columns) == []

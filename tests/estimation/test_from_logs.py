@@ -253,18 +253,6 @@ def test_a_model_begins_anew_in_each_part(tmp_path: Path, cylinder: Cylinder, sm
         np.testing.assert_array_equal(written.column("flags"), flags)
 
 
-def test_a_bad_file_is_named_and_the_others_go_on(tmp_path: Path, logs: Path, cylinder: Cylinder) -> None:
-    files = [*sorted(logs.glob("*.csv"))[:1], tmp_path / "broken.csv", tmp_path / "short.csv"]
-    files[1].write_text("t,p1,p2\n0,1,2\n", encoding="utf-8")
-    files[2].write_text("".join(files[0].read_text().splitlines(keepends=True)[:300]), encoding="utf-8")
-    result = estimate_logs(files, cylinder, tmp_path / "out", channels=CHANNELS)
-    assert len(result.recordings) == 1
-    reasons = {Path(each.file).name: each.reason for each in result.refused}
-    assert "x" in reasons["broken.csv"]
-    assert "short.csv" in reasons
-    assert "refused" in (tmp_path / "out/friction.html").read_text()
-
-
 @pytest.mark.parametrize("run", [estimate_logs, partial(identify_logs, generations=1)], ids=["estimate", "identify"])
 def test_results_go_neither_over_the_input_nor_over_what_no_run_wrote(
     tmp_path: Path, logs: Path, cylinder: Cylinder, run: Callable[..., object]

@@ -1,10 +1,8 @@
 """Files become recordings; a damaged one says why it is repaired or refused, and never stops the good ones."""
 
-import io
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -14,7 +12,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.files.whole_files import read_json
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.conversion import Recipe
-from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_folder, shown
+from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_folder
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.path_names import NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
@@ -77,13 +75,6 @@ def test_nothing_usable_is_an_error_and_leaves_the_old_output(source: Source, tm
 def test_empty_folder_says_what_to_do(source: Source, tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"no file matches '\*.tdms'; put recordings there, or name their folder"):
         ingest(replace(source, pattern="*.tdms"), tmp_path / "out")
-
-
-def test_equal_input_gives_equal_bytes(source: Source, tmp_path: Path) -> None:
-    for name in ("a", "b"):
-        ingest(source, tmp_path / name)
-    for path in (tmp_path / "a").iterdir():
-        assert path.read_bytes() == (tmp_path / "b" / path.name).read_bytes()
 
 
 def test_files_that_the_pattern_leaves_out_are_said(source: Source, tmp_path: Path) -> None:
@@ -150,18 +141,3 @@ def test_a_recording_that_is_there_twice_counts_once(source: Source, delimiter: 
     recordings, (reason,), _ = ingest_beside(source, again)
     assert recordings == []
     assert says in reason
-
-
-class Terminal(io.StringIO):
-    def isatty(self) -> bool:
-        return True
-
-
-@pytest.mark.parametrize(("stream", "seen"), [(Terminal(), True), (io.StringIO(), False), (None, False)])
-def test_a_bar_is_drawn_on_a_terminal_and_the_items_are_the_same(
-    stream: Any, seen: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("sys.stderr", stream)
-    assert list(shown(iter("abc"), "ingest", 3, "file")) == ["a", "b", "c"]
-    drawn = "" if stream is None else stream.getvalue()
-    assert ("ingest" in drawn and "3/3" in drawn) == seen

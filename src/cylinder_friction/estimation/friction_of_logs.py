@@ -258,6 +258,10 @@ class LabelledLogs:
             every = -(-sum(each.rows for each in own) // most_rows)
             yield from map(self._finished, own[::every])
 
+    def loss_in_words(self) -> str:
+        """State what looks like a loss; empty if nothing does."""
+        return "" if self.loss is None else self.loss.sentence(self.cylinder)
+
     def _finished(self, each: LabelledRecording) -> tuple[Recording, str]:
         offset = self.offsets.get(each.metadata.session)
         return self.friction.finished(each.result.read(), offset, self.loss), each.load

@@ -93,7 +93,7 @@ def estimate_logs(
     Each Parquet file has a row per sample: what was measured, in SI units, ``velocity_m_s`` (extension positive),
     ``friction_n`` (positive when it opposes positive velocity), ``lower_n``, ``upper_n``, ``usable``, and
     ``load_force_n`` if a load was taken off. Without a model friction is the off-line label, which looks ahead, less
-    the sensors' offset where strokes determine it. With one it is the real-time estimate; its ``flags`` and the label,
+    the sensors' offset if strokes determine it. With one it is the real-time estimate; its ``flags`` and the label,
     ``label_n``, stand beside it. Logs whose results lie in the folder already are not processed again, unless they, or
     what friction depends on (cylinder, mapping, load, model, code), have changed.
 
@@ -160,7 +160,7 @@ def estimate_logs(
             found.news,
             depends_on,
             logs.guessed,
-            _loss_in_words(run, into),
+            str(read_json(into / SUMMARY_FILE).get("loss", "")) if not run.logs.files else run.loss_in_words(),
         )
         _write_summary(target, result, [name for each in results for name in each.files])
     return result
@@ -252,13 +252,6 @@ def _write_summary(target: ResultFolder, result: FrictionOfLogs, files: Sequence
     bounds = f"{result.bounds}. {result.loss}" if result.loss else result.bounds
     write_friction_page(page, table_rows(result), result.offsets, bounds, result.guessed, tables)
     target.claim([PAGE_FILE, *files], content)
-
-
-def _loss_in_words(run: LabelledLogs, folder: Path) -> str:
-    """State what looks like a loss; without new logs, what the earlier run stated."""
-    if not run.logs.files:
-        return str(read_json(folder / SUMMARY_FILE).get("loss", ""))
-    return "" if run.loss is None else run.loss.sentence(run.cylinder)
 
 
 def _depends_on(

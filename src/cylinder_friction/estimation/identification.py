@@ -189,7 +189,7 @@ def identify_logs(
             refused,
             list(run.offsets.values()),
             logs.guessed,
-            "" if run.loss is None else run.loss.sentence(cylinder),
+            run.loss_in_words(),
             search.simpler(*models),
             {recording.name: friction_levels([recording]) for recording in recordings},
         )

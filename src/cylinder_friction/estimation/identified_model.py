@@ -107,7 +107,7 @@ class IdentifiedModel:
 def determined(
     model: LuGre, found: Identification, points: Sequence[SteadyPoint], damping_ratio: float, no_viscous: str = ""
 ) -> tuple[IdentifiedParameter, ...]:
-    """Return every parameter of the model, without a number if the motion does not determine it.
+    """List every parameter of the model, without a number if the motion does not determine it.
 
     Args:
         model: What was identified.
@@ -190,7 +190,7 @@ def _assumed(spec: ParameterSpec, damping_ratio: float) -> str:
 
 
 def modelica_record(model: IdentifiedModel, cylinder: Cylinder, confidence: float) -> str:
-    """Return a record of the model's name; a parameter without a number has no default, so that its user must set one.
+    """Write a record of the model's name; a parameter without a number has no default, so that its user must set one.
 
     Args:
         model: With parameters.
@@ -206,7 +206,7 @@ def modelica_record(model: IdentifiedModel, cylinder: Cylinder, confidence: floa
 
 
 def matlab_script(model: IdentifiedModel, cylinder: Cylinder, confidence: float) -> str:
-    """Return a script that defines a structure; what has no number is NaN. Arguments as for ``modelica_record``."""
+    """Write a script that defines a structure; what has no number is NaN. Arguments as for ``modelica_record``."""
     lines = [f"% {line}" for line in _comments(model, cylinder)]
     for each in model.parameters:
         value = "NaN" if each.value is None else f"{each.value:.9g}"

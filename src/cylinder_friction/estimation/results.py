@@ -22,19 +22,19 @@ class FrictionOfRecording:
     session: str
     rows: int
     duration_s: float
-    usable_percent: float  # Of the rows; not near end stops or edges, where the force balance is not friction alone
+    usable_percent: float  # Of the rows; not near end stops or edges, whose force balance is not friction alone
     # Half of extending less retracting at equal positions [N]; None if the piston passed none both ways
     friction_n: float | None
     flags_percent: dict[str, float] | None  # Of the rows, by name of the estimator's flag; None without an estimator
     load: str  # Which load was taken off, in words
-    # Why the estimates are not to be used as they are, and what else is unlike training; empty where nothing
+    # Why the estimates are not to be used as they are, and what else is unlike training; empty if nothing is
     not_known: str
     unlike_training: str
-    load_left_n: float | None  # A load that friction still holds, about [N]; None where nothing hints at one
+    load_left_n: float | None  # A load that friction still holds, about [N]; None if nothing hints at one
     repairs: tuple[str, ...]  # What reading had to repair
     condition: str = ""
     asset: str = ""  # The machine, if it is stated
-    # When its first sample was taken, as in ``RecordingMetadata``, and what states that; empty where nothing does
+    # When its first sample was taken, as in ``RecordingMetadata``, and what states that; empty if nothing does
     start: str = ""
     start_source: str = ""
     # Serial number and day of calibration of the sensor behind a column, if they are stated
@@ -57,7 +57,7 @@ class FrictionOfLogs:
     refused: list[Quarantined] = field(default_factory=list)
     offsets: list[KnownOffset] = field(default_factory=list)
     new: tuple[str, ...] = ()  # Names of the recordings that this call processed; the others are of earlier ones
-    news: tuple[str, ...] = ()  # What is new, gone or left for the next run, where an earlier one was continued
+    news: tuple[str, ...] = ()  # What is new, gone or left for the next run, if an earlier one was continued
     # By what the results depend on beside the logs (cylinder, mapping, model, version of the code): its SHA-256
     depends_on: Mapping[str, str] = field(default_factory=dict)
     # From which file channels and units were guessed, and each column's with its reasons; None with a mapping
@@ -92,7 +92,7 @@ class FrictionOfLogs:
 
 
 def remarks(each: FrictionOfRecording) -> list[str]:
-    """Return what is worth knowing of a recording beside its numbers."""
+    """List what is worth knowing of a recording beside its numbers."""
     flags = [f"{share:.1f} % {name}" for name, share in (each.flags_percent or {}).items()]
     left = load_left(each)
     gone = [each.gone] if each.gone else []

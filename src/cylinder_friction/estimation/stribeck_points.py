@@ -49,7 +49,7 @@ class IdentifiedCurve:
 
     @property
     def why_not_slow(self) -> str:
-        """Why ``SLOW_PARAMETERS`` of the curve are not determined, empty where they are."""
+        """Why ``SLOW_PARAMETERS`` of the curve are not determined; empty if they are."""
         assert self.curve is not None
         exponent = self.curve.stribeck_exponent
         if min(exponent - STRIBECK_EXPONENT.lower, STRIBECK_EXPONENT.upper - exponent) < _AT_THE_LIMIT:

@@ -23,7 +23,7 @@ BACKLASH_MULTIPLE = 8.0
 FITS_ALIKE = 0.01
 """A velocity fits alike if its error exceeds the least by at most this share of mean |friction|."""
 LEAST_SHARE = 0.02
-"""Least half-width of an interval, over the value: as much as smoothing of label and velocity bends where noise is
+"""Least half-width of an interval, over the value: as much as smoothing of label and velocity bends it if noise is
 small."""
 EVALUATIONS = 400
 STEADY = {"coulomb_n", "viscous_n_s_m", "retract_ratio"}

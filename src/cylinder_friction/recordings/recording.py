@@ -75,17 +75,17 @@ class RecordingMetadata:
     source_file: str = ""  # Where the recording came from, relative to the folder that was ingested
     source_sha256: str = ""  # Hash of that file's bytes
     # When its first sample was taken, in ISO 8601: with Z if that is UTC, else by the logger's clock, whose time zone
-    # is not stated; a day alone where only that is known; empty where nothing is
+    # is not stated; a day alone if only that is known; empty if nothing is
     start: str = ""
     start_source: str = ""  # What states that
     asset: str = ""  # The machine that the cylinder belongs to
-    # Serial number and day of calibration of the sensor behind a column, where they are stated
+    # Serial number and day of calibration of the sensor behind a column, if they are stated
     sensors: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     # SHA-256 of what its friction depends on beside its file: cylinder, mapping, model, version of the code
     depends_on: Mapping[str, str] = field(default_factory=dict)
     # What was taken off a column as its sensor's reading at zero, in the column's unit
     zero_offset: Mapping[str, float] = field(default_factory=dict)
-    # Of the sensor behind a column; absent where nobody stated it
+    # Of the sensor behind a column; absent if nobody stated it
     uncertainty: Mapping[str, SensorUncertainty] = field(default_factory=dict)
     # What the line between a pressure sensor and its chamber loses, by column, as stated; friction is without it
     line_loss: Mapping[str, LineLoss] = field(default_factory=dict)
@@ -308,5 +308,5 @@ class Signal:
 
     # Time stamps as logged, shape ``(n,)`` [s]: perhaps uneven, doubled, backward or not finite
     time_s: Array
-    # In the column's own unit (Pa, m, N, °C), shape ``(n,)``; NaN where a sample is missing
+    # In the column's own unit (Pa, m, N, °C), shape ``(n,)``; NaN if a sample is missing
     values: Array

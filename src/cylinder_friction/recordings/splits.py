@@ -17,7 +17,7 @@ def split_sessions(
     calibration_sessions: int = 0,
     held_out: Sequence[str] = (),
 ) -> dict[str, tuple[str, ...]]:
-    """Return the names of the recordings of each role, sorted; every condition is in every role.
+    """Assign each recording to a role, by name, sorted; every condition is in every role.
 
     In each condition sessions are put in the order of a hash of seed, condition and session; the first
     ``test_sessions`` are held out for the comparison, the next ``validation_sessions`` for choosing, the next
@@ -67,7 +67,7 @@ def split_sessions(
 def split(
     recordings: Sequence[Recording], test_sessions: int = 1, seed: int = 1
 ) -> tuple[list[Recording], list[Recording]]:
-    """Return the recordings for training and those held out, in the given order; no session is in both.
+    """Divide recordings into those for training and those held out, in the given order; no session is in both.
 
     Of each condition, ``test_sessions`` are held out, and another seed holds out others; refuses as ``split_sessions``.
 

@@ -73,7 +73,7 @@ def is_future(moment: np.datetime64) -> bool:
 
 
 def epoch_of(numbers: NDArray[Any], name: str = "") -> Epoch | None:
-    """Return what the numbers of a channel of this name count from, shape ``(n,)``; None if they are no dates."""
+    """Find what the numbers of a channel of this name count from, shape ``(n,)``; None if they are no dates."""
     known = numbers[np.isfinite(numbers)] if numbers.dtype.kind == "f" else numbers
     if numbers.dtype.kind not in "iuf" or len(known) < 3:
         return None
@@ -133,14 +133,14 @@ class Start:
         return replace(self, at=self.at + np.timedelta64(round(1e9 * seconds), "ns"))
 
     def text(self) -> str:
-        """Return it in ISO 8601 to the millisecond, with Z if it is UTC; a day alone where only that is known."""
+        """Return it in ISO 8601 to the millisecond, with Z if it is UTC; a day alone if only that is known."""
         if np.datetime_data(self.at.dtype)[0] == "D":
             return str(self.at)
         return f"{self.at.astype('datetime64[ms]')}{'Z' if self.utc else ''}"
 
 
 def start_in_header(lines: list[str], delimiter: str) -> Start | None:
-    """Return the start that the lines above a text table's rows state; None if no date can be read in one way only.
+    """Read the start that the lines above a text table's rows state; None if no date can be read in one way only.
 
     Known are the FILETIME of the TwinCAT Scope, and lines such as ``Start time: 2026-03-27 10:15:00``, or a date and a
     time of day on lines of their own.
@@ -170,7 +170,7 @@ def start_in_header(lines: list[str], delimiter: str) -> Start | None:
 
 
 def start_of_parts(parts: Mapping[str, str | None], source: str) -> Start | None:
-    """Return the start of a date's parts; None if they are no date, as 31 February.
+    """Make the start of a date's parts; None if they are no date, as 31 February.
 
     Args:
         parts: Of ``START_PARTS``, with ``fraction`` (digits of a second) and ``zone``; a year may have two digits.

@@ -51,9 +51,7 @@ def test_good_recording_passes_unchanged() -> None:
 
 
 def test_a_drive_force_stands_in_for_the_pressures() -> None:
-    findings = inspect(forced())
-    assert {finding.outcome for finding in findings} == {"ok"}
-    assert [finding.check for finding in findings][-2:] == ["force_stuck", "direction"]
+    assert inspect(forced()) == []
 
 
 def test_a_rounded_pressure_is_not_stuck_if_its_steps_are_stated() -> None:
@@ -135,12 +133,12 @@ def test_an_unusable_drive_force_is_refused(spoil: Callable[[pd.Series], pd.Seri
     assert [each.check for each in inspect(table) if each.outcome == "refused"] == [name]
 
 
-@pytest.mark.parametrize(("rate_hz", "outcome"), [(200.0, "ok"), (50.0, "ok"), (49.99, "ok"), (40.0, "refused")])
-def test_a_rate_too_low_for_the_filters_is_refused(rate_hz: float, outcome: str) -> None:
-    findings = {finding.check: finding for finding in inspect(good(), sample_time_s=1.0 / rate_hz)}
-    assert findings["rate"].outcome == outcome
-    if outcome == "refused":
-        assert findings["rate"].text.startswith("is sampled at 40 Hz, expected at least 50 Hz; the filters would smear")
+@pytest.mark.parametrize(("rate_hz", "refused"), [(200.0, False), (50.0, False), (49.99, False), (40.0, True)])
+def test_a_rate_too_low_for_the_filters_is_refused(rate_hz: float, refused: bool) -> None:
+    findings = [each for each in inspect(good(), sample_time_s=1.0 / rate_hz) if each.check == "rate"]
+    assert [each.outcome for each in findings] == ["refused"] * refused
+    words = "is sampled at 40 Hz, expected at least 50 Hz; the filters would smear"
+    assert all(each.text.startswith(words) for each in findings)
 
 
 def test_inspection_reports_every_refusal() -> None:
@@ -165,19 +163,19 @@ def test_a_piston_that_rests_while_another_moves_is_noted() -> None:
 def test_rest_at_the_end_stop_is_no_held_position() -> None:
     table = good()
     table["position_m"] = np.round(np.clip(0.25 * np.sin(0.5 * table["time_s"]), 0.0, 0.2), 4)
-    assert {each.check: each.outcome for each in inspect(table)}["position_steps"] == "ok"
+    assert "position_steps" not in [each.check for each in inspect(table)]
 
 
-@pytest.mark.parametrize(("noise_n", "outcome"), [(2.0, "refused"), (0.0, "ok")])
-def test_a_load_cell_whose_noise_ceases_for_a_long_travel_is_stuck(noise_n: float, outcome: str) -> None:
+@pytest.mark.parametrize(("noise_n", "outcome"), [(2.0, ["refused"]), (0.0, [])])
+def test_a_load_cell_whose_noise_ceases_for_a_long_travel_is_stuck(noise_n: float, outcome: list[str]) -> None:
     """One without noise may well stand still: a weight is constant."""
     load_n = np.where(np.arange(2000) < 1000, 300.0, 500.0)
     load_n += noise_n * np.random.default_rng(0).standard_normal(2000)
     load_n[600:1100] = load_n[600]
     findings = inspect(forced().assign(load_force_n=load_n), replace(LIMITS, load="measured"))
-    (finding,) = (each for each in findings if each.check == "load_stuck")
-    assert finding.outcome == outcome
-    if outcome == "refused":
+    found = [each for each in findings if each.check == "load_stuck"]
+    assert [each.outcome for each in found] == outcome
+    for finding in found:
         assert f"load_force_n stays at exactly {load_n[600]:.6g} N from row 601 to row 1100 while" in finding.text
         assert finding.text.endswith("; the load cell or its amplifier was stuck; cut the log there")
 

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, Self, get_args
+from typing import Literal, get_args
 
 from cylinder_friction.recordings.recording import expect
 from cylinder_friction.recordings.stated_load import StatedLoad
@@ -71,16 +71,11 @@ Outcome = Literal["ok", "noted", "repaired", "refused"]
 
 @dataclass(frozen=True)
 class Finding:
-    """One check of one recording."""
+    """What one check of a recording states."""
 
     check: str  # Short and stable name of the check, for example ``pressure_stuck``
     outcome: Outcome  # What follows from it
-    text: str  # One sentence with its numbers; where something is wrong also what was expected and what to do
-
-    @classmethod
-    def of(cls, check: str, passed: bool, text: str, refusal: str) -> Self:
-        """Return an ``ok`` finding with ``text`` if the check was passed, else a refusal with ``refusal``."""
-        return cls(check, "ok", text) if passed else cls(check, "refused", refusal)
+    text: str  # One sentence with its numbers; if something is wrong, also what was expected and what to do
 
 
 def spoken(column: str, value: float) -> str:

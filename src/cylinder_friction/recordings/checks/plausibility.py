@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.checks.limits import CheckLimits, Finding, LoadMode
+from cylinder_friction.recordings.checks.limits import CheckLimits, Finding, LoadMode, Outcome
 from cylinder_friction.recordings.checks.load_delay import check_load_delay
 from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, POSITION, PRESSURES
 
@@ -68,7 +68,7 @@ class Balance:
 
 
 def check_friction(columns: Mapping[str, Array], sample_time_s: float, limits: CheckLimits) -> list[Finding]:
-    """Return the findings ``direction`` (swapped, inverted), ``friction_size`` (unit of the pressures), ``load_delay``.
+    """Find in ``direction`` what is swapped or inverted, in ``friction_size`` a wrong unit, and a ``load_delay``.
 
     Refuses only what is clear: friction that drives the motion, or signals that balance far better the other way round.
     What could also be an unstated load or offset is noted.
@@ -87,21 +87,21 @@ def check_friction(columns: Mapping[str, Array], sample_time_s: float, limits: C
         drive_n = columns[DRIVE_FORCE][rows]
         as_is, turned = _balances(direction, shape, drive_n - load_n, drive_n + load_n)
         remedy = f"change the sign of position_m or of {DRIVE_FORCE} in the mapping"
-        return [_inverted_load(as_is, turned, load) or _opposing(as_is, load, remedy)]
+        return _inverted_load(as_is, turned, load) or _opposing(as_is, load, remedy)
     assert limits.areas_m2 is not None
     (a1, a2), (p1, p2) = limits.areas_m2, (columns[name] for name in PRESSURES)
     drive_n = p1 * a1 - p2 * a2
     here_n, exchanged_n, alike_n = drive_n[rows], (p2 * a1 - p1 * a2)[rows], ((p1 - p2) * a2)[rows]
     forces = here_n - load_n, exchanged_n - load_n, here_n + load_n, alike_n
     as_is, swapped, turned, alike = _balances(direction, shape, *forces)
-    found = _inverted_load(as_is, turned, load) or _direction(as_is, swapped, load)
-    if found.outcome == "refused":
-        return [found]
-    if found.outcome == "noted" and load == "none" and not limits.rod_diameter_1_m:
-        found = replace(found, text=found.text + _second_rod(as_is, alike))
-    findings = [found, _size(as_is, limits.areas_m2, limits.rod_diameter_1_m)]
+    findings = _inverted_load(as_is, turned, load) or _direction(as_is, swapped, load)
+    if any(each.outcome == "refused" for each in findings):
+        return findings
+    if load == "none" and not limits.rod_diameter_1_m:
+        findings = [replace(each, text=each.text + _second_rod(as_is, alike)) for each in findings]
+    findings += _size(as_is, limits.areas_m2, limits.rod_diameter_1_m)
     if load == "measured":
-        findings.append(check_load_delay(drive_n, columns[LOAD_FORCE], rows, direction, sample_time_s))
+        findings += check_load_delay(drive_n, columns[LOAD_FORCE], rows, direction, sample_time_s)
     return findings
 
 
@@ -176,53 +176,52 @@ def _balances(direction: Array, shape: Array, *forces: Array) -> list[Balance]:
     ]
 
 
-def _inverted_load(as_is: Balance, turned: Balance, load: LoadMode) -> Finding | None:
-    """Return a refusal if the forces balance only with the load cell's sign reversed, else None."""
+def _inverted_load(as_is: Balance, turned: Balance, load: LoadMode) -> list[Finding]:
+    """Return a refusal if the forces balance only with the load cell's sign reversed."""
     opposes = as_is.weaker_n < -as_is.sure_n and turned.weaker_n > 0.5 * turned.friction_n
     better = opposes or as_is.residual_n > (BETTER + 1.0) * turned.residual_n
     if load != "measured" or not (turned.dissipates and better):
-        return None
+        return []
     text = (
         f"load_force_n is inverted: as it stands, {as_is.in_words()}; the other way round, {turned.in_words()}; change "
         "its sign in the mapping (it is positive where the load resists extension)"
     )
-    return Finding("direction", "refused", text)
+    return [Finding("direction", "refused", text)]
 
 
-def _direction(as_is: Balance, swapped: Balance, load: LoadMode) -> Finding:
+def _direction(as_is: Balance, swapped: Balance, load: LoadMode) -> list[Finding]:
     """Compare the four interpretations: as it is, pressures swapped, position inverted, both."""
     clearly_wrong = as_is.drives or (load != "position" and as_is.weaker_n < -as_is.sure_n)
     ratio = as_is.residual_n / max(swapped.residual_n, 1e-12)
     if ratio > (BETTER if clearly_wrong else BETTER + 1.0) and (swapped.dissipates or swapped.drives):
         also = "" if swapped.dissipates else " and position_m is inverted"
-        return Finding(
-            "direction",
-            "refused",
+        text = (
             f"the pressures are swapped{also}: as they stand, {as_is.in_words()} and {as_is.residual_n:.3g} N of the "
             f"force are explained by nothing; the other way round, friction is {abs(swapped.friction_n):.3g} N and "
             f"{swapped.residual_n:.3g} N are left; exchange the channels of pressure_1_pa (piston side) and "
-            "pressure_2_pa" + (", and change the sign of position_m" if also else ""),
+            "pressure_2_pa" + (", and change the sign of position_m" if also else "")
         )
+        return [Finding("direction", "refused", text)]
     if as_is.drives and 1.0 / ratio > BETTER:
         text = (
             f"position_m is inverted, or both pressures are: {as_is.in_words()}, so friction would drive the piston; "
             "expected it to oppose the motion; correct in the mapping what is inverted: write sign: -1 and, as offset, "
             "what its sensor reads with the rod in or without pressure (position_m must grow while the rod extends)"
         )
-        return Finding("direction", "refused", text)
+        return [Finding("direction", "refused", text)]
     remedy = "position_m is inverted, both pressures are inverted, or they are swapped; check all three"
     return _opposing(as_is, load, remedy)
 
 
-def _opposing(as_is: Balance, load: LoadMode, remedy: str) -> Finding:
-    """Return whether friction opposes the motion. If it drives the motion, that is a refusal with this ``remedy``."""
+def _opposing(as_is: Balance, load: LoadMode, remedy: str) -> list[Finding]:
+    """Refuse friction that drives the motion, with this ``remedy``; note what may be an unstated load."""
     if as_is.drives:
         text = f"friction would drive the piston: {as_is.in_words()}; expected it to oppose the motion; {remedy}"
-        return Finding("direction", "refused", text)
+        return [Finding("direction", "refused", text)]
     if not as_is.dissipates:
         unexplained = f"({as_is.residual_n:.3g} N are unexplained)"
         text = f"friction of {as_is.friction_n:.3g} N cannot be distinguished from zero {unexplained}"
-        return Finding("direction", "noted", text)
+        return [Finding("direction", "noted", text)]
     if load != "position" and as_is.weaker_n < 0.0:
         measured = load == "measured"
         load_n = 0.5 * (as_is.extending_n - as_is.retracting_n)
@@ -231,8 +230,8 @@ def _opposing(as_is: Balance, load: LoadMode, remedy: str) -> Finding:
             f"about {load_n:.3g} N, or a pressure sensor's zero is off; "
             f"{'check unit and zero of load_force_n' if measured else 'state the load'}, or zero the sensors"
         )
-        return Finding("direction", "noted", text)
-    return Finding("direction", "ok", f"friction opposes the motion, with {as_is.friction_n:.3g} N on average")
+        return [Finding("direction", "noted", text)]
+    return []
 
 
 def _second_rod(as_is: Balance, alike: Balance) -> str:
@@ -245,26 +244,28 @@ def _second_rod(as_is: Balance, alike: Balance) -> str:
     )
 
 
-def _size(as_is: Balance, areas_m2: tuple[float, float], rod_1_m: float) -> Finding:
+def _size(as_is: Balance, areas_m2: tuple[float, float], rod_1_m: float) -> list[Finding]:
     """Relate friction to the length of seals that causes it: pressures in a wrong unit show here."""
     bore_m2 = areas_m2[0] + math.pi / 4.0 * rod_1_m**2
     bore_m, rod_m = (math.sqrt(4.0 * area / math.pi) for area in (bore_m2, bore_m2 - areas_m2[1]))
     gradient = as_is.friction_n / (math.pi * (bore_m + rod_m + rod_1_m) * 1e3)
     text = f"friction is {gradient:.3g} N per millimetre of seal ({as_is.friction_n:.3g} N)"
+    outcome: Outcome = "noted"
     if as_is.friction_n <= 0.0:
         text += (
             ", expected more than 0, for it opposes the motion; check which pressure is which, the sign of position_m, "
             "and that each channel has its own time"
         )
-        return Finding("friction_size", "noted", text)
-    if gradient > GREATEST_N_MM:
+    elif gradient > GREATEST_N_MM:
+        outcome = "refused"
         text += (
             f", expected less than {GREATEST_N_MM:.0f}; check the unit of the pressures (kPa read as bar?), bore and "
             "rod of the cylinder, and whether it works against a load that is not stated"
         )
-        return Finding("friction_size", "refused", text)
-    if gradient > HIGH_N_MM or (as_is.dissipates and gradient < LOW_N_MM):
-        mistake = "bar read as MPa" if gradient > HIGH_N_MM else "MPa read as bar"
-        text += f", usual are {LOW_N_MM:g} to {HIGH_N_MM:g}; check the unit of the pressures ({mistake}?), bore and rod"
-        return Finding("friction_size", "noted", f"{text} of the cylinder")
-    return Finding("friction_size", "ok", text)
+    elif gradient > HIGH_N_MM or (as_is.dissipates and gradient < LOW_N_MM):
+        unit = "bar read as MPa?" if gradient > HIGH_N_MM else "MPa read as bar?"
+        usual = f"usual are {LOW_N_MM:g} to {HIGH_N_MM:g}"
+        text += f", {usual}; check the unit of the pressures ({unit}), bore and rod of the cylinder"
+    else:
+        return []
+    return [Finding("friction_size", outcome, text)]

@@ -30,8 +30,8 @@ stroke."""
 RANGE_END_SHARE = 0.01  # This close to an end of the stroke, a position may be the end of its sensor's range
 
 
-def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> Finding:
-    """Return the finding ``position_steps``: refused at a jump, a held value or a disturbance.
+def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> list[Finding]:
+    """Return the finding ``position_steps``, if there is one: refused at a jump, a held value or a disturbance.
 
     Small jumps, slight disturbances, single samples that are off, and a value without the noise that the sensor has
     elsewhere, are noted.
@@ -54,19 +54,20 @@ def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> F
         alike = [(row, words) for row, words, own in found if words and own == outcome]
         if alike:
             more = f" (first of {len(alike)} such faults)" if len(alike) > 1 else ""
-            return Finding(CHECK, outcome, f"position_m {alike[0][1]}, in row {alike[0][0] + 1}{more}; {advice}")
+            return [Finding(CHECK, outcome, f"position_m {alike[0][1]}, in row {alike[0][0] + 1}{more}; {advice}")]
     if found:
         text = (
             f"position_m has {len(found)} single samples that no piston can follow (first: row {found[0][0] + 1}, at "
             f"{time_s[found[0][0]]:.2f} s); check the sensor and its cable"
         )
-        return Finding(CHECK, "noted", text)
-    noisy = _noisy(position_m, time_s, max(16, round(NOISY_S / step_s)), stroke_m)
-    return noisy or _still(position_m, time_s, max(2, round(STILL_S / step_s)), stroke_m)
+    else:
+        text = _noisy(position_m, time_s, max(16, round(NOISY_S / step_s)), stroke_m)
+        text = text or _still(position_m, time_s, max(2, round(STILL_S / step_s)), stroke_m)
+    return [Finding(CHECK, "noted", text)] if text else []
 
 
-def _noisy(x_m: Array, time_s: Array, rows: int, stroke_m: float) -> Finding | None:
-    """Note stretches of ``rows`` with far more noise than the quietest; None if there are none.
+def _noisy(x_m: Array, time_s: Array, rows: int, stroke_m: float) -> str:
+    """Name stretches of ``rows`` with far more noise than the quietest; empty if there are none.
 
     Fourth differences leave little of a motion; those of noise change their sign at most samples.
     """
@@ -75,18 +76,17 @@ def _noisy(x_m: Array, time_s: Array, rows: int, stroke_m: float) -> Finding | N
     level_m = np.median(np.abs(stretches_m), axis=1)
     alive = (stretches_m[:, 1:] * stretches_m[:, :-1] < 0.0).mean(axis=1) > ALTERNATES
     if np.count_nonzero(alive) * rows < ALIVE_S / (time_s[1] - time_s[0]):
-        return None
+        return ""
     usual_m = float(np.quantile(level_m[alive], QUIETEST))
     noisy = np.flatnonzero(alive & (level_m > max(NOISIER * usual_m, FAINT * stroke_m)))
     if len(noisy) * rows < STILL_S / (time_s[1] - time_s[0]):
-        return None
+        return ""
     begin, end = time_s[noisy[0] * rows], time_s[min((noisy[-1] + 1) * rows, len(time_s) - 1)]
-    text = (
+    return (
         f"position_m has {float(np.median(level_m[noisy])) / usual_m:.2g} times its usual noise between {begin:.2f} "
         f"and {end:.2f} s; velocity and friction are wrong there; check the sensor and its cable, and leave this time "
         "out"
     )
-    return Finding(CHECK, "noted", text)
 
 
 def _described(x_m: Array, time_s: Array, first: int, last: int, stroke_m: float) -> tuple[str, Outcome]:
@@ -119,8 +119,8 @@ def _height(x_m: Array, first: int, last: int, line: int) -> float:
     return behind_m - before_m
 
 
-def _still(x_m: Array, time_s: Array, rows: int, stroke_m: float) -> Finding:
-    """Note if the position is exactly the same for ``rows`` or more, although it has noise elsewhere, also at rest.
+def _still(x_m: Array, time_s: Array, rows: int, stroke_m: float) -> str:
+    """State if the position is exactly the same for ``rows`` or more, although it has noise elsewhere, also at rest.
 
     Noise goes up and down at almost every sample; steps of a converter do not, nor does a motion.
     """
@@ -131,9 +131,8 @@ def _still(x_m: Array, time_s: Array, rows: int, stroke_m: float) -> Finding:
     if np.count_nonzero(alive) * STILL_S >= ALIVE_S:
         for begin, end in true_runs(steps_m == 0.0).tolist():
             if end - begin >= rows and RANGE_END_SHARE * stroke_m < x_m[begin] < (1.0 - RANGE_END_SHARE) * stroke_m:
-                text = (
+                return (
                     f"position_m holds {1e3 * x_m[begin]:.4g} mm from {time_s[begin]:.2f} to {time_s[end]:.2f} s "
                     "without the noise that it has elsewhere; check the sensor, and leave this time out"
                 )
-                return Finding(CHECK, "noted", text)
-    return Finding(CHECK, "ok", "position_m never jumps, and holds no value while the piston moves")
+    return ""

@@ -67,15 +67,14 @@ class _Survey:
         self.lowest, self.highest = float(values[self.lowest_row]), float(values[self.highest_row])
         self.span = self.highest - self.lowest
 
-    def stuck(self, name: str, check: str, unit: str, stroke_m: float, remedy: str, *, may_be: bool = False) -> Finding:
-        """Refuse a column that is constant over a long travel, unless it ``may_be``."""
-        return Finding.of(
-            check,
-            may_be or self.stuck_travel_m <= STUCK_TRAVEL * stroke_m,
-            f"{name} stays exactly constant over {self.stuck_travel_m:.3g} m of travel at most",
-            f"{name} stays at exactly {self.stuck_at:.6g} {unit} from row {self.stuck_from + 1} to row {self.stuck_to} "
-            f"while the piston travels {self.stuck_travel_m:.3g} m{remedy}",
-        )
+    def stuck(self, name: str, check: str, unit: str, stroke_m: float, remedy: str) -> Iterator[Finding]:
+        """Refuse a column that is constant over a long travel."""
+        if self.stuck_travel_m > STUCK_TRAVEL * stroke_m:
+            text = (
+                f"{name} stays at exactly {self.stuck_at:.6g} {unit} from row {self.stuck_from + 1} to row "
+                f"{self.stuck_to} while the piston travels {self.stuck_travel_m:.3g} m{remedy}"
+            )
+            yield Finding(check, "refused", text)
 
     def worst(self, low: float, high: float) -> tuple[float, int]:
         """Return the value furthest outside of two bounds, and its row, counted from 1."""
@@ -97,7 +96,7 @@ def _unexplained(values: Array, runs: NDArray[np.int64], step: float) -> Array:
 
 
 def inspect_recording(table: Columns, limits: CheckLimits, sample_time_s: float) -> Iterator[Finding]:
-    """Yield what every check finds, refusals included. After missing columns or values no further check is made.
+    """Yield what is not in order, refusals included. After missing columns or values no further check is made.
 
     The names of the checks, in their order: ``columns``, ``length``, ``finite``, ``rate``, ``position_range``,
     ``motion``, ``position_steps``; for each pressure ``pressure_range``, ``pressure_alive``, ``pressure_stuck``, for
@@ -119,22 +118,24 @@ def inspect_recording(table: Columns, limits: CheckLimits, sample_time_s: float)
             text = f"{name} is {values[bad[0]]} in row {bad[0] + 1} ({len(bad)} such rows in all)"
             yield Finding("finite", "refused", f"{text}; expected finite numbers; repair or cut the log")
             return
-    yield Finding("finite", "ok", "every value is a finite number")
-    duration_s, least_s, least_hz = rows * sample_time_s, limits.minimum_duration_s, limits.minimum_rate_hz
-    lasts, rate = f"lasts {duration_s:.3g} s ({rows} rows)", f"is sampled at {1.0 / sample_time_s:.4g} Hz"
-    yield Finding.of(
-        "length",
-        duration_s >= least_s,
-        lasts,
-        f"{lasts}, expected at least {least_s:.3g} s; log longer or lower checks.minimum_duration_s in the mapping",
+    duration_s, rate_hz, least_s, least_hz = (
+        rows * sample_time_s,
+        1.0 / sample_time_s,
+        limits.minimum_duration_s,
+        limits.minimum_rate_hz,
     )
-    yield Finding.of(
-        "rate",
-        1.0 / sample_time_s >= least_hz * (1.0 - RATE_TOLERANCE),
-        rate,
-        f"{rate}, expected at least {least_hz:.4g} Hz; the filters would smear starts, stops and reversals over each "
-        "other; log faster, or correct the unit of time_s (ms read as s?)",
-    )
+    if duration_s < least_s:
+        text = (
+            f"lasts {duration_s:.3g} s ({rows} rows), expected at least {least_s:.3g} s; log longer or lower "
+            "checks.minimum_duration_s in the mapping"
+        )
+        yield Finding("length", "refused", text)
+    if rate_hz < least_hz * (1.0 - RATE_TOLERANCE):
+        text = (
+            f"is sampled at {rate_hz:.4g} Hz, expected at least {least_hz:.4g} Hz; the filters would smear starts, "
+            "stops and reversals over each other; log faster, or correct the unit of time_s (ms read as s?)"
+        )
+        yield Finding("rate", "refused", text)
     seen = {name: _Survey(values, columns[POSITION], limits.steps.get(name, 0.0)) for name, values in columns.items()}
     findings = [*_of_position(columns, seen, limits)]
     if DRIVE_FORCE in columns:
@@ -151,91 +152,80 @@ def inspect_recording(table: Columns, limits: CheckLimits, sample_time_s: float)
 
 def _of_position(columns: Columns, of_columns: dict[str, _Survey], limits: CheckLimits) -> Iterator[Finding]:
     seen, stroke_m, slack_m = of_columns[POSITION], limits.stroke_m, POSITION_SLACK * limits.stroke_m
-    runs = f"it runs from {seen.lowest:.4g} to {seen.highest:.4g} m"
-    value, row = seen.worst(0.0, stroke_m)
-    advice = "its unit (mm read as m?)"
-    if seen.span <= stroke_m + slack_m:
-        advice = (
-            f"sign and zero of the sensor (sign and offset in the mapping), for its travel of {seen.span:.4g} m fits"
+    if seen.lowest < -slack_m or seen.highest > stroke_m + slack_m:
+        value, row = seen.worst(0.0, stroke_m)
+        advice = "its unit (mm read as m?)"
+        if seen.span <= stroke_m + slack_m:
+            fits = f"for its travel of {seen.span:.4g} m fits"
+            advice = f"sign and zero of the sensor (sign and offset in the mapping), {fits}"
+        text = (
+            f"position_m is {value:.4g} m in row {row} (it runs from {seen.lowest:.4g} to {seen.highest:.4g} m), "
+            f"expected 0 to {stroke_m:.4g} m, the stroke; check {advice}"
         )
-    yield Finding.of(
-        "position_range",
-        seen.lowest >= -slack_m and seen.highest <= stroke_m + slack_m,
-        f"position_m lies within the stroke of {stroke_m:.4g} m; {runs}",
-        f"position_m is {value:.4g} m in row {row} ({runs}), expected 0 to {stroke_m:.4g} m, the stroke; "
-        f"check {advice}",
-    )
-    least_m, moves = limits.least_travel * stroke_m, f"position_m moves by {seen.span:.3g} m"
+        yield Finding("position_range", "refused", text)
+    least_m, moves = limits.least_travel * stroke_m, f"position_m moves by {seen.span:.3g} m only"
     elsewhere = [name for name in OTHER_POSITIONS if name in of_columns and of_columns[name].span >= least_m]
     if seen.span < least_m and elsewhere:
         text = (
-            f"{moves} only, while {elsewhere[0]} moves by {of_columns[elsewhere[0]].span:.3g} m: the piston rests, or "
+            f"{moves}, while {elsewhere[0]} moves by {of_columns[elsewhere[0]].span:.3g} m: the piston rests, or "
             "its sensor is stuck; the recording shows no friction of sliding"
         )
         yield Finding("motion", "noted", text)
         return
-    yield Finding.of(
-        "motion",
-        seen.span >= least_m,
-        moves,
-        f"{moves} only, expected at least {least_m:.3g} m; nothing moves, the sensor is stuck, or its unit is wrong "
-        "(m read as mm?); if another cylinder moved instead, map its position as other_position_1_m",
-    )
-    yield check_position_steps(columns[POSITION], columns[TIME], stroke_m)
+    if seen.span < least_m:
+        text = (
+            f"{moves}, expected at least {least_m:.3g} m; nothing moves, the sensor is stuck, or its unit is wrong "
+            "(m read as mm?); if another cylinder moved instead, map its position as other_position_1_m"
+        )
+        yield Finding("motion", "refused", text)
+    yield from check_position_steps(columns[POSITION], columns[TIME], stroke_m)
 
 
 def _of_pressures(columns: dict[str, Array], seen: dict[str, _Survey], limits: CheckLimits) -> Iterator[Finding]:
     low, high = LOWEST_PRESSURE_PA, limits.highest_pressure_pa
     for name in PRESSURES:
-        value, row = seen[name].worst(low, high)
-        advice = "check unit (Pa or kPa read as bar?) and sign"
-        if seen[name].highest <= 0.0:
-            advice = "no value is positive, so the sign is reversed; write sign: -1 for it in the mapping"
-        yield Finding.of(
-            "pressure_range",
-            seen[name].lowest >= low and seen[name].highest <= high,
-            f"{name} runs from {spoken(name, seen[name].lowest)} to {spoken(name, seen[name].highest)}",
-            f"{name} is {spoken(name, value)} in row {row}, expected {low / 1e5:.4g} to {high / 1e5:.4g} bar gauge; "
-            f"{advice}",
-        )
+        if seen[name].lowest < low or seen[name].highest > high:
+            value, row = seen[name].worst(low, high)
+            advice = "check unit (Pa or kPa read as bar?) and sign"
+            if seen[name].highest <= 0.0:
+                advice = "no value is positive, so the sign is reversed; write sign: -1 for it in the mapping"
+            expected = f"expected {low / 1e5:.4g} to {high / 1e5:.4g} bar gauge"
+            text = f"{name} is {spoken(name, value)} in row {row}, {expected}; {advice}"
+            yield Finding("pressure_range", "refused", text)
         yield from _alive(name, "pressure", seen[name], limits)
-    yield Finding.of(
-        "pressures_differ",
-        not np.array_equal(columns[PRESSURES[0]], columns[PRESSURES[1]]),
-        "the two pressures differ",
-        "pressure_1_pa and pressure_2_pa are equal in every row, which no two sensors are; one channel was logged "
-        "twice or mapped twice; correct the mapping",
-    )
+    if np.array_equal(columns[PRESSURES[0]], columns[PRESSURES[1]]):
+        text = (
+            "pressure_1_pa and pressure_2_pa are equal in every row, which no two sensors are; one channel was logged "
+            "twice or mapped twice; correct the mapping"
+        )
+        yield Finding("pressures_differ", "refused", text)
     # Without pressure throughout, the unit is too small, or the supply was off.
     name = max(PRESSURES, key=lambda column: seen[column].highest)
-    peak = f"the highest pressure in the whole recording is {spoken(name, seen[name].highest)} ({name})"
-    yield Finding.of(
-        "unit_plausible",
-        seen[name].highest >= limits.least_peak_pressure_pa,
-        peak,
-        f"{peak}, expected at least {limits.least_peak_pressure_pa / 1e5:.4g} bar; check the unit (MPa read as bar, "
-        "kPa as Pa?) and that the supply was on, or lower least_peak_pressure_pa for pneumatics",
-    )
+    if seen[name].highest < limits.least_peak_pressure_pa:
+        text = (
+            f"the highest pressure in the whole recording is {spoken(name, seen[name].highest)} ({name}), expected at "
+            f"least {limits.least_peak_pressure_pa / 1e5:.4g} bar; check the unit (MPa read as bar, kPa as Pa?) and "
+            "that the supply was on, or lower least_peak_pressure_pa for pneumatics"
+        )
+        yield Finding("unit_plausible", "refused", text)
 
 
 def _alive(name: str, kind: str, seen: _Survey, limits: CheckLimits) -> Iterator[Finding]:
-    """Check that a sensor changes with the motion and does not stick while the piston travels."""
+    """Refuse a sensor that does not change with the motion, or sticks while the piston travels."""
     unit, wrong = ("Pa", "bar read as Pa?") if kind == "pressure" else ("N", "MN or kN read as N?")
-    what = "is constant" if seen.span == 0.0 else f"changes by {seen.span:.3g} {unit} only"
-    alive = Finding.of(
-        f"{kind}_alive",
-        seen.span >= LEAST_SPANS[kind],
-        f"{name} changes by {spoken(name, seen.span)}",
-        f"{name} {what} (at {seen.highest:.4g} {unit}) while the cylinder moves; the sensor is stuck or not "
-        f"connected, or the unit is wrong ({wrong})",
-    )
-    yield alive
-    if alive.outcome == "ok":
-        remedy = (
-            "; the sensor is stuck or at the end of its range, or its values are rounded: then state its range and "
-            "bits as its sensor in the mapping"
+    if seen.span < LEAST_SPANS[kind]:
+        what = "is constant" if seen.span == 0.0 else f"changes by {seen.span:.3g} {unit} only"
+        text = (
+            f"{name} {what} (at {seen.highest:.4g} {unit}) while the cylinder moves; the sensor is stuck or not "
+            f"connected, or the unit is wrong ({wrong})"
         )
-        yield seen.stuck(name, f"{kind}_stuck", unit, limits.stroke_m, remedy)
+        yield Finding(f"{kind}_alive", "refused", text)
+        return
+    remedy = (
+        "; the sensor is stuck or at the end of its range, or its values are rounded: then state its range and bits "
+        "as its sensor in the mapping"
+    )
+    yield from seen.stuck(name, f"{kind}_stuck", unit, limits.stroke_m, remedy)
 
 
 def _of_load(load_n: Array, seen: _Survey, limits: CheckLimits) -> Iterator[Finding]:
@@ -243,9 +233,6 @@ def _of_load(load_n: Array, seen: _Survey, limits: CheckLimits) -> Iterator[Find
     if seen.span == 0.0:
         text = f"load_force_n is constant (at {seen.highest:.4g} N); the load cell is idle, stuck or not connected"
         yield Finding("load_alive", "noted", text)
-        return
-    yield Finding("load_alive", "ok", f"load_force_n changes by {spoken(LOAD_FORCE, seen.span)}")
-    elsewhere = len(load_n) - (seen.stuck_to - seen.stuck_from)
-    noisy = bool(np.count_nonzero(np.diff(load_n)) > NOISY_SHARE * elsewhere)
-    remedy = ", and changes from row to row elsewhere; the load cell or its amplifier was stuck; cut the log there"
-    yield seen.stuck(LOAD_FORCE, "load_stuck", "N", limits.stroke_m, remedy, may_be=not noisy)
+    elif np.count_nonzero(np.diff(load_n)) > NOISY_SHARE * (len(load_n) - (seen.stuck_to - seen.stuck_from)):
+        remedy = ", and changes from row to row elsewhere; the load cell or its amplifier was stuck; cut the log there"
+        yield from seen.stuck(LOAD_FORCE, "load_stuck", "N", limits.stroke_m, remedy)

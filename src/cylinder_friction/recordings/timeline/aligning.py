@@ -23,8 +23,8 @@ from cylinder_friction.recordings.timeline.stamp_repair import counted
 from cylinder_friction.recordings.timeline.timestamps import WHOLE_HERTZ, TimeRules, even_rate, whole_hertz
 
 Spans = list[tuple[float, float]]
-Placed = tuple[list[tuple[Columns, int]], dict[str, list[str]], Spans]
-"""Pieces with their segment of the clock, the columns of each method of resampling, and stretches too short [s]."""
+Placed = tuple[list[tuple[Columns, int]], dict[str, list[str]]]
+"""Pieces with their segment of the clock, and the columns of each method of resampling."""
 
 HIGHEST_RATIO = 10.0  # A wanted rate above this multiple of the fastest channel's is refused
 SHORTEST_PIECE = 10  # A stretch between two gaps with fewer samples is left out
@@ -51,7 +51,7 @@ def align(
 
     Returns:
         Recordings without NaN, yet to be checked, at least one. ``time_s`` continues the logger's time, and starts anew
-        where its clock did.
+        if its clock did.
 
     Raises:
         RecordingError: The stamps cannot be put in order, a column has no samples, or no stretch is long enough.
@@ -65,7 +65,7 @@ def align(
     rate_hz = _common_rate(timelines, rules)
     one_grid = all(each.grid is timelines[0].grid and each.even and each.stride == 1 for each in timelines)
     same_rate = one_grid and abs(rate_hz * timelines[0].step_s - 1.0) <= WHOLE_HERTZ
-    pieces, methods, short = _on_logged_grid(timelines) if same_rate else _on_new_grid(timelines, rate_hz)
+    pieces, methods = _on_logged_grid(timelines) if same_rate else _on_new_grid(timelines, rate_hz)
     repairs += _gap_note(timelines, rules)
     if not pieces:
         why = "; ".join(repairs) or "the columns do not overlap in time"
@@ -73,7 +73,7 @@ def align(
             f"has no stretch of {SHORTEST_PIECE} samples at {rate_hz:.6g} Hz without a gap in any column "
             f"({why}), expected at least one; log without gaps, or leave the column with the gaps out of the mapping"
         )
-    repairs += [*_edge_note(timelines, rate_hz), *_short_note(short), *_sentences(methods, len(timelines))]
+    repairs += [*_edge_note(timelines, rate_hz), *_sentences(methods, len(timelines))]
     return [
         _piece(columns, rate_hz, about, start, segment, (*repairs, *_bridged_note(timelines, columns[TIME], segment)))
         for columns, segment in pieces
@@ -88,7 +88,7 @@ def _piece(
     segment: int = 0,
     repairs: Sequence[str] = (),
 ) -> Recording:
-    """Return columns as a recording, yet to be checked. A start holds until the clock restarts."""
+    """Make a recording of columns, yet to be checked. A start holds until the clock restarts."""
     own = start if start is not None and (segment == 0 or start.dated_rows) else None
     described = replace(
         about,
@@ -145,18 +145,15 @@ def _on_logged_grid(timelines: Sequence[ChannelTimeline]) -> Placed:
     for each in timelines:
         spans = _overlap(spans, [(float(each.index[a]), float(each.index[b - 1])) for a, b in each.stretches()])
     pieces: list[tuple[Columns, int]] = []
-    short: Spans = []
     for first, last in ((int(a), int(b)) for a, b in spans):
-        a, b = np.searchsorted(grid.index, [first, last + 1])
         if last - first + 1 >= SHORTEST_PIECE:
+            a, b = np.searchsorted(grid.index, [first, last + 1])
             numbers, time_s = np.arange(first, last + 1), grid.time_s[a:b]
             if len(time_s) < len(numbers):
                 time_s = np.interp(numbers, grid.index, grid.time_s)
             columns = {TIME: time_s} | {each.column: _filled(each, numbers) for each in timelines}
             pieces.append((columns, int(grid.segments[a])))
-        elif b > a:
-            short.append((float(grid.time_s[a]), float(grid.time_s[b - 1])))
-    return pieces, {}, short
+    return pieces, {}
 
 
 def _filled(timeline: ChannelTimeline, numbers: NDArray[np.int64]) -> Array:
@@ -175,7 +172,6 @@ def _filled(timeline: ChannelTimeline, numbers: NDArray[np.int64]) -> Array:
 def _on_new_grid(timelines: Sequence[ChannelTimeline], rate_hz: float) -> Placed:
     """Resample columns to a grid of ``rate_hz`` from the first stamp of any of them after each start of the clock."""
     pieces: list[tuple[Columns, int]] = []
-    short: Spans = []
     methods: dict[str, list[str]] = {}
     for segment, stamps in enumerate(_stamps_by_segment(timelines)):
         if len(stamps) < len(timelines):
@@ -190,7 +186,6 @@ def _on_new_grid(timelines: Sequence[ChannelTimeline], rate_hz: float) -> Placed
             first = int(np.ceil((first_s - start_s) * rate_hz - 1e-6))
             last = int(np.floor((last_s - start_s) * rate_hz + 1e-6))
             if last - first + 1 < SHORTEST_PIECE:
-                short.append((first_s, last_s))
                 continue
             columns = {TIME: start_s + np.arange(first, last + 1) / rate_hz}
             for column, of_column in uniform.items():
@@ -199,7 +194,7 @@ def _on_new_grid(timelines: Sequence[ChannelTimeline], rate_hz: float) -> Placed
                 if method and column not in methods.setdefault(method, []):
                     methods[method].append(column)
             pieces.append((columns, segment))
-    return pieces, methods, short
+    return pieces, methods
 
 
 def _stamps_by_segment(timelines: Sequence[ChannelTimeline]) -> list[list[Array]]:
@@ -278,11 +273,3 @@ def _edge_note(timelines: Sequence[ChannelTimeline], rate_hz: float) -> list[str
         return []
     start, end = (f"{round(lost_s, 6):.4g} s" for lost_s in (starts_s, ends_s))
     return [f"time: {start} at the start and {end} at the end left out, not covered by every column"]
-
-
-def _short_note(short: Spans) -> list[str]:
-    return [
-        f"time: {counted(len(short), 'stretch', 'es')} of fewer than {SHORTEST_PIECE} samples between gaps left out "
-        f"(first: {first_s:.6g} to {last_s:.6g} s)"
-        for first_s, last_s in short[:1]
-    ]

@@ -31,7 +31,7 @@ class SampleGrid:
     """Sample numbers of the stamps of columns that were sampled together."""
 
     time_s: Array  # Stamps in order, shape ``(n,)`` [s]
-    segments: Indices  # The clock restarted where this number changes, shape ``(n,)``
+    segments: Indices  # This number changes when the clock restarts, shape ``(n,)``
     step_s: float  # Time between two samples [s]
     even: bool  # Whether the stamps lie on an even clock, lost samples aside; else their step is the median one
     index: Indices  # Sample number of each stamp, shape ``(n,)``; meaningless across a gap or a restart
@@ -63,7 +63,7 @@ class ChannelTimeline:
 
     @cached_property
     def segments(self) -> Indices:
-        """The clock restarted where this number changes, shape ``(m,)``."""
+        """This number changes when the clock restarts, shape ``(m,)``."""
         return self.grid.segments[self.at]
 
     @property
@@ -105,7 +105,7 @@ def _with_subject(repairs: Sequence[str], columns: Mapping[str, Array], signals:
 
 
 def _sampled_together(stamps: OrderedStamps, values: Mapping[str, Array]) -> list[tuple[dict[str, Array], Mask]]:
-    """Return columns that share most of their rows, and the rows where any of them has a value, in order."""
+    """Group columns that share most of their rows, each with the mask of rows in which any of them has a value."""
     ordered = {name: column[stamps.rows] for name, column in values.items()}
     valid = {name: np.isfinite(column) for name, column in ordered.items()}
     for name, rows in valid.items():

@@ -65,7 +65,7 @@ class UniformSegment:
 def own_rate(timeline: ChannelTimeline) -> float:
     """Return the rate of a column [Hz]: whole if within 1e-4 of whole.
 
-    Where stamps are uneven, the median rate to three digits, or to a whole number from 100 Hz on: the files of one
+    If stamps are uneven, it is the median rate to three digits, or to a whole number from 100 Hz on: the files of one
     logger are to share a rate.
     """
     rate_hz = whole_hertz(1.0 / timeline.step_s)

@@ -27,7 +27,7 @@ class OrderedStamps:
 
     time_s: Array  # Shape ``(m,)`` [s]; finite, equal or increasing within a segment
     rows: Indices  # Row of the table (from 0) that each came from, shape ``(m,)``
-    segments: Indices  # Number of the segment, from 0 up, shape ``(m,)``: the clock restarted where it changes
+    segments: Indices  # Number of the segment, from 0 up, shape ``(m,)``; it changes when the clock restarts
     repairs: tuple[str, ...]  # What was done, one text each, without its subject
 
 

@@ -19,7 +19,7 @@ ENTRIES = 512  # Entries of the kernel's table per sample of the lower rate; lin
 
 
 def windowed_sinc(values: Array, positions: Array, rate_ratio: float) -> Array:
-    """Return even samples taken at other instants, with anti-aliasing, shape ``(m,)``.
+    """Take even samples at other instants, with anti-aliasing, shape ``(m,)``.
 
     A Kaiser-windowed sinc, evaluated at each instant, is anti-aliasing filter and interpolation in one. Its cut-off is
     0.45 times the lower of the two rates: it passes up to 0.4 and stops, by 60 dB, from 0.5 on. Its weights are
