@@ -38,8 +38,8 @@ def stated(request: pytest.FixtureRequest, small_hybrid: HybridEstimator, tmp_pa
 def sentence(estimator: HybridEstimator, holds: str) -> str:
     assert estimator.bounds is not None
     words = estimator.bounds.in_words()
-    assert words.startswith("friction lies between" if holds == "friction" else "the label lies between")
-    assert ("nothing was stated" in words) == (holds == "label")
+    assert words.startswith("they hold friction" if holds == "friction" else "they hold the label")
+    assert ("not stated" in words) == (holds == "label")
     return words
 
 
@@ -80,8 +80,8 @@ def test_estimate_without_a_model(
     assert "bounds   none: nothing is stated about the sensors, so that their zeros are not" in capsys.readouterr().out
     main([*command, "--sensor-class", "0.5"])
     assert (
-        "bounds   friction lies between them in about 95 % of the rows (k = 2: sensors as stated, smoothing, load, "
-        "sensor offset); assumed, not stated: pressure_1_pa ± 0.5 % of 250 bar, pressure_2_pa ± 0.5 % of 250 bar\n"
+        "bounds   they hold friction in about 95 % of the rows (k = 2: smoothing, load, sensor offset), if the sensors "
+        "are as stated; assumed, not stated: pressure_1_pa ± 0.5 % of 250 bar, pressure_2_pa ± 0.5 % of 250 bar\n"
     ) in capsys.readouterr().out
     assert main([*command, "--sensor-class", "0"]) == 1
     assert "sensor class: got 0, expected a number above 0" in capsys.readouterr().err

@@ -12,7 +12,8 @@ import yaml
 
 from cylinder_friction.deployment.child_server import child_server, listenable, noted_signals, wait_for_signal
 
-EXAMPLE_FILE, SHOWN = "serving_input_example.json", 300  # MLflow's example of a request; the last bytes of the answer
+EXAMPLE_FILE = "serving_input_example.json"  # MLflow's example of a request
+LAST_ROW = "grep -o '{[^{}]*}' | tail -n 1"  # Of the answer, whole
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -77,7 +78,7 @@ def _announcement(name: str, url: str, folder: Path) -> str:
     rows = len(json.loads(example.read_text("utf-8"))["dataframe_split"]["data"])
     curl = f"curl -s {url}/invocations -H 'Content-Type: application/json' \\\n  -d {shlex.quote(f'@{example}')}"
     return (
-        f"serving {name} at {url} (stop with Ctrl-C)\n\ntry it in another terminal:\n\n{curl} | tail -c {SHOWN}\n\n"
+        f"serving {name} at {url} (stop with Ctrl-C)\n\ntry it in another terminal:\n\n{curl} | {LAST_ROW}\n\n"
         f"It sends {rows} rows of a recording and shows the last one; rows of the first 3 s are flagged WARMING.\n"
         "friction_n is in newtons, positive when it opposes extension. Send the rows of a recording in order, at the\n"
         f"trained sample time. Bounds: {bounds}.\nA new champion is served after a restart."

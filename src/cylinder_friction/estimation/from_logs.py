@@ -67,7 +67,7 @@ WRITTEN_BY = "cylinder-friction estimate"
 OF_ONE_RUN = ("new", "news")
 """What the summary states of the last run alone."""
 LABEL_BOUNDS = (
-    "friction lies between them in about 95 % of the rows (k = 2: sensors as stated, smoothing, load, sensor offset)"
+    "they hold friction in about 95 % of the rows (k = 2: smoothing, load, sensor offset), if the sensors are as stated"
 )
 
 

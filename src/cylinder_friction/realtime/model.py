@@ -71,11 +71,10 @@ class Bounds:
         """Return what the bounds hold, and under which assumption: the one sentence wherever bounds are shown."""
         if self.probability == 1.0:
             return "as wide as can be, as this model's errors were never calibrated"
-        where = "over all sessions with pressures as quiet as in training"
-        what = f"lies between the bounds with probability {self.probability:g} {where}"
+        often = f"with probability {self.probability:g} over all sessions with pressures as quiet as in training"
         if self.holds == "friction":
-            return f"friction {what}, if the sensors are as accurate as stated for the calibration"
-        return f"the label {what}; friction does only if the sensors' zeros are right: nothing was stated about them"
+            return f"they hold friction {often}, if the sensors are as accurate as stated for the calibration"
+        return f"they hold the label {often}; they hold friction only if the sensors' zeros, not stated, are right"
 
 
 GuardOrBounds = TypeVar("GuardOrBounds", Guard, Bounds)
