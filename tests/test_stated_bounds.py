@@ -39,7 +39,7 @@ def sentence(estimator: HybridEstimator, holds: str) -> str:
     assert estimator.bounds is not None
     words = estimator.bounds.in_words()
     assert words.startswith("they hold friction" if holds == "friction" else "they hold the label")
-    assert ("not stated" in words) == (holds == "label")
+    assert ("nothing was stated" in words) == (holds == "label")
     return words
 
 

@@ -74,7 +74,7 @@ class Bounds:
         often = f"with probability {self.probability:g} over all sessions with pressures as quiet as in training"
         if self.holds == "friction":
             return f"they hold friction {often}, if the sensors are as accurate as stated for the calibration"
-        return f"they hold the label {often}; they hold friction only if the sensors' zeros, not stated, are right"
+        return f"they hold the label {often}; friction only if zeros are right, of which nothing was stated"
 
 
 GuardOrBounds = TypeVar("GuardOrBounds", Guard, Bounds)
