@@ -9,7 +9,7 @@ import pytest
 
 from cylinder_friction.commands.cli import main
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.deployment.brought_code import described
+from cylinder_friction.deployment.brought_code import model_metadata
 from cylinder_friction.deployment.c_export.export import export_c
 from cylinder_friction.deployment.fmu.variables import fmu_variables
 from cylinder_friction.estimators.hybrid import HybridEstimator
@@ -56,7 +56,7 @@ def test_exported_code_and_its_descriptions(stated, tmp_path: Path, cylinder: Cy
 def test_the_served_model(stated) -> None:
     estimator, _, holds = stated
     words = sentence(estimator, holds)
-    assert described(estimator.step_model())["bounds"] == words
+    assert model_metadata(estimator.step_model())["bounds"] == words
 
 
 def test_estimate_with_a_model(
