@@ -88,7 +88,7 @@ def copy_results(
         texts = replace(each, entry=entry, depends_on=depends_on, beside=()).texts()
         write_recording(own, read_recording(base / each.file), new, texts)
         about.append(asdict(entry))
-        row = replace(before, cylinder=name, session=new, start=start, files={file: digest})
+        row = replace(before, cylinder=name, session=new, start=start)
         kept[new] = KeptRow(row, key_of([asdict(entry)], made_by), made_with)
     summary = read_json(base / "summary.json")
     files = [f"{each['name']}.parquet" for each in about] + ["summary.json"]

@@ -73,7 +73,6 @@ def session(number: int, name: str = "a", start: str | None = None, **values: fl
         start=begun if start is None else start,
         start_source="file name",
         duration_s=30.0,
-        files={f"{name}/{number}.csv": f"{number:064d}"},
         indicators={each: Indicator(known.get(each), 2.0 if each in known else None, "") for each in INDICATORS},
         covariates=dict.fromkeys(COVARIATES),
         stroke={way: ((0.1, sign * 400.0), (0.2, sign * 410.0)) for way, sign in (("extend", 1.0), ("retract", -1.0))},

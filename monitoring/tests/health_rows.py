@@ -38,7 +38,7 @@ def sessions(count: int, seed: int = 0, per_kelvin: float = -0.003) -> list[Sess
         }
         start = f"{START + timedelta(days=day):%Y-%m-%dT%H:%M:%SZ}"
         indicators["viscous_n_s_m"] = Indicator(None, why="one speed")
-        rows.append(SessionRow("press", f"s{day:03d}", start, "test", 60.0, {}, indicators, covariates))
+        rows.append(SessionRow("press", f"s{day:03d}", start, "test", 60.0, indicators, covariates))
     return rows
 
 
@@ -55,12 +55,10 @@ def changed(
     for day, row in enumerate(rows):
         part = min(max((day - first + 1) / within, 0.0), 1.0)
         own = dict(row.indicators)
-        for name, factor in (times or {}).items():
+        for name in {**(times or {}), **(add or {})}:
+            factor, more = 1.0 + ((times or {}).get(name, 1.0) - 1.0) * part, (add or {}).get(name, 0.0) * part
             value = own[name].value
-            own[name] = replace(own[name], value=None if value is None else value * (1.0 + (factor - 1.0) * part))
-        for name, much in (add or {}).items():
-            value = own[name].value
-            own[name] = replace(own[name], value=None if value is None else value + much * part)
+            own[name] = replace(own[name], value=None if value is None else value * factor + more)
         covariates = {
             name: None if value is None else value + part * (beside or {}).get(name, 0.0)
             for name, value in row.covariates.items()

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from cylinder_friction.commands.cli import main
+from cylinder_friction.execution.ports import free_port
 from cylinder_friction.recordings.recording import Recording
 from fleet_samples import write_fleet, write_session
 from packed_pages import unpacked_pane
@@ -36,6 +37,18 @@ def test_a_run_prints_what_needs_a_person_and_where_the_page_is(
     assert content["new_alarms"] == []
 
 
+def test_a_registry_that_cannot_be_reached_costs_only_those_whose_model_it_holds(
+    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"http://127.0.0.1:{free_port()}")
+    write_fleet(folder, "a", "b", own={"b": {"model": "models:/friction-estimator@champion"}})
+    assert main(["monitor", "logs"]) == 1
+    printed = capsys.readouterr().out
+    assert "a: 1 new session\n" in printed
+    assert "b: refused: its new logs wait for the next run: http://127.0.0.1" in printed
+    assert "<strong>b</strong>: its new logs wait for the next run" in (folder / "health/health.html").read_text()
+
+
 def test_an_entry_is_added_and_the_cylinder_assessed(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["monitor", "logs"]) == 0
     given = ["--name", "Kim", "--words", "rod seal changed", "--time", "2026-03-02T10:00Z"]
@@ -43,12 +56,10 @@ def test_an_entry_is_added_and_the_cylinder_assessed(folder: Path, capsys: pytes
     entry = json.loads((folder / "health/entries.jsonl").read_text())
     assert (entry["name"], entry["time"], entry["words"]) == ("Kim", "2026-03-02T10:00Z", "rod seal changed")
     capsys.readouterr()
+    belong = "--name, --words, --time, --until, --of and --confirm belong to an entry; give --entry CYLINDER KIND"
     for wrong, words in (
         (["--entry", "c", "service", "--name", "Kim"], "entry: unknown cylinder 'c'; expected one of a, b"),
-        (
-            ["--name", "Kim"],
-            "--name, --words, --time, --until, --of and --confirm belong to an entry; give --entry CYLINDER KIND",
-        ),
+        (["--name", "Kim"], belong),
         (["--fleet", "none.yaml"], "none.yaml: no such file; write one that names your cylinders"),
         (["nothing"], "nothing: no such file"),
     ):
@@ -59,25 +70,23 @@ def test_an_entry_is_added_and_the_cylinder_assessed(folder: Path, capsys: pytes
 
 def test_an_entry_far_from_all_sessions_asks_and_is_withdrawn(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["monitor", "logs"]) == 0
-    kim = ["--name", "Kim", "--words", "rod seal changed"]
-    for time, words in (
-        ("2226-03-02", "2226-03-02 has not come;"),
-        ("2016-03-02", "2016-03-02 is 3651 days before the nearest session, of 2026-03-01;"),
-    ):
-        assert main(["monitor", "--entry", "a", "service", *kim, "--time", time]) == 1
-        advice = "state when it was with --time, or add --confirm if the time is right"
-        assert f"cylinder-friction monitor: entry: time: {words} {advice}\n" in capsys.readouterr().err
-    assert not (folder / "health/entries.jsonl").exists()
-    assert main(["monitor", "--entry", "a", "service", *kim, "--time", "2226-03-02", "--confirm"]) == 0
+    service = ["monitor", "--entry", "a", "service", "--name", "Kim", "--words", "rod seal changed", "--time"]
     withdraw = ["monitor", "--entry", "a", "withdraw", "--name", "Lee", "--of", "service"]
-    assert main([*withdraw, "2226-03-02"]) == 1
-    assert "entry: no reason; state why the entry is withdrawn, with --words" in capsys.readouterr().err
-    assert main([*withdraw, "2225", "--words", "a mistyped year"]) == 1
-    assert (
-        "entry: --of service 2225: expected the kind and time of one entry of a, of which these are in force: "
-        "service 2226-03-02T00:00:00.000Z"
-    ) in capsys.readouterr().err
-    assert main([*withdraw, "2226-03-02", "--words", "a mistyped year"]) == 0
+    advice = "state when it was with --time, or add --confirm if the time is right"
+    why, known = ("--words", "a mistyped year"), "of which these are in force: service 2226-03-02T00:00:00.000Z"
+    for given, refusal in (
+        ((*service, "2226-03-02"), f"time: 2226-03-02 has not come; {advice}"),
+        (
+            (*service, "2016-03-02"),
+            f"time: 2016-03-02 is 3651 days before the nearest session, of 2026-03-01; {advice}",
+        ),
+        ((*service, "2226-03-02", "--confirm"), ""),
+        ((*withdraw, "2226-03-02"), "no reason; state why the entry is withdrawn, with --words"),
+        ((*withdraw, "2225", *why), f"--of service 2225: expected the kind and time of one entry of a, {known}"),
+        ((*withdraw, "2226-03-02", *why), ""),
+    ):
+        assert main([*given]) == bool(refusal)
+        assert capsys.readouterr().err == (f"cylinder-friction monitor: entry: {refusal}\n" if refusal else "")
     pane = unpacked_pane(folder / "health/panes/a.js")
     assert "rod seal changed (withdrawn by Lee: a mistyped year)" in pane
     assert "service 2226-03-02T00:00:00.000Z: a mistyped year" in pane

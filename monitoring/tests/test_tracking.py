@@ -11,18 +11,15 @@ from cylinder_friction.tracking.store import open_store
 from cylinder_friction_monitoring.fleet.files import session_file, state_file
 from cylinder_friction_monitoring.fleet.nightly import monitor_fleet
 from cylinder_friction_monitoring.tracking import track_health
-from fleet_samples import write_fleet, write_session
+from fleet_samples import NOW, write_fleet, write_session
 
 
 def track(root: Path) -> int:
     """Run a night and log it; return how many runs changed."""
-    fleet = write_fleet(root, "a", "b")
-    health = monitor_fleet([root / "logs"], fleet, root / "health", datetime(2026, 6, 1, tzinfo=UTC))
     into = root / "health"
-    names = [(each.cylinder, each.state) for each in health.lines]
-    return track_health(
-        root, [(name, state, into / session_file(name), into / state_file(name)) for name, state in names]
-    )
+    lines = monitor_fleet([root / "logs"], write_fleet(root, "a", "b"), into, NOW).lines
+    names = [(each.cylinder, each.state) for each in lines]
+    return track_health(root, [(one, state, into / session_file(one), into / state_file(one)) for one, state in names])
 
 
 @pytest.fixture
@@ -48,7 +45,6 @@ def test_a_session_is_a_step_and_is_logged_once(root: Path, labelled_recordings:
         days = sorted(datetime.fromtimestamp(each.step, UTC).day for each in history)
         assert days == [1, 2, 3]
         assert {each.timestamp for each in history} == {1000 * each.step for each in history}
-        assert runs["a"].data.tags["answer"] == "not yet"
-        assert runs["a"].info.status == "FINISHED"
+        assert (runs["a"].data.tags["answer"], runs["a"].info.status) == ("not yet", "FINISHED")
         path = store.client.download_artifacts(runs["a"].info.run_id, "baselines.json")
         assert "friction_n" in json.loads(Path(path).read_text())

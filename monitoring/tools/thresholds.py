@@ -10,7 +10,6 @@ from scipy import signal
 from cylinder_friction.arrays import Array
 from cylinder_friction_monitoring.trends import cusum as module
 from cylinder_friction_monitoring.trends.cusum import cusum
-from cylinder_friction_monitoring.trends.plan import MonitorPlan
 from cylinder_friction_monitoring.trends.reference import fitted
 
 YEAR = 365
@@ -41,15 +40,15 @@ def healthy_life(generator: np.random.Generator, count: int, phi: float) -> tupl
 
 def greatest(baseline: int, phi: float, years: int, seed: int) -> Array:
     """Return the greatest statistic of each simulated healthy year after a baseline, shape ``(years,)``."""
-    plan, found = MonitorPlan(), []
+    found = []
     for number in range(years):
         values, covariates = healthy_life(np.random.default_rng([seed, number]), baseline + YEAR, phi)
         first = {name: each[:baseline] for name, each in covariates.items()}
         unknown = np.zeros(len(values))
-        reference = fitted("friction_n", values[:baseline], unknown[:baseline], first, 1.0, plan)
+        reference = fitted("friction_n", values[:baseline], unknown[:baseline], first, 1.0)
         design = reference.design(covariates)
         residuals = values - design @ reference.coefficients
-        test = cusum(reference, residuals, unknown, design, baseline, plan.widest)
+        test = cusum(reference, residuals, unknown, design, baseline)
         found.append(max(test.upward[baseline:].max(), test.downward[baseline:].max()))
     return np.array(found)
 

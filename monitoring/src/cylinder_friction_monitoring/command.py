@@ -1,4 +1,4 @@
-"""The arguments of ``cylinder-friction monitor``; the module ``WORK`` runs it."""
+"""The arguments of ``cylinder-friction monitor``; ``night`` does the work."""
 
 import argparse
 from pathlib import Path
@@ -7,29 +7,33 @@ from typing import get_args
 from cylinder_friction_monitoring.trends.assessment import EntryKind
 
 HELP = "watch the trends of a fleet from its logs, each night only what is new, and raise alarms"
-WORK = "cylinder_friction_monitoring.night"
+EXPECTED = (ValueError, OSError)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
+    add, kinds = parser.add_argument, ", ".join(get_args(EntryKind))
     words = "files, folders or patterns, of any supported format; without: assess again what is kept"
-    parser.add_argument("logs", nargs="*", metavar="LOGS", help=words)
+    add("logs", nargs="*", metavar="LOGS", help=words)
     words = "folder to write; default: health"
-    parser.add_argument("--into", "--output", dest="into", type=Path, default=Path("health"), help=words)
-    parser.add_argument("--fleet", type=Path, default=Path("fleet.yaml"), help="the cylinders; default: fleet.yaml")
-    words = "processes that work side by side; default: one per core"
-    parser.add_argument("--workers", type=int, metavar="N", help=words)
-    parser.add_argument("--json", action="store_true", help="print what health.json holds instead of lines")
-    words = f"add what somebody did or stated about a cylinder, then assess it; KIND: {', '.join(get_args(EntryKind))}"
-    parser.add_argument("--entry", nargs=2, metavar=("CYLINDER", "KIND"), help=words)
-    parser.add_argument("--name", default="", help="who makes the entry")
-    parser.add_argument("--words", default="", help="what the entry states")
-    parser.add_argument("--time", help="when that was, such as 2026-03-01T14:30Z; default: now")
-    parser.add_argument("--until", help="of acknowledge: when the alarm returns, such as 2026-06-01")
+    add("--into", "--output", dest="into", type=Path, default=Path("health"), help=words)
+    add("--fleet", type=Path, default=Path("fleet.yaml"), help="the cylinders; default: fleet.yaml")
+    add("--workers", type=int, metavar="N", help="processes that work side by side; default: one per core")
+    add("--json", action="store_true", help="print what health.json holds instead of lines")
+    words = f"add what somebody did or stated about a cylinder, then assess it; KIND: {kinds}"
+    add("--entry", nargs=2, metavar=("CYLINDER", "KIND"), help=words)
+    add("--name", default="", help="who makes the entry")
+    add("--words", default="", help="what the entry states")
+    add("--time", help="when that was, such as 2026-03-01T14:30Z; default: now")
+    add("--until", help="of acknowledge: when the alarm returns, such as 2026-06-01")
     words = "of withdraw: kind and time of the entry to withdraw, such as service 2026-03-01"
-    parser.add_argument("--of", nargs=2, metavar=("KIND", "TIME"), help=words)
-    parser.add_argument(
-        "--confirm", action="store_true", help="the entry's time is right, though far from all sessions"
-    )
+    add("--of", nargs=2, metavar=("KIND", "TIME"), help=words)
+    add("--confirm", action="store_true", help="the entry's time is right, though far from all sessions")
     words = "simulate a fleet into a folder, with its fleet.yaml, and monitor that; a few minutes"
-    parser.add_argument("--demo", type=Path, metavar="FOLDER", help=words)
-    parser.add_argument("--track", action="store_true", help="log sessions and baselines to MLflow")
+    add("--demo", type=Path, metavar="FOLDER", help=words)
+    add("--track", action="store_true", help="log sessions and baselines to MLflow")
+
+
+def run(options: argparse.Namespace) -> int:
+    from cylinder_friction_monitoring.night import run_night  # slow libraries, which help need not wait for
+
+    return run_night(options)

@@ -5,8 +5,6 @@ swells and the bore polishes, then falls. A leak begins later. Oil follows the s
 day, zeros of transmitters wander, and duty or load changes.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -86,14 +84,13 @@ def life(cylinder: Cylinder, plan: LifePlan, number: int, fate: Fate = "healthy"
     condition = _Condition()
     for index in range(plan.sessions):
         condition.share = min(max((index - plan.begins + 1) / plan.takes, 0.0), 1.0)
-        today = _today(rig, fate, condition, days, index)
-        load_n = _LOAD_N if fate == "load" and condition.share > 0.0 else 0.0
-        faster = _FASTER if fate == "duty" and condition.share > 0.0 else 1.0
+        acting: Fate = fate if condition.share > 0.0 else "healthy"
+        today = _today(rig, acting, condition, days, index)
         generator = np.random.default_rng([plan.seed, number, index + 1])
-        recording, work = _session(today, plan, days, index, load_n, faster, generator, f"cylinder{number:02d}")
+        recording, work = _session(today, plan, acting, days, index, generator, f"cylinder{number:02d}")
         done = {"friction_factor": condition.friction_factor, "leak_factor": condition.leakage}
         yield replace(recording, truth=recording.truth.assign(**done, zero_bar=condition.drift_bar))
-        _wear(condition, fate, work, plan, generator)
+        _wear(condition, acting, work, plan, generator)
 
 
 @dataclass(frozen=True)
@@ -106,7 +103,7 @@ class _Days:
     zeros_bar: tuple[Array, Array]
 
     @classmethod
-    def drawn(cls, generator: Generator, plan: LifePlan) -> _Days:
+    def drawn(cls, generator: Generator, plan: LifePlan) -> "_Days":
         count, memory = plan.sessions, -1.0 / math.log(max(plan.autocorrelation, 1e-6))
         season = 2.0 * math.pi * (np.arange(count) / plan.sessions_per_year + generator.uniform())
         temperature_c = 36.0 + 7.0 * np.sin(season) + rig_bench.ornstein_uhlenbeck(generator, count, 1.0, 1.5, 2.5)
@@ -119,7 +116,7 @@ class _Days:
 
 
 def _today(
-    rig: rig_bench.RigParameters, fate: str, condition: _Condition, days: _Days, index: int
+    rig: rig_bench.RigParameters, acting: Fate, condition: _Condition, days: _Days, index: int
 ) -> rig_bench.RigParameters:
     friction = replace(
         rig.friction,
@@ -129,9 +126,9 @@ def _today(
         asymmetry=rig.friction.asymmetry + float(days.asymmetry[index]),
     )
     hydraulics = replace(rig.hydraulics, leakage_m3_s_pa=rig.hydraulics.leakage_m3_s_pa * condition.leakage)
-    if fate == "duty" and condition.share > 0.0:
+    if acting == "duty":
         hydraulics = replace(hydraulics, throttle_gain=_THROTTLE_GAIN)
-    if fate == "oil" and condition.share > 0.0:
+    if acting == "oil":
         friction = replace(
             friction,
             viscous_n_s_m=_THICKER * friction.viscous_n_s_m,
@@ -146,55 +143,42 @@ def _today(
     )
 
 
-def _wear(condition: _Condition, fate: str, work: float, plan: LifePlan, generator: Generator) -> None:
+def _wear(condition: _Condition, acting: Fate, work: float, plan: LifePlan, generator: Generator) -> None:
     """Wear the cylinder by the work of a session, which is about 1 for the default duty."""
-    if condition.share == 0.0:
-        return
-    if fate in ("wear", "seal"):
+    if acting in ("wear", "seal"):
         condition.wear += generator.gamma(0.5 * work) / (0.5 * plan.takes)
         if condition.wear > 0.5:
             condition.leakage *= 1.0 + generator.gamma(0.5 * work) * 0.1
-    if fate == "seal" and condition.share >= 0.8 and condition.friction == 1.0:
+    if acting == "seal" and condition.share >= 0.8 and condition.friction == 1.0:
         condition.wear, condition.leakage, condition.friction = 0.0, 0.7, 1.06
-    if fate == "leak":
+    if acting == "leak":
         condition.leakage = _LEAK**condition.share
-    if fate == "drift":
+    if acting == "drift":
         condition.drift_bar = _DRIFT_BAR * condition.share
 
 
 def _session(
-    rig: rig_bench.RigParameters,
-    plan: LifePlan,
-    days: _Days,
-    index: int,
-    load_n: float,
-    faster: float,
-    generator: Generator,
-    name: str,
+    rig: rig_bench.RigParameters, plan: LifePlan, acting: Fate, days: _Days, index: int, generator: Generator, name: str
 ) -> tuple[rig_bench.RigRecording, float]:
     """Record a session; return also its work on the seals, relative to the default duty."""
-    stroke_m = rig.hydraulics.stroke_m
-    ticks = round(plan.duration_s / rig_bench.TICK_S) + 2
-    load = rig_bench.ExternalLoad.of_time(np.full(ticks, load_n))
-    position_m = stroke_m * generator.uniform(0.2, 0.3)
+    load_n = _LOAD_N if acting == "load" else 0.0
+    load = rig_bench.ExternalLoad.of_time(np.full(round(plan.duration_s / rig_bench.TICK_S) + 2, load_n))
+    position_m = rig.hydraulics.stroke_m * generator.uniform(0.2, 0.3)
     pressure_pa = generator.uniform(4.0, 12.0) * rig_bench.BAR_PA
     start = rig_bench.balanced_state(rig, position_m, pressure_pa, float(days.temperature_c[index]), load_n)
-    lever = rig_bench.DutyCycle(
-        np.array(_strokes(rig, generator, faster)), rig_bench.hand_remnant(generator, plan.duration_s)
-    )
+    strokes = np.array(_strokes(rig, generator, _FASTER if acting == "duty" else 1.0))
+    lever = rig_bench.DutyCycle(strokes, rig_bench.hand_remnant(generator, plan.duration_s))
     drift = np.full(math.ceil(plan.duration_s) + 3, float(days.friction[index]))
     trace = rig_bench.simulate(rig, lever, start, plan.duration_s, drift, plan.time_step_s, external_force=load)
     logger = rig_bench.measure(rig.sensors, trace, generator)
-    truth = (
-        trace[list(rig_bench.TRUTH_COLUMNS)]
-        .iloc[:: round(plan.sample_time_s / rig_bench.TICK_S)]
-        .reset_index(drop=True)
-    )
+    every = round(plan.sample_time_s / rig_bench.TICK_S)
+    truth = trace[list(rig_bench.TRUTH_COLUMNS)].iloc[::every].reset_index(drop=True)
     began = FIRST_DAY + timedelta(days=365.0 / plan.sessions_per_year * index)
+    session = f"{name}_{began:%Y%m%dT%H%M}"
     metadata = rig_bench.RecordingMetadata(
-        name=f"{name}_{began:%Y%m%dT%H%M}",
+        name=session,
         condition="1",
-        session=f"{name}_{began:%Y%m%dT%H%M}",
+        session=session,
         sample_time_s=plan.sample_time_s,
         cylinder=rig.cylinder.name,
         start=f"{began:%Y-%m-%dT%H:%M:%S}Z",

@@ -8,7 +8,6 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 
-from cylinder_friction_monitoring.errors import MonitoringError
 from cylinder_friction_monitoring.fleet.database import update_database
 from cylinder_friction_monitoring.fleet.demonstration import write_demonstration
 from cylinder_friction_monitoring.fleet.entries import add_entry, entries_of, refuse_far
@@ -20,12 +19,10 @@ from cylinder_friction_monitoring.fleet.processes import cores
 from cylinder_friction_monitoring.fleet.sessions import session_starts
 from cylinder_friction_monitoring.trends.assessment import Entry
 
-MANY_CYLINDERS = 8
-"""Fewest cylinders for which further processes pay."""
-EXPECTED = (ValueError, OSError)
+MANY_CYLINDERS = 8  # Fewest cylinders for which further processes pay
 
 
-def run(options: argparse.Namespace) -> int:
+def run_night(options: argparse.Namespace) -> int:
     """Run the command ``monitor`` and return its exit status."""
     if options.demo:
         options.fleet = write_demonstration(options.demo, processes=options.workers or cores())
@@ -34,8 +31,9 @@ def run(options: argparse.Namespace) -> int:
     _enter(options, fleet, now)
     few = len(fleet.cylinders) < MANY_CYLINDERS
     with tempfile.TemporaryDirectory() as scratch:
-        fleet = _with_model_folders(fleet, Path(scratch))
-        health = monitor_fleet(options.logs, fleet, options.into, now, options.workers or (1 if few else cores()))
+        fleet, waiting = _with_model_folders(fleet, Path(scratch))
+        workers = options.workers or (1 if few else cores())
+        health = monitor_fleet(options.logs, fleet, options.into, now, workers, waiting)
     problems = _copied(health, fleet, options)
     _print(health, options.json)
     print("".join(f"cylinder-friction monitor: {each}\n" for each in problems), end="", file=sys.stderr)
@@ -60,38 +58,42 @@ def _enter(options: argparse.Namespace, fleet: Fleet, now: datetime) -> None:
     add_entry(options.into, entry, fleet)
 
 
-def _with_model_folders(fleet: Fleet, scratch: Path) -> Fleet:
-    """Replace the registered models of a fleet by folders below ``scratch``."""
-    names = sorted({each.model for each in fleet.cylinders.values() if each.model})
-    folders = {name: str(_model_folder(name, scratch / str(number))) for number, name in enumerate(names)}
-    cylinders = {name: replace(each, model=folders.get(each.model, "")) for name, each in fleet.cylinders.items()}
-    return replace(fleet, cylinders=cylinders)
+def _with_model_folders(fleet: Fleet, scratch: Path) -> tuple[Fleet, dict[str, str]]:
+    """Replace the registered models of a fleet by copies below ``scratch``.
 
+    Return also, by cylinder, why its model cannot be copied: its logs wait, because without a model all are made anew.
+    """
+    folders, problems = dict[str, str](), dict[str, str]()
+    names = {each.model for each in fleet.cylinders.values() if each.model.startswith(REGISTERED)}
+    for number, name in enumerate(sorted(names)):
+        from cylinder_friction.tracking.model_folder import estimator_folder  # MLflow: only for registered models
 
-def _model_folder(name: str, scratch: Path) -> Path:
-    """Find the folder of a saved model; copy a registered one below ``scratch``."""
-    if not name.startswith(REGISTERED):
-        return Path(name)
-    from cylinder_friction.tracking.model_folder import estimator_folder  # MLflow: only for registered models
-
-    return estimator_folder(name, Path(), scratch)[0]
+        try:
+            folders[name] = str(estimator_folder(name, Path(), scratch / str(number))[0])
+        except RuntimeError as error:  # the registry cannot be reached, or has no such model
+            problems[name] = str(error)
+    cylinders = {
+        name: replace(each, model=folders.get(each.model, each.model)) for name, each in fleet.cylinders.items()
+    }
+    waiting = {name: problems[each.model] for name, each in cylinders.items() if each.model in problems}
+    return replace(fleet, cylinders=cylinders), waiting
 
 
 def _copied(health: FleetHealth, fleet: Fleet, options: argparse.Namespace) -> list[str]:
     """Bring database and MLflow up to the files. Return what failed; page and alarms do not depend on it."""
     problems, into = list[str](), options.into
+    lines = [each for each in health.lines if (into / state_file(each.cylinder)).is_file()]
     try:
-        update_database(fleet.database, into, health.lines, entries_of(into, fleet, []))
-    except MonitoringError as error:
+        update_database(fleet.database, into, lines, entries_of(into, fleet, []))
+    except Exception as error:  # a file or a driver may raise anything
         problems.append(str(error))
     if options.track:
         from cylinder_friction_monitoring.tracking import track_health  # MLflow: only if it is asked for
 
-        names = [(each.cylinder, each.state) for each in health.lines]
-        files = [(name, state, into / session_file(name), into / state_file(name)) for name, state in names]
+        files = [(each.cylinder, each.state, session_file(each.cylinder), state_file(each.cylinder)) for each in lines]
         try:
-            track_health(Path.cwd(), files)
-        except RuntimeError as error:  # the store cannot be reached
+            track_health(Path.cwd(), [(name, state, into / table, into / known) for name, state, table, known in files])
+        except Exception as error:  # of the store, or of the server
             problems.append(str(error))
     return problems
 

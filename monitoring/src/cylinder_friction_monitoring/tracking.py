@@ -12,8 +12,7 @@ from cylinder_friction.tracking.store import Store, open_store
 from cylinder_friction_monitoring.trends.moments import moment
 
 CYLINDER_TAG, STATE_TAG = "cylinder", "health_state"
-COUNTED = "duration_s"
-"""A metric of every session: its steps tell which sessions a run holds."""
+COUNTED = "duration_s"  # A metric of every session: its steps tell which sessions a run holds
 
 
 def track_health(root: Path, cylinders: Iterable[tuple[str, str, Path, Path]]) -> int:

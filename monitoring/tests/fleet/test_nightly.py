@@ -8,6 +8,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +17,14 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.linear import RidgeEstimator
-from cylinder_friction.files.locks import locked
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction_monitoring.errors import MonitoringError
-from cylinder_friction_monitoring.fleet.database import SQLITE_FILE, TABLES, update_database
+from cylinder_friction_monitoring.fleet import one_cylinder
+from cylinder_friction_monitoring.fleet.database import SQLITE_FILE, update_database
 from cylinder_friction_monitoring.fleet.entries import add_entry, entries_of
-from cylinder_friction_monitoring.fleet.nightly import HEALTH_FILE, FleetHealth, monitor_fleet
+from cylinder_friction_monitoring.fleet.nightly import FleetHealth, monitor_fleet
 from cylinder_friction_monitoring.fleet.plan import Fleet
+from cylinder_friction_monitoring.fleet.processes import outcomes
 from cylinder_friction_monitoring.trends.assessment import Entry
 from fleet_samples import NOW, write_fleet, write_kept, write_session
 from health_rows import changed
@@ -61,8 +63,21 @@ def files(folder: Path) -> dict[str, bytes]:
     }
 
 
+PAGES = {"health/health.json", "health/health.html"}
+
+
+def of(name: str) -> set[str]:
+    """Return the files of one cylinder."""
+    return {f"health/{each}" for each in (f"cylinders/{name}.json", f"panes/{name}.js", f"sessions/{name}.parquet")}
+
+
 def reasons(health: FleetHealth) -> list[str]:
     return [f"{each.where}: {each.reason}" for each in health.refused]
+
+
+def with_own(fleet: Fleet, name: str, **own: Any) -> Fleet:
+    """Return a fleet whose fleet file states something else of one cylinder."""
+    return Fleet({**fleet.cylinders, name: replace(fleet.cylinders[name], **own)})
 
 
 def test_each_night_only_what_is_new(folder: Path, fleet: Fleet, labelled_recordings: list[Recording]) -> None:
@@ -71,21 +86,16 @@ def test_each_night_only_what_is_new(folder: Path, fleet: Fleet, labelled_record
     assert [each["session"] for each in sessions(folder, "a")] == ["a-2026-03-01", "a-2026-03-02", "a-2026-03-03"]
     assert sessions(folder, "a")[0]["friction_n"] == pytest.approx(300.0, rel=0.2)
     assert health.news[0] == "a: 3 new sessions"
-    content = json.loads((folder / "health" / HEALTH_FILE).read_text())
-    assert [(each["cylinder"], each["answer"], each["ne107"]) for each in content["cylinders"]] == [
-        (name, "not yet", "NORMAL") for name in ("a", "b")
-    ]
+    listed = json.loads((folder / "health/health.json").read_text())["cylinders"]
+    answers = [(each["cylinder"], each["answer"], each["ne107"]) for each in listed]
+    assert answers == [("a", "not yet", "NORMAL"), ("b", "not yet", "NORMAL")]
     before = files(folder)
     again = run(folder, fleet)
     assert (again.news, files(folder)) == ((), before)
     write_session(folder / "logs/b/2026-03-06.csv", labelled_recordings[5])
     third = run(folder, fleet)
     assert third.news == ("b: 1 new session",)
-    changed = {name for name, content in files(folder).items() if before.get(name) != content}
-    assert changed == {"health/health.json", "health/health.html", "health/sessions/b.parquet"} | {
-        "health/cylinders/b.json",
-        "health/panes/b.js",
-    }
+    assert {name for name, content in files(folder).items() if before.get(name) != content} == PAGES | of("b")
     shutil.rmtree(folder / "logs/a")  # the logger's disk was emptied: nothing is lost
     (folder / "logs/a").mkdir()
     run(folder, fleet)
@@ -112,14 +122,6 @@ def test_a_process_that_is_killed_loses_nothing(folder: Path, fleet: Fleet, seen
     assert own == expected
 
 
-def test_two_runs_at_once_and_results_among_the_logs_are_refused(folder: Path, fleet: Fleet) -> None:
-    run(folder, fleet)
-    with locked(folder / ".health.draft/lock"), pytest.raises(FileExistsError, match="another run is writing this"):
-        run(folder, fleet)
-    with pytest.raises(FileExistsError, match="lies in the input"):
-        monitor_fleet([folder / "logs"], fleet, folder / "logs/health", NOW)
-
-
 def test_logs_of_nobody_copies_and_moved_logs_are_named_and_count_once(folder: Path, fleet: Fleet) -> None:
     run(folder, fleet)
     shutil.copy2(folder / "logs/a/2026-03-01.csv", folder / "logs/b/copy 2026-03-01.csv")
@@ -127,14 +129,13 @@ def test_logs_of_nobody_copies_and_moved_logs_are_named_and_count_once(folder: P
     shutil.copy2(folder / "logs/a/2026-03-01.csv", folder / "logs/2026-03-01.csv")
     health = run(folder, fleet)
     assert health.status == 1
-    assert reasons(health) == [
-        "logs/2026-03-01.csv: belongs to no cylinder by the folders on its path; move the log, or correct `assign` in "
-        "fleet.yaml",
-        reasons(health)[1],
+    nobodys, again, *same = reasons(health)
+    assert nobodys.startswith("logs/2026-03-01.csv: belongs to no cylinder by the folders on its path; move the log")
+    assert "2026-03-02.csv" in again
+    assert same == [
         "a: a-2026-03-01: the same log lies with b; keep it with the cylinder that it is of",
         "b: b-copy 2026-03-01: the same log lies with a; keep it with the cylinder that it is of",
     ]
-    assert "again 2026-03-02.csv" in reasons(health)[1] or "2026-03-02.csv" in reasons(health)[1]
     assert [each.sessions for each in health.lines] == [2, 2]
     for wrong in ("logs/a/2026-03-01.csv", "logs/a/again 2026-03-02.csv", "logs/2026-03-01.csv"):
         (folder / wrong).unlink()
@@ -144,43 +145,68 @@ def test_logs_of_nobody_copies_and_moved_logs_are_named_and_count_once(folder: P
 
 
 def test_a_bad_log_costs_no_other(folder: Path, fleet: Fleet) -> None:
-    (folder / "logs/a/2026-03-09.csv").write_text("t,p1\n1,2\n")
-    (folder / "logs/b/2026-03-04.csv").write_bytes(b"\0\1")
-    (folder / "logs/b/2026-03-05.csv").write_bytes(b"\0\2")
-    for path in (folder / "logs").rglob("*.csv"):
-        os.utime(path, (1e9, 1e9))
+    bad = {"a/2026-03-09.csv": b"t,p1\n1,2\n", "b/2026-03-04.csv": b"\0\1", "b/2026-03-05.csv": b"\0\2"}
+    for name, content in bad.items():
+        (folder / "logs" / name).write_bytes(content)
+        os.utime(folder / "logs" / name, (1e9, 1e9))
     health = run(folder, fleet)
-    assert health.status == 1
-    assert {each.cylinder: each.sessions for each in health.lines} == {"a": 3, "b": 0}
-    refused = [each.where.partition(" (")[0] for each in health.refused]
-    assert refused == ["a: a/2026-03-09.csv", "b: b/2026-03-04.csv", "b: b/2026-03-05.csv"]
+    assert (health.status, {each.cylinder: each.sessions for each in health.lines}) == (1, {"a": 3, "b": 0})
+    assert [each.where.partition(" (")[0] for each in health.refused] == [f"{name[0]}: {name}" for name in bad]
 
 
-def test_a_changed_bore_is_named_and_processed_anew(folder: Path, fleet: Fleet) -> None:
+@pytest.mark.parametrize("step", ["estimate_logs", "assess"])
+@pytest.mark.parametrize("nights", [0, 1])
+def test_an_error_in_one_cylinder_costs_no_other_its_night(
+    folder: Path, fleet: Fleet, labelled_recordings: list[Recording], step: str, nights: int
+) -> None:
+    for _ in range(nights):
+        run(folder, fleet)
+    write_session(folder / "logs/a/2026-03-09.csv", labelled_recordings[5])
+    write_session(folder / "logs/b/2026-03-09.csv", labelled_recordings[6])
+    whole = getattr(one_cylinder, step)
+
+    def failing(first: Any, second: Any, *others: Any, **options: Any) -> Any:
+        if "b" in (first, getattr(second, "name", "")):
+            raise KeyError("no such column")
+        return whole(first, second, *others, **options)
+
+    with pytest.MonkeyPatch.context() as patched:
+        patched.setattr(one_cylinder, step, failing)
+        health = run(folder, fleet)
+    outcome = {"estimate_logs": "took no log", "assess": "was not assessed"}[step]
+    assert reasons(health) == [f"b: {outcome}, because of KeyError: 'no such column'"]
+    assert (health.status, len(sessions(folder, "a"))) == (1, 4)
+    (line,) = (each for each in health.lines if each.cylinder == "b")
+    assert line.sessions == 2 * nights, "that of the night before"
+    assert ("did not assess it" in line.look) == (step == "assess")
+    assert f"<strong>b</strong>: {outcome}" in (folder / "health/health.html").read_text()
+    assert (run(folder, fleet).refused, len(sessions(folder, "b"))) == ((), 3)
+
+
+def test_a_process_that_dies_costs_no_other_job() -> None:
+    """What ends a process, such as a lack of memory, ends only the job that needed it."""
+    dead, answer, wrong = outcomes([partial(os._exit, 1), partial(pow, 2, 3), partial(int, "x")], 2)
+    assert (answer, type(wrong)) == (8, ValueError)
+    assert str(dead) == "its process died; it may have run out of memory"
+
+
+def test_a_changed_bore_is_named_and_processed_anew_and_other_oil_scales_the_leak(folder: Path, fleet: Fleet) -> None:
     run(folder, fleet)
     before = sessions(folder, "a")
     wider = replace(fleet.cylinders["a"].dimensions, bore_diameter_m=0.064, rod_diameter_1_m=0.02)
-    changed = Fleet({**fleet.cylinders, "a": replace(fleet.cylinders["a"], dimensions=wider)})
     (folder / "logs/a/2026-03-01.csv").unlink()
-    health = run(folder, changed)
+    health = run(folder, with_own(fleet, "a", dimensions=wider))
     changes = "changes bore_diameter_m from 0.063 to 0.064, rod_diameter_1_m from 0 to 0.02: all its logs were"
     assert health.news[0].startswith(f"a: fleet.yaml {changes}")
     (reason,) = reasons(health)
     assert reason.startswith("a: a-2026-03-01: its log is gone, and its friction was computed with other dimensions;")
     after = sessions(folder, "a")
-    assert [each["session"] for each in after] == [each["session"] for each in before]
-    assert after[0]["half_sum_n"] == before[0]["half_sum_n"]
-    assert after[1]["half_sum_n"] != before[1]["half_sum_n"]
-
-
-def test_the_leak_follows_oil_and_hoses_of_the_fleet_file(folder: Path, fleet: Fleet) -> None:
-    run(folder, fleet)
-    before = sessions(folder, "a")
-    run(folder, Fleet({**fleet.cylinders, "a": replace(fleet.cylinders["a"], bulk_modulus_pa=2.0e9)}))
-    for was, now in zip(before, sessions(folder, "a"), strict=True):
+    same = [now["half_sum_n"] == was["half_sum_n"] for now, was in zip(after, before, strict=True)]
+    assert same == [True, False, False]
+    run(folder, with_own(fleet, "a", dimensions=wider, bulk_modulus_pa=2.0e9))
+    for was, now in zip(after[1:], sessions(folder, "a")[1:], strict=True):
         assert now["friction_n"] == was["friction_n"]
-        if was["leak_m3_s_pa"] is not None:
-            assert now["leak_m3_s_pa"] == pytest.approx(0.5 * was["leak_m3_s_pa"])
+        assert now["leak_m3_s_pa"] == pytest.approx(was["leak_m3_s_pa"] and 0.5 * was["leak_m3_s_pa"])
 
 
 def test_the_fleet_file_corrects_a_start(folder: Path, fleet: Fleet, labelled_recordings: list[Recording]) -> None:
@@ -188,18 +214,18 @@ def test_the_fleet_file_corrects_a_start(folder: Path, fleet: Fleet, labelled_re
     health = run(folder, fleet)
     (reason,) = reasons(health)
     assert reason.startswith("b: b-2027-03-06: its log states no start, others do")  # a future one is none
-    wrong = replace(fleet.cylinders["b"], starts={"b-2027-3-06": "2026-03-06T00:00Z"})
-    (reason, _) = reasons(run(folder, Fleet({**fleet.cylinders, "b": wrong})))
+    (reason, _) = reasons(run(folder, with_own(fleet, "b", starts={"b-2027-3-06": "2026-03-06T00:00Z"})))
     words = "no session has this name; is it b-2027-03-06?; correct it in fleet.yaml"
     assert reason == f"b: starts: b-2027-3-06: {words}"
-    corrected = replace(fleet.cylinders["b"], starts={"b-2027-03-06": "2026-03-06T00:00Z"})
-    health = run(folder, Fleet({**fleet.cylinders, "b": corrected}))
+    health = run(folder, with_own(fleet, "b", starts={"b-2027-03-06": "2026-03-06T00:00Z"}))
     assert health.refused == ()
     last = sessions(folder, "b")[-1]
     assert (last["start"][:10], last["start_source"]) == ("2026-03-06", "fleet.yaml")
 
 
-def test_a_model_is_held_to_the_label(folder: Path, labelled_recordings: list[Recording], cylinder: Cylinder) -> None:
+def test_a_model_is_held_to_the_label_and_one_of_another_bore_refused(
+    folder: Path, labelled_recordings: list[Recording], cylinder: Cylinder
+) -> None:
     ridge = RidgeEstimator().fit(labelled_recordings[:3])
     ridge.calibrate(labelled_recordings[:3], labelled_recordings[3:], cylinder)
     ridge.save(folder / "model")
@@ -218,17 +244,9 @@ def test_a_model_is_held_to_the_label(folder: Path, labelled_recordings: list[Re
     run(folder, write_fleet(folder, "a", "b"))
     assert held("a") == [None, None, None]
     assert json.loads(state.read_text())["assessment"]["model"] is None
-
-
-def test_a_model_of_another_bore_is_refused(
-    folder: Path, labelled_recordings: list[Recording], cylinder: Cylinder
-) -> None:
-    other = replace(cylinder, bore_diameter_m=0.1)
-    ridge = RidgeEstimator().fit(labelled_recordings[:3])
-    ridge.calibrate(labelled_recordings[:3], labelled_recordings[3:], other)
-    ridge.save(folder / "model")
-    health = run(folder, write_fleet(folder, "a", own={"a": {"model": "model"}}))
-    assert reasons(health)[-1] == (
+    ridge.calibrate(labelled_recordings[:3], labelled_recordings[3:], replace(cylinder, bore_diameter_m=0.1))
+    ridge.save(folder / "other")
+    assert reasons(run(folder, write_fleet(folder, "a", "b", own={"a": {"model": "other"}})))[-1] == (
         "a: the model was trained for a cylinder of 100 mm bore and 28 mm rod, but the one given has 63 mm and 28 mm; "
         "correct `model` or `dimensions` in fleet.yaml"
     )
@@ -288,10 +306,8 @@ def test_the_tables_follow_the_files(tmp_path: Path) -> None:
         assert answers == [("press", "alarm", 0), ("spare", "not yet", 5)]
         changes = ask("SELECT indicator, round(percent), since FROM health_change").fetchall()
         assert changes == [("friction_n", -20.0, "s150"), ("breakaway_n", -20.0, "s150")]
-        assert ask("SELECT count(*), count(friction_n_compensated) FROM health_session").fetchone() == (200, 200)
-        assert ask("SELECT count(*) FROM health_baseline WHERE threshold > 1.0").fetchone() == (5,)
-        for table, columns in TABLES.items():
-            assert [row[1] for row in ask(f"PRAGMA table_info({table})")] == list(columns)
+        counted = "SELECT (SELECT count(friction_n_compensated) FROM health_session), count(*) FROM health_baseline"
+        assert ask(counted).fetchone() == (200, 5)
     spare = tuple(each for each in health.lines if each.cylinder == "spare")
     assert update_database("", into, spare, {}) == 1
     with sqlite3.connect(into / SQLITE_FILE) as tables:
@@ -326,20 +342,17 @@ def test_a_damaged_file_is_named_made_anew_and_costs_no_other_cylinder(
     assert (health.status, health.news[0]) == (1, "a: 1 new session")
     health.announced()
     after = files(folder)
-    assert {name for name, content in expected.items() if after[name] != content} == {
-        *("health/cylinders/a.json", "health/panes/a.js", "health/sessions/a.parquet"),
-        *("health/health.html", "health/health.json"),
-    }
+    assert {name for name, content in expected.items() if after[name] != content} == PAGES | of("a")
     assert reasons(run(folder, fleet)) == []
 
 
 def test_a_file_that_somebody_removed_is_made_anew(folder: Path, fleet: Fleet) -> None:
     run(folder, fleet)
     expected = files(folder)
-    for name in ("sessions/a.parquet", "cylinders/a.json", "panes/a.js"):
-        (folder / "health" / name).unlink()
+    for name in of("a"):
+        (folder / name).unlink()
         assert "a: 3 new sessions" not in run(folder, fleet).news
-        assert files(folder)[f"health/{name}"] == expected[f"health/{name}"]
+        assert files(folder)[name] == expected[name]
 
 
 def test_what_waits_for_the_next_run_and_an_empty_folder_are_named(

@@ -35,10 +35,8 @@ def test_rows_count_while_bounds_do(cylinder: Cylinder, labelled_recordings: lis
     found_rows = found_rows.with_columns(label_n=label_n, flags=flags | outside)
     assert (failed & found_rows.usable()).sum() > 100
     found = held_label([found_rows], 0.9)
-    assert found is not None
-    assert found.share is not None
+    assert found is not None and found.share is not None and ridge.bounds is not None  # noqa: PT018
     assert found.share == pytest.approx(0.75, abs=0.02)
-    assert ridge.bounds is not None
     words = f"bounds hold the label in {100.0 * found.share:.0f} % of the rows, not in 90 %"
     narrow = replace(ridge.bounds, probability=0.99)  # of which a quarter is far too often missed
     assert label_missed(found_rows, narrow) == words.replace("90 %", "99 %")

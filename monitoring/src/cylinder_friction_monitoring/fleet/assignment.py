@@ -26,7 +26,11 @@ def assigned(files: Mapping[str, Path], fleet: Fleet) -> tuple[dict[str, list[Pa
     for name, path in files.items():
         if rule.table is not None and path.absolute() == rule.table.absolute():
             continue
-        found = sorted(_named(name, path, rule, table, fleet))
+        try:
+            found = sorted(_named(name, path, rule, table, fleet))
+        except OSError as error:
+            refused.append(Refused(name, f"cannot be read ({error}); the next run tries it again"))
+            continue
         known = [each for each in found if each in fleet.cylinders]
         if len(known) == 1 and len(found) == 1:
             own[known[0]].append(path)
@@ -64,11 +68,7 @@ def _reason(found: list[str], known: list[str], rule: Assignment) -> str:
 
 
 def read_table(path: Path) -> dict[str, str]:
-    """Read a CSV file with the columns ``file`` (a path or glob) and ``cylinder``.
-
-    Raises:
-        MonitoringError: The file is unreadable, lacks a column or a cell, or names a log twice.
-    """
+    """Read a CSV file with the columns ``file`` (a path or glob) and ``cylinder``; another raises an error."""
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:

@@ -43,10 +43,7 @@ def update_database(
     """Bring the tables up to the folder of results in one transaction. Return how many cylinders changed.
 
     Without an ``address`` (``postgresql://...``) the tables are in an SQLite file in the folder. Cylinders that are not
-    among ``lines`` are removed.
-
-    Raises:
-        MonitoringError: The database cannot be reached or written, or psycopg2 is not installed.
+    among ``lines`` are removed. ``MonitoringError`` is raised if the database cannot be reached or written.
     """
     mark = "?"
     errors: tuple[type[Exception], ...] = (sqlite3.Error,)
@@ -110,9 +107,7 @@ def _insert(cursor: Any, mark: str, table: str, rows: Iterable[Sequence[Any]]) -
 
 
 def _cylinder(line: CylinderLine) -> tuple[Any, ...]:
-    names = [name for name in TABLES["health_cylinder"] if name != "needs"]
-    values = {name: getattr(line, name) for name in names} | {"needs": line.rank}
-    return tuple(values[name] for name in TABLES["health_cylinder"])
+    return tuple(line.rank if name == "needs" else getattr(line, name) for name in TABLES["health_cylinder"])
 
 
 def _change(name: str, change: Mapping[str, Any]) -> tuple[Any, ...]:

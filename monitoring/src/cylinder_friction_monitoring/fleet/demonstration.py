@@ -11,7 +11,7 @@ import yaml
 from cylinder_friction import Cylinder
 from cylinder_friction.files.whole_files import read_yaml, whole_file, whole_folder, write_text
 from cylinder_friction.rig.bench import DECIMALS
-from cylinder_friction_monitoring.fleet.processes import cores, done_in_order
+from cylinder_friction_monitoring.fleet.processes import cores, outcomes
 from cylinder_friction_monitoring.lives import FATES, Fate, LifePlan, life
 
 DIMENSIONS = {"bore_diameter_m": 0.063, "rod_diameter_m": 0.028, "stroke_m": 0.25, "moving_mass_kg": 6.0}
@@ -35,7 +35,9 @@ CHANNELS = {
 def write_demonstration(folder: Path, plan: LifePlan = PLAN, processes: int = 1) -> Path:
     """Simulate a fleet into ``logs``, unless its logs are there, and write ``channels.yaml`` and ``fleet.yaml``."""
     jobs = [partial(write_life, folder / "logs" / fate, number, fate, plan) for number, fate in enumerate(FATES)]
-    done_in_order(jobs, processes)
+    for outcome in outcomes(jobs, processes):
+        if outcome is not None:
+            raise outcome
     fleet = {
         "defaults": {
             "dimensions": DIMENSIONS,

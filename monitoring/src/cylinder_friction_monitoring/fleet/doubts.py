@@ -9,14 +9,11 @@ from cylinder_friction_monitoring.trends.assessment import Entry
 from cylinder_friction_monitoring.trends.moments import moment
 from cylinder_friction_monitoring.trends.session_row import SessionRow
 
-FAR_D = 60.0
-"""A clock is off if its session is further from both neighbours by name [days]."""
-LONE_D = 180.0
-"""A clock may be off if its session is older than all others by more than this [days]."""
+FAR_D = 60.0  # A clock is off if its session is further from both neighbours by name [days]
+LONE_D = 180.0  # A clock may be off if its session is older than all others by more than this [days]
 CHRONOLOGICAL = 0.8
 """Share of neighbours by name in the order of time, above which names count as chronological."""
-FEW = 5
-"""A session is compared with the sessions before it if there are at least this many."""
+FEW = 5  # A session is compared with the sessions before it if there are at least this many
 FRICTIONS, SCATTERS = 5.0, 10.0
 """A log is of another cylinder if its half sum is this many frictions, and this many scatters, from the usual one."""
 

@@ -22,10 +22,8 @@ FLEET_FILE = "fleet.yaml"  # The name on entries that come from it
 def add_entry(folder: Path, entry: Entry, fleet: Fleet) -> None:
     """Add an entry to the file in a folder of results.
 
-    A withdrawal names another entry by its kind and its time, or the first part of its time.
-
-    Raises:
-        MonitoringError: Cylinder, kind, name or time is wrong, or it withdraws none or several entries.
+    A withdrawal names another entry by its kind and its time, or the first part of its time. A wrong cylinder, kind,
+    name or time raises ``MonitoringError``, as does a withdrawal of none or of several entries.
     """
     if entry.cylinder not in fleet.cylinders:
         raise MonitoringError(f"entry: unknown cylinder {entry.cylinder!r}; {_known(fleet)}")

@@ -7,8 +7,7 @@ from typing import TypeVar
 from cylinder_friction_monitoring.errors import Refused
 
 Read = TypeVar("Read")
-RESULTS = "friction"
-"""Folder with a folder per cylinder that ``estimate_logs`` writes."""
+RESULTS = "friction"  # Folder with a folder per cylinder that ``estimate_logs`` writes
 UNREADABLE = (ValueError, LookupError, TypeError, AttributeError, OSError, NotImplementedError)
 
 

@@ -13,8 +13,7 @@ from cylinder_friction_monitoring.errors import MonitoringError
 from cylinder_friction_monitoring.fleet.plan import Assignment, Fleet, FleetCylinder
 
 GUIDE = "docs/monitoring.md"
-REGISTERED = "models:/"
-"""How the name of a registered model begins."""
+REGISTERED = "models:/"  # How the name of a registered model begins
 EXAMPLE = """\
 assign: {by: folder}
 cylinders:
@@ -62,11 +61,7 @@ class FleetFile(BaseModel):
 
 
 def load_fleet(path: Path) -> Fleet:
-    """Read a fleet file. Paths in it are relative to its folder.
-
-    Raises:
-        MonitoringError: The file is missing, a key is unknown, missing or there twice, or a value is impossible.
-    """
+    """Read a fleet file; what is wrong in it raises ``MonitoringError``. Paths in it are relative to its folder."""
     if not path.is_file():
         raise MonitoringError(f"{path}: no such file; write one that names your cylinders, for example\n{EXAMPLE}")
     content = _read(path)

@@ -18,9 +18,9 @@ from cylinder_friction_monitoring.fleet.assignment import assigned
 from cylinder_friction_monitoring.fleet.database import SQLITE_FILE
 from cylinder_friction_monitoring.fleet.entries import ENTRIES_FILE, entries_of
 from cylinder_friction_monitoring.fleet.files import RESULTS, pane_file, read_or_name, session_file, state_file
-from cylinder_friction_monitoring.fleet.one_cylinder import CylinderRun, Taken
+from cylinder_friction_monitoring.fleet.one_cylinder import CylinderRun, Known, Taken
 from cylinder_friction_monitoring.fleet.plan import Fleet
-from cylinder_friction_monitoring.fleet.processes import done_in_order
+from cylinder_friction_monitoring.fleet.processes import outcomes
 from cylinder_friction_monitoring.page.health_page import write_health_page
 from cylinder_friction_monitoring.trends.cylinder_line import CylinderLine, in_order
 
@@ -30,8 +30,7 @@ ANNOUNCED_ANEW = "alarms that were announced before count as new"
 ONE_EACH = ("sessions", "cylinders", "panes")
 OWN = {HEALTH_FILE, PAGE_FILE, ANNOUNCED_FILE, ENTRIES_FILE, SQLITE_FILE, RESULTS, *ONE_EACH}
 """Everything that runs write into the folder of results."""
-ALARM, REFUSED = 3, 1
-"""Exit status of a run with a new alarm, and of a run that refused something."""
+ALARM, REFUSED = 3, 1  # Exit status of a run with a new alarm, and of a run that refused something
 
 
 @dataclass(frozen=True)
@@ -62,12 +61,17 @@ class FleetHealth:
 
 
 def monitor_fleet(
-    logs: Sequence[str | Path], fleet: Fleet, into: Path, now: datetime, processes: int = 1
+    logs: Sequence[str | Path],
+    fleet: Fleet,
+    into: Path,
+    now: datetime,
+    processes: int = 1,
+    waiting: Mapping[str, str] | None = None,
 ) -> FleetHealth:
     """Process the new logs of a fleet, assess its cylinders, and draw the page.
 
-    A cylinder is assessed if something about it is new: a log, an entry, or the fleet file. The next run finishes one
-    that was killed, and makes damaged files anew.
+    A cylinder is assessed if something about it is new: a log, an entry, or the fleet file. An error in one cylinder
+    costs no other its night. The next run finishes one that was killed, and makes damaged files anew.
 
     Args:
         logs: Files, folders or patterns; none: assess the sessions of earlier runs again.
@@ -75,6 +79,7 @@ def monitor_fleet(
         into: The folder of results: a new one, or that of an earlier run.
         now: No session begins later.
         processes: How many processes share the cylinders.
+        waiting: By cylinder, why its new logs wait for the next run.
 
     Raises:
         RecordingError: A log or pattern is missing.
@@ -94,11 +99,19 @@ def monitor_fleet(
         refused += nobodys
         entries, code = entries_of(into, fleet, refused), code_hash()
         runs = [CylinderRun(name, each, into, root, code, now) for name, each in fleet.cylinders.items()]
-        first = [partial(run.taken, own.get(run.name, ()), bool(paths)) for run in runs]
-        taken = dict(zip(fleet.cylinders, done_in_order(first, processes), strict=True))
+        waits = waiting or {}
+        refused += [Refused(name, f"its new logs wait for the next run: {why}") for name, why in waits.items()]
+        first = [partial(run.taken, () if run.name in waits else own.get(run.name, ()), bool(paths)) for run in runs]
+        taken = {
+            run.name: one if isinstance(one, Taken) else Taken((run.error("took no log", one),))
+            for run, one in zip(runs, outcomes(first, processes), strict=True)
+        }
         foreign = copies(taken)
         jobs = [partial(run.known, draft, entries.get(run.name, []), foreign.get(run.name, {})) for run in runs]
-        known = dict(zip(fleet.cylinders, done_in_order(jobs, processes), strict=True))
+        known = {
+            run.name: one if isinstance(one, Known) else run.not_assessed(draft, one)
+            for run, one in zip(runs, outcomes(jobs, processes), strict=True)
+        }
         refused += [each for one in taken.values() for each in one.refused]
         for name, one in known.items():
             refused += one.damaged

@@ -1,7 +1,5 @@
 """One cylinder's part of a run: process its new logs, then assess it and write its files."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import warnings
@@ -23,8 +21,8 @@ from cylinder_friction_monitoring.fleet.files import RESULTS, pane_file, read_or
 from cylinder_friction_monitoring.fleet.plan import Dimensions, FleetCylinder
 from cylinder_friction_monitoring.fleet.sessions import KeptRow, read_rows, updated_rows, with_starts, write_rows
 from cylinder_friction_monitoring.page.health_page import health_pane
-from cylinder_friction_monitoring.trends.assessment import Entry, ModelBounds
-from cylinder_friction_monitoring.trends.cylinder_line import CylinderLine, Trend, line_of
+from cylinder_friction_monitoring.trends.assessment import Assessment, Entry, ModelBounds
+from cylinder_friction_monitoring.trends.cylinder_line import LOOK, CylinderLine, Trend, line_of
 from cylinder_friction_monitoring.trends.held_label import held_label
 from cylinder_friction_monitoring.trends.in_force import in_force
 from cylinder_friction_monitoring.trends.indicators import session_row
@@ -66,7 +64,7 @@ class Earlier:
     proposed: bool  # Whether it proposed retraining
 
     @classmethod
-    def read(cls, path: Path) -> Earlier:
+    def read(cls, path: Path) -> "Earlier":
         about = read_json(path)
         line = CylinderLine(**{**about["line"], "trend": Trend(**about["line"]["trend"])})
         model = about["assessment"]["model"] or {}
@@ -173,6 +171,20 @@ class CylinderRun:
         write_text(draft / pane_file(self.name), health_pane(found, placed, entries, left_out, self.owned.about))
         news = self._news(earlier, kept, rows, left_out, line, found.model)
         return Known(line, left_out, failed, tuple(news), tuple(damaged))
+
+    def not_assessed(self, draft: Path, error: Exception) -> Known:
+        """Keep the assessment of the run before, if there is one, because ``known`` ended with an error."""
+        for place in (session_file, state_file, pane_file):
+            (draft / place(self.name)).unlink(missing_ok=True)
+        earlier = read_or_name(self.into, state_file(self.name), Earlier.read, None, "", [])
+        found = Assessment(self.name, "undecided", "The cylinder was not assessed.")
+        line = earlier.line if earlier else line_of(found, [], {}, "", self.owned.about)
+        line = replace(line, look="the last run met an error and did not assess it", rank=min(line.rank, LOOK))
+        return Known(line, damaged=(self.error("was not assessed", error),))
+
+    def error(self, outcome: str, error: Exception) -> Refused:
+        """State an error that only this cylinder met."""
+        return Refused(self.name, f"{outcome}, because of {type(error).__name__}: {' '.join(str(error).split())}")
 
     def _channels(self) -> dict[str, Any] | None:
         if self.owned.channels is None:

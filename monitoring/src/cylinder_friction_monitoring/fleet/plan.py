@@ -69,12 +69,8 @@ class FleetCylinder:
 
     def monitor_plan(self) -> MonitorPlan:
         """Return the settings of its tests."""
-        return MonitorPlan(
-            baseline_sessions=self.baseline_sessions,
-            false_alarms_per_year=self.false_alarms_per_year,
-            limit_percent=dict(self.limit_percent),
-            acknowledged_days=self.acknowledged_days,
-        )
+        rates = self.baseline_sessions, self.false_alarms_per_year
+        return MonitorPlan(*rates, dict(self.limit_percent), self.acknowledged_days)
 
     def cylinder(self, name: str) -> Cylinder:
         """Return its geometry."""

@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from functools import partial
 from typing import TypeVar
 
 from cylinder_friction_monitoring.errors import MonitoringError
@@ -18,20 +19,36 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def done_in_order(jobs: Sequence[Callable[[], Done]], processes: int = 1) -> list[Done]:
-    """Run jobs that can be pickled, and return their results in the order of the jobs.
+def outcomes(jobs: Sequence[Callable[[], Done]], processes: int = 1) -> list[Done | Exception]:
+    """Run jobs that can be pickled. Return what each returned or raised, in the order of the jobs.
 
-    With 1 process the jobs run here. Of more, each takes one thread; ``MonitoringError`` is raised if one dies.
+    With 1 process the jobs run here. Of more, each takes one thread. If one dies, the jobs that had not ended run
+    again, each in a process of its own, so that only the job that kills it fails.
     """
     if processes < 2:
-        return [job() for job in jobs]
+        return [_outcome(job) for job in jobs]
     for name in ONE_THREAD:
         os.environ.setdefault(name, "1")  # read when a process loads its libraries
+    found = _of_pool(jobs, processes)
+    for place, job in enumerate(jobs):
+        if isinstance(found[place], BrokenProcessPool):
+            (again,) = _of_pool([job], 1)
+            died = MonitoringError("its process died; it may have run out of memory")
+            found[place] = died if isinstance(again, BrokenProcessPool) else again
+    return found
+
+
+def _of_pool(jobs: Sequence[Callable[[], Done]], processes: int) -> list[Done | Exception]:
     pool = ProcessPoolExecutor(processes, mp_context=multiprocessing.get_context("spawn"))
     try:
-        return [future.result() for future in [pool.submit(job) for job in jobs]]
-    except BrokenProcessPool:
-        advice = "run the same command again, with --workers 1 if it happens again"
-        raise MonitoringError(f"a process died; it may have run out of memory; {advice}") from None
+        begun = [_outcome(partial(pool.submit, job)) for job in jobs]
+        return [each if isinstance(each, Exception) else _outcome(each.result) for each in begun]
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def _outcome(job: Callable[[], Done]) -> Done | Exception:
+    try:
+        return job()
+    except Exception as error:
+        return error

@@ -1,7 +1,7 @@
 """The table of sessions: one Parquet file per cylinder with a row per session, made from the results of `estimate`."""
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from cylinder_friction.estimation.kept_results import friction_of, kept_recordin
 from cylinder_friction.files.whole_files import json_hash
 from cylinder_friction_monitoring.trends.assessment import IndicatorTrend
 from cylinder_friction_monitoring.trends.moments import utc_time
-from cylinder_friction_monitoring.trends.session_row import COVARIATES, INDICATORS, SessionRow
+from cylinder_friction_monitoring.trends.session_row import COVARIATES, INDICATORS, Indicator, SessionRow
 
 MadeRow = Callable[[Sequence[Recording]], SessionRow]
 TEXT = ("cylinder", "session", "start", "start_source", "left_out")
@@ -63,13 +63,10 @@ def updated_rows(
 def with_starts(rows: Iterable[KeptRow], starts: Mapping[str, str]) -> list[SessionRow]:
     """Sort rows by their start; ``starts`` corrects it for some sessions."""
     given = {session: utc_time(start, f"starts: {session}") for session, start in starts.items()}
-    placed = [
-        replace(each.row, start=given[each.row.session], start_source="fleet.yaml")
-        if each.row.session in given
-        else each.row
-        for each in rows
-    ]
-    return sorted(placed, key=lambda row: (row.start, row.session))
+    placed = {each.row.session: each.row for each in rows}
+    for session in given.keys() & placed.keys():
+        placed[session] = replace(placed[session], start=given[session], start_source="fleet.yaml")
+    return sorted(placed.values(), key=lambda row: (row.start, row.session))
 
 
 def write_rows(
@@ -81,12 +78,18 @@ def write_rows(
 ) -> None:
     """Write a cylinder's table of sessions; equal content makes equal bytes."""
     columns: dict[str, list[Any]] = {name: [] for name in (*TEXT, *numbers(), _DETAIL)}
-    tested = {name: dict(zip(each.sessions, _tested(each), strict=True)) for name, each in trends.items()}
+    tested = {
+        name: dict(zip(each.sessions, zip(each.compensated, each.upward, each.downward, strict=True), strict=True))
+        for name, each in trends.items()
+    }
     for row in rows:
         own = kept[row.session]
-        values = {**flat(row), "left_out": left_out.get(row.session, "")}
+        values: dict[str, Any] = {name: getattr(row, name) for name in (*TEXT[:4], "duration_s")}
+        values |= {"left_out": left_out.get(row.session, ""), **{name: row.covariates.get(name) for name in COVARIATES}}
         for name in INDICATORS:
+            indicator = row.indicators.get(name, Indicator(None))
             of_trend = tested.get(name, {}).get(row.session, (None,) * len(TESTED))
+            values |= {name: indicator.value, f"{name}_uncertainty": indicator.uncertainty}
             values |= {f"{name}_{part}": value for part, value in zip(TESTED, of_trend, strict=True)}
         detail = {"row": own.row.to_dict(), "key": own.key, "made_with": own.made_with}
         values[_DETAIL] = json.dumps(detail, sort_keys=True, allow_nan=False)
@@ -96,10 +99,6 @@ def write_rows(
     path.parent.mkdir(parents=True, exist_ok=True)
     table = pa.table({name: pa.array(values, types[name]) for name, values in columns.items()})
     pq.write_table(table, path, compression="zstd")
-
-
-def _tested(trend: IndicatorTrend) -> Iterator[tuple[float | None, ...]]:
-    return zip(trend.compensated, trend.upward, trend.downward, strict=True)
 
 
 def read_rows(path: Path) -> dict[str, KeptRow]:
@@ -119,13 +118,3 @@ def numbers() -> list[str]:
     """List the table's columns of numbers."""
     parts = ("", "_uncertainty", *(f"_{part}" for part in TESTED))
     return ["duration_s", *(f"{name}{part}" for name in INDICATORS for part in parts), *COVARIATES]
-
-
-def flat(row: SessionRow) -> dict[str, str | float | None]:
-    """Return a row as one value per column, without ``left_out`` and the columns of the test."""
-    values: dict[str, str | float | None] = {name: getattr(row, name) for name in (*TEXT[:4], "duration_s")}
-    for name in INDICATORS:
-        indicator = row.indicators.get(name)
-        values[name] = None if indicator is None else indicator.value
-        values[f"{name}_uncertainty"] = None if indicator is None else indicator.uncertainty
-    return values | {name: row.covariates.get(name) for name in COVARIATES}

@@ -8,14 +8,13 @@ from markupsafe import Markup
 
 from cylinder_friction.reporting.frame import BLUE, BROWN, GREEN, INK, ORANGE, PALE, QUIET, SKY, PageFigure
 from cylinder_friction_monitoring.trends.assessment import Assessment, Entry
-from cylinder_friction_monitoring.trends.cylinder_line import NAMES, Trend
+from cylinder_friction_monitoring.trends.cylinder_line import Trend
 from cylinder_friction_monitoring.trends.in_force import NEW_BASELINE
-from cylinder_friction_monitoring.trends.session_row import COVARIATES, INDICATORS, SHOWN, SessionRow
+from cylinder_friction_monitoring.trends.session_row import COVARIATES, INDICATORS, SessionRow
 
 WIDTH, HEIGHT, MARGIN = 220, 40, 4
-BAND = 2.0
-"""Half width of the band about a baseline, in scatters of a session."""
-TITLES = {name: f"{NAMES[name]} [{unit}]" for name, (_, unit) in SHOWN.items()}
+BAND = 2.0  # Half width of the band about a baseline, in scatters of a session
+TITLES = {name: f"{each.name} [{each.unit}]" for name, each in INDICATORS.items()}
 COVARIATE_PANELS = (
     ("oil [°C]", ("oil_temperature_c",)),
     ("pressures [bar]", ("pressure_1_bar", "pressure_2_bar")),
@@ -61,7 +60,7 @@ def trend_picture(trend: Trend) -> Markup:
     newest = max(place for place, value in enumerate(trend.values) if value is not None)
     shade = "past" if trend.since is None else "changed"
     parts.append(f'<circle class="{shade}" cx="{x(newest):.0f}" cy="{y(trend.values[newest] or 0.0):.1f}" r="3"/>')
-    words = f"trend of {NAMES[trend.indicator]}"
+    words = f"trend of {INDICATORS[trend.indicator].name}"
     return Markup(  # noqa: S704 - numbers and words of our own
         f'<svg class="trend" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{words}">{"".join(parts)}</svg>'
     )
@@ -90,7 +89,7 @@ def life_figure(found: Assessment, rows: Sequence[SessionRow], entries: Sequence
                 name=name.rpartition("_")[0].replace("_", " "),
                 line={"color": colour, "width": 1.2},
                 showlegend=False,
-                hovertemplate=f"%{{y:.4~g}} {COVARIATES[name]}<extra></extra>",
+                hovertemplate=f"%{{y:.4~g}} {COVARIATES[name].unit}<extra></extra>",
             )
         _title(figure, panel, title)
     for entry in entries:
@@ -106,7 +105,7 @@ def life_figure(found: Assessment, rows: Sequence[SessionRow], entries: Sequence
 def _indicator(
     figure: PageFigure, panel: int, name: str, found: Assessment, rows: Sequence[SessionRow], places: dict[str, Any]
 ) -> None:
-    trend, (factor, unit) = found.trends.get(name), SHOWN[name]
+    trend, (unit, _, _, factor) = found.trends.get(name), INDICATORS[name]
     _title(figure, panel, TITLES[name])
     base = None if trend is None else trend.baseline
     if base is not None:

@@ -10,9 +10,9 @@ from cylinder_friction.reporting.frame import NONE, Cell, Table, packed, page_ht
 from cylinder_friction_monitoring.errors import Refused
 from cylinder_friction_monitoring.page.health_figures import TITLES, life_figure, strokes_figure, trend_picture
 from cylinder_friction_monitoring.trends.assessment import NE107, Answer, Assessment, Change, Entry
-from cylinder_friction_monitoring.trends.cylinder_line import NAMES, CylinderLine, digits
+from cylinder_friction_monitoring.trends.cylinder_line import CylinderLine, digits
 from cylinder_friction_monitoring.trends.sentences import rate
-from cylinder_friction_monitoring.trends.session_row import SHOWN, SessionRow
+from cylinder_friction_monitoring.trends.session_row import INDICATORS, SessionRow
 
 BADGES: Mapping[Answer, str] = {
     "alarm": "refused",
@@ -22,8 +22,7 @@ BADGES: Mapping[Answer, str] = {
     "fine": "ok",
 }
 """Colour of each answer."""
-LISTED = 200
-"""Most refused logs and news on the page; health.json holds all."""
+LISTED = 200  # Most refused logs and news on the page; health.json holds all
 
 
 def write_health_page(
@@ -94,13 +93,13 @@ def _two(found: Assessment, rows: Sequence[SessionRow]) -> tuple[SessionRow | No
 
 
 def _facts(change: Change, rows: Sequence[SessionRow]) -> list[tuple[str, str]]:
-    factor, unit = SHOWN[change.indicator]
+    unit, name, _, factor = INDICATORS[change.indicator]
     starts = {row.session: row.start[:10] or row.session for row in rows}
 
     def day(session: str) -> str:
         return starts.get(session, session)
 
-    facts = [(f"change of {NAMES[change.indicator]}", _with_interval(change.change, change.interval, unit, factor))]
+    facts = [(f"change of {name}", _with_interval(change.change, change.interval, unit, factor))]
     if change.percent is not None:
         facts.insert(0, ("change", _with_interval(change.percent, change.percent_interval, "%")))
     facts.append(("since", f"{day(change.since)} ({' to '.join(map(day, change.since_interval))})"))
@@ -125,8 +124,10 @@ def _with_interval(value: float, interval: tuple[float, float] | None, unit: str
 
 def _changes(changes: Sequence[Change]) -> Table:
     columns: dict[str | Cell, Callable[[Change], str | Cell]] = {
-        "indicator": lambda it: NAMES[it.indicator],
-        "change (95 %)": lambda it: _with_interval(it.change, it.interval, *SHOWN[it.indicator][::-1]),
+        "indicator": lambda it: INDICATORS[it.indicator].name,
+        "change (95 %)": lambda it: _with_interval(
+            it.change, it.interval, INDICATORS[it.indicator].unit, INDICATORS[it.indicator].factor
+        ),
         "of the baseline": lambda it: (
             "–" if it.percent is None else _with_interval(it.percent, it.percent_interval, "%")
         ),
@@ -143,14 +144,14 @@ def _baselines(found: Assessment) -> Table:
         if base is None:
             rows.append([TITLES[name], *[NONE] * 7, Cell(trend.why, style="words")])
             continue
-        factor, _ = SHOWN[name]
-        cells = [f"{base.sessions} of {base.needed}", f"{factor * base.level:.4g}", f"{factor * base.scatter:.3g}"]
+        factor = INDICATORS[name].factor
+        cells = [f"{base.sessions}", f"{factor * base.level:.4g}", f"{factor * base.scatter:.3g}"]
         cells += [f"{factor * base.smallest:.3g}", f"{base.autocorrelation:.2f}", f"{base.threshold:.3g}"]
         named = Cell(f"{base.first} to {base.last}{trend.why and '; '}{trend.why}", style="words")
         rows.append([TITLES[name], *cells, f"{base.false_alarms_per_year:.2g}", named])
     head = (
         "indicator",
-        Cell("sessions", tip="of which the baseline is made, and how many an alarm needs"),
+        Cell("sessions", tip="of which the baseline is made"),
         Cell("level", tip="at the reference oil, pressure, speed and load, in the indicator's unit"),
         Cell("scatter", tip="standard deviation of single sessions about it"),
         Cell("smallest", tip="lasting change that the test can find, in the indicator's unit"),
@@ -170,6 +171,4 @@ def _entries(entries: Sequence[Entry]) -> Table:
 def _undetermined(rows: Sequence[SessionRow]) -> list[tuple[str, str]]:
     """List what the newest session does not determine, and why."""
     known = rows[-1].indicators if rows else {}
-    return [
-        (name, known[indicator].why) for indicator, name in NAMES.items() if indicator in known and known[indicator].why
-    ]
+    return [(each.name, known[key].why) for key, each in INDICATORS.items() if key in known and known[key].why]

@@ -44,7 +44,6 @@ class Baseline:
     """The sessions that an indicator is compared with."""
 
     sessions: int
-    needed: int  # Sessions before an alarm may be given
     first: str  # Name of the first and last session
     last: str
     level: float  # Mean at the reference covariates, in the indicator's unit
@@ -120,7 +119,6 @@ class Assessment:
     words: str  # One sentence: what, how much, since when, what to do
     changes: tuple[Change, ...] = ()
     trends: Mapping[str, IndicatorTrend] = field(default_factory=dict)
-    more_sessions: int | None = None  # For ``not yet``: how many more are needed
     would_decide: tuple[str, ...] = ()  # For ``undecided``: what would decide it
     questions: tuple[str, ...] = ()  # To the user, such as whether a seal was changed
     acknowledged: str = ""  # Who acknowledged the alarm, and when; empty without an alarm, or if it has returned

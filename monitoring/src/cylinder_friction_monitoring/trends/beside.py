@@ -6,30 +6,11 @@ import numpy as np
 
 from cylinder_friction.recordings.columns import OIL_TEMPERATURE
 from cylinder_friction_monitoring.arrays import Array
-from cylinder_friction_monitoring.trends.session_row import COVARIATES, SessionRow
+from cylinder_friction_monitoring.trends.session_row import COVARIATES, Covariate, SessionRow
 
-AROUND = 20
-"""Number of sessions before and after the change that are compared."""
-TIMES = 2.0
-"""A covariate has changed if its means differ by this many standard deviations of a session."""
-LEAST = {
-    "oil_temperature_c": 3.0,
-    "pressure_1_bar": 1.0,
-    "pressure_2_bar": 1.0,
-    "speed_m_s": 0.001,
-    "load_n": 20.0,
-    "travel_m": 0.0,
-}
-"""Smallest change that is named, in the covariate's unit."""
-TITLES = {
-    "oil_temperature_c": "oil temperature",
-    "pressure_1_bar": "pressure on the piston side",
-    "pressure_2_bar": "pressure on the rod side",
-    "speed_m_s": "speed of the strokes",
-    "load_n": "load",
-    "travel_m": "travel in a session",
-    "pressure_bar": "mean pressure",
-}
+AROUND = 20  # Number of sessions before and after the change that are compared
+TIMES = 2.0  # A covariate has changed if its means differ by this many standard deviations of a session
+MEAN_PRESSURE = Covariate("bar", "mean pressure", 1.0)
 
 
 def changed_beside(rows: Sequence[SessionRow], begins: int, zero: tuple[float, float] | None) -> tuple[str, ...]:
@@ -38,7 +19,7 @@ def changed_beside(rows: Sequence[SessionRow], begins: int, zero: tuple[float, f
     ``zero`` is the change of an alarmed half sum at that time, and its uncertainty [N].
     """
     found = []
-    for name, unit in COVARIATES.items():
+    for name, (unit, title, least) in COVARIATES.items():
         before, after = (
             _known(rows[part], name)
             for part in (slice(max(begins - AROUND, 0), begins), slice(begins, begins + AROUND))
@@ -47,8 +28,8 @@ def changed_beside(rows: Sequence[SessionRow], begins: int, zero: tuple[float, f
             continue
         difference = float(after.mean() - before.mean())
         scatter = float(np.sqrt(0.5 * (before.var(ddof=1) + after.var(ddof=1))))
-        if abs(difference) > max(TIMES * scatter, LEAST[name]):
-            found.append(f"{TITLES[name]} {difference:+.3g} {unit}")
+        if abs(difference) > max(TIMES * scatter, least):
+            found.append(f"{title} {difference:+.3g} {unit}")
     if zero is not None:
         found.append(f"half sum of the strokes {zero[0]:+.0f} ± {zero[1]:.0f} N (a sensor's zero, or the load)")
     return tuple(found)
@@ -62,7 +43,7 @@ def farthest(names: Mapping[str, float], design: Array, covariance: Array, row: 
     regressors = [*names, *(name for name in names if name == OIL_TEMPERATURE)]
     missing = [name for name, value in zip(regressors, design[1:], strict=True) if not np.isfinite(value)]
     if missing:
-        return f"{TITLES[missing[0]]} is not known"
+        return f"{COVARIATES.get(missing[0], MEAN_PRESSURE).title} is not known"
     name = regressors[int(np.argmax(design[1:] ** 2 * np.diag(covariance)[1:]))]
     values = (
         (row.covariates[each] for each in ("pressure_1_bar", "pressure_2_bar"))
@@ -70,8 +51,8 @@ def farthest(names: Mapping[str, float], design: Array, covariance: Array, row: 
         else (row.covariates[name],)
     )
     now = float(np.mean([value for value in values if value is not None]))
-    unit = COVARIATES.get(name, "bar")
-    return f"{TITLES[name]} is {_digits(now)} {unit}, in the baseline {_digits(names[name])} {unit} on average"
+    unit, title, _ = COVARIATES.get(name, MEAN_PRESSURE)
+    return f"{title} is {_digits(now)} {unit}, in the baseline {_digits(names[name])} {unit} on average"
 
 
 def _digits(value: float) -> str:

@@ -1,9 +1,8 @@
 """Average a session's steady sliding over blocks of a tenth of a second, numbered by stroke."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
+from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,9 +28,9 @@ class Blocks:
     load_n: Array  # NaN if nothing measures it
     stroke: NDArray[np.int64]  # Counted from 0
 
-    def select(self, rows: Mask | NDArray[np.int64]) -> Blocks:
+    def select(self, rows: Mask | NDArray[np.int64]) -> Self:
         """Select some of the blocks; strokes keep their numbers."""
-        return Blocks(**{each.name: getattr(self, each.name)[rows] for each in fields(self)})
+        return replace(self, **{each.name: getattr(self, each.name)[rows] for each in fields(self)})
 
 
 def drive_force_n(recording: Recording, cylinder: Cylinder, plan: IndicatorPlan) -> Array:

@@ -10,10 +10,8 @@ from cylinder_friction_monitoring.trends.blocks import drive_force_n
 from cylinder_friction_monitoring.trends.plan import IndicatorPlan
 from cylinder_friction_monitoring.trends.session_row import Indicator
 
-BREAKS_WITHIN_S = 1.5
-"""A start follows its rest within this time [s]."""
-MOVED_M = 1e-3
-"""Travel after which the piston has broken away [m]."""
+BREAKS_WITHIN_S = 1.5  # A start follows its rest within this time [s]
+MOVED_M = 1e-3  # Travel after which the piston has broken away [m]
 _SEED = 22
 
 

@@ -9,12 +9,12 @@ import numpy as np
 from cylinder_friction_monitoring.arrays import Array, Mask
 from cylinder_friction_monitoring.trends.reference import Reference
 
-SLACK = 0.5
-"""CUSUM allowance, in standard deviations of an innovation."""
-SLACK_UNCERTAIN = 3.0
-"""Further allowance, in standard uncertainties of the expected value."""
-GREATEST = 5.0
-"""Largest deviation that counts [standard deviations]: one session alone gives no alarm."""
+SLACK = 0.5  # CUSUM allowance, in standard deviations of an innovation
+SLACK_UNCERTAIN = 3.0  # Further allowance, in standard uncertainties of the expected value
+WIDEST = 1.0
+"""Largest uncertainty of an expected value [standard deviations of a session]. A session beyond it is not tested: its
+oil, pressure, speed or load is too far from the baseline."""
+GREATEST = 5.0  # Largest deviation that counts [standard deviations]: one session alone gives no alarm
 
 _SESSIONS = (30, 60, 90, 180, 250)
 _AUTOCORRELATIONS = (0.0, 0.3, 0.6)
@@ -34,9 +34,7 @@ class Cusum:
     smallest: float  # Smallest lasting change that adds to the statistic, averaged over the baseline
 
 
-def cusum(
-    reference: Reference, residuals: Array, uncertainties: Array, design: Array, baseline: int, widest: float
-) -> Cusum:
+def cusum(reference: Reference, residuals: Array, uncertainties: Array, design: Array, baseline: int) -> Cusum:
     """Test sessions; the first ``baseline`` sessions are the baseline.
 
     ``residuals`` (values less expected values) and ``uncertainties`` of each value by itself have shape
@@ -45,7 +43,7 @@ def cusum(
     phi = reference.autocorrelation
     known = np.isfinite(residuals) & np.isfinite(design).all(axis=1)
     filled, regressors = np.where(known, residuals, 0.0), np.where(known[:, None], design, 0.0)
-    near = known & (reference.uncertainty(regressors) <= widest * reference.scatter)
+    near = known & (reference.uncertainty(regressors) <= WIDEST * reference.scatter)
     rows = np.flatnonzero(known)
     innovation, change = np.full(len(known), np.nan), np.zeros_like(regressors)
     innovation[rows[1:]] = filled[rows[1:]] - phi * filled[rows[:-1]]

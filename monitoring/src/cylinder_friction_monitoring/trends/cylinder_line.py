@@ -6,21 +6,10 @@ from datetime import timedelta
 
 from cylinder_friction_monitoring.trends.assessment import NE107, Answer, Assessment
 from cylinder_friction_monitoring.trends.moments import moment
-from cylinder_friction_monitoring.trends.session_row import SHOWN, SessionRow
+from cylinder_friction_monitoring.trends.session_row import INDICATORS, SessionRow
 
-POINTS = 90
-"""Largest number of points of a drawn trend."""
-SILENT_D = 30.0
-"""A cylinder needs a look if it is silent for this long while others are not [days]."""
-NAMES: Mapping[str, str] = {
-    "friction_n": "friction",
-    "breakaway_n": "breakaway",
-    "viscous_n_s_m": "viscous slope",
-    "half_sum_n": "half sum",
-    "leak_m3_s_pa": "leak",
-    "profile_n": "profile",
-}
-"""Short name of each indicator."""
+POINTS = 90  # Largest number of points of a drawn trend
+SILENT_D = 30.0  # A cylinder needs a look if it is silent for this long while others are not [days]
 RANKS: Mapping[Answer, int] = {"alarm": 0, "undecided": 1, "watch": 2, "not yet": 5, "fine": 6}
 ACKNOWLEDGED, LOOK = 4, 3
 """Rank of an alarm that somebody has acknowledged, and of a cylinder whose logs need a look."""
@@ -110,7 +99,7 @@ def _headline(assessment: Assessment, starts: Mapping[str, str]) -> str:
     if not assessment.changes:
         return ""
     change = assessment.changes[0]
-    (factor, unit), name = SHOWN[change.indicator], NAMES[change.indicator]
+    unit, name, _, factor = INDICATORS[change.indicator]
     size = f"{digits(factor * change.change)} {unit}" if change.percent is None else f"{change.percent:+.0f} %"
     return f"{name} {size} since {starts.get(change.since, '')[:10] or change.since}"
 

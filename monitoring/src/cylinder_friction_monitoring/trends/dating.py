@@ -8,8 +8,7 @@ from cylinder_friction_monitoring.arrays import Array
 from cylinder_friction_monitoring.trends.reference import Reference
 
 Z95 = 1.96
-LIKELY = 4.0
-"""A beginning is possible if its log-likelihood is within this distance of the best one."""
+LIKELY = 4.0  # A beginning is possible if its log-likelihood is within this distance of the best one
 LEAST_RAMP = 5
 POWERS = (0.0, 1.0, 2.0, 3.0)
 """Shapes of a change: a step, a ramp, and accelerating growth, which gives the date only if it is far likelier."""
@@ -17,8 +16,7 @@ WINDOWS = (0, 7, 15, 30, 60)
 """Numbers of sessions after the alarm that date a change. After the last of them its date stays."""
 UNUSUAL = 1.0
 """A window does not count if its sessions deviate from every shape by more than this [standard deviations]."""
-LATEST, LEAST_TREND = 60, 10
-"""Most sessions for the present change, and fewest for its rate."""
+LATEST, LEAST_TREND = 60, 10  # Most sessions for the present change, and fewest for its rate
 
 
 @dataclass(frozen=True)

@@ -8,17 +8,14 @@ from cylinder_friction_monitoring.trends.assessment import Entry
 from cylinder_friction_monitoring.trends.dating import Dated
 from cylinder_friction_monitoring.trends.moments import moment, utc_time
 from cylinder_friction_monitoring.trends.plan import MonitorPlan
-from cylinder_friction_monitoring.trends.sentences import TITLES, with_unit
+from cylinder_friction_monitoring.trends.sentences import with_unit
+from cylinder_friction_monitoring.trends.session_row import INDICATORS
 from cylinder_friction_monitoring.trends.trend import Tested
 
 NEW_BASELINE = ("service", "reset", "reference")
-NEAR_D = 60.0
-"""An entry is far from a cylinder's sessions if none is nearer than this [days]."""
-
-BEYOND_LIMIT = 5
-"""While the limit may be passed, an acknowledgement holds for fewer than this many sessions."""
-GROWN = 1.5
-"""An alarm returns if its change is this many times what it was when somebody acknowledged it."""
+NEAR_D = 60.0  # An entry is far from a cylinder's sessions if none is nearer than this [days]
+BEYOND_LIMIT = 5  # While the limit may be passed, an acknowledgement holds for fewer than this many sessions
+GROWN = 1.5  # An alarm returns if its change is this many times what it was when somebody acknowledged it
 
 
 @dataclass(frozen=True)
@@ -75,11 +72,11 @@ def why_it_returns(test: Tested, alarm: int, found: Dated, seen: Entry, plan: Mo
     """
     count = sum(bool(row.start) and moment(row.start) <= moment(seen.time) for row in test.rows)
     limit, since = plan.limit_percent.get(test.indicator), len(test.rows) - count
-    least, most = test.latest(found)
+    (least, most), title = test.latest(found), INDICATORS[test.indicator].title
     if limit is not None and most >= 0.01 * limit * abs(test.reference.level) and since >= BEYOND_LIMIT:
-        return f"the limit of {limit:g} % for {TITLES[test.indicator]} may be passed"
+        return f"the limit of {limit:g} % for {title} may be passed"
     then = test.until(count).dated(alarm).change
     if found.change * then < 0.0 or least >= GROWN * abs(then):
         was, grown = with_unit(abs(then), test.indicator), with_unit(least, test.indicator)
-        return f"{TITLES[test.indicator]} had changed by {was} then, and by at least {grown} now"
+        return f"{title} had changed by {was} then, and by at least {grown} now"
     return ""

@@ -15,10 +15,8 @@ from cylinder_friction_monitoring.trends.matched_strokes import TENTHS, Matched,
 from cylinder_friction_monitoring.trends.plan import IndicatorPlan
 from cylinder_friction_monitoring.trends.session_row import Indicator, SessionRow
 
-LEAST_TENTHS = 3
-"""Number of tenths of the stroke with friction that a profile needs."""
-LEAST_SPREAD = 1.5
-"""Least ratio of the 90 % to the 10 % quantile of speed for a viscous slope."""
+LEAST_TENTHS = 3  # Number of tenths of the stroke with friction that a profile needs
+LEAST_SPREAD = 1.5  # Least ratio of the 90 % to the 10 % quantile of speed for a viscous slope
 LEAST_VARIATION = 0.3
 """A resample counts if the variance of its speeds is at least this share of that of all strokes."""
 STROKE_POINTS = 60
@@ -42,7 +40,6 @@ def session_row(
         )
     blocks = session_blocks(recordings, cylinder, plan)
     matched = matched_strokes(blocks, cylinder, plan)
-    profile = _profile(matched, cylinder)
     first = min(recordings, key=lambda each: (each.metadata.start == "", each.metadata.start))
     return SessionRow(
         cylinder=name or cylinder.name,
@@ -50,19 +47,17 @@ def session_row(
         start=first.metadata.start,
         start_source=first.metadata.start_source,
         duration_s=sum(len(each) * each.sample_time_s for each in recordings),
-        files={each.metadata.source_file: each.metadata.source_sha256 for each in recordings},
         indicators={
-            **_of_matched(matched, plan, profile),
+            **_of_matched(matched, cylinder, plan),
             "breakaway_n": breakaway(recordings, cylinder, plan),
             "leak_m3_s_pa": leak(recordings, cylinder, plan),
         },
         covariates=_covariates(matched, recordings),
-        profile_n=tuple(_number(value) for value in profile[:, 0]) if len(matched) else (),
         stroke=_strokes(blocks),
     )
 
 
-def _of_matched(matched: Matched, plan: IndicatorPlan, profile: Array) -> dict[str, Indicator]:
+def _of_matched(matched: Matched, cylinder: Cylinder, plan: IndicatorPlan) -> dict[str, Indicator]:
     names = ("friction_n", "half_sum_n", "viscous_n_s_m", "profile_n")
     why = ""
     if len(matched) < plan.least_blocks:
@@ -79,7 +74,9 @@ def _of_matched(matched: Matched, plan: IndicatorPlan, profile: Array) -> dict[s
     note = "" if matched.at_pressure else OTHER_PRESSURES
     friction = replace(_spread(level), why=note)
     half_sum = _spread(_mean(matched.half_sum_n, matched.weight))
-    return dict(zip(names, (friction, half_sum, _viscous(matched, plan), _range(profile)), strict=True))
+    return dict(
+        zip(names, (friction, half_sum, _viscous(matched, plan), _range(_profile(matched, cylinder))), strict=True)
+    )
 
 
 def _mean(values: Array, weight: Array) -> Array:

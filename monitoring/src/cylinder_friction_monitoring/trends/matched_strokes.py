@@ -13,8 +13,7 @@ from cylinder_friction_monitoring.trends.blocks import Blocks
 from cylinder_friction_monitoring.trends.plan import IndicatorPlan
 
 TENTHS = 10
-MOST_BLOCKS = 600
-"""At most this many blocks of a direction are used, evenly spread."""
+MOST_BLOCKS = 600  # At most this many blocks of a direction are used, evenly spread
 _SEED = 20
 _BAR_PA = 1e5
 

@@ -8,8 +8,7 @@ from typing import Literal
 
 from cylinder_friction_monitoring.trends.session_row import INDICATORS
 
-LoadMode = Literal["none", "measured", "position"]
-"""The load of the cylinder, as in ``estimate_logs``."""
+LoadMode = Literal["none", "measured", "position"]  # As in ``estimate_logs``
 
 
 @dataclass(frozen=True)
@@ -52,14 +51,6 @@ class MonitorPlan:
     # Standard deviation of sessions, as a share, before the baseline shows it. The only public measurement, of one seal
     # three times, shows 6 to 13 %
     assumed_scatter: float = 0.13
-    # Largest uncertainty of an expected value, in standard deviations of a session. A session beyond it is not tested:
-    # its oil, pressure, speed or load is too far from the baseline
-    widest: float = 1.0
-    # Prior standard deviations of relative effects on friction: per kelvin, per bar of mean pressure, per mm/s, per kN
-    per_kelvin: float = 0.005
-    per_bar: float = 0.02
-    per_mm_s: float = 0.01
-    per_kn: float = 0.3
 
     def __post_init__(self) -> None:
         _positive(self, exempt=("limit_percent",))
@@ -75,8 +66,7 @@ class MonitorPlan:
                 raise ValueError(f"limit_percent.{name}: expected a positive number of percent, but got {percent!r}")
 
 
-LEAST_BASELINE = 30
-"""Fewest sessions of a baseline that show how much sessions scatter."""
+LEAST_BASELINE = 30  # Fewest sessions of a baseline that show how much sessions scatter
 
 
 def _positive(plan: IndicatorPlan | MonitorPlan, exempt: tuple[str, ...]) -> None:

@@ -12,19 +12,16 @@ import numpy as np
 
 from cylinder_friction.recordings.columns import OIL_TEMPERATURE
 from cylinder_friction_monitoring.arrays import Array
-from cylinder_friction_monitoring.trends.plan import MonitorPlan
 from cylinder_friction_monitoring.trends.session_row import SessionRow
 
-VISCOSITY_1_K = 0.033
-"""Relative fall of the oil's viscosity per kelvin, near 40 °C."""
-STRONGER = {"viscous_n_s_m": 4.0, "leak_m3_s_pa": 4.0}
-"""Indicators that follow viscosity itself, and the factor on their priors."""
-THIN_OIL = ("leak_m3_s_pa",)
-"""Indicators that follow the inverse of viscosity, as the flow through a gap does."""
+VISCOSITY_1_K = 0.033  # Relative fall of the oil's viscosity per kelvin, near 40 °C
+STRONGER = {"viscous_n_s_m": 4.0, "leak_m3_s_pa": 4.0}  # Factor on the priors of what follows viscosity itself
+THIN_OIL = ("leak_m3_s_pa",)  # Follow the inverse of viscosity, as the flow through a gap does
 BENT_1_K = 0.01
 """Bend of the viscosity effect: after 1 / this in kelvins it may differ from a straight line by its prior."""
-LEAST_KNOWN = 0.9
-"""A covariate is used if at least this share of the baseline's sessions has it."""
+PRIORS = {OIL_TEMPERATURE: 0.005, "pressure_bar": 0.02, "speed_m_s": 10.0, "load_n": 3e-4}
+"""Prior standard deviation of each covariate's relative effect on friction, per unit of the covariate."""
+LEAST_KNOWN = 0.9  # A covariate is used if at least this share of the baseline's sessions has it
 LARGEST_AUTOCORRELATION = 0.9
 _PASSES = 4
 
@@ -86,29 +83,18 @@ def covariates_of(rows: Sequence[SessionRow]) -> dict[str, Array]:
 
 
 def fitted(
-    indicator: str,
-    values: Array,
-    uncertainties: Array,
-    covariates: Mapping[str, Array],
-    level: float,
-    plan: MonitorPlan,
+    indicator: str, values: Array, uncertainties: Array, covariates: Mapping[str, Array], level: float
 ) -> Reference:
     """Fit the reference to the baseline's sessions, which all have a value, shape ``(sessions,)``.
 
     The priors are shares of ``level``, in the indicator's unit.
     """
-    usual = {
-        OIL_TEMPERATURE: plan.per_kelvin,
-        "pressure_bar": plan.per_bar,
-        "speed_m_s": 1e3 * plan.per_mm_s,
-        "load_n": 1e-3 * plan.per_kn,
-    }
-    used = [name for name in usual if np.isfinite(covariates[name]).mean() >= LEAST_KNOWN]
+    used = [name for name in PRIORS if np.isfinite(covariates[name]).mean() >= LEAST_KNOWN]
     centre = {name: float(np.nanmean(covariates[name])) for name in used}
     unit = max(abs(level), float(values.std())) or 1.0
     size = unit * STRONGER.get(indicator, 1.0)
-    bent = [size * usual[OIL_TEMPERATURE]] if OIL_TEMPERATURE in used else []
-    scale = np.array([1.0, *(size * usual[name] for name in used), *bent])
+    bent = [size * PRIORS[OIL_TEMPERATURE]] if OIL_TEMPERATURE in used else []
+    scale = np.array([1.0, *(size * PRIORS[name] for name in used), *bent])
     power = -1.0 if indicator in THIN_OIL else 1.0
     unfitted = Reference(level, 0.0, 0.0, 0.0, centre, scale, np.zeros(0), np.zeros((0, 0)), power)
     units = np.array([1.0] + [unit] * (len(scale) - 1))

@@ -18,16 +18,12 @@ from cylinder_friction_monitoring.trends.sentences import VENTED
 from cylinder_friction_monitoring.trends.session_row import SessionRow
 from cylinder_friction_monitoring.trends.trend import BEYOND, Tested, against_baseline
 
-ROWS = 100.0
-"""Number of independent rows in the label of a session."""
-LEAST_SCATTER = 0.2
-"""Least scatter of sessions, in the logit of their share: 2 percentage points at 90 %."""
+ROWS = 100.0  # Number of independent rows in the label of a session
+LEAST_SCATTER = 0.2  # Least scatter of sessions, in the logit of their share: 2 percentage points at 90 %
 PRIOR_LEVEL = 4.5
 """Level for the priors of the covariates, in logits: 10 K of oil may change a share of 90 % by 2 points."""
-LATEST = 60
-"""Largest number of latest sessions for the present share."""
-FEW = 2
-"""Number of sessions that do not yet show how much shares scatter."""
+LATEST = 60  # Largest number of latest sessions for the present share
+FEW = 2  # Number of sessions that do not yet show how much shares scatter
 ADAPT = "the model was not made for this cylinder: `cylinder-friction adapt` makes one that is"
 TRAIN = (
     "Train on the logs since then: `cylinder-friction params experiment=own ingest.source=LOGS`, then `dvc repro`; the "

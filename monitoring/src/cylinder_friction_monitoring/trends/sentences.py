@@ -3,18 +3,9 @@
 from collections.abc import Sequence
 
 from cylinder_friction_monitoring.trends.assessment import Change
-from cylinder_friction_monitoring.trends.session_row import SHOWN
+from cylinder_friction_monitoring.trends.session_row import INDICATORS
 
-TITLES = {
-    "friction_n": "friction",
-    "breakaway_n": "breakaway force",
-    "viscous_n_s_m": "viscous slope of friction",
-    "half_sum_n": "half sum of the strokes",
-    "leak_m3_s_pa": "leak past the piston (or through the valve)",
-    "profile_n": "variation of friction along the stroke",
-}
-PERIODS = {"month": 30.4, "week": 7.0, "day": 1.0}
-"""Lengths of the periods of a rate [days]."""
+PERIODS = {"month": 30.4, "week": 7.0, "day": 1.0}  # Of a rate [days]
 ACTIONS = {
     "friction_n": "plan an inspection of the seals",
     "breakaway_n": "plan an inspection of the seals",
@@ -32,18 +23,17 @@ def size(change: Change) -> str:
     low, high = sorted(map(abs, change.interval)) if change.interval[0] * change.interval[1] > 0.0 else change.interval
     percent = "" if change.percent is None else f", {abs(change.percent):.0f} %"
     interval = f"{_shown(low, change.indicator)} to {with_unit(high, change.indicator)}"
-    return (
-        f"{TITLES[change.indicator]} {verb} by {with_unit(abs(change.change), change.indicator)} ({interval}{percent})"
-    )
+    title, amount = INDICATORS[change.indicator].title, with_unit(abs(change.change), change.indicator)
+    return f"{title} {verb} by {amount} ({interval}{percent})"
 
 
 def _shown(value: float, indicator: str) -> str:
-    return f"{SHOWN[indicator][0] * value:.3g}"
+    return f"{INDICATORS[indicator].factor * value:.3g}"
 
 
 def with_unit(value: float, indicator: str) -> str:
     """Write a value in the unit in which people read the indicator."""
-    return f"{_shown(value, indicator)} {SHOWN[indicator][1]}"
+    return f"{_shown(value, indicator)} {INDICATORS[indicator].unit}"
 
 
 def rate(change: Change) -> tuple[float, str]:
@@ -90,10 +80,8 @@ def doubtful(change: Change, doubts: Sequence[str]) -> str:
 
 def better(change: Change, at: str) -> str:
     """State a change for the better."""
-    return _sentence(
-        f"{TITLES[change.indicator]} changed for the better at session {at}, as after a new seal, and no service is "
-        "entered"
-    )
+    title = INDICATORS[change.indicator].title
+    return _sentence(f"{title} changed for the better at session {at}, as after a new seal, and no service is entered")
 
 
 def not_yet(there: int, wanted: int, scatter: float, why: str) -> str:

@@ -2,38 +2,49 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
-INDICATORS: Mapping[str, tuple[str, str]] = {
-    "friction_n": ("N", "half difference of matched strokes: friction without zeros, and without a load by position"),
-    "breakaway_n": ("N", "force at which the piston breaks away after rest, mean of both directions"),
-    "viscous_n_s_m": ("N s/m", "slope of friction against speed"),
-    "half_sum_n": ("N", "half the sum of matched strokes: zeros, asymmetry and load together"),
-    "leak_m3_s_pa": ("m³/(s Pa)", "leak past the piston, from the decay of the pressure difference at rest"),
-    "profile_n": ("N", "how much friction varies along the stroke: its largest tenth less its smallest"),
-}
-"""Unit and meaning of each indicator."""
-SHOWN: Mapping[str, tuple[float, str]] = {name: (1.0, unit) for name, (unit, _) in INDICATORS.items()} | {
-    "leak_m3_s_pa": (6e11, "l/min at 100 bar")
-}
-"""Factor and unit in which people read each indicator: in sentences, figures and tables alike."""
 
-COVARIATES: Mapping[str, str] = {
-    "oil_temperature_c": "°C",
-    "pressure_1_bar": "bar",
-    "pressure_2_bar": "bar",
-    "speed_m_s": "m/s",
-    "load_n": "N",
-    "travel_m": "m",
+class Wording(NamedTuple):
+    """How people read an indicator, in sentences, figures and tables alike."""
+
+    unit: str
+    name: str  # Short
+    title: str  # In a sentence
+    factor: float = 1.0  # From the unit in the indicator's name to ``unit``
+
+
+class Covariate(NamedTuple):
+    """A quantity that changes friction without wear."""
+
+    unit: str
+    title: str
+    least: float  # Smallest change that is named, in its unit
+
+
+INDICATORS: Mapping[str, Wording] = {
+    "friction_n": Wording("N", "friction", "friction"),
+    "breakaway_n": Wording("N", "breakaway", "breakaway force"),
+    "viscous_n_s_m": Wording("N s/m", "viscous slope", "viscous slope of friction"),
+    "half_sum_n": Wording("N", "half sum", "half sum of the strokes"),
+    "leak_m3_s_pa": Wording("l/min at 100 bar", "leak", "leak past the piston (or through the valve)", 6e11),
+    "profile_n": Wording("N", "profile", "variation of friction along the stroke"),
 }
-"""Unit of each quantity that changes friction without wear: means over matched strokes, ``travel_m`` over all."""
+COVARIATES: Mapping[str, Covariate] = {  # Means over matched strokes; ``travel_m`` is over all
+    "oil_temperature_c": Covariate("°C", "oil temperature", 3.0),
+    "pressure_1_bar": Covariate("bar", "pressure on the piston side", 1.0),
+    "pressure_2_bar": Covariate("bar", "pressure on the rod side", 1.0),
+    "speed_m_s": Covariate("m/s", "speed of the strokes", 0.001),
+    "load_n": Covariate("N", "load", 20.0),
+    "travel_m": Covariate("m", "travel in a session", 0.0),
+}
 
 
 @dataclass(frozen=True)
 class Indicator:
     """One indicator of one session."""
 
-    value: float | None  # In the unit of ``INDICATORS``; None if the session does not determine it
+    value: float | None  # In the unit of the indicator's name; None if the session does not determine it
     # Standard uncertainty (k = 1) from a bootstrap over strokes; sessions differ by more than this
     uncertainty: float | None = None
     why: str = ""  # Why there is no value, or what limits it
@@ -59,11 +70,8 @@ class SessionRow:
     start: str  # As ``RecordingMetadata.start``; empty if nothing states it
     start_source: str
     duration_s: float
-    files: Mapping[str, str]  # SHA-256 of each log, by its path
     indicators: Mapping[str, Indicator]
     covariates: Mapping[str, float | None]  # None if nothing measures it
-    # Friction by tenth of the stroke, None if strokes did not pass both ways [N]
-    profile_n: tuple[float | None, ...] = ()
     # One stroke each way for the page, ``(position [m], force [N])``, a few dozen points; empty without strokes
     stroke: Mapping[str, tuple[tuple[float, float], ...]] = field(default_factory=dict)
     held: HeldLabel | None = None  # None if no model estimated the session
@@ -78,5 +86,4 @@ class SessionRow:
         indicators = {name: Indicator(**each) for name, each in content["indicators"].items()}
         stroke = {way: tuple((float(x), float(y)) for x, y in points) for way, points in content["stroke"].items()}
         held = None if content.get("held") is None else HeldLabel(**content["held"])
-        made = {"indicators": indicators, "profile_n": tuple(content["profile_n"]), "stroke": stroke, "held": held}
-        return cls(**{**content, **made})
+        return cls(**{**content, "indicators": indicators, "stroke": stroke, "held": held})

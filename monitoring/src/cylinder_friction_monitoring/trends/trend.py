@@ -1,7 +1,5 @@
 """Test one indicator of a cylinder against its baseline, and describe the change behind an alarm."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
@@ -16,11 +14,9 @@ from cylinder_friction_monitoring.trends.plan import MonitorPlan
 from cylinder_friction_monitoring.trends.reference import Reference, covariates_of, fitted
 from cylinder_friction_monitoring.trends.session_row import INDICATORS, SessionRow
 
-TESTED = tuple(INDICATORS)
-"""Indicators that share the stated rate of false alarms."""
+TESTED = tuple(INDICATORS)  # Indicators that share the stated rate of false alarms
 DAYS_A_YEAR = 365.25
-FEW = 5
-"""Number of latest sessions whose mean shows a sudden change early."""
+FEW = 5  # Number of latest sessions whose mean shows a sudden change early
 BEYOND = 5
 """Number of latest sessions too far from the baseline, from which on nothing is known of the present."""
 
@@ -81,7 +77,7 @@ class Tested:
         begins, low, high = (int(known[each]) for each in (found.begins, *found.interval))
         return Dated(**vars(found) | {"begins": begins, "interval": (low, high)})
 
-    def until(self, count: int) -> Tested:
+    def until(self, count: int) -> "Tested":
         """Go back to the test after the first ``count`` sessions."""
         own = {name: getattr(self, name)[:count] for name in ("rows", "values", "residuals", "expected")}
         return replace(self, **own)
@@ -196,7 +192,7 @@ def against_baseline(
     """
     first = slice(0, plan.baseline_sessions)
     if np.ptp(values[first]) > 0.0:
-        reference = fitted(indicator, values[first], uncertainties[first], covariates_of(rows[first]), level, plan)
+        reference = fitted(indicator, values[first], uncertainties[first], covariates_of(rows[first]), level)
     else:
         reference = Reference(level, 0.0, 0.0, 0.0, {}, np.ones(1), values[:1], np.zeros((1, 1)))
     reference = replace(reference, scatter=max(reference.scatter, least_scatter))
@@ -204,12 +200,11 @@ def against_baseline(
         return "all sessions of the baseline have the same value, so that their scatter is not known"
     design = reference.design(covariates_of(rows))
     residuals = values - np.minimum(design @ reference.coefficients, most)
-    test = cusum(reference, residuals, uncertainties, design, plan.baseline_sessions, plan.widest)
+    test = cusum(reference, residuals, uncertainties, design, plan.baseline_sessions)
     per_year = sessions_per_year(rows)
     rate = plan.false_alarms_per_year / len(TESTED)
     baseline = Baseline(
         sessions=plan.baseline_sessions,
-        needed=plan.baseline_sessions,
         first=rows[0].session,
         last=rows[plan.baseline_sessions - 1].session,
         level=reference.level,

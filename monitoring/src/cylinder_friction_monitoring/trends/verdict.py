@@ -1,7 +1,6 @@
 """Assess a cylinder: one of five answers, from the tests of all its indicators."""
 
-from __future__ import annotations
-
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -17,17 +16,13 @@ from cylinder_friction_monitoring.trends.moments import moment
 from cylinder_friction_monitoring.trends.plan import MonitorPlan
 from cylinder_friction_monitoring.trends.reference import covariates_of
 from cylinder_friction_monitoring.trends.retraining import model_bounds
-from cylinder_friction_monitoring.trends.session_row import SessionRow
+from cylinder_friction_monitoring.trends.session_row import INDICATORS, SessionRow
 from cylinder_friction_monitoring.trends.trend import BEYOND, TESTED, Tested, tested, untested
 
-UNSEEN_OIL_PERCENT = 25.0
-"""Largest change of friction by oil whose temperature nobody measures."""
-LEAK_BY_ZERO = 4.0
-"""Largest factor on the leak by a zero that moves, if pressures differ by a few bar."""
-BY_OIL = 0.3
-"""The oil is the likely cause if the viscous part explains this share of a change of friction."""
-ZERO_MOVED = 4.0
-"""Least movement of a zero that explains a leak [standard deviations of a session]."""
+UNSEEN_OIL_PERCENT = 25.0  # Largest change of friction by oil whose temperature nobody measures
+LEAK_BY_ZERO = 4.0  # Largest factor on the leak by a zero that moves, if pressures differ by a few bar
+BY_OIL = 0.3  # The oil is the likely cause if the viscous part explains this share of a change of friction
+ZERO_MOVED = 4.0  # Least movement of a zero that explains a leak [standard deviations of a session]
 RETURN_Z = 6.0
 RETURN_SHARE = 0.5
 RETURN_SESSIONS = 4
@@ -54,11 +49,11 @@ class _Alarm:
         falls = self.dated.change < 0.0 and self.name in ("leak_m3_s_pa", "profile_n")
         return falls or self.returned is not None
 
-    def with_(self, other: _Alarm) -> bool:
+    def with_(self, other: "_Alarm") -> bool:
         """Tell whether both may have begun together."""
         return self.not_after(other) and other.not_after(self)
 
-    def not_after(self, other: _Alarm) -> bool:
+    def not_after(self, other: "_Alarm") -> bool:
         """Tell whether this change may have begun before the other, or with it."""
         first, last = self.dated.interval[0], other.dated.interval[1]
         return self.test.rows[first].start <= other.test.rows[last].start
@@ -136,13 +131,10 @@ def _returned(test: Tested, at: int) -> int | None:
 
 def _not_yet(cylinder: str, rows: Sequence[SessionRow], results: Mapping[str, object], plan: MonitorPlan) -> Assessment:
     why = results["friction_n"]
-    there = max(
-        sum(row.indicators[name].value is not None for row in rows if name in row.indicators)
-        for name in TESTED
-        if name != "half_sum_n"
-    )
+    known = (name for row in rows for name, each in row.indicators.items() if each.value is not None)
+    there = max((count for name, count in Counter(known).items() if name != "half_sum_n"), default=0)
     words = sentences.not_yet(there, plan.baseline_sessions, plan.assumed_scatter, why if isinstance(why, str) else "")
-    return Assessment(cylinder, "not yet", words, more_sessions=plan.baseline_sessions - there)
+    return Assessment(cylinder, "not yet", words)
 
 
 def _quiet(cylinder: str, tests: Mapping[str, Tested]) -> Assessment:
@@ -158,10 +150,10 @@ def _quiet(cylinder: str, tests: Mapping[str, Tested]) -> Assessment:
         return Assessment(cylinder, "undecided", words, would_decide=decide)
     watched = [name for name, test in tests.items() if test.watched]
     if watched:
-        names = ", ".join(sentences.TITLES[name] for name in watched)
+        names = ", ".join(INDICATORS[name].title for name in watched)
         words = f"{names[0].upper()}{names[1:]} differs from the baseline, not yet by enough for an alarm."
         return Assessment(cylinder, "watch", words)
-    title, smallest = sentences.TITLES[main.indicator], 100.0 * main.baseline.smallest / abs(main.reference.level)
+    title, smallest = INDICATORS[main.indicator].title, 100.0 * main.baseline.smallest / abs(main.reference.level)
     words = f"No change of {title} in {monitored} sessions; lasting changes below {smallest:.0f} % cannot be found."
     return Assessment(cylinder, "fine", words if monitored else "The baseline is complete; monitoring begins.")
 
