@@ -125,8 +125,6 @@ def test_times_are_checked_within_each_recording(
         ScoringError, match=r"time_s goes on by -.* s at row 100, expected 0.005 s .* name each recording"
     ):
         score(small_served, two.drop(columns="recording"))
-    with pytest.raises(ScoringError, match=r"time_s goes on by 0.00515 s on average, expected 0.005 s"):
-        score(small_served, rows.assign(time_s=0.00515 * np.arange(100)))
     with pytest.raises(ScoringError, match=r"column 'time_s' holds '8:00' at row 0"):
         score(small_served, rows.assign(time_s="8:00"))
 
@@ -142,22 +140,6 @@ def test_a_sample_out_of_range_makes_doubtful_the_second_after_it(
     assert flags[300:].all()
     both = pd.concat([rows.assign(recording="spiked"), rows_of(labelled_recordings[0], 50).assign(recording="calm")])
     assert score(small_served, both)["in_training_range"].to_numpy()[500:].all(), "another recording is not affected"
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        (lambda rows: rows.rename(columns={"position_m": "position_mm"}), "'position_mm'.*, expected .*'position_m'"),
-        (lambda rows: rows.assign(position_m=np.nan), "position_m is nan at row 0 .5 such values in all."),
-        (lambda rows: rows.assign(recording=[["x"]] * 5), r"recording is \['x'\] at row 0"),
-    ],
-)
-def test_what_cannot_be_scored_is_refused_by_name(
-    small_served: ServedModel, labelled_recordings: list[Recording], change: object, message: str
-) -> None:
-    assert callable(change)
-    with pytest.raises(ScoringError, match=message):
-        score(small_served, change(rows_of(labelled_recordings[0], 5)))
 
 
 @settings(max_examples=40, deadline=None)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from latency import LEAD_IN_STEPS, ROUNDS, WINDOW, Runtime, TorchWindow, measure, scikit_learn_forest, table
+from latency import ROUNDS, WINDOW, TorchWindow, measure, table
 
 from cylinder_friction.estimators.front_end import FrontEndBlock
 from cylinder_friction.estimators.hybrid import forest_input
@@ -44,20 +44,6 @@ def test_every_runtime_takes_every_step_and_estimates_what_the_estimator_does(
     assert all(runtime.title in table(measured) for runtime in measured)
 
 
-def test_too_few_samples_are_refused(hybrid: HybridEstimator, samples: np.ndarray, tmp_path: Path) -> None:
-    with pytest.raises(ValueError, match="expected at least 200 samples, but got 10"):
-        measure(hybrid, samples[:10], tmp_path)
-
-
-def test_every_figure_is_one_of_the_measured_times_less_the_clock() -> None:
-    times = np.random.default_rng(0).permutation(np.arange(1, 10_001)) * 1000
-    runtime = Runtime("made", lambda samples: (samples[:, 0], times[: len(samples)]), timer_ns=500.0)
-    runtime.take_turn(np.zeros((10_000 + LEAD_IN_STEPS, 3)), len(times))
-    assert runtime.figures_us() == [4999.5, 9899.5, 9989.5, 9999.5, 1e-3 * (times[0] - 500.0)]
-    runtime.timer_ns = 1e9
-    assert runtime.figures_us() == [0.0] * 5, "never less than nothing"
-
-
 def windowed(hybrid: HybridEstimator, golden_model: StepModel, samples: np.ndarray) -> np.ndarray:
     """The estimate from a fresh network over the last ``WINDOW`` rows of features, by the library's own parts."""
     assert hybrid.parts is not None
@@ -81,11 +67,3 @@ def test_a_window_estimates_what_a_fresh_network_does(
     peer = TorchWindow(golden_model)
     newtons = [peer.step(*sample) for sample in samples[:60].tolist()]
     np.testing.assert_allclose(newtons, windowed(hybrid, golden_model, samples[:60]), rtol=0.0, atol=0.05)
-
-
-def test_the_forest_is_the_same_tree_for_tree(golden_model: StepModel) -> None:
-    assert golden_model.forest is not None
-    rows = np.random.default_rng(1).normal(size=(500, golden_model.forest.inputs)).astype(np.float32)
-    forest = scikit_learn_forest(golden_model.forest)
-    np.testing.assert_allclose(forest.predict(rows), golden_model.forest.predict(rows), rtol=1e-6, atol=1e-9)
-    assert sum(tree.tree_.node_count for tree in forest.estimators_) == len(golden_model.forest.feature)

@@ -14,6 +14,7 @@ from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.evaluation.measured_errors import errors_by_condition
+from cylinder_friction.execution.ports import free_port
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_stored
@@ -107,7 +108,7 @@ def test_errors_against_truth_are_measured_on_the_recordings_whose_truth_is_know
 
 
 def test_without_a_registry_nothing_is_decided(repository: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", "http://127.0.0.1:9")
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", f"http://127.0.0.1:{free_port()}")
     with pytest.raises(TrackingError, match=r"no MLflow store .*Connection refused.*; start the server"):
         register.run(shipped())
     assert not (repository / "models/registered.json").exists()

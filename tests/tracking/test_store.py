@@ -70,17 +70,17 @@ def test_a_repository_that_was_moved_or_copied_reads_its_own_artifacts(
     assert len(list(there.glob("mlartifacts/models/*"))) == 2
 
 
-COMMANDS = ("serve", "lineage", "rollback", "ui")
+COMMANDS = (["serve", "--port", "0"], ["lineage"], ["rollback"], ["ui"])
 
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_what_only_reads_makes_no_store(
-    command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+    command: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     monkeypatch.chdir(tmp_path)
     shutil.copy(Path(__file__).parents[2] / "params.yaml", tmp_path)
-    assert main([command]) == 1
+    assert main(command) == 1
     error = capfd.readouterr().err
     assert "mlflow.db: there is no such store; run `dvc repro`, or `cylinder-friction track`" in error
     assert error.count("\n") == 1

@@ -1,4 +1,4 @@
-"""One client: samples in, estimates and acknowledgements out. A slow reader slows only its own writing."""
+"""One client: samples in, estimates and acknowledgements out; a slow reader slows its own writer alone."""
 
 import asyncio
 import json
@@ -23,26 +23,26 @@ from cylinder_friction_live.text_forms import estimates_text, opened_text, read_
 from cylinder_friction_live.totals import Delays
 
 UNSENT_BYTES = 4 << 20
-"""Unsent bytes above which the service stops reading from a client, until the client reads."""
+"""Beyond this a client that does not read is not read from, until it does."""
 RETRY_S = 1.0
-"""Time after which a client that is refused because of the load may try again [s]."""
+"""After how long a client that is refused for the load may try again."""
 BURST_S = 10.0
-"""Duration of samples that a client may send at once, such as those of a break [s]."""
+"""So many seconds' worth of samples a client may send at once: what it kept during a break."""
 TURN_S = 2e-3
-"""Time for one client's messages before other clients and the journal have their turn [s]."""
+"""How long the messages of one client may take before others, and what keeps and acknowledges, have their turn."""
 PATIENCE_S = 0.05
-"""Time for which a writer is held back before the next check [s]."""
+"""How long a writer is held back before it is looked at again."""
 
 
 class ClientGoneError(Exception):
-    """The client has disconnected."""
+    """The client has left."""
 
 
 class Transport(Protocol):
     """What carries whole messages to and from one client: frames as bytes, JSON as text."""
 
     async def receive(self) -> bytes | str:
-        """Wait for the next message; raises ``ClientGoneError`` if there will be none."""
+        """Return the next message; raises ``ClientGoneError`` when there will be none."""
         ...
 
     async def send(self, message: bytes | str) -> None:
@@ -51,7 +51,7 @@ class Transport(Protocol):
 
 
 class Peers:
-    """All connections, the counts of refusals, and whether the service is ending."""
+    """All connections, how often what was refused, and whether the service is ending."""
 
     def __init__(self, events: Events | None = None) -> None:
         self.events = events or Events()
@@ -62,18 +62,18 @@ class Peers:
         self._connected: set[Connection] = set()
 
     def enter(self, connection: "Connection") -> None:
-        """Register a new connection."""
+        """Note a connection that has begun."""
         self._connected.add(connection)
         self.connections += 1
 
     async def sent(self, within_s: float) -> None:
-        """Wait until all messages for clients are sent, at most ``within_s``."""
+        """Wait until all that waits for clients is on its way, ``within_s`` at most."""
         deadline_s = time.monotonic() + within_s
         while any(each.unsent for each in self._connected) and time.monotonic() < deadline_s:
             await asyncio.sleep(0.01)
 
     def take_over(self, session: LiveSession, connection: "Connection") -> None:
-        """Give a session to a connection; the previous connection gets a note, and nothing more of the session."""
+        """Give a session to a connection; the one before gets a note, and nothing more of it."""
         before = session.owner
         if before is not None and before is not connection:
             before.lost(session)
@@ -81,7 +81,7 @@ class Peers:
         session.owner = connection
 
     def leave(self, connection: "Connection", sessions: Iterable[LiveSession]) -> None:
-        """Remove a connection that has ended; its sessions stay open."""
+        """Forget a connection that has ended; its sessions stay open."""
         self._connected.discard(connection)
         self.connections -= 1
         for session in sessions:
@@ -90,35 +90,35 @@ class Peers:
 
 
 class Pace:
-    """The rate at which one client sends, and its limit."""
+    """How fast one client sends, against how fast it may."""
 
     def __init__(self, rows_per_s: float) -> None:
         self._row_s, self._paid_until_s = 1.0 / rows_per_s, 0.0
 
     def count(self, rows: int, now_s: float) -> None:
-        """Count samples that have come."""
+        """Note samples that have come."""
         self._paid_until_s = max(self._paid_until_s, now_s - BURST_S) + rows * self._row_s
 
     def is_ahead(self, now_s: float) -> bool:
-        """Check whether the client has sent more than its limit allows so far."""
+        """Return whether the client has sent more than it may by now."""
         return self._paid_until_s > now_s
 
 
 class Connection:
-    """A client. It opens sessions by text, then sends text or frames, and gets estimates in the same form."""
+    """A client. It opens sessions by text, then sends frames; either way estimates come back as samples came."""
 
     def __init__(self, transport: Transport, service: LiveService, peers: Peers, client: str = "") -> None:
         self.client = client
         self._pace = Pace(service.limits.rows_per_s)
         self._transport, self._service, self._peers = transport, service, peers
         self._frames: list[bytes] = []
-        self._came_s = 0.0  # Arrival of the first message whose estimates are not sent yet
+        self._came_s = 0.0  # When the first message came whose estimates wait to be sent
         self._texts: list[str] = []
         self._in_text: set[str] = set()  # Sessions whose client last sent text
         self.unsent, self._waiting = 0, asyncio.Event()
 
     async def run(self) -> None:
-        """Serve the client until it disconnects."""
+        """Serve the client until it leaves."""
         if self._peers.connections >= self._service.limits.connections:
             self._peers.refused["connections"] += 1
             self._peers.events.note("connection refused", client=self.client, kind="connections")
@@ -138,7 +138,7 @@ class Connection:
                 if self._frames and not self._came_s:
                     self._came_s = came_s
                 busy_s += time.monotonic() - came_s
-                if busy_s > TURN_S:  # if more messages are waiting, nothing else gives others their turn
+                if busy_s > TURN_S:  # where more has come already, nothing else would let others have theirs
                     busy_s = 0.0
                     await asyncio.sleep(0.0)
                 while self._is_too_fast():

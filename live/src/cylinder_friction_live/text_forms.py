@@ -1,4 +1,4 @@
-"""JSON forms of the frames, for people and for opening sessions."""
+"""The same as the frames in JSON, for people and for opening sessions."""
 
 import json
 import math
@@ -19,23 +19,23 @@ EXPECTED = f"expected {_OPEN} or {_SAMPLES}"
 
 @dataclass(frozen=True)
 class TextMessage:
-    """A client's request in JSON: to open a session, or to take samples of an open one."""
+    """What a client asks for in words: to open a session, or to take samples of an open one."""
 
     opens: bool
     session: str
     inputs: tuple[str, ...] = ()
     sample_time_s: float = 0.0
-    estimates_from: int | None = None  # First index without an estimate at the client; None: only new estimates
+    estimates_from: int | None = None  # The first index whose estimate the client has not read; None: what is to come
     index: int = 0
     time_s: float = 0.0
     samples: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def read_text(text: str) -> TextMessage:
-    """Parse a text; a null value is no number, as from a broken wire.
+    """Return what a text states; a value that is null is no number, as of a broken wire.
 
     Raises:
-        LiveError: The text has neither form.
+        LiveError: It is neither of both forms.
     """
     try:
         content = json.loads(text)
@@ -61,7 +61,7 @@ def read_text(text: str) -> TextMessage:
 
 
 def _of(kind: type | tuple[type, ...], value: Any) -> Any:
-    """Check the kind of a JSON value: true is no number, and neither is text that looks like one."""
+    """Return a value of JSON that is of this kind: true is no number, and neither is text that looks like one."""
     if isinstance(value, bool) or not isinstance(value, kind):
         raise TypeError(value)
     return value
@@ -78,7 +78,7 @@ def _index(value: Any) -> int:
 
 
 def opened_text(session: LiveSession) -> str:
-    """Write the reply to an opened session: its handle, the index to send from, and why it begins anew, if so."""
+    """Return the reply to an opened session: its handle, the index to send from, and why it begins anew, if it does."""
     opened = {
         "session": session.name,
         "handle": session.handle,
@@ -92,7 +92,7 @@ def opened_text(session: LiveSession) -> str:
 
 
 def estimates_text(session: LiveSession, block: EstimateBlock) -> str:
-    """Write estimates as JSON, flags by name."""
+    """Return estimates as JSON, flags by name."""
     columns = dict(zip(("friction_n", "lower_n", "upper_n"), block.newtons.T.tolist(), strict=True))
     flags = [list(Flag.names(flags)) for flags in block.flags.tolist()]
     return json.dumps({"estimates": {"session": session.name, "index": block.index, **columns, "flags": flags}})

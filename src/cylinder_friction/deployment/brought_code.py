@@ -1,4 +1,4 @@
-"""Contents of a served model: the package's code that it runs, its requirements and its metadata."""
+"""What a served model brings along: the code of the package that it runs, and words about it."""
 
 import shutil
 from importlib.metadata import version
@@ -18,9 +18,9 @@ SERVED_MODULES = (
     "cylinder_friction.deployment.scoring",
     "cylinder_friction.estimators.loading",
 )
-"""Modules that the served model runs; the model contains them, and all modules that they import."""
+"""What the served model's code imports; the model brings these modules along, and whatever they import."""
 REQUIREMENTS = ("mlflow", "numba", "numpy", "onnx", "pandas", "pyarrow", "pyyaml", "scipy", "tqdm")
-"""Packages that the served model needs to load and to estimate; neither torch nor scikit-learn is among them."""
+"""What loading the served model and estimating with it imports; neither torch nor scikit-learn."""
 
 
 def copy_package(folder: Path) -> Path:
@@ -35,14 +35,14 @@ def copy_package(folder: Path) -> Path:
 
 
 def requirements_of(kind: str) -> list[str]:
-    """List the packages that a model needs; an estimator of another package needs that package too."""
+    """Return what has to be installed for a model; an estimator of another package needs that package too."""
     own = own_kinds()[kind].dist if kind in own_kinds() else None
     named = [f"{name}=={version(name)}" for name in REQUIREMENTS]
     return named if own is None else [*named, f"{own.name}=={own.version}"]
 
 
-def model_metadata(model: StepModel) -> dict[str, Any]:
-    """Collect the metadata of the logged model: its inputs, sample time and bounds."""
+def described(model: StepModel) -> dict[str, Any]:
+    """Return the metadata of the logged model: what it takes, how often, and what its bounds hold."""
     optional = {
         RECORDING_COLUMN: "optional: the name of each row's recording, whose rows follow each other",
         TIME_COLUMN: "optional: each row's time, to be checked [s]",

@@ -1,4 +1,4 @@
-"""Loading a saved estimator of any kind."""
+"""Loading of a saved estimator of whichever kind."""
 
 from pathlib import Path
 
@@ -19,18 +19,14 @@ KINDS = (
     PressureLugreEstimator,
     RidgeEstimator,
 )
-"""The modules of all estimators of this package. Importing a class registers its kind."""
+"""Every kind of estimator of this package; importing a class makes its kind known to ``FrictionEstimator.load``."""
 
 
 def load_estimator(folder: str | Path) -> FrictionEstimator:
-    """Load the estimator saved in a folder, of any kind, registered kinds of other packages included.
-
-    The folder holds plain files only: JSON, ONNX and NumPy arrays, never a pickle. Hashes of all files are checked. A
-    loaded estimator estimates bit for bit as before ``save``; it cannot be fitted further without its cylinder.
+    """Return the estimator saved in ``folder``, of whichever kind it is.
 
     Raises:
         FileNotFoundError: The folder holds no saved estimator.
-        SavedModelError: A file was changed or is damaged.
         ValueError: The kind is not known.
 
     Example:

@@ -1,4 +1,4 @@
-"""The contents of figures and report, computed once from a comparison."""
+"""Everything figures and report show, computed once from a comparison."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ from cylinder_friction.evaluation.views import (
 
 @dataclass(frozen=True, eq=False)
 class Analysis:
-    """A comparison and all results that are derived from it."""
+    """A comparison with everything that is derived from it."""
 
-    comparison: Comparison  # The comparison that the rest is derived from
+    comparison: Comparison  # The source of all the rest
     main: str  # The estimator in question (the hybrid)
     rival: str  # The model beside it (LuGre)
     curves: Mapping[str, LearningCurve]  # Learning curve of each hybrid
@@ -43,7 +43,8 @@ class Analysis:
     profiles: dict[str, VelocityProfile]  # Friction against velocity, by condition
     residuals: dict[str, ResidualFigures]  # Figures of every estimator's residuals over all conditions
     dependences: dict[str, dict[str, float]]  # Correlation of every estimator's residuals with each input
-    # Autocorrelations of ``main`` and ``rival``, with the half width of the 95 % band of independent residuals
+    # Of ``main`` and ``rival``; a memory is an autocorrelation and the half width of the 95 % band that independent
+    # residuals would keep to
     histograms: dict[str, Histogram]
     quantiles: dict[str, tuple[Array, Array]]
     memories: dict[str, tuple[Array, float]]
@@ -56,7 +57,7 @@ class Analysis:
 def analyse(
     comparison: Comparison, main: str, rival: str, curves: Mapping[str, LearningCurve], duration_s: float, lags: int
 ) -> Analysis:
-    """Analyse a comparison, with excerpts of ``duration_s`` and ``lags`` samples of autocorrelation.
+    """Return the analysis of a comparison, with excerpts of ``duration_s`` and ``lags`` samples of autocorrelation.
 
     Raises:
         KeyError: ``main`` or ``rival`` was not compared.
@@ -90,7 +91,7 @@ def analyse(
 
 
 def _inputs(comparison: Comparison) -> dict[str, Array]:
-    """Collect the inputs that residuals may depend on, laid out like ``Comparison.residuals``."""
+    """Return what residuals may still depend on, laid out as ``Comparison.residuals`` lays out its values."""
     masks = [trace.usable for trace in comparison.traces]
     columns = {
         "velocity": [trace.velocity_m_s for trace in comparison.traces],

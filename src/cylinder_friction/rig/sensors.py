@@ -29,7 +29,7 @@ def measure(
     *,
     load_cell: bool = False,
 ) -> pd.DataFrame:
-    """Measure a trace as the logger does: columns ``LOGGER_COLUMNS``, in seconds, bar, millimetres and °C.
+    """Return the logger's table, columns ``LOGGER_COLUMNS``, in seconds, bar, millimetres and degrees Celsius.
 
     Args:
         sensors: Their parameters.
@@ -72,11 +72,7 @@ def measure(
 
 
 def as_written(table: pd.DataFrame) -> pd.DataFrame:
-    """Round a logger's table to the ``DECIMALS`` of its file, so that it equals the table read back from the file.
-
-    Use it to work on a simulated recording without writing it: the numbers are the same bits. Columns stay as they are,
-    in seconds, bar, millimetres, degrees Celsius and newtons.
-    """
+    """Return a logger's table as it reads from the logger's file, each number rounded to ``DECIMALS``."""
     columns = {}
     for name in table.columns:
         # A converter gives few values, so that only these need be written out; rounding in binary would differ at ties.
@@ -91,7 +87,7 @@ def write_logger_csv(path: Path, table: pd.DataFrame) -> None:
 
 
 def _transmitted(sensors: SensorParameters, trace: pd.DataFrame, side: int, log_step_s: float) -> Array:
-    """Compute the pressure that a transmitter follows [Pa]: that of its chamber and, at a valve, what the line loses.
+    """Return the pressure that a transmitter follows [Pa]: that of its chamber and, at a valve, what the line loses.
 
     Oil that flows into the chamber makes the pressure at the valve higher than the chamber's, oil that flows out lower.
     """
@@ -104,7 +100,7 @@ def _transmitted(sensors: SensorParameters, trace: pd.DataFrame, side: int, log_
 
 
 def _late(values: Array, lag_s: float, step_s: float) -> Array:
-    """Pass values through a first-order lag, in its steady state at the first value."""
+    """Return values behind a first-order lag, in its steady state at the first of them."""
     keep = np.exp(-step_s / lag_s)
     late, _ = signal.lfilter([1.0 - keep], [1.0, -keep], values, zi=[keep * values[0]])
     return np.asarray(late)
@@ -113,7 +109,7 @@ def _late(values: Array, lag_s: float, step_s: float) -> Array:
 def _thermometer(
     sensors: SensorParameters, trace: pd.DataFrame, log_step_s: float, stride: int, generator: Generator
 ) -> Array:
-    """Compute the reading of the Pt100 in its well [°C]: late by its time constant, wrong by its offset."""
+    """Return what the Pt100 in its well reads [°C]: late by its time constant, off by its offset."""
     late_c = _late(trace["oil_temperature_c"].to_numpy(), sensors.temperature_lag_s, log_step_s)
     seen_c = late_c[::stride] + sensors.temperature_offset_c
     seen_c += generator.normal(0.0, sensors.temperature_noise_c, len(seen_c))
@@ -121,7 +117,7 @@ def _thermometer(
 
 
 def _potentiometer(sensors: SensorParameters, position_m: Array) -> Array:
-    """Compute the wiper's reading: the backlash of the coupling, then the linearity error of the resistive element."""
+    """Return the wiper's reading: the backlash of the coupling, then the linearity error of the resistive element."""
     wiper_m = np.asarray(_backlash(position_m, sensors.backlash_m))
     angle = np.pi * wiper_m / sensors.position_span_m
     first, second = sensors.linearity_m
@@ -139,7 +135,7 @@ def _backlash(position_m: Any, backlash_m: float) -> Any:
 
 
 def _anti_alias(values: Array, step_s: float, corner_hz: float) -> Array:
-    """Pass values through a second-order Butterworth low-pass, in its steady state at the first value."""
+    """Return the values behind a second-order Butterworth low-pass, in its steady state at the first of them."""
     sections = signal.butter(2, corner_hz, fs=1.0 / step_s, output="sos")
     start = signal.sosfilt_zi(sections) * values[0]
     filtered, _ = signal.sosfilt(sections, values, zi=start)

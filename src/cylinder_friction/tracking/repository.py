@@ -3,10 +3,8 @@
 import subprocess
 from pathlib import Path
 
-from cylinder_friction.refusal import RefusalError
 
-
-class TrackingError(RefusalError, RuntimeError):
+class TrackingError(RuntimeError):
     """The tracking store cannot be reached, or what is to be logged is not there."""
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from cylinder_friction.deployment.c_export.compiled import NoCompilerError, compile_library, find_compiler
 from cylinder_friction.deployment.c_export.export import SOURCE, ExportedC, export_c, export_model, part_of
-from cylinder_friction.deployment.rendering import model_hash, number
+from cylinder_friction.deployment.rendering import model_hash
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.realtime.model import StepModel
@@ -234,16 +234,3 @@ def test_what_cannot_be_exported_says_why(
         part_of(part_of(golden_model, "base"), "lstm")
     with pytest.raises(ValueError, match=r"name must be lower-case letters.*but got 'Friction'"):
         export_model(golden_model, tmp_path, "Friction")
-
-
-def test_literals_read_back_to_the_same_number() -> None:
-    generator = np.random.default_rng(0)
-    values = generator.normal(size=200) * 10.0 ** generator.integers(-30, 30, 200)
-    for value in [*values.tolist(), 0.0, 1.0, 1e30, 1e-30]:
-        assert float(number(value, "double")) == value
-        single = number(value, "float")
-        assert single.endswith("f")
-        assert np.float32(single[:-1]) == np.float32(value)
-        assert re.search(r"[.e]", single[:-1])
-    with pytest.raises(ValueError, match="expected a finite float for the C source, but got nan"):
-        number(float("nan"), "float")

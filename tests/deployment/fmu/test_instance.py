@@ -1,6 +1,7 @@
 """The FMU at work: Python's numbers, saved states, several instances, and refusals with a reason."""
 
 import math
+from collections.abc import Callable
 
 import pytest
 from fmpy.fmi1 import FMICallException
@@ -91,23 +92,40 @@ def test_a_stored_state_that_does_not_fit_is_refused(instance: FmuInstance, harm
     assert said in instance.log[-1]
 
 
-@pytest.mark.parametrize("step_s", [0.01, 0.005 * (1.0 + 2e-6), math.nan])
-def test_a_wrong_step_size_is_refused_and_changes_nothing(
-    instance: FmuInstance, samples: Samples, step_s: float
-) -> None:
-    instance.initialize()
+STEP = "DoStep: expected a communication step size of 0.005 s, the sample time that the model was trained at, but got"
+POINT = "expected the current communication point at 0.05 s, where the last step ended, but got"
+REFUSED: dict[str, tuple[Callable[[FmuInstance], object], str]] = {
+    **{
+        f"a step of {step_s}": (lambda it, step_s=step_s: it.do_step(it.time_s, step_s), f"{STEP} {step_s:.9g} s")
+        for step_s in (0.01, 0.005 * (1.0 + 2e-6), math.nan)
+    },
+    **{
+        f"a step from {point_s}": (lambda it, at_s=point_s: it.do_step(at_s, 0.005), f"{POINT} {point_s:.9g} s")
+        for point_s in (0.045, 0.055, math.nan)
+    },
+    "a step past the stop time": (
+        lambda it: it.step((1e6, 1e6, 0.1)),
+        "expected a step that ends by the stop time of 0.05 s, but got one to 0.055 s",
+    ),
+    "a mode that is over": (lambda it: it.raw.enterInitializationMode(), "is not allowed in the state: step mode"),
+    "warm-up in step mode": (lambda it: it.set_integer("warm_up_steps", 1), "is not allowed in the state: step mode"),
+    "an output that is set": (
+        lambda it: it.set_real(("friction",), (1.0,)),
+        "is not an input; the inputs are pressure_1",
+    ),
+    "a number read as a truth": (lambda it: it.get_boolean("friction"), ""),
+}
+
+
+@pytest.mark.parametrize("call", REFUSED)
+def test_what_does_not_fit_is_refused_and_changes_nothing(instance: FmuInstance, samples: Samples, call: str) -> None:
+    refused, said = REFUSED[call]
+    instance.initialize(stop_s=0.05)
     before = [instance.step(sample) for sample in samples[:10]]
     with pytest.raises(FMICallException):
-        instance.do_step(instance.time_s, step_s)
-    said = (
-        "DoStep: expected a communication step size of 0.005 s, the sample time that the model was trained at, but got"
-    )
-    assert f"{said} {step_s:.9g} s" in instance.log[-1]
+        refused(instance)
+    assert said in (instance.log[-1] if said else "")
     assert instance.outputs() == before[-1]
-    after = instance.step(samples[10])
-    instance.reset()
-    instance.initialize()
-    assert [instance.step(sample) for sample in samples[:11]][-1] == after
 
 
 def test_a_step_size_off_by_rounding_is_taken(instance: FmuInstance, samples: Samples) -> None:
@@ -119,64 +137,23 @@ def test_a_step_size_off_by_rounding_is_taken(instance: FmuInstance, samples: Sa
     assert instance.log == []
 
 
-@pytest.mark.parametrize("point_s", [0.045, 0.055, math.nan], ids=["back", "ahead", "nan"])
-def test_a_step_from_another_time_is_refused(instance: FmuInstance, samples: Samples, point_s: float) -> None:
-    instance.initialize()
-    for sample in samples[:10]:
-        instance.step(sample)
-    with pytest.raises(FMICallException):
-        instance.do_step(point_s, 0.005)
-    said = f"expected the current communication point at 0.05 s, where the last step ended, but got {point_s:.9g} s"
-    assert said in instance.log[-1]
-
-
-def test_a_step_past_the_stop_time_is_refused(instance: FmuInstance, samples: Samples) -> None:
-    instance.initialize(stop_s=0.05)
-    for sample in samples[:10]:
-        instance.step(sample)
-    with pytest.raises(FMICallException):
-        instance.step(samples[10])
-    assert "expected a step that ends by the stop time of 0.05 s, but got one to 0.055 s" in instance.log[-1]
-
-
-def test_calls_out_of_order_are_refused(instance: FmuInstance) -> None:
+def test_calls_out_of_order_and_unknown_variables_are_refused(instance: FmuInstance) -> None:
+    for steps in (-1, 10_000_001):
+        with pytest.raises(FMICallException):
+            instance.set_integer("warm_up_steps", steps)
+        assert f"expected warm_up_steps from 0 to 10000000, but got {steps}" in instance.log[-1]
     with pytest.raises(FMICallException):
         instance.do_step(0.0, 0.005)
     assert "DoStep is not allowed in the state: instantiated" in instance.log[-1]
     instance.initialize()
-    with pytest.raises(FMICallException):
-        instance.raw.enterInitializationMode()
-    assert "is not allowed in the state: step mode" in instance.log[-1]
-    with pytest.raises(FMICallException):
-        instance.set_integer("warm_up_steps", 1)
-    instance.raw.terminate()
-    with pytest.raises(FMICallException):
-        instance.do_step(0.0, 0.005)
-    assert "DoStep is not allowed in the state: terminated" in instance.log[-1]
-
-
-@pytest.mark.parametrize("steps", [-1, 10_000_001])
-def test_warm_up_steps_have_limits(instance: FmuInstance, steps: int) -> None:
-    with pytest.raises(FMICallException):
-        instance.set_integer("warm_up_steps", steps)
-    assert f"expected warm_up_steps from 0 to 10000000, but got {steps}" in instance.log[-1]
-
-
-def test_outputs_cannot_be_set_and_unknown_variables_are_named(instance: FmuInstance) -> None:
-    instance.initialize()
-    with pytest.raises(FMICallException):
-        instance.set_real(("friction",), (1.0,))
-    reference = instance.fmu.references["friction"]
-    assert (
-        f"value reference {reference} is not an input; the inputs are pressure_1, pressure_2, position"
-        in instance.log[-1]
-    )
     instance.fmu.references["nothing"] = 99
     with pytest.raises(FMICallException):
         instance.get_real("nothing")
     assert "no such variable: value reference 99" in instance.log[-1]
+    instance.raw.terminate()
     with pytest.raises(FMICallException):
-        instance.get_boolean("friction")
+        instance.do_step(0.0, 0.005)
+    assert "DoStep is not allowed in the state: terminated" in instance.log[-1]
 
 
 def test_another_models_token_is_refused(opened: ExtractedFmu, capfd: pytest.CaptureFixture[str]) -> None:

@@ -1,1 +1,1 @@
-"""Inspection of logger files: the findings of all checks and views, before anything is trained on them."""
+"""What every check and view finds in logger files before anything is trained on them."""
