@@ -29,7 +29,7 @@ import numpy as np
 
 import cylinder_friction as cf
 from cylinder_friction.arrays import Array
-from cylinder_friction.commands.estimate import cylinder_of
+from cylinder_friction.commands.log_options import cylinder_of
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.baselines import baselines
 from cylinder_friction.estimators.front_end import Design

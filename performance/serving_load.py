@@ -27,7 +27,7 @@ import numpy as np
 import psutil
 
 from cylinder_friction.deployment.child_server import child_server
-from cylinder_friction.deployment.golden_recording import recorded
+from cylinder_friction.deployment.golden_recording import golden_content
 from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.execution.ports import free_port
 
@@ -69,7 +69,7 @@ class Server:
 def bodies(estimator: Path) -> dict[int, bytes]:
     """Return the requests by their number of rows."""
     model = load_estimator(estimator).step_model()
-    samples = np.tile(recorded(model)["samples"], (max(ROWS) // 800, 1))  # it begins where it ends
+    samples = np.tile(golden_content(model)["samples"], (max(ROWS) // 800, 1))  # it begins where it ends
     tables = {rows: {"columns": list(model.inputs), "data": samples[:rows].tolist()} for rows in ROWS}
     return {rows: json.dumps({"dataframe_split": table}).encode() for rows, table in tables.items()}
 

@@ -23,9 +23,19 @@ sys.meta_path.insert(0, Absent())
 from cylinder_friction.commands.cli import main
 """
 NEED_EXTRAS = (
+    "commands.lineage",
+    "commands.params",
+    "commands.promote",
+    "commands.rollback",
+    "commands.serve",
+    "commands.stage",
+    "commands.track",
+    "commands.ui",
+    "deployment.mlflow_ui",
     "deployment.scoring_model",
     "estimators.training",
     "execution.cluster",
+    "params.composing",
     "reporting.search_figures",
     "service",
     "stages",

@@ -9,7 +9,7 @@ import pytest
 
 from cylinder_friction.commands.cli import main
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.deployment.brought_code import described
+from cylinder_friction.deployment.brought_code import model_metadata
 from cylinder_friction.deployment.c_export.export import export_c
 from cylinder_friction.deployment.fmu.variables import fmu_variables
 from cylinder_friction.estimators.hybrid import HybridEstimator
@@ -38,7 +38,7 @@ def stated(request: pytest.FixtureRequest, small_hybrid: HybridEstimator, tmp_pa
 def sentence(estimator: HybridEstimator, holds: str) -> str:
     assert estimator.bounds is not None
     words = estimator.bounds.in_words()
-    assert words.startswith("friction lies between" if holds == "friction" else "the label lies between")
+    assert words.startswith("they hold friction" if holds == "friction" else "they hold the label")
     assert ("nothing was stated" in words) == (holds == "label")
     return words
 
@@ -56,7 +56,7 @@ def test_exported_code_and_its_descriptions(stated, tmp_path: Path, cylinder: Cy
 def test_the_served_model(stated) -> None:
     estimator, _, holds = stated
     words = sentence(estimator, holds)
-    assert described(estimator.step_model())["bounds"] == words
+    assert model_metadata(estimator.step_model())["bounds"] == words
 
 
 def test_estimate_with_a_model(
@@ -80,8 +80,8 @@ def test_estimate_without_a_model(
     assert "bounds   none: nothing is stated about the sensors, so that their zeros are not" in capsys.readouterr().out
     main([*command, "--sensor-class", "0.5"])
     assert (
-        "bounds   friction lies between them in about 95 % of the rows (k = 2: sensors as stated, smoothing, load, "
-        "sensor offset); assumed, not stated: pressure_1_pa ± 0.5 % of 250 bar, pressure_2_pa ± 0.5 % of 250 bar\n"
+        "bounds   they hold friction in about 95 % of the rows (k = 2: smoothing, load, sensor offset), if the sensors "
+        "are as stated; assumed, not stated: pressure_1_pa ± 0.5 % of 250 bar, pressure_2_pa ± 0.5 % of 250 bar\n"
     ) in capsys.readouterr().out
     assert main([*command, "--sensor-class", "0"]) == 1
     assert "sensor class: got 0, expected a number above 0" in capsys.readouterr().err

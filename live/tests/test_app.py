@@ -26,10 +26,10 @@ from cylinder_friction.files.whole_files import write_json
 from cylinder_friction_live.access import Access
 from cylinder_friction_live.app import HISTORY_FOLDER
 from cylinder_friction_live.client import Client, LiveClientError
-from cylinder_friction_live.command import JOURNAL_FILE
 from cylinder_friction_live.frames import SampleBlock, pack_samples
 from cylinder_friction_live.history import move_into_history
 from cylinder_friction_live.journal import Journal
+from cylinder_friction_live.start import JOURNAL_FILE
 from live_process import PATIENT, stalled_client
 from live_service import running
 

@@ -22,9 +22,9 @@ def send(service: LiveService, name: str, samples: Array, begin: int, end: int) 
 
 def test_what_could_not_be_kept_is_kept_later(service: LiveService, samples: Array, tmp_path: Path) -> None:
     session = send(service, "press", samples, 0, 66)
-    saved, _ = service.unkept([session])
+    saved, _ = service.take_pending([session])
     send(service, "press", samples, 66, 99)
-    service.not_kept(saved, "database or disk is full")
+    service.requeue(saved, "database or disk is full")
     assert (service.keeps_not_because, service.unkept_rows) == ("database or disk is full", 99)
     service.keep()
     assert (service.keeps_not_because, service.unkept_rows, session.kept_index) == ("", 0, 99)

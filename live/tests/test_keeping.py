@@ -2,7 +2,7 @@
 
 import asyncio
 
-from cylinder_friction_live.keeping import kept_running
+from cylinder_friction_live.keeping import keep_running
 from cylinder_friction_live.service import LiveService
 
 
@@ -16,7 +16,7 @@ def test_a_job_that_ends_makes_the_service_not_ready_until_it_runs_again(service
         await asyncio.Event().wait()
 
     async def until_ready() -> None:
-        running = asyncio.create_task(kept_running(service, "history", job))
+        running = asyncio.create_task(keep_running(service, "history", job))
         while len(runs) < 3 or service.ended_jobs:
             await asyncio.sleep(0.01)
         running.cancel()

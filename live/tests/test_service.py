@@ -175,7 +175,7 @@ def test_estimates_are_given_again_once(service: LiveService, newtons: Array, sa
         return np.vstack([block.newtons for block in service.given_from(session, 30)])
 
     service.receive(blocks(session, samples, 0, 200))
-    saved, chunks = service.unkept([session])
+    saved, chunks = service.take_pending([session])
     service.receive(blocks(session, samples, 200, 300))
     for step in (lambda: None, lambda: service.journal.keep(saved, chunks), lambda: service.kept(saved), service.keep):
         step()
@@ -254,7 +254,7 @@ def test_a_time_that_is_none_stops_no_other_session(service: LiveService, sample
     for name in ("bad", "good"):
         session = opened(service, name)
         service.receive(blocks(session, samples, 0, 7))
-    service.sessions["bad"].unkept[0].time_s = 1e300
+    service.sessions["bad"].pending[0].time_s = 1e300
     service.keep()
     files = move_into_history(service.journal, tmp_path / "history")
     days = {path.parent.relative_to(tmp_path / "history").as_posix() for path in files}

@@ -10,13 +10,13 @@ Mask = NDArray[np.bool_]
 
 
 def true_runs(mask: Mask) -> NDArray[np.int64]:
-    """Return the first place of each run of true values and the one behind its last, shape ``(runs, 2)``."""
+    """Find the first place of each run of true values and the place behind its last, shape ``(runs, 2)``."""
     padded = np.concatenate([[False], mask, [False]])
     return np.flatnonzero(padded[1:] != padded[:-1]).reshape(-1, 2)
 
 
 def sliding_extremes(values: Array, width: int) -> tuple[Array, Array]:
-    """Return the least and the greatest value within ``width`` samples around each, fewer at the ends, each ``(n,)``.
+    """Find the least and the greatest value within ``width`` samples around each, fewer at the ends, each ``(n,)``.
 
     ``width // 2`` of them lie before the sample. Spans double from pass to pass; no value is NaN.
     """
@@ -33,7 +33,7 @@ def _sliding_greatest(values: Array, width: int) -> Array:
 
 
 def sliding_mean(values: Array, width: int) -> Array:
-    """Return the mean over the samples that ``sliding_extremes`` looks at, shape ``(n,)``."""
+    """Compute the mean over the samples that ``sliding_extremes`` looks at, shape ``(n,)``."""
     row, sums = np.arange(len(values)), np.concatenate([[0.0], np.cumsum(values - values[0])])
     first, end = np.maximum(row - width // 2, 0), np.minimum(row + (width + 1) // 2, len(values))
     return np.asarray(values[0] + (sums[end] - sums[first]) / (end - first))

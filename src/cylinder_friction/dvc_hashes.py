@@ -32,14 +32,14 @@ def locked_hashes(text: str) -> dict[str, str]:
 
 
 def hashes_in(root: Path) -> dict[str, str]:
-    """Return what the ``dvc.lock`` of a folder states, nothing if there is none; see ``locked_hashes``."""
+    """Read the ``dvc.lock`` of a folder, see ``locked_hashes``; empty if there is none."""
     path = root / LOCK_FILE
     return locked_hashes(path.read_bytes().decode(errors="replace")) if path.is_file() else {}
 
 
 def dvc_hash(path: Path) -> str:
     """Hash a file or a folder (``.dir`` at the hash's end) as DVC does; reads every byte."""
-    from dvc_data.hashfile.build import build
+    from dvc_data.hashfile.build import build  # DVC: an extra, and slow
     from dvc_data.hashfile.db import HashFileDB
     from dvc_objects.fs.local import LocalFileSystem
 
@@ -59,7 +59,7 @@ def known_hash(path: Path, root: Path = Path()) -> str:
 
 
 def data_hashes(folders: Sequence[str]) -> dict[str, str]:
-    """Return the hashes of folders of data that ``dvc.lock`` states.
+    """Look up the hashes of folders of data in ``dvc.lock``.
 
     Raises:
         RecordingError: ``dvc.lock`` is not there or does not know one of the folders.

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from cylinder_friction.refusal import RefusalError
+
 BROUGHT_BY = {
     "torch": ("train", "pipeline"),
     "sklearn": ("train", "pipeline"),
@@ -21,12 +23,12 @@ BROUGHT_BY = {
 """Module to extras, the smallest first, for everything but the readers of formats, which name theirs themselves."""
 
 
-class MissingExtraError(ModuleNotFoundError):
+class MissingExtraError(RefusalError, ModuleNotFoundError):
     """A library of an extra is not installed; the message holds the command that installs it."""
 
 
 def not_installed(package: str, extra: str) -> str:
-    """Return what is missing and the command for it, in quotes that every shell knows."""
+    """State what is missing and the command that installs it, in quotes that every shell knows."""
     return f'{package}, which is not installed; pip install "cylinder-friction[{extra}]"'
 
 

@@ -18,7 +18,7 @@ _LONGEST_PATH = 100
 
 
 def code_key(*modules: str, packages: Mapping[str, Path] = PACKAGES) -> str:
-    """Return a SHA-256 over every file that decides what ``modules`` do, for the key of a result that they computed."""
+    """Hash every file that decides what ``modules`` do, for the key of a result that they computed (SHA-256)."""
     digest = hashlib.sha256()
     for path in used_files(*modules, packages=packages):
         digest.update(relative_to_source(path, packages).as_posix().encode() + b"\0")
@@ -27,7 +27,7 @@ def code_key(*modules: str, packages: Mapping[str, Path] = PACKAGES) -> str:
 
 
 def used_files(*modules: str, packages: Mapping[str, Path] = PACKAGES) -> tuple[Path, ...]:
-    """Return the files of ``modules`` and of everything they import, transitively, sorted.
+    """List the files of ``modules`` and of everything they import, transitively, sorted.
 
     Imports inside functions count, imports for type checking do not. A string that names a module, or a file or a
     folder of data beside the module (templates, C sources, a worker script), counts as an import. The ``__init__``
@@ -64,7 +64,7 @@ def used_files(*modules: str, packages: Mapping[str, Path] = PACKAGES) -> tuple[
 
 
 def imported_modules(module: str, packages: Mapping[str, Path] = PACKAGES, *, type_checking: bool = False) -> set[str]:
-    """Return the modules of ``packages`` that a module itself imports, anywhere in its code.
+    """Find the modules of ``packages`` that a module itself imports, anywhere in its code.
 
     Args:
         module: Dotted name.
@@ -89,7 +89,7 @@ def remove_stale_machine_code(packages: Mapping[str, Path] = PACKAGES) -> None:
 
 
 def module_path(module: str, packages: Mapping[str, Path] = PACKAGES) -> Path | None:
-    """Return a module's file; None if none of the packages has such a module."""
+    """Find a module's file; None if none of the packages has such a module."""
     source = packages.get(module.partition(".")[0])
     if source is None:
         return None
@@ -99,18 +99,18 @@ def module_path(module: str, packages: Mapping[str, Path] = PACKAGES) -> Path | 
 
 
 def all_modules(packages: Mapping[str, Path] = PACKAGES) -> list[str]:
-    """Return the dotted names of all modules of the packages."""
+    """List the dotted names of all modules of the packages."""
     paths = (path for package, source in packages.items() for path in (source / package).rglob("*.py"))
     return sorted(_module_name(path, packages) for path in paths)
 
 
 def relative_to_source(path: Path, packages: Mapping[str, Path] = PACKAGES) -> Path:
-    """Return a file's path from the folder that holds its package."""
+    """Shorten a file's path to the part below its package's folder."""
     return path.relative_to(_source_of(path, packages))
 
 
 def does_something(init: Path, packages: Mapping[str, Path] = PACKAGES) -> bool:
-    """Return whether a package's ``__init__`` runs more than definitions and imports from elsewhere."""
+    """Check whether a package's ``__init__`` runs more than definitions and imports from elsewhere."""
     if _imports(init, _module_name(init, packages), packages, deep=False):
         return True
     for node in _parsed(init).body:
@@ -132,7 +132,7 @@ def _module_name(path: Path, packages: Mapping[str, Path]) -> str:
 
 
 def _packages(module: str) -> list[str]:
-    """Return the packages around a module but the outermost, which imports what it offers only when it is asked."""
+    """List the packages around a module, without the outermost, which imports its names on first use."""
     parts = module.split(".")
     return [".".join(parts[:length]) for length in range(2, len(parts))]
 
@@ -186,7 +186,7 @@ def _imports(
 
 
 def _strings(path: Path, packages: Mapping[str, Path]) -> tuple[set[str], set[Path]]:
-    """Return the modules and the data files that the string constants of a module name."""
+    """Find the modules and data files that a module's string constants name."""
     names: set[str] = set()
     data: set[Path] = set()
     source = _source_of(path, packages)

@@ -98,7 +98,7 @@ class RunRecord:
     pipeline: dict[str, Scalar] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content of its file; empty fields are left out."""
+        """List the content of its file, without empty fields."""
         content = {**asdict(self), "children": [child.to_dict() for child in self.children]}
         return {key: value for key, value in content.items() if value}
 
@@ -112,7 +112,7 @@ class RunRecord:
         return cls(**given)
 
     def key(self) -> str:
-        """Return the hash of what was done: two records with one key are one run."""
+        """Hash what was done: two records with one key are one run."""
         return json_hash(self._compared())
 
     def _compared(self) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from cylinder_friction.commands.cli import main
-from cylinder_friction.commands.estimate import cylinder_of
+from cylinder_friction.commands.log_options import cylinder_of
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.params.file import ParamsError
 from cylinder_friction.recordings.recording import Recording

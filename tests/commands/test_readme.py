@@ -17,8 +17,8 @@ from cylinder_friction.commands.readme import (
     MODEL,
     PICTURES,
     SERVING,
-    answered,
     main_rows,
+    score_request,
     update_answer,
     update_readme,
 )
@@ -150,20 +150,20 @@ def test_the_answer_in_the_guide_becomes_that_of_the_model(tmp_path: Path) -> No
     guide = Path(shutil.copy(ROOT / SERVING, tmp_path))
     for _ in range(2):
         update_answer(guide, LEARNS_OFFSET)
-        assert printed(guide) == (printed(ROOT / SERVING)[0], answered(printed(guide)[0], LEARNS_OFFSET))
+        assert printed(guide) == (printed(ROOT / SERVING)[0], score_request(printed(guide)[0], LEARNS_OFFSET))
     before, after = (JSON_BLOCK.sub("", each.read_text(encoding="utf-8")) for each in (ROOT / SERVING, guide))
     assert before == after
 
 
 def test_the_printed_answer_has_the_fields_and_flags_of_a_served_model() -> None:
     request, rows = printed(ROOT / SERVING)
-    expected = answered(request, LEARNS_OFFSET)
+    expected = score_request(request, LEARNS_OFFSET)
     assert [(list(row), row["flag_names"]) for row in rows] == [(list(row), row["flag_names"]) for row in expected]
 
 
 @pytest.mark.skipif(not (ROOT / MODEL / "estimator.json").is_file(), reason="the pipeline has not run here")
 def test_the_printed_answer_is_that_of_the_pipelines_model() -> None:
     request, rows = printed(ROOT / SERVING)
-    for row, expected in zip(rows, answered(request, ROOT / MODEL), strict=True):
+    for row, expected in zip(rows, score_request(request, ROOT / MODEL), strict=True):
         assert row["flag_names"] == expected["flag_names"], "run `make readme`"
         assert row["friction_n"] == pytest.approx(expected["friction_n"], abs=5.0), "run `make readme`"

@@ -11,7 +11,7 @@ from functools import partial
 import pytest
 
 from cylinder_friction.execution.selection import workers_from_environment
-from cylinder_friction.execution.workers import ONE_THREAD, VARIABLE, Died, Processes, WorkersError
+from cylinder_friction.execution.workers import ONE_THREAD, VARIABLE, LostPiece, Processes, WorkersError
 from process_work import die, minutes_if_first, slow_if_first, threads
 
 
@@ -24,14 +24,14 @@ def test_a_process_that_dies_costs_its_own_piece() -> None:
     pieces = [partial(die if n == 1 else slow_if_first, n) for n in range(4)]
     with Processes(2) as workers:
         done = dict(workers.do_all(pieces))
-    assert done.pop(1) == Died()
+    assert done.pop(1) == LostPiece()
     assert done == {0: 0, 2: 2, 3: 3}
 
 
 def test_a_process_that_dies_costs_none_of_the_pieces_that_were_handed_out_with_its_own() -> None:
     pieces = [partial(die if n in (9, 10) else slow_if_first, n) for n in range(40)]
     with Processes(2) as workers:
-        assert list(workers.in_order(pieces)) == [*range(9), Died(), Died(), *range(11, 40)]
+        assert list(workers.in_order(pieces)) == [*range(9), LostPiece(), LostPiece(), *range(11, 40)]
 
 
 def test_a_process_that_dies_between_two_batches_costs_nothing() -> None:

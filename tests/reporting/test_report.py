@@ -38,7 +38,7 @@ FINALS = [
     {"params": {"layers": 1, "nodes": 16}, "errors_n": [6.0, 6.5], "multiply_adds": 2000},
     {"params": {"layers": 1, "nodes": 48}, "errors_n": [5.5, 5.6], "multiply_adds": 11268},
 ]
-HOLD = "friction lies between the bounds, as made up here"
+HOLD = "they hold friction, as made up here"
 HELD = Coverage("truth", "1", 4000, 90.25, 86.5, "s-t1_2", 81.75, 42.5)
 
 

@@ -5,7 +5,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from cylinder_friction.commands.cli import INTERRUPTED, refusals, until_unread
+from cylinder_friction.commands.cli import INTERRUPTED, REFUSALS, with_unread_output
 from cylinder_friction.extras import explained
 from friction_benchmark.in_the_loop import command as in_the_loop
 from friction_benchmark.servo_rig import command as servo_rig
@@ -20,7 +20,7 @@ COMMANDS = {
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command in ``benchmark/``; returns 0, or 1 with a message where the user can do something about it."""
-    return until_unread(lambda: _main(arguments))
+    return with_unread_output(lambda: _main(arguments))
 
 
 def _main(arguments: Sequence[str] | None) -> int:
@@ -33,7 +33,7 @@ def _main(arguments: Sequence[str] | None) -> int:
         print(f"\n{name}: interrupted; {_kept(options.command)}", file=sys.stderr)
         return INTERRUPTED
     except Exception as error:
-        if isinstance(error, BrokenPipeError) or not isinstance(error, refusals()):
+        if isinstance(error, BrokenPipeError) or not isinstance(error, REFUSALS):
             raise
         print(f"{name}: {error}", file=sys.stderr)
         return 1

@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 from tqdm import tqdm
 
 from cylinder_friction.execution.selection import workers_from_environment
-from cylinder_friction.execution.workers import Died, Work
+from cylinder_friction.execution.workers import LostPiece, Work
 from friction_benchmark.campaigns import simulate
 from friction_benchmark.cases import Task
 from friction_benchmark.datasets import Kind, Sources, folds_of, inputs_of, labelled_recordings, twin_kind, unseen_kind
@@ -79,7 +79,7 @@ class Runner:
         new = [each for each in campaigns if not self.sources.campaign_folder(*each).is_dir()]
         for each, done in self._done("campaigns", new, lambda each: partial(simulate, self.sources, *each)):
             self.computed["campaigns"] += 1
-            if isinstance(done, Died):
+            if isinstance(done, LostPiece):
                 raise RuntimeError(f"simulation of {each}: {done.reason}")
         for each in campaigns:
             self.sources.campaign_folder(*each).touch()
@@ -94,7 +94,8 @@ class Runner:
                 if model.space:
                     jobs.append(tuning_job(model, task, self.plan.seeds[0], self.codes[model.name]))
         for job, done in self._done("tunings", jobs, lambda job: partial(do_tuning, self.context, job, trials)):
-            self.tuned[job.model.name, job.task.name], computed = (done.reason, 0) if isinstance(done, Died) else done
+            tuned, computed = (done.reason, 0) if isinstance(done, LostPiece) else done
+            self.tuned[job.model.name, job.task.name] = tuned
             self.computed["trials"] += computed
 
     def _predict(self) -> None:
@@ -134,7 +135,7 @@ class Runner:
         new = [job for job in jobs if self.context.cache.score(job.key()) is None]
         for job, done in self._done("scores", new, lambda job: partial(job.do, self.context)):
             self.computed["scores"] += 1
-            if isinstance(done, Died):
+            if isinstance(done, LostPiece):
                 raise RuntimeError(f"scoring of {job.model} on {job.task.name}: {done.reason}")
         lines: dict[tuple[str, str], list[Entry]] = {}
         for job in jobs:
@@ -192,7 +193,7 @@ class Runner:
     def _predicted(self, groups: list[list[Job]]) -> Iterator[tuple[Job, str]]:
         """Yield every job and why it failed, empty where it did not; of a group whose process died, one by one."""
         for group, done in self._done("predictions", groups, lambda group: partial(do_jobs, self.context, group)):
-            if not isinstance(done, Died):
+            if not isinstance(done, LostPiece):
                 yield from zip(group, done, strict=True)
             elif len(group) == 1:
                 yield group[0], done.reason

@@ -1,4 +1,4 @@
-"""Who may reach the service: what it needs before it listens beyond this machine, and bearer tokens known by hash."""
+"""Access to the service: it needs tokens before it listens beyond loopback, and knows each bearer token by its hash."""
 
 import hmac
 import logging
@@ -8,7 +8,7 @@ from ipaddress import ip_address
 from pathlib import Path
 
 ROLES = ("read", "write")
-"""``read`` may see page, results and metrics; ``write`` may also open sessions and send."""
+"""``read`` may see page, results and metrics; ``write`` may also open sessions and send samples."""
 LOOPBACK = frozenset({"127.0.0.1", "localhost", "::1"})
 """Names under which a browser on this machine reaches a service."""
 _OF_NOTHING = sha256(b"").hexdigest()
@@ -16,11 +16,11 @@ _log = logging.getLogger(__name__)
 
 
 class AccessError(ValueError):
-    """A service that would be open to anybody, or tokens that cannot be read; the message states what to do."""
+    """The service would be open to everybody, or its tokens cannot be read; the message states what to do."""
 
 
 def is_loopback(host: str) -> bool:
-    """Return whether only this machine can reach a service that listens on ``host``."""
+    """Check whether only this machine can reach a service that listens on ``host``."""
     try:
         return ip_address(host).is_loopback
     except ValueError:
@@ -29,12 +29,12 @@ def is_loopback(host: str) -> bool:
 
 @dataclass(frozen=True)
 class Access:
-    """What decides who may reach the service.
+    """Settings of access to the service.
 
     Attributes:
-        tokens: File with the SHA-256 of a token and its role per line; None: whoever reaches the service may do all.
-            The service reads the file again when it changes.
-        without_tokens: Listen beyond loopback although there are no tokens.
+        tokens: File with the SHA-256 of a token and its role per line; None: every client may do everything. The
+            service reads the file again when it changes.
+        without_tokens: Listen beyond loopback without tokens.
         tls_certificate, tls_key: PEM files; both or neither.
         hosts: Names and addresses under which the service may be addressed, besides its own and those of loopback.
     """
@@ -46,7 +46,7 @@ class Access:
     hosts: tuple[str, ...] = ()
 
     def refuse_exposed(self, host: str) -> None:
-        """Refuse a service that others reach without tokens, and half of a TLS pair; raises ``AccessError``."""
+        """Refuse a service beyond loopback without tokens, and half of a TLS pair; raises ``AccessError``."""
         if (self.tls_certificate is None) != (self.tls_key is None):
             raise AccessError("TLS needs both a certificate and its key; got one of them")
         if not (is_loopback(host) or self.tokens or self.without_tokens):
@@ -58,7 +58,7 @@ class Access:
 
 @dataclass(frozen=True)
 class Refusal:
-    """Why a connection is not served: kind for the counter, HTTP status, reason."""
+    """Refusal of a connection: kind for the counter, HTTP status, reason."""
 
     kind: str
     status: int
@@ -66,7 +66,7 @@ class Refusal:
 
 
 def _stamp(path: Path) -> tuple[int, int]:
-    """Return what changes when a file is written anew; zeros where it is not there."""
+    """Read what changes when a file is written anew; zeros if there is no file."""
     try:
         found = path.stat()
     except OSError:
@@ -79,10 +79,10 @@ def read_tokens(path: Path, *, may_be_empty: bool = False) -> tuple[tuple[str, s
 
     Args:
         path: The file.
-        may_be_empty: Whether a file without a token, or no file at all, holds none; otherwise either is refused.
+        may_be_empty: Whether a missing file, or one without a token, means no tokens; otherwise it is refused.
 
     Raises:
-        AccessError: The file cannot be read, is empty, or holds something else.
+        AccessError: The file cannot be read, is empty, or is no list of hashes and roles.
     """
     if may_be_empty and not path.exists():
         return ()
@@ -110,10 +110,10 @@ def read_tokens(path: Path, *, may_be_empty: bool = False) -> tuple[tuple[str, s
 
 
 class TokenFile:
-    """The tokens of a file, read again when it changes; one that was emptied or deleted lets nobody in.
+    """The tokens of a file, read again when it changes; an emptied or deleted file admits nobody.
 
     Attributes:
-        problem: Why the tokens of the file as it is now are not those that count; empty where they are.
+        problem: Why the file's present tokens do not count; empty if they do.
     """
 
     def __init__(self, path: Path) -> None:
@@ -122,7 +122,7 @@ class TokenFile:
         self._tokens, self.problem = read_tokens(path), ""
 
     def refresh(self) -> bool:
-        """Read the file again if it has changed, return whether it has; if it cannot be read, the old tokens stay."""
+        """Read the file again if it has changed; return whether it has. If it cannot be read, the old tokens stay."""
         stamp = _stamp(self._path)
         if stamp == self._read:
             return False
@@ -138,13 +138,13 @@ class TokenFile:
         return True
 
     def role_of(self, token: bytes) -> str | None:
-        """Look up the role of a token, None if the token is not known; takes equally long for all."""
+        """Look up the role of a token, None if the token is unknown; the time does not depend on the token."""
         found = sha256(token).hexdigest()
         known = [(hmac.compare_digest(found, each), role) for each, role in self._tokens]
         return next((role for same, role in known if same), None)
 
     def refusal(self, token: bytes, role: str) -> Refusal | None:
-        """Return why a token does not do for a role, None if it does; each role may do what the roles before it may."""
+        """State why a token is refused for a role, None if it is not; each role may do what the roles before it may."""
         has = self.role_of(token)
         if has is None:
             return Refusal("token", 401, "expected a known token as Authorization: Bearer TOKEN")
@@ -155,6 +155,6 @@ class TokenFile:
 
 
 def bearer_token(authorization: bytes) -> bytes:
-    """Return the token of a header ``Bearer TOKEN``; empty where it is none, which no file holds."""
+    """Read the token of a header ``Bearer TOKEN``; empty, which no file holds, for any other header."""
     scheme, _, token = authorization.partition(b" ")
     return token.strip() if scheme.lower() == b"bearer" else b""

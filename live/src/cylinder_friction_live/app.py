@@ -20,7 +20,7 @@ from cylinder_friction_live.connection import ClientGoneError, Connection, Peers
 from cylinder_friction_live.events import Events
 from cylinder_friction_live.guard import AccessControl, client_of
 from cylinder_friction_live.history import move_into_history
-from cylinder_friction_live.keeping import Job, keep_each_second, keep_some, kept_running, move_each_minute
+from cylinder_friction_live.keeping import Job, keep_each_second, keep_running, keep_some, move_each_minute
 from cylinder_friction_live.links.link import Link, in_background
 from cylinder_friction_live.service import LiveService
 from cylinder_friction_live.stribeck import Lines
@@ -29,7 +29,7 @@ from cylinder_friction_live.watching import Watchers
 OVERDUE_S, REFRESH_S = 0.05, 1.0
 HISTORY_FOLDER, ENGINES_FOLDER = "history", "engines"
 LAST_WORD_S, LAST_MOVES_S = 0.3, 0.5
-"""For so long clients may read their last acknowledgements at the end; and the journal is moved into the history."""
+"""Time at the end for clients to read their last acknowledgements, and to move the journal into the history [s]."""
 STATIC = Path(__file__).parent / "static"
 
 
@@ -42,12 +42,10 @@ def create_app(
     events: Events | None = None,
     stribeck: Lines | None = None,
 ) -> Starlette:
-    """Return the application around a service; ``folder`` is that of its history and engines.
+    """Build the application around a service; ``folder`` holds its history and engines.
 
-    ``stribeck`` are curves for its page.
-
-    ``links`` are started and ended with it; ``app.state.drain`` takes no more messages, and keeps and acknowledges
-    those that came.
+    ``stribeck`` are curves for its page. ``links`` start and end with the application. ``app.state.drain`` accepts no
+    more messages, and keeps and acknowledges those that came.
 
     Raises:
         AccessError: The tokens cannot be read.
@@ -88,7 +86,7 @@ def create_app(
         return JSONResponse(body, 200 if ready else 503)
 
     async def metrics(_: Request) -> Response:
-        # Its library is a tenth of what a start imports; samples do not wait for it
+        # Imported late: its library takes a tenth of a start's imports, and samples would wait for it
         loaded = await asyncio.to_thread(import_module, "cylinder_friction_live.metrics")
         return PlainTextResponse(loaded.metrics_text(service, peers, links), media_type="text/plain; version=0.0.4")
 
@@ -104,7 +102,7 @@ def create_app(
                 "events": partial(events.watch, service),
             }
             await started.enter_async_context(
-                in_background(*(kept_running(service, name, job) for name, job in jobs.items()))
+                in_background(*(keep_running(service, name, job) for name, job in jobs.items()))
             )
             for link in links:
                 await started.enter_async_context(link.running(service, peers))
@@ -130,7 +128,7 @@ def create_app(
 
 
 class _Lag:
-    """How late the event loop was, at worst, within the last second."""
+    """Greatest delay of the event loop within the last second."""
 
     def __init__(self) -> None:
         self.worst_s, self._next_s, self._since_s = 0.0, 0.0, time.monotonic()
@@ -158,13 +156,13 @@ async def _refresh(guard: AccessControl) -> None:
 
 
 class WebSocketTransport:
-    """Messages of a WebSocket that has been accepted."""
+    """Messages of an accepted WebSocket."""
 
     def __init__(self, socket: WebSocket) -> None:
         self._socket = socket
 
     async def receive(self) -> bytes | str:
-        """Return the next message; raises ``ClientGoneError``."""
+        """Wait for the next message; raises ``ClientGoneError``."""
         message = await self._socket.receive()
         if message["type"] == "websocket.disconnect":
             raise ClientGoneError

@@ -1,4 +1,4 @@
-"""A client that loses nothing: it keeps what is not acknowledged, and sends it again after a break."""
+"""A client that loses no sample: it keeps samples until they are acknowledged, and sends them again after a break."""
 
 import json
 import time
@@ -18,33 +18,34 @@ from cylinder_friction_live.client_sockets import ClientSocket, LiveClientError,
 from cylinder_friction_live.frames import Acknowledgement, EstimateBlock, SampleBlock, pack_samples, unpack
 
 SOONEST_S, LATEST_S, PATIENCE_S = 0.05, 1.0, 30.0
-"""A service that is away is tried again after a tenth of the time that it has been away, within the first two; and so
-long in all."""
+"""Shortest and longest pause between two tries to reach a service [s], and the time after which tries end [s]. A pause
+is a tenth of the time since the break."""
 ROWS_A_BLOCK = 1000
 
 
 class Client:
-    """Samples of one session into the service, estimates out, in order and once each.
+    """Sends samples of one session to the service and receives estimates, in order and once each.
 
-    After a break it connects again and sends what was not acknowledged; a sender that was started anew goes on at
-    ``next_index``. One client is for one thread. Over WebSocket one that is not called for two minutes is taken for
-    gone, and connects again at its next call.
+    After a break it connects again and repeats the samples that were not acknowledged; a restarted sender continues at
+    ``next_index``. One client is for one thread. The service drops a WebSocket whose client is not called for two
+    minutes; the client then connects again at its next call.
 
     Args:
-        url: Of the service: ``ws://127.0.0.1:5002/stream`` or
-            ``mqtt://127.0.0.1:1883/cylinder-friction/CLIENT``, CLIENT being this one's alone.
+        url: Address of the service: ``ws://127.0.0.1:5002/stream`` or
+            ``mqtt://127.0.0.1:1883/cylinder-friction/CLIENT`` with a CLIENT that no other client uses.
         session: Name of the cylinder's session, the same after every start.
         sample_time_s: Time between two samples [s].
         inputs: Columns of a sample, as the model names them.
-        token: Of a line with the role ``write``, where the service has tokens.
-        ca: PEM file of the authority that signed the service's certificate, or of the certificate; None: the machine's.
-        start_time_s: When the sample of index 0 was taken [s, Unix]; None: now, less what was sent before.
+        token: Token with the role ``write``, if the service has tokens.
+        ca: PEM file of the authority that signed the service's certificate, or of the certificate itself; None: the
+            machine's authorities.
+        start_time_s: Time of the sample with index 0 [s, Unix]; None: now, less the duration that was sent before.
 
     Attributes:
         begins_anew: Why this client's session began anew instead of resuming; empty if it resumed.
 
     Raises:
-        LiveClientError: The service refuses the session, or is not there within half a minute.
+        LiveClientError: The service refuses the session, or does not respond within half a minute.
     """
 
     def __init__(
@@ -66,15 +67,15 @@ class Client:
         self._skipped: list[tuple[int, int]] = []  # First index, and the one after the last
         self._socket: ClientSocket | None = None
         self._open_socket = ExitStack()
-        weakref.finalize(self, self._open_socket.close)  # also at exit, while what it needs is still there
+        weakref.finalize(self, self._open_socket.close)  # also at exit, before the modules it needs are gone
         self._handle, self.acknowledged_index, self._asked_from = 0, 0, -1
         self.next_index = self.estimated_index = self._connect()
         self.start_time_s = time.time() - self.next_index * sample_time_s if start_time_s is None else start_time_s
 
     def send(self, samples: Array) -> None:
-        """Send successive samples, shape ``(rows, inputs)``; returns when they are on their way.
+        """Send successive samples, shape ``(rows, inputs)``; returns once they are sent, before they are acknowledged.
 
-        Estimates that come meanwhile stay to be fetched.
+        Estimates that come meanwhile wait for ``estimates``.
         """
         for begin in range(0, len(samples), ROWS_A_BLOCK):
             time_s = self.start_time_s + self.next_index * self._sample_time_s
@@ -86,16 +87,16 @@ class Client:
             self._send(block)
 
     def skip(self, rows: int) -> None:
-        """Leave out so many samples, which were not taken; after more than a short gap the session begins anew."""
+        """Skip samples that were not taken; after more than a short gap the session begins anew."""
         self._skipped = [each for each in self._skipped if each[1] > self.estimated_index]
         self._skipped.append((self.next_index, self.next_index + rows))
         self.next_index += rows
 
     def estimates(self, timeout_s: float = 1.0) -> tuple[int, Array, NDArray[np.uint32]]:
-        """Return the next estimates: index of the first, newtons ``(rows, 3)``, flags; after ``timeout_s`` no rows."""
+        """Wait for estimates: index of the first, newtons ``(rows, 3)``, flags; no rows after ``timeout_s``."""
         deadline = time.monotonic() + timeout_s
         left_s = timeout_s
-        while not self._estimates and self._receive(left_s):  # what has come is read, however late it is
+        while not self._estimates and self._receive(left_s):  # messages that have come are read even after the timeout
             left_s = max(0.0, deadline - time.monotonic())
         if not self._estimates:
             return self.estimated_index, np.zeros((0, 3)), np.zeros(0, np.uint32)
@@ -103,9 +104,9 @@ class Client:
         return block.index, block.newtons, block.flags
 
     def wait_until_kept(self, timeout_s: float = 30.0) -> None:
-        """Wait until all that was sent is acknowledged, for as long as acknowledgements go on coming.
+        """Wait until all sent samples are acknowledged, as long as acknowledgements keep coming.
 
-        Estimates that come meanwhile stay to be fetched.
+        Estimates that come meanwhile wait for ``estimates``.
 
         Raises:
             LiveClientError: No acknowledgement came for ``timeout_s``.
@@ -123,7 +124,7 @@ class Client:
                 )
 
     def close(self) -> None:
-        """Leave; the session stays, to be gone on with."""
+        """Disconnect; the service keeps the session, which a later client can continue."""
         self._socket = None
         self._open_socket.close()
 
@@ -177,7 +178,7 @@ class Client:
             self._resume()
 
     def _resume(self) -> None:
-        """Connect again, ask for the estimates that were not read, send what was not acknowledged."""
+        """Connect again, ask for unread estimates, and send the samples that were not acknowledged."""
         self._opens["estimates_from"] = self.estimated_index
         self._connect()
         self._forget_acknowledged()
@@ -192,7 +193,7 @@ class Client:
         return None
 
     def _receive(self, timeout_s: float) -> bool:
-        """Take in the next message; return whether one came, or the connection was made anew."""
+        """Process the next message; return whether one came, or the connection was made anew."""
         try:
             assert self._socket is not None
             message = self._socket.recv(timeout_s)
@@ -214,14 +215,14 @@ class Client:
                     if first == self.estimated_index and after <= block.index:
                         self.estimated_index = after  # nothing was lost
                 if block.index > self.estimated_index != self._asked_from:
-                    self._asked_from = self.estimated_index  # once: the service may have none, after a long gap
+                    self._asked_from = self.estimated_index  # only once: after a long gap the service may have none
                     self._resume()
                     return True
                 self._take(block)
         return True
 
     def _take(self, block: EstimateBlock) -> None:
-        """Keep what is new of estimates; after a break the service gives again what it had not kept."""
+        """Keep new estimates; after a break the service repeats estimates that it had not kept."""
         known = max(0, self.estimated_index - block.index)
         if known < len(block):
             self._estimates.append(block.after(known, self._sample_time_s))

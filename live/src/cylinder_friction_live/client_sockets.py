@@ -1,4 +1,4 @@
-"""What carries a client's messages, by its address: WebSocket or MQTT."""
+"""Sockets of a client, chosen by the address: WebSocket or MQTT."""
 
 import json
 import queue
@@ -23,19 +23,19 @@ from cylinder_friction_live.settings import HELD_BACK_S
 
 OPEN_S, CLOSE_S = 5.0, 0.5
 REFUSED = (4401, 4403)
-"""Codes with which the service closes a connection that may not be."""
+"""Codes with which the service closes a refused connection."""
 KEEPALIVE_S = 20
 
 
 class LiveClientError(RuntimeError):
-    """The service refused something, or cannot be reached; the message is its own."""
+    """The service refused a request, or cannot be reached; the message is the service's own."""
 
 
 class ClientSocket(Protocol):
     """Whole messages to and from the service; a break is an ``OSError``.
 
     Attributes:
-        window: Most blocks that may be on their way without an acknowledgement; None: the link itself holds back.
+        window: Most blocks without an acknowledgement; None: the link itself limits them.
     """
 
     window: int | None
@@ -45,16 +45,16 @@ class ClientSocket(Protocol):
         ...
 
     def recv(self, timeout_s: float) -> bytes | str:
-        """Return the next message; raises ``TimeoutError`` when there is none within ``timeout_s``."""
+        """Wait for the next message; raises ``TimeoutError`` if none comes within ``timeout_s``."""
         ...
 
 
 def connected(url: str, token: str = "", ca: Path | None = None) -> AbstractContextManager[ClientSocket]:
-    """Return the context of a connection to the service at ``ws://``, ``wss://``, ``mqtt://`` or ``mqtts://``.
+    """Open a connection to the service at ``ws://``, ``wss://``, ``mqtt://`` or ``mqtts://``.
 
     Raises:
-        ValueError: It is none of these.
-        LiveClientError: The service does not take this client, or its certificate is not that of ``ca``.
+        ValueError: The address has another form.
+        LiveClientError: The service refuses this client, or its certificate is not signed by ``ca``.
     """
     scheme = url.partition("://")[0]
     if scheme in ("ws", "wss"):
@@ -67,7 +67,7 @@ def connected(url: str, token: str = "", ca: Path | None = None) -> AbstractCont
 
 
 def _send_at_once(connection: Any) -> None:
-    """Let small messages not wait for each other."""
+    """Send small messages at once (TCP_NODELAY)."""
     connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
 
@@ -91,8 +91,8 @@ def _web_socket(url: str, token: str, ca: Path | None) -> Iterator[ClientSocket]
 class _WebSocket:
     """Messages over a WebSocket, in the caller's thread.
 
-    While it cannot send, it reads what has come. The service reads no more from a client that leaves its estimates
-    unread, so that otherwise both sides would wait forever.
+    While it cannot send, it reads. The service stops reading from a client that leaves its estimates unread, so
+    otherwise both sides would wait forever.
     """
 
     window: int | None = None
@@ -124,9 +124,9 @@ class _WebSocket:
         self._send_out()
 
     def close(self) -> None:
-        """Take leave; once the service has as well, it has read all that was sent before."""
+        """Close the connection; once the service has closed it too, it has read everything that was sent."""
         deadline = time.monotonic() + CLOSE_S
-        with suppress(OSError):  # so long it has time
+        with suppress(OSError):  # until the timeout
             self._refuse_when_closed()
             self._protocol.send_close(CloseCode.NORMAL_CLOSURE)
             self._out += b"".join(self._protocol.data_to_send())
@@ -146,7 +146,7 @@ class _WebSocket:
             self._exchange(HELD_BACK_S)
 
     def _exchange(self, timeout_s: float) -> bool:
-        """Send what can be sent, else take in what has come; return whether there was either within ``timeout_s``."""
+        """Send if possible, else receive; return whether either happened within ``timeout_s``."""
         out = [self._connection] if self._out else []
         readable, writable, _ = select.select([self._connection], out, [], max(0.0, timeout_s))
         with suppress(BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError):  # half a record of TLS
@@ -182,7 +182,7 @@ class _WebSocket:
         return None
 
     def _refuse_when_closed(self) -> None:
-        """Raise ``ConnectionError``, or ``LiveClientError`` where another try would be refused as well."""
+        """Raise ``ConnectionError``, or ``LiveClientError`` if another try would be refused as well."""
         if self._protocol.state is State.OPEN:
             return
         close = self._protocol.close_rcvd

@@ -13,7 +13,7 @@ from cylinder_friction_live.access import Access
 from cylinder_friction_live.settings import LiveLimits, MqttSettings, OpcUaServerSettings, SessionRules
 
 SHIPPED_FILE = Path(__file__).with_name("live.yaml")
-"""States every key with its default."""
+"""File of all settings with their defaults."""
 
 
 class ConfigurationError(ValueError):
@@ -21,20 +21,20 @@ class ConfigurationError(ValueError):
 
 
 class LiveParams(BaseModel):
-    """What a file of settings states.
+    """Settings of the service.
 
     Attributes:
         model: A saved estimator's folder, or ``models:/NAME@ALIAS``; None: the champion of the project's registry.
         host: Address that page, WebSocket and metrics listen on.
-        port: 0 for a free one.
-        folder: Of the journal and the history.
-        stribeck: File of curves identified before, which the page draws beside the estimates; None: none.
-        log: File that gets one JSON object per event; None: none does.
-        access: Who may reach it.
-        rules: What becomes of samples that come early, late or not.
-        limits: What the service takes.
-        mqtt: Frames and JSON by an MQTT 5 broker; None: off.
-        opcua_server: Results by OPC UA; None: off.
+        port: Port to listen on; 0 for a free one.
+        folder: Folder of the journal and the history.
+        stribeck: File of identified curves, which the page draws beside the estimates; None: no curves.
+        log: File for one JSON object per event; None: no such file.
+        access: Tokens, TLS and names of the service.
+        rules: Treatment of samples that come early, late or not at all.
+        limits: Limits on clients, sessions and messages.
+        mqtt: Frames and JSON through an MQTT 5 broker; None: off.
+        opcua_server: Results through OPC UA; None: off.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True)

@@ -1,4 +1,4 @@
-"""One client: samples in, estimates and acknowledgements out; a slow reader slows its own writer alone."""
+"""One client: samples in, estimates and acknowledgements out. A slow reader slows only its own writing."""
 
 import asyncio
 import json
@@ -23,26 +23,26 @@ from cylinder_friction_live.text_forms import estimates_text, opened_text, read_
 from cylinder_friction_live.totals import Delays
 
 UNSENT_BYTES = 4 << 20
-"""Beyond this a client that does not read is not read from, until it does."""
+"""Unsent bytes above which the service stops reading from a client, until the client reads."""
 RETRY_S = 1.0
-"""After how long a client that is refused for the load may try again."""
+"""Time after which a client that is refused because of the load may try again [s]."""
 BURST_S = 10.0
-"""So many seconds' worth of samples a client may send at once: what it kept during a break."""
+"""Duration of samples that a client may send at once, such as those of a break [s]."""
 TURN_S = 2e-3
-"""How long the messages of one client may take before others, and what keeps and acknowledges, have their turn."""
+"""Time for one client's messages before other clients and the journal have their turn [s]."""
 PATIENCE_S = 0.05
-"""How long a writer is held back before it is looked at again."""
+"""Time for which a writer is held back before the next check [s]."""
 
 
 class ClientGoneError(Exception):
-    """The client has left."""
+    """The client has disconnected."""
 
 
 class Transport(Protocol):
     """What carries whole messages to and from one client: frames as bytes, JSON as text."""
 
     async def receive(self) -> bytes | str:
-        """Return the next message; raises ``ClientGoneError`` when there will be none."""
+        """Wait for the next message; raises ``ClientGoneError`` if there will be none."""
         ...
 
     async def send(self, message: bytes | str) -> None:
@@ -51,7 +51,7 @@ class Transport(Protocol):
 
 
 class Peers:
-    """All connections, how often what was refused, and whether the service is ending."""
+    """All connections, the counts of refusals, and whether the service is ending."""
 
     def __init__(self, events: Events | None = None) -> None:
         self.events = events or Events()
@@ -62,18 +62,18 @@ class Peers:
         self._connected: set[Connection] = set()
 
     def enter(self, connection: "Connection") -> None:
-        """Note a connection that has begun."""
+        """Register a new connection."""
         self._connected.add(connection)
         self.connections += 1
 
     async def sent(self, within_s: float) -> None:
-        """Wait until all that waits for clients is on its way, ``within_s`` at most."""
+        """Wait until all messages for clients are sent, at most ``within_s``."""
         deadline_s = time.monotonic() + within_s
         while any(each.unsent for each in self._connected) and time.monotonic() < deadline_s:
             await asyncio.sleep(0.01)
 
     def take_over(self, session: LiveSession, connection: "Connection") -> None:
-        """Give a session to a connection; the one before gets a note, and nothing more of it."""
+        """Give a session to a connection; the previous connection gets a note, and nothing more of the session."""
         before = session.owner
         if before is not None and before is not connection:
             before.lost(session)
@@ -81,7 +81,7 @@ class Peers:
         session.owner = connection
 
     def leave(self, connection: "Connection", sessions: Iterable[LiveSession]) -> None:
-        """Forget a connection that has ended; its sessions stay open."""
+        """Remove a connection that has ended; its sessions stay open."""
         self._connected.discard(connection)
         self.connections -= 1
         for session in sessions:
@@ -90,35 +90,35 @@ class Peers:
 
 
 class Pace:
-    """How fast one client sends, against how fast it may."""
+    """The rate at which one client sends, and its limit."""
 
     def __init__(self, rows_per_s: float) -> None:
         self._row_s, self._paid_until_s = 1.0 / rows_per_s, 0.0
 
     def count(self, rows: int, now_s: float) -> None:
-        """Note samples that have come."""
+        """Count samples that have come."""
         self._paid_until_s = max(self._paid_until_s, now_s - BURST_S) + rows * self._row_s
 
     def is_ahead(self, now_s: float) -> bool:
-        """Return whether the client has sent more than it may by now."""
+        """Check whether the client has sent more than its limit allows so far."""
         return self._paid_until_s > now_s
 
 
 class Connection:
-    """A client. It opens sessions by text, then sends frames; either way estimates come back as samples came."""
+    """A client. It opens sessions by text, then sends text or frames, and gets estimates in the same form."""
 
     def __init__(self, transport: Transport, service: LiveService, peers: Peers, client: str = "") -> None:
         self.client = client
         self._pace = Pace(service.limits.rows_per_s)
         self._transport, self._service, self._peers = transport, service, peers
         self._frames: list[bytes] = []
-        self._came_s = 0.0  # When the first message came whose estimates wait to be sent
+        self._came_s = 0.0  # Arrival of the first message whose estimates are not sent yet
         self._texts: list[str] = []
         self._in_text: set[str] = set()  # Sessions whose client last sent text
         self.unsent, self._waiting = 0, asyncio.Event()
 
     async def run(self) -> None:
-        """Serve the client until it leaves."""
+        """Serve the client until it disconnects."""
         if self._peers.connections >= self._service.limits.connections:
             self._peers.refused["connections"] += 1
             self._peers.events.note("connection refused", client=self.client, kind="connections")
@@ -138,7 +138,7 @@ class Connection:
                 if self._frames and not self._came_s:
                     self._came_s = came_s
                 busy_s += time.monotonic() - came_s
-                if busy_s > TURN_S:  # where more has come already, nothing else would let others have theirs
+                if busy_s > TURN_S:  # if more messages are waiting, nothing else gives others their turn
                     busy_s = 0.0
                     await asyncio.sleep(0.0)
                 while self._is_too_fast():

@@ -1,4 +1,4 @@
-"""The compiled step for many sessions, one call into C for all of them, and the golden trajectory that it must meet."""
+"""The compiled step for many sessions, with one call into C for all, checked by the golden trajectory."""
 
 import ctypes
 import platform
@@ -21,12 +21,12 @@ _OUTPUT = np.dtype({"names": ["newtons", "flags"], "formats": [("<f8", 3), "<u4"
 
 
 Job = tuple[int, SampleBlock]
-"""A slot, and successive samples of its session."""
+"""The slot of a session, and successive samples of it."""
 
 
 @cache
 def processor() -> str:
-    """Return what compiled code depends on: the machine's kind, and the instructions that it has."""
+    """Describe the processor for which code is compiled: the machine's kind and its instructions."""
     known = Path("/proc/cpuinfo")
     lines = known.read_text(encoding="utf-8").splitlines() if known.is_file() else [platform.processor()]
     able = [line for line in lines if line.startswith(("flags", "Features"))] or lines
@@ -34,18 +34,18 @@ def processor() -> str:
 
 
 class Engine:
-    """States of many sessions of one model, stepped by its own C.
+    """States of many sessions of one model, stepped by its compiled C.
 
     Args:
-        folder: What ``built_engine`` returned.
-        called: The model's folder or registered version, for people; empty if nobody stated it.
+        folder: Folder from ``built_engine``.
+        called: The model's folder or registered version, for people; empty if unknown.
 
     Attributes:
-        model: SHA-256 of every number that a step uses.
+        model: SHA-256 of all numbers of the step.
         inputs: Columns of a sample.
-        bounds: What the bounds hold, in words.
-        pressure_noise_pa: Noise of the pressures up to which they do [Pa]; 0: not stated.
-        sample_time_s: The one time between two samples [s].
+        bounds: What lies between the bounds, in words.
+        pressure_noise_pa: Greatest noise of the pressures at which the bounds hold [Pa]; 0: not stated.
+        sample_time_s: Sample time of the model [s].
         golden_difference_n: Largest deviation from its golden trajectory, once ``check`` has run it [N].
 
     Raises:
@@ -72,7 +72,7 @@ class Engine:
         self.called = called
 
     def add(self) -> int:
-        """Return the slot of a fresh session."""
+        """Add a fresh session; return its slot."""
         if not self._free:
             count = len(self._states)
             grown = np.zeros((max(16, 2 * count), self._state_bytes), dtype=np.uint8)
@@ -84,25 +84,25 @@ class Engine:
         return slot
 
     def remove(self, slot: int) -> None:
-        """Give a slot back."""
+        """Free a slot."""
         self._free.append(slot)
 
     def saved(self, slot: int) -> bytes:
-        """Return a session's whole state."""
+        """Copy a session's whole state as bytes."""
         return self._states[slot].tobytes()
 
     def restore(self, slot: int, saved: bytes) -> None:
-        """Put a saved state of this model back.
+        """Restore a saved state of this model.
 
         Raises:
-            ValueError: It is not as long as a state is.
+            ValueError: Its length is not that of a state.
         """
         if len(saved) != self._state_bytes:
             raise ValueError(f"a saved state has {len(saved)} bytes; expected {self._state_bytes}")
         self._states[slot] = np.frombuffer(saved, dtype=np.uint8)
 
     def run(self, jobs: Sequence[Job]) -> list[tuple[bytes, bytes]]:
-        """Step through all jobs in order; return newtons and flags of each, as ``EstimateBlock`` holds them."""
+        """Step through all jobs in order; return newtons and flags of each, as in ``EstimateBlock``."""
         rows = [samples.rows for _, samples in jobs]
         slots, resets = [slot for slot, _ in jobs], [samples.reset for _, samples in jobs]
         numbers = [array("I", each).tobytes() for each in (slots, resets, rows)]

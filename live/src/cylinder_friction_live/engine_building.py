@@ -44,11 +44,11 @@ void {name}_batch({name}_state *states, uint32_t jobs, const uint32_t *slots, co
 
 
 def built_engine(estimator: FrictionEstimator, engines: Path) -> Path:
-    """Return the folder below ``engines`` that holds an estimator's engine; compiled where it is not there yet.
+    """Find the folder below ``engines`` that holds an estimator's engine; compile the engine if it is not there yet.
 
     Args:
-        estimator: Fitted; any that can run in real time.
-        engines: Holds one folder a model, compiler and processor.
+        estimator: A fitted estimator with a real-time step.
+        engines: Folder of the engines, one per model, compiler and processor.
 
     Raises:
         ValueError: The estimator has no real-time step.
@@ -88,16 +88,16 @@ def built_engine(estimator: FrictionEstimator, engines: Path) -> Path:
 def engine_of(estimator: Path, called: str, engines: Path) -> Engine:
     """Open a saved estimator's engine, checked against the golden trajectory that lies beside a registered model.
 
-    A start with the same files and the same program finds the compiled engine and neither loads the estimator nor needs
+    A start with the same files and the same program finds the compiled engine; it neither loads the estimator nor needs
     a compiler.
 
     Args:
         estimator: Folder of the saved estimator.
         called: The model's folder or registered version, for people.
-        engines: Holds one folder a model, compiler and processor.
+        engines: Folder of the engines, one per model, compiler and processor.
 
     Raises:
-        GoldenError: The engine does not meet the trajectory, or a registered model has none.
+        GoldenError: The engine does not reproduce the trajectory, or a registered model has none.
         ValueError: The estimator has no real-time step.
         NoCompilerError: There is no C compiler, or it refused the source.
     """
@@ -118,7 +118,7 @@ def engine_of(estimator: Path, called: str, engines: Path) -> Engine:
 
 
 def _key(estimator: Path) -> str:
-    """Return a hash of what an engine is made from: the estimator's files, the program, the processor."""
+    """Hash what an engine is made from: the estimator's files, the program, the processor."""
     written_ns = max(path.stat().st_mtime_ns for package in _PACKAGES for path in package.rglob("*.py"))
     hashed = sha256(f"{version('cylinder-friction')} {written_ns} {processor()}".encode())
     for path in sorted(path for path in estimator.rglob("*") if path.is_file()):

@@ -1,4 +1,4 @@
-"""What happens to sessions and connections, as JSON lines for those who run the service."""
+"""Events of sessions and connections, as JSON lines for operators of the service."""
 
 import asyncio
 import json
@@ -12,24 +12,24 @@ from typing import Any
 from cylinder_friction_live.service import LiveService
 
 LOG_BYTES, LOG_FILES = 64 << 20, 5
-"""Size at which the log is rotated, and how many old files are kept."""
+"""Size at which the log is rotated [bytes], and number of old files that are kept."""
 _log = logging.getLogger(__name__)
 
 
 class _EventFile(RotatingFileHandler):
-    """A log that a full disk stops without stopping the service."""
+    """A log file that ignores a full disk, so that the service continues."""
 
     _said = False
 
     def handleError(self, _record: logging.LogRecord) -> None:  # noqa: N802 - its base's name
-        """State once that lines are missing."""
+        """Report once that lines are missing."""
         if not self._said:
             self._said = True
             _log.exception("%s: nothing is logged", self.baseFilename)
 
 
 class Events:
-    """Writes one line per event, none without a file.
+    """Writes one line per event, if there is a file.
 
     Raises:
         OSError: The file cannot be written.
@@ -39,23 +39,23 @@ class Events:
         self._file = None if path is None else _EventFile(path, maxBytes=LOG_BYTES, backupCount=LOG_FILES)
 
     def note(self, event: str, **fields: Any) -> None:
-        """Write an event with what is known of it."""
+        """Write an event with its details."""
         if self._file is not None:
             time = datetime.now(UTC).isoformat(timespec="milliseconds")
             line = json.dumps({"time": time, "event": event, **fields}, separators=(",", ":"))
             self._file.handle(logging.LogRecord(__name__, logging.INFO, "", 0, line, None, None))
 
     def close(self) -> None:
-        """Close the file; nothing is noted from now on."""
+        """Close the file; later events are dropped."""
         file, self._file = self._file, None
         if file is not None:
-            with suppress(OSError):  # a full disk has been named
+            with suppress(OSError):  # a full disk was reported already
                 file.close()
 
     async def watch(self, service: LiveService) -> None:
-        """Note each second which sessions began anew and how late the loop was."""
+        """Write each second which sessions began anew, and the delay of the event loop."""
         resets: dict[str, int] = {}
-        named: set[tuple[str, str]] = set()  # What was noted of a session's model, and the session
+        named: set[tuple[str, str]] = set()  # Remarks on a session's model that were written, with the session
         while self._file is not None:
             before, resets = resets, {name: each.order.counts.resets for name, each in service.sessions.items()}
             for name, count in resets.items():

@@ -6,15 +6,16 @@ A message is one block or several, of any sessions. A block is a header of 24 by
 field       type  meaning
 ==========  ====  ==========================================================================================
 kind        u8    1 samples, 2 estimates, 3 acknowledgement
-columns     u8    of samples: inputs of the model; of estimates: 3; else 0
+columns     u8    samples: number of the model's inputs; estimates: 3; else 0
 rows        u16   samples of the block; 0 in an acknowledgement
-handle      u32   which session; the service gives it when the session is opened
+handle      u32   the session; the service gives the handle when the session is opened
 index       u64   of the first row, counted by the sender from its own beginning; acknowledged: all rows before it
-time_s      f64   when the first row was sampled, in the sender's clock [s, Unix]
+time_s      f64   time of the first row in the sender's clock [s, Unix]
 ==========  ====  ==========================================================================================
 
-Behind it: of samples rows × columns f64; of estimates rows × (friction, lower, upper) f64 [N], then rows × flags u32,
-and where rows are odd, four bytes of zeros, so that every block begins at a multiple of eight bytes.
+Samples follow as rows × columns f64. Estimates follow as rows × (friction, lower, upper) f64 [N], then rows × flags
+u32; if the number of rows is odd, four zero bytes pad the block, so that every block begins at a multiple of eight
+bytes.
 """
 
 import struct
@@ -28,30 +29,34 @@ from cylinder_friction.arrays import Array
 SAMPLES, ESTIMATES, ACKNOWLEDGEMENT = 1, 2, 3
 HEADER = struct.Struct("<BBHIQd")
 LARGEST_INDEX = 1 << 53
-"""Greater indices would not survive JSON."""
+"""Largest index that JSON can hold exactly."""
 LATEST_S = 2.0**33
-"""In the year 2242: a later time is no time, but bytes in the wrong order."""
+"""Latest valid time, in the year 2242; a later one comes from bytes in the wrong order."""
 NEWTONS = 3
 ROW_BYTES, FLAG_BYTES = 8 * NEWTONS, 4
-"""Of one estimate's newtons, and of its flags."""
+"""Bytes of one estimate's newtons, and of its flags."""
 _NUMBER = np.dtype("<f8")
 _PADDING = b"", bytes(FLAG_BYTES)
 
 
 class FrameError(ValueError):
-    """A message that is no sequence of blocks; none of its blocks is used."""
+    """A message is no sequence of blocks; none of its blocks is used.
+
+    ``unpack`` raises it with the byte at which the message is wrong, what was found there and what was expected. The
+    service answers with the same words, and the connection stays open.
+    """
 
 
 class SampleBlock:
     """Successive samples of one session, as the bytes that frames, the engine and the journal hold.
 
     Args:
-        handle: Of the session.
-        index: Of the first sample.
-        time_s: When it was taken, in the sender's clock.
-        samples: Shape ``(rows, columns)``, or the bytes of rows × columns f64.
-        columns: Of bytes.
-        reset: Whether the session begins anew with them; not in the frame.
+        handle: Handle of the session.
+        index: Index of the first sample.
+        time_s: Time of the first sample, in the sender's clock [s, Unix].
+        samples: Samples of shape ``(rows, columns)``, or the bytes of rows × columns f64.
+        columns: Number of columns, if ``samples`` are bytes.
+        reset: Whether the session begins anew with these samples; not in the frame.
     """
 
     __slots__ = ("columns", "content", "handle", "index", "reset", "rows", "time_s")
@@ -73,18 +78,22 @@ class SampleBlock:
 
 @dataclass(slots=True)
 class EstimateBlock:
-    """Estimates of successive samples by one model, as the bytes that frames and the journal hold."""
+    """Estimates of successive samples by one model, as the bytes that frames and the journal hold.
 
-    handle: int  # 0: of no open session
+    Read ``newtons`` (friction, lower and upper bound [N]) and ``flags``; both have one row per sample, the first of
+    which has ``index``. Friction is positive when it opposes extension.
+    """
+
+    handle: int  # Handle of the session; 0 if it is not open
     index: int
     time_s: float
-    newton_bytes: bytes  # Of rows × (friction, lower, upper) f64
-    flag_bytes: bytes  # Of rows × u32
+    newton_bytes: bytes  # Bytes of rows × (friction, lower, upper) f64
+    flag_bytes: bytes  # Bytes of rows × u32
     model: str = ""  # SHA-256; not in the frame
 
     @classmethod
     def of(cls, handle: int, index: int, time_s: float, newtons: Array, flags: NDArray[np.uint32]) -> "EstimateBlock":
-        """Return the block of newtons, shape ``(rows, 3)``, and flags, shape ``(rows,)``."""
+        """Make a block from newtons, shape ``(rows, 3)``, and flags, shape ``(rows,)``."""
         return cls(handle, index, time_s, newtons.astype("<f8").tobytes(), flags.astype("<u4").tobytes())
 
     def __len__(self) -> int:
@@ -101,7 +110,7 @@ class EstimateBlock:
         return np.frombuffer(self.flag_bytes, "<u4")
 
     def after(self, rows: int, sample_time_s: float) -> "EstimateBlock":
-        """Return the block without its first rows."""
+        """Drop the first rows of the block."""
         newtons, flags = self.newton_bytes[ROW_BYTES * rows :], self.flag_bytes[FLAG_BYTES * rows :]
         return EstimateBlock(
             self.handle, self.index + rows, self.time_s + rows * sample_time_s, newtons, flags, self.model
@@ -110,31 +119,51 @@ class EstimateBlock:
 
 @dataclass(slots=True)
 class Acknowledgement:
-    """All samples of a session before ``index`` are kept, whatever happens to the service."""
+    """All samples of a session before ``index`` are in the journal, whatever happens to the service.
+
+    A client may forget them then. After a lost connection it sends again from the last acknowledged index on; samples
+    that arrive twice are counted once.
+    """
 
     handle: int
     index: int
 
 
 def pack_samples(block: SampleBlock) -> bytes:
-    """Return one block of samples as bytes."""
+    """Pack one block of samples as the bytes of a frame: a header of 24 bytes, then rows × columns f64.
+
+    Join the results to send several blocks in one message. ``unpack`` reverses it. Values may be NaN, for a broken
+    wire; a block without rows or columns is refused by the receiver.
+    """
     return HEADER.pack(SAMPLES, block.columns, block.rows, block.handle, block.index, block.time_s) + block.content
 
 
 def pack_estimates(block: EstimateBlock) -> bytes:
-    """Return one block of estimates as bytes."""
+    """Pack one block of estimates as the bytes of a frame, padded to a multiple of eight bytes.
+
+    The service sends these; a client needs only ``unpack``. The header is followed by friction, lower and upper bound
+    [N] of every row, then by their flags.
+    """
     rows = len(block.flag_bytes) // FLAG_BYTES
     head = HEADER.pack(ESTIMATES, NEWTONS, rows, block.handle, block.index, block.time_s)
     return b"".join((head, block.newton_bytes, block.flag_bytes, _PADDING[rows % 2]))
 
 
 def pack_acknowledgement(block: Acknowledgement) -> bytes:
-    """Return one acknowledgement as bytes."""
+    """Pack one acknowledgement as the bytes of a frame: a header alone.
+
+    The service sends it once the journal holds the samples, about once a second; a client needs only ``unpack``.
+    """
     return HEADER.pack(ACKNOWLEDGEMENT, 0, 0, block.handle, block.index, 0.0)
 
 
 def unpack(message: bytes) -> list[SampleBlock | EstimateBlock | Acknowledgement]:
-    """Return the blocks of a message; raises ``FrameError`` where it is none."""
+    """Read the blocks of a message: samples, estimates or acknowledgements, in their order.
+
+    Numbers are views of the message's bytes, not copies. Raises ``FrameError`` for an empty message, a cut block, or a
+    block of an unknown kind; then no block of the message counts.
+    """
+
     blocks: list[SampleBlock | EstimateBlock | Acknowledgement] = []
     at, end = 0, len(message)
     if not end:
@@ -163,7 +192,7 @@ def unpack(message: bytes) -> list[SampleBlock | EstimateBlock | Acknowledgement
 
 
 def _size(kind: int, columns: int, rows: int, at: int) -> int:
-    """Return how many bytes stand behind a header that is not of samples."""
+    """Count the bytes behind a header that is not of samples."""
     if kind == ESTIMATES and rows and columns == NEWTONS:
         return ROW_BYTES * rows + FLAG_BYTES * (rows + rows % 2)
     if kind == ACKNOWLEDGEMENT and not rows and not columns:

@@ -1,4 +1,4 @@
-"""Who may do what: the role of a connection's token, and the names under which a browser may come."""
+"""Checks of each connection: the role of its token, and the names that a browser may use for the service."""
 
 import asyncio
 import base64
@@ -17,21 +17,21 @@ from cylinder_friction_live.access import LOOPBACK, Access, Refusal, TokenFile, 
 from cylinder_friction_live.events import Events
 
 PROTOCOL, TOKEN_PROTOCOL = "cylinder-friction", "token."
-"""A browser cannot set headers of a WebSocket: it offers these subprotocols, the second with its token in base64url."""
+"""Subprotocols that a browser offers as it cannot set headers, the second with its token in base64url."""
 GUESS_S = 0.5
-"""How long a wrong token waits for its refusal."""
+"""Delay of the refusal of a wrong token [s]."""
 LAST_WORD_S = 1.0
-"""For so long a client that is sent away may read why."""
+"""Time for a refused client to read the reason [s]."""
 
 
 class AccessControl:
-    """Looks at every connection before it is served.
+    """Checks every connection before it is served.
 
     Args:
-        access: Tokens and names; as shipped whoever reaches the service may do all, under loopback's names.
-        host: What the service listens on.
-        refused: Counts refusals by kind, and as ``revoked`` WebSockets whose token lost what let them in.
-        events: Get them as well.
+        access: Tokens and names; by default every client of this machine may do everything.
+        host: Host on which the service listens.
+        refused: Counter of refusals by kind, and as ``revoked`` of WebSockets whose token lost its role.
+        events: Log of the refusals.
 
     Raises:
         AccessError: The tokens cannot be read.
@@ -46,7 +46,7 @@ class AccessControl:
     def http(
         self, role: str, endpoint: Callable[[Request], Awaitable[Response]]
     ) -> Callable[[Request], Awaitable[Response]]:
-        """Return an endpoint that a request reaches only with a token of the role, or a greater one."""
+        """Protect an endpoint: a request needs a token of the role, or of a greater one."""
 
         async def guarded(request: Request) -> Response:
             refusal = await self._refusal(request, role)
@@ -58,7 +58,7 @@ class AccessControl:
         return guarded
 
     async def serve(self, socket: WebSocket, role: str, use: Callable[[], Awaitable[None]]) -> None:
-        """Accept a WebSocket and use it while it may; then, or if it may not, it is given the reason and closed."""
+        """Accept a WebSocket and use it while its token allows; then send the reason and close it."""
         refusal = await self._refusal(socket, role)
         try:
             async with asyncio.timeout(None) as scope:
@@ -73,13 +73,13 @@ class AccessControl:
         finally:
             self._served.pop(scope, None)
         if refusal is not None:
-            with suppress(TimeoutError, WebSocketDisconnect, RuntimeError):  # it does not read, or has left
+            with suppress(TimeoutError, WebSocketDisconnect, RuntimeError):  # the client does not read, or has gone
                 async with asyncio.timeout(LAST_WORD_S):
                     await socket.send_text(json.dumps({"error": refusal.reason}))
                     await socket.close(4000 + refusal.status, refusal.reason.encode()[:120].decode(errors="ignore"))
 
     def refresh(self) -> None:
-        """Read the tokens again if their file has changed; end the use of WebSockets that these do not let in."""
+        """Read the tokens again if their file has changed, and close WebSockets that they no longer admit."""
         if self.tokens is None or not self.tokens.refresh():
             return
         for scope, (socket, role) in list(self._served.items()):
@@ -107,7 +107,7 @@ class AccessControl:
         return refusal
 
     def _foreign(self, connection: HTTPConnection) -> Refusal | None:
-        """Refuse a page of another origin, which a browser would let reach this service."""
+        """Refuse pages of other origins, which a browser would let connect to this service."""
         host, origin = connection.headers.get("host", ""), connection.headers.get("origin")
         if urlsplit(f"//{host}").hostname not in self._hosts:
             reason = f"host {host[:80]!r}: not a name of this service; use 127.0.0.1, or list it under access.hosts"
@@ -122,12 +122,12 @@ class AccessControl:
 
 
 def client_of(connection: HTTPConnection) -> str:
-    """Return where a connection comes from."""
+    """Name the address that a connection comes from."""
     return "" if connection.client is None else f"{connection.client.host}:{connection.client.port}"
 
 
 def token_of(connection: HTTPConnection) -> bytes:
-    """Return the token of a connection, from its header or its subprotocols; empty where there is none."""
+    """Read the token of a connection, from its header or its subprotocols; empty if there is none."""
     for offered in connection.scope.get("subprotocols", ()):
         if offered.startswith(TOKEN_PROTOCOL):
             encoded = offered.removeprefix(TOKEN_PROTOCOL)

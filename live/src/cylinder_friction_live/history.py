@@ -1,6 +1,6 @@
-"""The journal's estimates as Parquet: a folder per session and UTC day, whole files only.
+"""The history: estimates of the journal as Parquet files, in a folder per session and UTC day.
 
-pyarrow is imported where it is needed: a start does not write, and after a kill samples wait for it.
+pyarrow is imported late: after a kill, samples wait for the service to start, and the start writes nothing.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ _NEWTONS = ("friction_n", "lower_n", "upper_n")
 
 
 def move_into_history(journal: Journal, folder: Path, within_s: float = math.inf) -> list[Path]:
-    """Write the chunks of the journal into Parquet and drop them there; return the files.
+    """Write the chunks of the journal into Parquet and remove them from the journal; return the files.
 
-    What is not begun ``within_s`` stays in the journal.
+    Sessions that are not begun ``within_s`` stay in the journal.
 
-    A kill in between loses nothing and doubles nothing: a file is named by session, day and first index, and what was
-    not dropped yet is written again as the same file.
+    A kill in between loses and duplicates nothing: a file is named by session, day and first index, and chunks that are
+    still in the journal are written again as the same file.
 
     Columns: ``index``, ``time_s`` (the sender's clock, Unix), the model's inputs, ``friction_n``, ``lower_n``,
-    ``upper_n``, ``flags``. The model's SHA-256 is in the file's metadata. Samples that came too late to be stepped lie,
+    ``upper_n``, ``flags``. The model's SHA-256 is in the file's metadata. Samples that came too late to be stepped are,
     without estimates, in a folder ``late`` beside the session's days.
     """
     last, deadline_s = journal.last_chunk(), time.monotonic() + within_s
@@ -58,7 +58,7 @@ def move_into_history(journal: Journal, folder: Path, within_s: float = math.inf
 
 
 def write_session(journal: Journal, name: str, last: int, folder: Path) -> list[Path]:
-    """Write the chunks of one session, up to a chunk's number, into Parquet; they stay in the journal."""
+    """Write the chunks of one session, up to a chunk's number, into Parquet, and leave them in the journal."""
     files: dict[Path, list[Chunk]] = {}
     for chunk in journal.chunks(name, last):
         days = folder / quote(name, safe="")
@@ -75,9 +75,9 @@ def write_session(journal: Journal, name: str, last: int, folder: Path) -> list[
 def last_rows(
     folder: Path, name: str, inputs: Sequence[str], rows: int, before: int | None = None
 ) -> tuple[EstimateBlock, Array] | None:
-    """Return the newest estimates of a session's history with their samples: at most ``rows``, none missing between.
+    """Read the newest estimates of a session's history with their samples: at most ``rows``, none missing between.
 
-    They come from its last two files, before the sample of index ``before``; None if these have none with such inputs.
+    They come from the last two files, before the sample of index ``before``; None if these have none with these inputs.
     """
     import pyarrow.parquet as pq
 
@@ -104,22 +104,22 @@ def last_rows(
 
 
 def _day_of(time_s: float) -> str:
-    """Return the UTC day of a time; ``no-day`` for one that is none, which earlier versions took in."""
+    """Name the UTC day of a time; ``no-day`` for an invalid time, which earlier versions accepted."""
     return str(np.datetime64(int(time_s // DAY_S), "D")) if abs(time_s) < LATEST_S else "no-day"
 
 
 def write_whole(table: pa.Table, path: Path) -> None:
-    """Write a file that is there as a whole or not at all."""
+    """Write a file that appears whole or not at all."""
     import pyarrow.parquet as pq
 
     path.parent.mkdir(parents=True, exist_ok=True)
     draft = path.with_suffix(".draft")
-    pq.write_table(table, draft, use_dictionary=["flags"])  # measured numbers do not repeat: a dictionary costs time
+    pq.write_table(table, draft, use_dictionary=["flags"])  # a dictionary of measured numbers only costs time
     draft.replace(path)
 
 
 def table_of(chunks: Sequence[Chunk]) -> pa.Table:
-    """Return chunks of one session, made by one model, as one table."""
+    """Join chunks of one session, made by one model, in one table."""
     import pyarrow as pa
 
     within = [np.arange(len(chunk.samples)) for chunk in chunks]
@@ -136,7 +136,7 @@ def table_of(chunks: Sequence[Chunk]) -> pa.Table:
 
 
 def _column(values: np.ndarray) -> pa.Array:
-    """Return values as ``pa.array`` does, which would import pandas: newtons wait for a quarter of a second then."""
+    """Convert values like ``pa.array``, which would import pandas and delay estimates by a quarter of a second."""
     import pyarrow as pa
 
     content = pa.py_buffer(np.ascontiguousarray(values))
@@ -157,10 +157,10 @@ def _estimates(parts: Iterable[EstimateBlock | None]) -> dict[str, np.ndarray]:
 
 
 def join_past_days(folder: Path) -> list[Path]:
-    """Join the files of every session's days but its newest; return the joined ones.
+    """Join the files of each day of every session, except its newest day; return the joined files.
 
-    A kill in between loses nothing and doubles nothing: the joined file takes the place of the first of its parts, and
-    parts that lie within it are dropped the next time.
+    A kill in between loses and duplicates nothing: the joined file replaces the first of its parts, and the other parts
+    are removed the next time.
     """
     days: defaultdict[Path, list[Path]] = defaultdict(list)
     for day in sorted(path for path in folder.glob("**/????-??-??") if path.is_dir()):
@@ -176,7 +176,7 @@ def _joined_day(day: Path) -> list[Path]:
     for path in sorted(day.glob("*.parquet")):
         described = pq.read_metadata(path)
         if int(path.stem) <= last_index:
-            path.unlink()  # it has been joined
+            path.unlink()  # part of a joined file
             continue
         last_index = described.row_group(described.num_row_groups - 1).column(0).statistics.max
         if runs and pq.read_schema(runs[-1][0]).equals(pq.read_schema(path), check_metadata=True):

@@ -1,4 +1,4 @@
-"""What a restart needs, in SQLite: each session's state, and every estimate since it was last moved into Parquet."""
+"""The journal, in SQLite, for a restart: the state of each session, and all estimates that are not in Parquet yet."""
 
 import json
 import sqlite3
@@ -14,10 +14,10 @@ from cylinder_friction.arrays import Array
 from cylinder_friction_live.frames import FLAG_BYTES, ROW_BYTES, EstimateBlock, SampleBlock
 
 _SAME_TIME = 0.5
-"""Share of the sample time by which the sender's clock may jitter between chunks that are kept as one."""
+"""Share of the sample time by which the sender's clock may jitter between blocks that are joined in one chunk."""
 _FORGOTTEN_AT_ONCE = 1000
 _PAGE_BYTES = 32768
-"""A second of a session lies in one page then; spread over four of SQLite's 4096 bytes, it cost twice the time."""
+"""Page size [bytes] that fits a second of a session; four pages of SQLite's 4096 bytes took twice the time."""
 _LOG_PAGES = 256
 _VERSION = 3
 _TABLES = f"""
@@ -36,12 +36,12 @@ _ChunkRow = tuple[str, int, int, str, bytes, bytes]
 
 
 class JournalError(ValueError):
-    """A file that is no journal of this version; the message states what to do."""
+    """The file is no journal of this version; the message states what to do."""
 
 
 @dataclass(frozen=True)
 class SavedSession:
-    """A session as it was when it was last kept."""
+    """A session as it was last written to the journal."""
 
     name: str
     next_index: int  # All samples before it are kept
@@ -55,16 +55,16 @@ class Chunk:
     """Successive samples of a session with their estimates."""
 
     name: str
-    index: int  # Of the first
+    index: int  # Index of the first sample
     time_s: float
     sample_time_s: float
     inputs: tuple[str, ...]
     samples: Array  # Shape ``(rows, inputs)``
-    estimates: EstimateBlock | None  # None: they came after their gap had been given up, and were not stepped
+    estimates: EstimateBlock | None  # None: the samples came too late, after their gap, and were not stepped
 
     @property
     def model(self) -> str | None:
-        """The model that made the estimates; None: there are none."""
+        """The model that made the estimates; None without estimates."""
         return None if self.estimates is None else self.estimates.model
 
 
@@ -73,30 +73,30 @@ class LastRow:
     """The newest estimate of a session."""
 
     index: int
-    time_s: float  # When its sample was taken, in the sender's clock
+    time_s: float  # Time of its sample, in the sender's clock
     newtons: list[float]  # Friction, lower and upper bound [N]
     flags: int
 
 
 @dataclass(slots=True)
-class Unkept:
-    """A chunk that is not kept yet: as bytes, which grow with every block and are quickly written."""
+class PendingChunk:
+    """A chunk that is not in the journal yet, as bytes that grow with every block and are quickly written."""
 
     name: str
-    index: int  # Of the first sample
+    index: int  # Index of the first sample
     time_s: float
     sample_time_s: float
     inputs: tuple[str, ...]
-    model: str | None  # As a chunk's
+    model: str | None  # SHA-256 of the model; None without estimates
     rows: int = 0
-    last_rows: int = 0  # Of the newest block
-    last_time_s: float = 0.0  # When its first sample was taken, in the sender's clock
+    last_rows: int = 0  # Rows of the newest block
+    last_time_s: float = 0.0  # Time of its first sample, in the sender's clock
     samples: bytearray = field(default_factory=bytearray)
     newtons: bytearray = field(default_factory=bytearray)
     flags: bytearray = field(default_factory=bytearray)
 
     def add(self, block: SampleBlock, estimates: EstimateBlock | None) -> bool:
-        """Take a block, if it follows the last one in index and in the sender's time; return whether it did."""
+        """Append a block if it follows the last one in index and in the sender's time; return whether it does."""
         late_s = block.time_s - self.time_s - self.rows * self.sample_time_s
         if block.index != self.index + self.rows or abs(late_s) >= _SAME_TIME * self.sample_time_s:
             return False
@@ -111,25 +111,25 @@ class Unkept:
         return True
 
     def last(self) -> LastRow:
-        """Return the newest estimate."""
+        """Read the newest estimate."""
         newtons, flags = struct.unpack("<3d", self.newtons[-ROW_BYTES:]), self.flags[-FLAG_BYTES:]
         time_s = self.last_time_s + (self.last_rows - 1) * self.sample_time_s
         return LastRow(self.index + self.rows - 1, time_s, list(newtons), int.from_bytes(flags, "little"))
 
     def last_samples(self, rows: int) -> Array:
-        """Return the newest samples."""
+        """Read the newest samples."""
         columns = len(self.inputs)
         return np.frombuffer(bytes(self.samples[-8 * rows * columns :]), "<f8").reshape(rows, columns)
 
     def row(self) -> _ChunkRow:
-        """Return what the journal keeps of it."""
+        """Make the journal's row of it."""
         about = ("time_s", "sample_time_s", "inputs", "model")
         content = {name: getattr(self, name) for name in about}
         samples, estimates = bytes(self.samples), bytes(self.newtons + self.flags)
         return self.name, self.index, self.rows, json.dumps(content), samples, estimates
 
     def chunk(self) -> Chunk:
-        """Return it as it will be read once it is kept."""
+        """Make the chunk that the journal will hold."""
         return _chunk_of(self.row())
 
 
@@ -144,12 +144,12 @@ def _chunk_of(row: _ChunkRow) -> Chunk:
 
 
 class Journal:
-    """Sessions and their latest estimates in one file; all of what is kept together, or nothing, when a kill comes.
+    """Sessions and their latest estimates in one file; each write is complete or absent after a kill.
 
-    One thread reads while another keeps; those that write wait for each other.
+    One thread reads while another writes; writing threads wait for each other.
 
     Args:
-        path: Its file; made where there is none.
+        path: The file; made if there is none.
 
     Raises:
         JournalError: The file is of another version.
@@ -180,17 +180,17 @@ class Journal:
         self._writing.close()
 
     def session(self, name: str) -> SavedSession | None:
-        """Return a session as it was last kept, or None."""
+        """Read a session as it was last written, or None."""
         row = self._reading.execute("SELECT content, state FROM session WHERE name = ?", (name,)).fetchone()
         if row is None:
             return None
         return SavedSession(name, **json.loads(row[0]), state=row[1])
 
-    def keep(self, sessions: Sequence[SavedSession], chunks: Sequence[Unkept]) -> None:
-        """Keep states and the estimates that led to them, all or nothing.
+    def keep(self, sessions: Sequence[SavedSession], chunks: Sequence[PendingChunk]) -> None:
+        """Write states and the estimates that led to them, all or nothing.
 
         Raises:
-            OSError: The file was removed or replaced: what SQLite would write now, nobody could read again.
+            OSError: The file was removed or replaced, so that nobody could read what SQLite would write now.
         """
         for path, number in self._files.items():
             if not path.exists() or path.stat().st_ino != number:
@@ -208,11 +208,11 @@ class Journal:
                 )
 
     def last_chunk(self) -> int:
-        """Return the number of the newest chunk; 0 where there is none."""
+        """Find the number of the newest chunk; 0 if there is none."""
         return int(self._reading.execute("SELECT COALESCE(MAX(id), 0) FROM chunk").fetchone()[0])
 
     def chunks(self, name: str, up_to: int, from_index: int = 0) -> Iterator[Chunk]:
-        """Yield a session's chunks, oldest first, up to a number, from the one that holds or follows an index."""
+        """Yield a session's chunks up to a number, oldest first, from the chunk that holds or follows an index on."""
         rows = self._reading.execute(
             "SELECT first_index, rows, content, samples, estimates FROM chunk "
             "WHERE name = ? AND id <= ? AND first_index + rows > ? ORDER BY id",
@@ -222,9 +222,9 @@ class Journal:
             yield _chunk_of((name, *row))
 
     def forget(self, up_to: int, but: Collection[str] = ()) -> None:
-        """Drop chunks up to a number, but of no session in ``but``: they lie elsewhere now.
+        """Remove chunks up to a number that are in the history now, except those of sessions in ``but``.
 
-        Some at a time, so that others can write in between.
+        A few are removed at a time, so that others can write in between.
         """
         (first,) = self._reading.execute("SELECT COALESCE(MIN(id), 1) FROM chunk").fetchone()
         for begin in range(first, up_to + 1, _FORGOTTEN_AT_ONCE):
@@ -236,7 +236,7 @@ class Journal:
                 )
 
     def with_chunks(self, up_to: int) -> list[str]:
-        """Return the names of the sessions that have chunks up to a number."""
+        """List the names of the sessions that have chunks up to a number."""
         rows = self._reading.execute("SELECT DISTINCT name FROM chunk WHERE id <= ? ORDER BY name", (up_to,))
         return [name for (name,) in rows]
 

@@ -1,4 +1,4 @@
-"""Sessions and estimates into the journal each second, and from there into the history, while samples come."""
+"""Jobs beside the samples: sessions and estimates go into the journal each second, and later into the history."""
 
 import asyncio
 import logging
@@ -17,17 +17,17 @@ from cylinder_friction_live.service import LiveService, LiveSession
 
 KEEP_S, HISTORY_S = 1.0, 60.0
 KEEP_STEPS = 25
-"""In so many steps all sessions are kept: while one is, no estimate waits for more than a few of them."""
+"""Steps per second in which all sessions are written, so that no estimate waits for more than a few sessions."""
 LEFT_S = 10
-"""For so many seconds estimates stay in the journal, for a client that comes back."""
+"""Time for which estimates stay in the journal, for a client that comes back [s]."""
 Job = Callable[[], Coroutine[Any, Any, None]]
 AGAIN_S = 1.0
-"""After so long a job that ended is started again, and counts as running again."""
+"""Time after which a job that ended is started again, and after which it counts as running [s]."""
 _log = logging.getLogger(__name__)
 
 
-async def kept_running(service: LiveService, name: str, job: Job) -> None:
-    """Run a job; where it fails it is started again, and the service is not ready until it has run for a while."""
+async def keep_running(service: LiveService, name: str, job: Job) -> None:
+    """Run a job, and start it again if it fails; the service is not ready until the job has run for a while."""
     while True:
         running = asyncio.create_task(job())
         try:
@@ -41,19 +41,19 @@ async def kept_running(service: LiveService, name: str, job: Job) -> None:
             raise
         error = running.exception()
         if error is None:
-            return  # it had nothing to do
+            return  # the job is done
         _log.error("the job %r of the live service ended and is started again", name, exc_info=error)
         service.ended_jobs[name] = f"{type(error).__name__}: {error}"
         await asyncio.sleep(AGAIN_S)
 
 
 async def keep_each_second(service: LiveService, peers: Peers) -> None:
-    """Keep every session once a second, a few at a time, so that none waits long for the others."""
+    """Write every session once a second, a few at a time, so that none waits long for the others."""
     while True:
         sessions, begun_s, kept = list(service.sessions.values()), time.monotonic(), 0
         count, some = max(1, len(sessions)), -(-len(sessions) // KEEP_STEPS) or 1
         while kept < count:
-            due = int(count * (time.monotonic() - begun_s) / KEEP_S)  # more than the next few where it is late
+            due = int(count * (time.monotonic() - begun_s) / KEEP_S)  # more samples at once if it is late
             first, kept = kept, max(kept + some, due)
             await keep_some(service, peers, sessions[first:kept])
             await asyncio.sleep(max(0.0, begun_s + KEEP_S * kept / count - time.monotonic()))
@@ -62,32 +62,32 @@ async def keep_each_second(service: LiveService, peers: Peers) -> None:
 
 
 async def keep_some(service: LiveService, peers: Peers, sessions: Sequence[LiveSession]) -> None:
-    """Keep what is new of some sessions, and acknowledge it."""
+    """Write the news of some sessions to the journal, and acknowledge them."""
     async with peers.keeping:
         await _keep_now(service, sessions)
 
 
 async def _keep_now(service: LiveService, sessions: Sequence[LiveSession]) -> None:
-    saved, chunks = service.unkept(sessions)
+    saved, chunks = service.take_pending(sessions)
     if not saved:
         return
     keeping = asyncio.create_task(asyncio.to_thread(service.journal.keep, saved, chunks))
     try:
         await asyncio.shield(keeping)
     except asyncio.CancelledError:
-        await keeping  # what was handed over is kept before the last of all is
+        await keeping  # a write that has begun ends before the last one begins
         raise
     except (sqlite3.Error, OSError) as error:
         _log.error("nothing is kept or acknowledged: %s; tried again each second", error)
-        service.not_kept(saved, str(error))
+        service.requeue(saved, str(error))
         return
     service.kept(saved)
 
 
 async def move_each_minute(service: LiveService, history: Path) -> None:
-    """Move the journal into the history each minute, a session at a time, when nothing else is to do."""
-    loop, behind = asyncio.get_running_loop(), ThreadPoolExecutor(1, "history", _give_way)
-    joined = ""  # On which day
+    """Move the journal into the history each minute, one session at a time, at low priority."""
+    loop, behind = asyncio.get_running_loop(), ThreadPoolExecutor(1, "history", _lower_priority)
+    joined = ""  # Day on which past days were joined
     while True:
         await asyncio.sleep(HISTORY_S / 2)
         begun_s, last, failed = time.monotonic(), service.journal.last_chunk(), list[str]()
@@ -97,7 +97,7 @@ async def move_each_minute(service: LiveService, history: Path) -> None:
             try:
                 await loop.run_in_executor(behind, write_session, service.journal, name, last, history)
                 service.not_in_history.pop(name, None)
-            except Exception as error:  # whatever it is, other sessions go on
+            except Exception as error:  # other sessions continue after any error
                 _log.exception("session %s stays in the journal, not in the history", name)
                 service.not_in_history[name] = str(error)
                 failed.append(name)
@@ -115,7 +115,7 @@ async def move_each_minute(service: LiveService, history: Path) -> None:
                 _log.error("past days of the history stay in parts: %s", error)
 
 
-def _give_way() -> None:
-    """Let other threads go first; Linux alone knows how for one thread."""
+def _lower_priority() -> None:
+    """Lower the priority of this thread; only Linux can do so for one thread."""
     if sys.platform == "linux":
         os.nice(10)

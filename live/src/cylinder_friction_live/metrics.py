@@ -1,4 +1,4 @@
-"""What Prometheus scrapes: sessions, samples by outcome, flags, what waits, how late the loop is."""
+"""Metrics for Prometheus: sessions, samples by outcome, flags, waiting rows, delay of the event loop."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -19,7 +19,7 @@ _GAUGES = {
 
 
 def metrics_text(service: LiveService, peers: Peers, links: Sequence[Link]) -> str:
-    """Return the metrics in Prometheus's text format."""
+    """Write the metrics in Prometheus's text format."""
     registry = CollectorRegistry()
     registry.register(_Live(service, peers, links))
     return generate_latest(registry).decode()

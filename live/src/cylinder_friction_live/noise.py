@@ -1,4 +1,4 @@
-"""How noisy the pressures of a live session are."""
+"""Measurement of the pressures' noise in a live session."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -10,19 +10,18 @@ from cylinder_friction.recordings.columns import PRESSURES
 from cylinder_friction.signals.noise import median_noise
 
 WINDOW_ROWS, ROWS_BETWEEN, WINDOWS = 2000, 4000, 3
-"""Rows that noise is measured from, rows from one such window to the next, and how many windows must agree."""
+"""Rows of a window for measuring noise, rows between two windows, and number of windows that must agree."""
 
 
 @dataclass(slots=True)
 class NoiseWindow:
-    """Measures the noise of a session's pressures, one window of samples after another.
+    """Measures the noise of a session's pressures in windows of samples.
 
-    Pressures that swing in motion look noisier than they are for as long, so that the quietest of the latest windows
-    counts.
+    Pressures that oscillate in motion look noisier than they are, so the quietest of the latest windows counts.
     """
 
     inputs: Sequence[str]
-    rows_to_wait: int = 0  # Before the first window; different ones keep many sessions from being measured at once
+    rows_to_wait: int = 0  # Rows before the first window; they differ, so that many sessions are not measured at once
     latest_pa: list[float] = field(default_factory=list)  # Noise in the latest windows
     _parts: list[Array] = field(default_factory=list)
     _rows: int = 0
@@ -33,7 +32,7 @@ class NoiseWindow:
         return min(self.latest_pa) if len(self.latest_pa) == WINDOWS else 0.0
 
     def take(self, samples: Array) -> None:
-        """Take successive samples in, shape ``(rows, inputs)``; those that are no numbers do not count."""
+        """Take successive samples, shape ``(rows, inputs)``; NaN does not count."""
         first = min(self.rows_to_wait, len(samples))
         self.rows_to_wait -= first
         if first == len(samples):

@@ -1,4 +1,4 @@
-"""Recorded days through the service, in their own time or faster: how to try it without a machine."""
+"""Replay of recordings through the service, at their own speed or faster, to try it without a machine."""
 
 import threading
 import time
@@ -10,18 +10,18 @@ from cylinder_friction_live.client import Client
 
 BLOCK_S = 0.05
 PAUSE_S = 5.0
-"""Samples that are left out between two recordings of a session, so that each begins anew. Nobody waits for them: the
-next recording is dated as if it followed at once."""
+"""Duration of the gap between two recordings of a session, so that each begins anew. The replay does not wait for it:
+the next recording is dated as if it followed at once."""
 
 
 @dataclass
 class Replay:
-    """Recordings that are sent as sessions of their own, one after the other within a session, with a pause between.
+    """Recordings that are sent by session, one after the other, with a gap between two.
 
     Args:
-        url: Of the service.
-        recordings: By the name of their session.
-        speed: How many times faster than they were recorded; None: as fast as the service takes them.
+        url: Address of the service.
+        recordings: Recordings by the name of their session.
+        speed: Factor on the recorded speed; None: as fast as the service accepts samples.
     """
 
     url: str
@@ -29,7 +29,7 @@ class Replay:
     speed: float | None = 1.0
 
     def run(self, inputs: Sequence[str], stop: threading.Event) -> int:
-        """Send everything, or until ``stop``; return how many samples were sent."""
+        """Send everything, or until ``stop``; return the number of samples sent."""
         threads = [
             threading.Thread(target=self._send, args=(name, recordings, tuple(inputs), stop), daemon=True)
             for name, recordings in self.recordings.items()
@@ -47,7 +47,8 @@ class Replay:
             begin_s, sent = time.monotonic(), 0
             rows_in_all = sum(len(each) for each in recordings)
             ahead = 1.0 - 1.0 / self.speed if self.speed else 1.0  # Share of the time that a faster replay saves
-            client.start_time_s -= max(0.0, ahead) * rows_in_all * sample_time_s  # so that no sample is of the future
+            client.start_time_s -= max(0.0, ahead) * rows_in_all * sample_time_s  # no sample is of the future
+
             for recording in recordings:
                 if client.next_index:  # of the recording before, or of a replay before a restart
                     client.skip(round(PAUSE_S / sample_time_s))

@@ -1,4 +1,4 @@
-"""uvicorn's server, which ends within two seconds whoever is connected."""
+"""uvicorn's server, which ends within two seconds whatever its clients do."""
 
 import asyncio
 import socket
@@ -15,16 +15,16 @@ from cylinder_friction_live.access import Access
 from cylinder_friction_live.settings import HELD_BACK_S
 
 LAST_WORD_S = 0.2
-"""For so long a client may read why it is closed when the service ends."""
+"""Time for clients to read why they are closed when the service ends [s]."""
 LINGER_TICKS = 50
-"""Every so many tenths of a second, connections are left behind that were being closed the last time already."""
+"""Tenths of a second between two checks that abandon connections which were already closing at the last check."""
 
 
 class _ReadsAhead(WebSocketsSansIOProtocol):
-    """Stops reading at the second message that waits, not at each one: that would cost as much as what it brings."""
+    """Pauses reading at the second waiting message. A pause at each message would cost as much as handling it."""
 
     def send_receive_event_to_app(self) -> None:
-        self.read_paused = self.queue.empty()  # where it is true, nothing is paused now
+        self.read_paused = self.queue.empty()  # if true, nothing is paused now
         super().send_receive_event_to_app()
 
 
@@ -32,8 +32,8 @@ class LiveServer(uvicorn.Server):
     """A server that drains before it closes.
 
     Args:
-        config: Of uvicorn.
-        drain: Awaited first; within it health is still reported.
+        config: uvicorn's configuration.
+        drain: Awaited before closing; health is still reported meanwhile.
     """
 
     def __init__(self, config: uvicorn.Config, drain: Callable[[], Awaitable[None]]) -> None:
@@ -42,7 +42,7 @@ class LiveServer(uvicorn.Server):
         self._closing: set[Any] = set()
 
     async def on_tick(self, counter: int) -> bool:
-        """Leave connections behind whose client does not read what is left for it before they are closed."""
+        """Abandon closing connections whose client does not read its last messages."""
         if counter % LINGER_TICKS == 0:
             closing = {each for each in self.server_state.connections if _transport(each).is_closing()}
             for connection in closing & self._closing:
@@ -51,7 +51,7 @@ class LiveServer(uvicorn.Server):
         return await super().on_tick(counter)
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
-        """Drain, close what is open with 1012 (service restart), and leave those that do not read behind."""
+        """Drain, close open connections with 1012 (service restart), and abandon clients that do not read."""
         await self._drain()
         for server in self.servers:
             server.close()
@@ -61,12 +61,12 @@ class LiveServer(uvicorn.Server):
         await asyncio.sleep(LAST_WORD_S)
         for connection in list(self.server_state.connections):
             _transport(connection).abort()
-        await asyncio.sleep(0.0)  # they take their leave
+        await asyncio.sleep(0.0)  # let transports close
         await super().shutdown(sockets)
 
 
 def live_server(app: Starlette, host: str, port: int, access: Access, message_bytes: int) -> LiveServer:
-    """Return the server of an application of ``live.app.create_app``; port 0 takes a free one."""
+    """Build the server of an application of ``live.app.create_app``; port 0 takes a free one."""
     config = uvicorn.Config(
         app, host=host, port=port, ws_max_size=message_bytes, log_level="warning", ws_per_message_deflate=False,
         ws=_ReadsAhead, ws_ping_timeout=HELD_BACK_S, timeout_graceful_shutdown=1, loop="asyncio",

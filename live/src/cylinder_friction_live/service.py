@@ -1,4 +1,4 @@
-"""Sessions, their model and the journal put together; knows no network."""
+"""The service without its network: sessions, their model and the journal."""
 
 import logging
 import re
@@ -16,7 +16,7 @@ from cylinder_friction.realtime.flags import UNKNOWN, unknown_in_words
 from cylinder_friction.signals.noise import times_as_noisy
 from cylinder_friction_live.engine import Engine
 from cylinder_friction_live.frames import LATEST_S, EstimateBlock, SampleBlock
-from cylinder_friction_live.journal import Journal, LastRow, SavedSession, Unkept
+from cylinder_friction_live.journal import Journal, LastRow, PendingChunk, SavedSession
 from cylinder_friction_live.noise import ROWS_BETWEEN, NoiseWindow
 from cylinder_friction_live.session import Counts, SessionOrder
 from cylinder_friction_live.settings import LiveLimits, SessionRules
@@ -24,22 +24,22 @@ from cylinder_friction_live.totals import FlagTotals
 
 _NAME = re.compile(r"(?=.*\w)[\w.:/ -]{1,80}")
 LONGEST_NAME = 200
-"""Bytes of a session's name as the name of a folder, in which letters of other scripts take up to twelve."""
+"""Most bytes of a session's name as a folder's name, in which a letter of another script takes up to twelve."""
 CLOCK_TOLERANCE = 2e-3
-"""How much the stated sample time may differ from the model's; beyond it the model would be wrong."""
+"""Share by which the stated sample time may differ from the model's."""
 _log = logging.getLogger(__name__)
 
 
 class LiveError(ValueError):
-    """A request that cannot be met; the message states what was got and what is expected."""
+    """A request is refused; the message states what was got and what is expected."""
 
 
 class BusyError(LiveError):
-    """A request that may be met later."""
+    """A request is refused for now; the client may try again later."""
 
 
 class Owner(Protocol):
-    """Who opened a session last, and gets what comes of it."""
+    """The connection that opened a session last, and gets its estimates."""
 
     client: str
 
@@ -47,10 +47,10 @@ class Owner(Protocol):
         """Queue estimates."""
 
     def put_acknowledgement(self, session: "LiveSession") -> None:
-        """Queue that samples are kept."""
+        """Queue an acknowledgement of samples."""
 
     def lost(self, session: "LiveSession") -> None:
-        """Note that the session has another owner."""
+        """React to the session's change to another owner."""
 
 
 @dataclass(slots=True)
@@ -60,14 +60,14 @@ class LiveSession:
     name: str
     handle: int
     engine: Engine
-    slot: int  # Of its state in the engine
+    slot: int  # Place of its state in the engine
     order: SessionOrder
     noise: NoiseWindow
-    unkept: list[Unkept] = field(default_factory=list)  # In the order in which they came
-    handed_over: list[Unkept] = field(default_factory=list)  # To the journal; whether it has them is not known yet
-    kept_index: int = 0  # All samples before it are kept
-    last_seen_s: float = 0.0  # On the monotonic clock
-    last_kept: LastRow | None = None  # Since it was opened
+    pending: list[PendingChunk] = field(default_factory=list)  # Chunks that are not handed over yet, in order
+    handed_over: list[PendingChunk] = field(default_factory=list)  # Chunks that the journal may still refuse
+    kept_index: int = 0  # All samples before it are in the journal
+    last_seen_s: float = 0.0  # Time of the last message, on the monotonic clock
+    last_kept: LastRow | None = None  # Newest estimate in the journal since the session was opened
     flagged: Counter[str] = field(default_factory=Counter)  # Rows kept since then with each flag of ``UNKNOWN``
     owner: "Owner | None" = None
     begins_anew: str = ""  # Why it began anew; empty if it resumed, or once new estimates are in the journal
@@ -79,17 +79,17 @@ class LiveSession:
 
     @property
     def model(self) -> str:
-        """SHA-256 of the model that gives the newtons."""
+        """SHA-256 of the model that makes the estimates."""
         return self.engine.model
 
     @property
     def latest(self) -> LastRow | None:
         """The newest estimate since the session was opened."""
-        chunks = [each for each in (*self.handed_over, *self.unkept) if each.newtons]
+        chunks = [each for each in (*self.handed_over, *self.pending) if each.newtons]
         return chunks[-1].last() if chunks else self.last_kept
 
     def note_kept(self, next_index: int) -> None:
-        """Note that what was handed over is kept, count its rows by flags, and measure the noise of its pressures."""
+        """Mark the handed-over chunks as kept, count their rows by flags, and measure the noise of their pressures."""
         flags = np.frombuffer(b"".join([each.flags for each in self.handed_over]), "<u4")
         self.flagged["rows"] += len(flags)
         for flag in UNKNOWN:
@@ -101,23 +101,23 @@ class LiveSession:
 
     @property
     def not_known(self) -> str:
-        """Why the estimates are not to be used as they are; empty where they may be."""
+        """Why the estimates are not to be used as they are; empty if they may be."""
         return unknown_in_words(self.flagged["rows"], self.flagged)
 
     @property
     def too_narrow(self) -> str:
-        """Why the bounds hold less than they state; empty if nothing shows that they do."""
+        """Why the bounds are too narrow; empty if nothing shows that they are."""
         times = times_as_noisy(self.noise.noise_pa, self.engine.pressure_noise_pa)
         words = f"pressures are {times:.1f} times as noisy as those that this model knows, and bounds are too narrow"
         return words if times > 1.0 else ""
 
     def refuse_others(self, owner: Owner) -> None:
-        """Raise ``LiveError`` where the session is another's."""
+        """Raise ``LiveError`` if the session is another client's."""
         if self.owner is not owner:
             raise LiveError(f"session {self.name!r}: another connection has opened it; open it to take it over")
 
     def saved(self) -> SavedSession:
-        """Return all that a restart needs."""
+        """Collect everything that a restart needs."""
         counts = dict(vars(self.order.counts))
         return SavedSession(self.name, self.next_index, counts, self.model, self.engine.saved(self.slot))
 
@@ -129,9 +129,9 @@ class LiveService:
     """Friction of many cylinders: samples go in by session and index, estimates come out in order.
 
     Args:
-        engine: Of the model that all sessions run. A session that was kept by another model begins anew.
-        journal: Where states and estimates are kept.
-        takers: Called with a session and the estimates of successive samples, once its owner has them.
+        engine: Engine of the model for all sessions. A session that another model wrote begins anew.
+        journal: Storage of states and estimates.
+        takers: Functions called with a session and its new estimates, after its owner got them.
     """
 
     def __init__(
@@ -150,22 +150,22 @@ class LiveService:
         self._by_handle: dict[int, LiveSession] = {}
         self._next_handle = 1
         self.unkept_rows, self._kept_s = 0, clock()
-        self._closed_outcomes = Counter(vars(Counts()))  # Less what open sessions had met before they were opened here
+        self._closed_outcomes = Counter(vars(Counts()))  # Less the counts of open sessions from before this start
         self.loop_lag_s = 0.0
-        """How late the event loop was of late, at worst, as its owner states."""
+        """Greatest recent delay of the event loop [s], set by the application."""
         self.keeps_not_because = ""
-        """Why nothing could be kept the last time; empty where it could."""
+        """Why the journal could not be written the last time; empty if it could."""
         self.ended_jobs: dict[str, str] = {}
-        """Why a job in the background ended the last time, by its name, until it runs again."""
+        """Why a background job last ended, by its name, until it runs again."""
         self.not_in_history: dict[str, str] = {}
         """Why the estimates of a session stay in the journal, by its name."""
 
     def open(self, name: str, inputs: Sequence[str], sample_time_s: float) -> LiveSession:
-        """Return the session of that name, where it stood when it was last kept, or a new one.
+        """Open a session: resume it from the journal, or start a new one.
 
         Raises:
-            LiveError: The name is not one, there are too many sessions, or columns or sample time are not the model's.
-            BusyError: The session is new, and the service has no time for it.
+            LiveError: The name is invalid, there are too many sessions, or columns or sample time are not the model's.
+            BusyError: The session is new, and the service is too busy for it.
         """
         self._refuse_other_samples(name, inputs, sample_time_s)
         if name in self.sessions:
@@ -189,9 +189,9 @@ class LiveService:
         return session
 
     def given_from(self, session: LiveSession, index: int) -> list[EstimateBlock]:
-        """Return the estimates from ``index`` on that have been given already, as far back as the journal goes."""
+        """Read the estimates from ``index`` on that were sent already, as far back as the journal goes."""
         kept = self.journal.chunks(session.name, self.journal.last_chunk(), index)
-        chunks = [*kept, *(each.chunk() for each in session.handed_over + session.unkept)]
+        chunks = [*kept, *(each.chunk() for each in session.handed_over + session.pending)]
         blocks = []
         for chunk in chunks:
             known = max(0, index - chunk.index)
@@ -201,9 +201,9 @@ class LiveService:
         return blocks
 
     def recent(self, session: LiveSession, rows: int) -> list[tuple[EstimateBlock, Array]]:
-        """Return the newest estimates and their samples, about so many rows, as far back as the journal goes."""
+        """Read the newest estimates and their samples, about this many rows, as far back as the journal goes."""
         kept = self.journal.chunks(session.name, self.journal.last_chunk(), max(0, session.next_index - rows))
-        chunks = [*kept, *(each.chunk() for each in session.handed_over + session.unkept)]
+        chunks = [*kept, *(each.chunk() for each in session.handed_over + session.pending)]
         return [(each.estimates, each.samples) for each in chunks if each.estimates is not None]
 
     @property
@@ -212,7 +212,7 @@ class LiveService:
         return self._clock()
 
     def session_of(self, block: SampleBlock) -> LiveSession:
-        """Return the session of a block.
+        """Find the session of a block.
 
         Raises:
             LiveError: No session has its handle, or its columns are not the model's.
@@ -231,10 +231,10 @@ class LiveService:
         return session
 
     def receive(self, blocks: Sequence[SampleBlock], owner: Owner | None = None) -> None:
-        """Step through all that can be stepped now, of all blocks in one call.
+        """Step through all samples that can be stepped now, of all blocks in one call.
 
         Raises:
-            LiveError: As ``session_of``, or a session has another owner than the one stated; no block is used.
+            LiveError: As for ``session_of``, or a session has another owner than the stated one; no block is used.
         """
         sessions = [self.session_of(block) for block in blocks]
         if owner is not None:
@@ -248,53 +248,53 @@ class LiveService:
             for piece in session.order.receive(block, now_s):
                 pieces.append((session, piece))  # noqa: PERF401 - one piece nearly always
             if session.order.late:
-                self._keep_late(session)
+                self._queue_for_journal(session)
         self._step(pieces)
 
     def overdue(self) -> None:
-        """Step over gaps that have been waited for long enough."""
+        """Step over gaps whose wait is over."""
         now_s = self._clock()
         self._step([(each, piece) for each in self.sessions.values() for piece in each.order.overdue(now_s)])
 
     @property
     def kept_age_s(self) -> float:
-        """How long ago something was kept last, where estimates wait for that [s]; else 0."""
+        """Time since the last write to the journal if estimates wait for one [s]; else 0."""
         return self._clock() - self._kept_s if self.unkept_rows else 0.0
 
     def outcomes(self) -> Counter[str]:
-        """Return how many samples met which outcome since the start, those of closed sessions included."""
+        """Count samples by outcome since the start, those of closed sessions included."""
         outcomes = self._closed_outcomes.copy()
         for session in self.sessions.values():
             outcomes.update(vars(session.order.counts))
         return outcomes
 
     def load(self) -> dict[str, int]:
-        """Return what the service holds just now, as counts."""
+        """Count what the service holds at present."""
         held = sum(each.order.held_rows for each in self.sessions.values())
         noisy = sum(each.too_narrow != "" for each in self.sessions.values())
         waits = {"held_rows": held, "unkept_rows": self.unkept_rows}
         return {"sessions": len(self.sessions), "noisy_sessions": noisy, **waits}
 
-    def unkept(self, sessions: Iterable[LiveSession]) -> tuple[list[SavedSession], list[Unkept]]:
-        """Return what ``Journal.keep`` is to keep of some sessions; from now on it counts as handed over."""
+    def take_pending(self, sessions: Iterable[LiveSession]) -> tuple[list[SavedSession], list[PendingChunk]]:
+        """Collect what ``Journal.keep`` must write of some sessions; from now on it counts as handed over."""
         saved, chunks = [], []
         for session in sessions:
-            if session.unkept:
+            if session.pending:
                 saved.append(session.saved())
-                self.unkept_rows -= sum(each.rows for each in session.unkept)
-                chunks += session.unkept
-                session.handed_over, session.unkept = session.unkept, []
+                self.unkept_rows -= sum(each.rows for each in session.pending)
+                chunks += session.pending
+                session.handed_over, session.pending = session.pending, []
         return saved, chunks
 
-    def not_kept(self, saved: Sequence[SavedSession], reason: str) -> None:
-        """Take back what could not be kept; it is handed over again the next time."""
+    def requeue(self, saved: Sequence[SavedSession], reason: str) -> None:
+        """Take back chunks that could not be written, to hand them over again the next time."""
         self.keeps_not_because = reason
         for session in (self.sessions[each.name] for each in saved):
             self.unkept_rows += sum(each.rows for each in session.handed_over)
-            session.handed_over, session.unkept = [], session.handed_over + session.unkept
+            session.handed_over, session.pending = [], session.handed_over + session.pending
 
     def kept(self, saved: Sequence[SavedSession]) -> None:
-        """Note what has been kept, and acknowledge it."""
+        """Mark written chunks as kept, and acknowledge them."""
         self.keeps_not_because, self._kept_s = "", self._clock()
         known = [(self.sessions[each.name], each) for each in saved if each.name in self.sessions]
         for session, each in known:
@@ -303,18 +303,18 @@ class LiveService:
                 session.owner.put_acknowledgement(session)
 
     def keep(self) -> None:
-        """Keep and acknowledge everything now."""
-        saved, chunks = self.unkept(self.sessions.values())
+        """Write and acknowledge everything now."""
+        saved, chunks = self.take_pending(self.sessions.values())
         self.journal.keep(saved, chunks)
         self.kept(saved)
 
     def close_idle(self) -> list[str]:
-        """Close sessions that have rested for long, all of whose samples are kept; return their names."""
+        """Close sessions that are idle and wholly in the journal; return their names."""
         now_s = self._clock()
         idle = [
             each
             for each in self.sessions.values()
-            if now_s - each.last_seen_s > self.limits.idle_s and not each.unkept and each.kept_index == each.next_index
+            if now_s - each.last_seen_s > self.limits.idle_s and not each.pending and each.kept_index == each.next_index
         ]
         for session in idle:
             self.engine.remove(session.slot)
@@ -348,17 +348,17 @@ class LiveService:
                 take(session, given)
         self.flags.note([bits for _, bits in results])
 
-    def _keep_late(self, session: LiveSession) -> None:
+    def _queue_for_journal(self, session: LiveSession) -> None:
         for piece in session.order.late:
             self._add(session, piece, None)
         session.order.late.clear()
 
     def _add(self, session: LiveSession, piece: SampleBlock, estimates: EstimateBlock | None) -> None:
-        if not (session.unkept and session.unkept[-1].add(piece, estimates)):
+        if not (session.pending and session.pending[-1].add(piece, estimates)):
             step_s, inputs = self.engine.sample_time_s, self.engine.inputs
             model = None if estimates is None else estimates.model
-            session.unkept.append(Unkept(session.name, piece.index, piece.time_s, step_s, inputs, model))
-            session.unkept[-1].add(piece, estimates)
+            session.pending.append(PendingChunk(session.name, piece.index, piece.time_s, step_s, inputs, model))
+            session.pending[-1].add(piece, estimates)
         self.unkept_rows += piece.rows
 
     def _refuse_other_samples(self, name: str, inputs: Sequence[str], sample_time_s: float) -> None:

@@ -1,4 +1,4 @@
-"""What becomes of each sample of one session, decided by its index alone, never by when it arrives."""
+"""The order of one session's samples, decided by their indices and never by their arrival."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field, fields
@@ -12,20 +12,19 @@ from cylinder_friction_live.settings import SessionRules
 
 @dataclass
 class Counts:
-    """How many samples met which outcome; every sample that arrives is in exactly one of ``stepped`` to ``late``,
-    or is held."""
+    """Counts of samples by outcome; each arriving sample is in exactly one of ``stepped`` to ``late``, or is held."""
 
-    stepped: int = 0  # Stepped in their turn
-    duplicate: int = 0  # Had been stepped before; dropped
-    late: int = 0  # Came after their gap had been given up; not stepped, but kept
-    missing: int = 0  # Of short gaps: stepped as no numbers
-    skipped: int = 0  # Of long gaps: not stepped, the session began anew
-    waited: int = 0  # Stepped after having waited for samples before them, which came or did not
-    resets: int = 0  # How often the session began anew
+    stepped: int = 0  # Stepped in order
+    duplicate: int = 0  # Dropped, as they were stepped before
+    late: int = 0  # Kept but not stepped, as they came after the wait for their gap was over
+    missing: int = 0  # Missing in short gaps: stepped as NaN
+    skipped: int = 0  # Missing in long gaps: not stepped, and the session began anew
+    waited: int = 0  # Stepped after a wait for earlier samples, whether these came or not
+    resets: int = 0  # Number of times that the session began anew
 
     @classmethod
     def from_dict(cls, content: dict[str, int]) -> "Counts":
-        """Return what ``vars`` wrote; unknown names are ignored, missing ones are 0."""
+        """Read what ``vars`` wrote; unknown names are ignored, missing ones are 0."""
         return cls(**{each.name: int(content.get(each.name, 0)) for each in fields(cls)})
 
 
@@ -44,7 +43,7 @@ class SessionOrder:
     Args:
         sample_time_s: Time between two samples [s].
         columns: Inputs of the model.
-        next_index: Index that is stepped next; None until the first sample states where the session begins.
+        next_index: Index that is stepped next; None until the first sample states the session's first index.
     """
 
     sample_time_s: float
@@ -53,12 +52,12 @@ class SessionOrder:
     next_index: int | None = None
     counts: Counts = field(default_factory=Counts)
     late: list[SampleBlock] = field(default_factory=list, init=False)
-    """Samples that came after their gap had been given up, until somebody takes them away."""
-    _held: list[_Held] = field(default_factory=list, init=False)  # By index; never overlapping
-    _gaps: list[tuple[int, int]] = field(default_factory=list, init=False)  # Given up, newest last
+    """Samples that came too late for their gap, until the service takes them."""
+    _held: list[_Held] = field(default_factory=list, init=False)  # Waiting blocks by index; they never overlap
+    _gaps: list[tuple[int, int]] = field(default_factory=list, init=False)  # Gaps whose wait is over, newest last
 
     def receive(self, block: SampleBlock, now_s: float) -> list[SampleBlock]:
-        """Take samples in; return what can be stepped, in order."""
+        """Take samples; return the samples that can be stepped, in order."""
         if block.index == self.next_index and not self._held and block.rows:  # nearly always
             return [self._stepped(block)]
         index, time_s, samples = block.index, block.time_s, block.samples
@@ -76,22 +75,22 @@ class SessionOrder:
         return [self._stepped(SampleBlock(0, index, time_s, samples)), *self._released()]
 
     def overdue(self, now_s: float) -> list[SampleBlock]:
-        """Return what is to be stepped although samples before it are missing: they were waited for long enough."""
+        """Take the samples to step although earlier ones are missing, because the wait for those is over."""
         pieces: list[SampleBlock] = []
-        while self._held and self._must_go_on(now_s):
-            pieces += self._over_the_gap()
+        while self._held and self._is_wait_over(now_s):
+            pieces += self._skip_gap()
         return pieces
 
     @property
     def held_rows(self) -> int:
-        """Samples that wait for ones before them."""
+        """Number of samples that wait for earlier ones."""
         return sum(len(each.samples) for each in self._held)
 
-    def _must_go_on(self, now_s: float) -> bool:
+    def _is_wait_over(self, now_s: float) -> bool:
         waited_s = now_s - min(each.since_s for each in self._held)
         return waited_s >= self.rules.hold_s or self.held_rows > self.rules.hold_rows
 
-    def _over_the_gap(self) -> Iterator[SampleBlock]:
+    def _skip_gap(self) -> Iterator[SampleBlock]:
         first, begin = self._held[0], self._next()
         missing = first.index - begin
         self._gaps = [*self._gaps[-63:], (begin, first.index)]
@@ -109,7 +108,7 @@ class SessionOrder:
     def _released(self, reset: bool = False) -> Iterator[SampleBlock]:
         while self._held and self._held[0].index <= self._next():
             first = self._held.pop(0)
-            known = min(len(first.samples), self._next() - first.index)  # Stepped since, as part of another block
+            known = min(len(first.samples), self._next() - first.index)  # Stepped meanwhile, as part of another block
             self.counts.duplicate += known
             if known < len(first.samples):
                 self.counts.waited += len(first.samples) - known
@@ -127,7 +126,7 @@ class SessionOrder:
         return piece
 
     def _sort_old(self, old: SampleBlock) -> None:
-        """Sort samples that lie in a gap, each once, from duplicates."""
+        """Separate samples that lie in a gap, each once, from duplicates."""
         end, late = old.index + old.rows, 0
         gaps: list[tuple[int, int]] = []
         for first, last in self._gaps:
@@ -145,7 +144,7 @@ class SessionOrder:
         self.counts.duplicate += old.rows - late
 
     def _hold(self, new: _Held) -> None:
-        """Keep what is not held yet of new samples."""
+        """Hold the samples that are not held yet."""
         parts = [new]
         for held in self._held:
             parts = [rest for part in parts for rest in _without(part, held, self.sample_time_s)]
@@ -154,7 +153,7 @@ class SessionOrder:
 
 
 def _without(part: _Held, held: _Held, sample_time_s: float) -> Iterator[_Held]:
-    """Yield what of ``part`` lies before and after ``held``."""
+    """Yield the pieces of ``part`` before and after ``held``."""
     end, held_end = part.index + len(part.samples), held.index + len(held.samples)
     before, after = min(end, held.index), max(part.index, held_end)
     if before > part.index:

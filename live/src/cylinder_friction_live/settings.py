@@ -1,4 +1,4 @@
-"""What a live service is given: how long a session waits, what is taken, and by which links."""
+"""Settings of a live service: waiting times of sessions, limits, and links."""
 
 import re
 from pathlib import Path
@@ -10,7 +10,7 @@ from pydantic.dataclasses import dataclass
 from cylinder_friction_live.access import is_loopback
 
 HELD_BACK_S = 120.0
-"""Who holds a fast sender back does not read its pings either; for so long neither side takes the other for gone."""
+"""Time for which neither side drops the other [s], as a service that holds a sender back reads no pings."""
 _CONFIG = ConfigDict(extra="forbid", strict=True)
 _Positive = Annotated[float, Field(gt=0.0)]
 _Count = Annotated[int, Field(gt=0)]
@@ -28,13 +28,13 @@ _Topic = Annotated[str, AfterValidator(_checked_topic)]
 
 @dataclass(frozen=True, config=_CONFIG)
 class SessionRules:
-    """How long a session waits, and what counts as a short gap.
+    """Waiting time of a session, and the length of a short gap.
 
     Attributes:
-        hold_s: How long samples that came too early wait for the ones before them [s].
-        hold_rows: How many may wait; beyond it the gap before them is taken for lost.
-        short_gap_s: A gap up to this long is stepped through as samples that are no numbers, which the step holds and
-            flags; after a longer one the session begins anew, as after a reset [s].
+        hold_s: Time for which early samples wait for those before them [s].
+        hold_rows: Most samples that wait; above it the gap before them counts as lost.
+        short_gap_s: Longest gap that is stepped through as NaN, which the step holds and flags [s]; after a longer one
+            the session begins anew, as after a reset.
     """
 
     hold_s: _Positive = 0.5
@@ -44,17 +44,18 @@ class SessionRules:
 
 @dataclass(frozen=True, config=_CONFIG)
 class LiveLimits:
-    """What one service takes.
+    """Limits of one service.
 
     Attributes:
-        sessions: Most sessions that are open at a time.
-        unkept_rows: Most rows that wait to be kept, all sessions together; beyond it writers are slowed down.
-        idle_s: How long a session may rest before it is closed, its state kept [s].
+        sessions: Most open sessions.
+        unkept_rows: Most rows of all sessions that wait for the journal; above it writers are slowed down.
+        idle_s: Time after which an idle session is closed, with its state in the journal [s].
         message_bytes: Largest message of a client.
         text_bytes: Largest message of JSON, which takes a hundred times as long to read as frames.
-        connections: Most clients, and as many pages, that are connected at a time.
-        rows_per_s: Most samples per second of a connection, ten seconds' worth at once; beyond it the client is slowed.
-        loop_lag_s: How late the event loop may be before new sessions are refused; known ones are not [s].
+        connections: Most connected clients, and most connected pages.
+        rows_per_s: Most samples per second of a connection, up to ten seconds' worth at once; above it the client is
+            slowed down.
+        loop_lag_s: Delay of the event loop above which new sessions are refused, and known ones are not [s].
     """
 
     sessions: _Count = 1000
@@ -72,12 +73,12 @@ class BrokerSettings:
     """An MQTT 5 broker.
 
     Attributes:
-        host: Its address.
-        port: Its port; 8883 is usual with TLS.
-        tls: Whether it is spoken to by TLS; a password needs it, except on loopback.
-        ca_file: Certificates that sign the broker's; None: the system's.
-        user: Name that the service logs in by; None: without.
-        password_file: File of the password, a line.
+        host: Address of the broker.
+        port: Port of the broker; 8883 is usual with TLS.
+        tls: Whether to use TLS; a password needs it, except on loopback.
+        ca_file: Certificates of the authority that signed the broker's; None: the system's.
+        user: Name for the login; None: no login.
+        password_file: File with the password on one line.
     """
 
     host: str = "127.0.0.1"
@@ -88,14 +89,14 @@ class BrokerSettings:
     password_file: str | None = None
 
     def __post_init__(self) -> None:
-        """Refuse a password in plain text to elsewhere; raises ``ValueError``."""
+        """Refuse to send a password in plain text beyond loopback; raises ``ValueError``."""
         if self.password_file and not self.tls and not is_loopback(self.host):
             raise ValueError(
                 f"tls: got false with a password for {self.host}, expected true: anyone between would read it"
             )
 
     def password(self) -> str | None:
-        """Return the password, None without one; raises ``OSError`` if its file cannot be read."""
+        """Read the password, None without one; raises ``OSError`` if its file cannot be read."""
         return Path(self.password_file).read_text(encoding="utf-8").strip() if self.password_file else None
 
 
@@ -104,12 +105,12 @@ class MqttSettings:
     """Frames and JSON over MQTT, ``PREFIX/CLIENT/in`` and ``PREFIX/CLIENT/out``.
 
     Attributes:
-        broker: Where messages go through.
+        broker: The broker.
         prefix: First levels of all topics.
-        client_id: Of the service; one per service and broker.
-        results_hz: How often the latest newtons of a session are published as JSON on ``PREFIX/results/SESSION``.
-        waiting_messages: Most messages of one client that wait to be taken; beyond it the client has to open anew.
-        session_s: How long the broker keeps messages for the service when their connection breaks [s].
+        client_id: Name of the service at the broker, unique there.
+        results_hz: Rate at which the latest newtons of a session are published as JSON on ``PREFIX/results/SESSION``.
+        waiting_messages: Most waiting messages of one client; above it the client must open its session again.
+        session_s: Time for which the broker keeps messages for the service after a break [s].
     """
 
     broker: BrokerSettings = BrokerSettings()
@@ -125,12 +126,12 @@ class OpcUaServerSettings:
     """The OPC UA server of results.
 
     Attributes:
-        host: Address that it listens on; other than loopback only with certificate, key and the service's tokens.
-        port: Its port.
-        update_hz: How often values are updated, 1 to 10 [Hz].
-        range_n: Friction is expected within ± this: ``EURange`` of the three forces [N].
-        sessions: Most sessions that have an object; it stays after they are closed.
-        certificate, private_key: Files of the server's; with them connections are signed and encrypted, all of them.
+        host: Address to listen on; beyond loopback it needs certificate, key and the service's tokens.
+        port: Port to listen on.
+        update_hz: Rate at which values are updated, 1 to 10 [Hz].
+        range_n: Expected range of friction, ± this: ``EURange`` of the three forces [N].
+        sessions: Most sessions with an object; objects stay after their sessions are closed.
+        certificate, private_key: Files of the server; with them all connections are signed and encrypted.
     """
 
     host: str = "127.0.0.1"
@@ -142,12 +143,12 @@ class OpcUaServerSettings:
     private_key: Path | None = None
 
     def __post_init__(self) -> None:
-        """Refuse half of a pair; raises ``ValueError``."""
+        """Refuse a certificate without key, or the reverse; raises ``ValueError``."""
         if (self.certificate is None) != (self.private_key is None):
             raise ValueError("expected both certificate and private_key, or neither")
 
     def refuse_exposed(self, tokens: Path | None) -> None:
-        """Refuse what others could read or listen to; raises ``ValueError``."""
+        """Refuse a server beyond loopback without encryption or tokens; raises ``ValueError``."""
         if not is_loopback(self.host) and (tokens is None or self.certificate is None):
             raise ValueError(
                 f"opcua_server.host: got {self.host!r}, which others reach; give opcua_server.certificate and "

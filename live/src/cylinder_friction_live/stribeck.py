@@ -1,4 +1,4 @@
-"""Stribeck curves that were identified before, which the page draws beside what is estimated now."""
+"""Identified Stribeck curves, which the page draws beside the estimates."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,19 +17,19 @@ Lines = dict[str, dict[str, Any]]
 
 
 class StribeckError(ValueError):
-    """A file that holds no Stribeck curve; the message states what is expected."""
+    """A file holds no Stribeck curve; the message states what is expected."""
 
 
 def stribeck_lines(path: Path) -> Lines:
-    """Return the curves of a file, one of each condition; positive friction opposes extension.
+    """Compute the curves of a file, one of each condition; positive friction opposes extension.
 
     A curve applies everywhere if it is the only one of ``identify``, else to the sessions whose names state its
     condition: the stage ``lugre`` identifies one of several.
 
-    Where slow sliding did not determine how friction rises towards standstill, the line has no rise.
+    If slow sliding did not determine the rise of friction towards standstill, the line has no rise.
 
     Raises:
-        StribeckError: The file cannot be read, is another one, or none of its curves was determined.
+        StribeckError: The file cannot be read, has another content, or none of its curves was determined.
     """
     try:
         content = read_json(path)

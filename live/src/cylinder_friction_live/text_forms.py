@@ -1,4 +1,4 @@
-"""The same as the frames in JSON, for people and for opening sessions."""
+"""JSON forms of the frames, for people and for opening sessions."""
 
 import json
 import math
@@ -19,23 +19,23 @@ EXPECTED = f"expected {_OPEN} or {_SAMPLES}"
 
 @dataclass(frozen=True)
 class TextMessage:
-    """What a client asks for in words: to open a session, or to take samples of an open one."""
+    """A client's request in JSON: to open a session, or to take samples of an open one."""
 
     opens: bool
     session: str
     inputs: tuple[str, ...] = ()
     sample_time_s: float = 0.0
-    estimates_from: int | None = None  # The first index whose estimate the client has not read; None: what is to come
+    estimates_from: int | None = None  # First index without an estimate at the client; None: only new estimates
     index: int = 0
     time_s: float = 0.0
     samples: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def read_text(text: str) -> TextMessage:
-    """Return what a text states; a value that is null is no number, as of a broken wire.
+    """Parse a text; a null value is no number, as from a broken wire.
 
     Raises:
-        LiveError: It is neither of both forms.
+        LiveError: The text has neither form.
     """
     try:
         content = json.loads(text)
@@ -61,7 +61,7 @@ def read_text(text: str) -> TextMessage:
 
 
 def _of(kind: type | tuple[type, ...], value: Any) -> Any:
-    """Return a value of JSON that is of this kind: true is no number, and neither is text that looks like one."""
+    """Check the kind of a JSON value: true is no number, and neither is text that looks like one."""
     if isinstance(value, bool) or not isinstance(value, kind):
         raise TypeError(value)
     return value
@@ -78,7 +78,7 @@ def _index(value: Any) -> int:
 
 
 def opened_text(session: LiveSession) -> str:
-    """Return the reply to an opened session: its handle, the index to send from, and why it begins anew, if it does."""
+    """Write the reply to an opened session: its handle, the index to send from, and why it begins anew, if so."""
     opened = {
         "session": session.name,
         "handle": session.handle,
@@ -92,7 +92,7 @@ def opened_text(session: LiveSession) -> str:
 
 
 def estimates_text(session: LiveSession, block: EstimateBlock) -> str:
-    """Return estimates as JSON, flags by name."""
+    """Write estimates as JSON, flags by name."""
     columns = dict(zip(("friction_n", "lower_n", "upper_n"), block.newtons.T.tolist(), strict=True))
     flags = [list(Flag.names(flags)) for flags in block.flags.tolist()]
     return json.dumps({"estimates": {"session": session.name, "index": block.index, **columns, "flags": flags}})

@@ -1,4 +1,4 @@
-"""What the page is sent: a row of each session some times a second, and one session's samples in full."""
+"""Messages to the page: a row of each session a few times a second, and all samples of one session."""
 
 import asyncio
 import json
@@ -18,18 +18,18 @@ from cylinder_friction_live.stribeck import Lines
 
 TICK_S = 0.2
 RECENT_S = 60.0
-"""A page that begins to look at a session gets what came before, so far back."""
+"""Duration of earlier estimates that a page gets when it selects a session [s]."""
 UNSENT_BLOCKS = 2000
-"""A page that reads no faster loses what is beyond this; the journal loses nothing."""
+"""Most unsent blocks of a page; a slower page loses the rest, and the journal loses nothing."""
 
 
 class Watchers:
     """All open pages.
 
     Args:
-        service: Whose sessions they show.
+        service: The service with the sessions.
         history: Folder of the service's history.
-        stribeck: Curves that they draw beside the estimates.
+        stribeck: Curves that the pages draw beside the estimates.
     """
 
     def __init__(self, service: LiveService, history: Path, stribeck: Lines | None = None) -> None:
@@ -40,15 +40,15 @@ class Watchers:
         self._by_session: dict[str, set[_Page]] = {}
 
     def _note(self, session: LiveSession, block: EstimateBlock) -> None:
-        """Remember the estimates of a session that a page looks at."""
+        """Queue the estimates of a session for the pages that show it."""
         for page in self._by_session.get(session.name, ()):
-            if not page.has_begun:  # it looked before the session was open, as after a restart
+            if not page.has_begun:  # it selected the session before it was open, as after a restart
                 page.begin(self._service.recent(session, self._recent_rows))
             elif len(page.blocks) < UNSENT_BLOCKS:
-                page.blocks.append((block, session.unkept[-1].last_samples(len(block))))
+                page.blocks.append((block, session.pending[-1].last_samples(len(block))))
 
     async def run(self, socket: WebSocket) -> None:
-        """Serve a page, its socket accepted, until it leaves; it sends the name of the session shown, or nothing."""
+        """Serve a page with an accepted socket until it disconnects; it sends the name of a session to select it."""
         if len(self._pages) >= self._service.limits.connections:
             await socket.close(1013, f"{len(self._pages)} pages are open, all that are taken; try later")
             return
@@ -59,7 +59,7 @@ class Watchers:
         try:
             await socket.send_text(self._first)
             while True:
-                await self._look_at(page, (await socket.receive_text())[:80])
+                await self._select_session(page, (await socket.receive_text())[:80])
         except (WebSocketDisconnect, KeyError):
             pass
         finally:
@@ -69,7 +69,7 @@ class Watchers:
             self._leave(page)
 
     async def tick(self) -> None:
-        """Send every page what is new, again and again; a page that is still busy with the last is left out."""
+        """Send news to all pages repeatedly; a page that is still busy with the last message is left out."""
         while True:
             await asyncio.sleep(TICK_S)
             if not self._pages:
@@ -86,7 +86,7 @@ class Watchers:
     def _recent_rows(self) -> int:
         return round(RECENT_S / self._service.engine.sample_time_s)
 
-    async def _look_at(self, page: "_Page", name: str) -> None:
+    async def _select_session(self, page: "_Page", name: str) -> None:
         self._leave(page)
         if not name:
             return
@@ -98,9 +98,9 @@ class Watchers:
         recent, rows = self._service.recent(session, self._recent_rows), self._recent_rows
         before, missing = recent[0][0].index if recent else None, rows - sum(len(each) for each, _ in recent)
         last = None
-        if missing > 0:  # the journal holds ten seconds alone of what the history has
+        if missing > 0:  # of the history the journal holds only the last ten seconds
             inputs = self._service.engine.inputs
-            with suppress(OSError, ValueError):  # files that are just being joined, or that somebody damaged
+            with suppress(OSError, ValueError):  # files that are being joined, or are damaged
                 last = await asyncio.to_thread(last_rows, self._history, name, inputs, missing, before)
         if page in looking:
             page.begin([*([last] if last else []), *self._service.recent(session, rows)])
@@ -137,7 +137,7 @@ class _Page:
         self.sending: asyncio.Task[None] | None = None
 
     def begin(self, blocks: list[tuple[EstimateBlock, Any]]) -> None:
-        """Show these rows, and those that follow, in place of what is shown."""
+        """Replace the page's rows by these, and continue with later ones."""
         self.blocks, self.has_begun, self._begins = blocks, True, True
 
     async def send(self, table: str, called: Mapping[str, str]) -> None:
@@ -146,11 +146,11 @@ class _Page:
         try:
             await self._socket.send_text(table)
             if blocks:
-                # a minute of rows takes some hundredths of a second, for which samples need not wait
+                # in a thread: a minute of rows takes some hundredths of a second
                 detail = await asyncio.to_thread(_detail, blocks, called, True) if begins else _detail(blocks, called)
                 await self._socket.send_text(detail)
         except (RuntimeError, WebSocketDisconnect):
-            pass  # it has left
+            pass  # the page has disconnected
 
 
 def _detail(blocks: list[tuple[EstimateBlock, Any]], called: Mapping[str, str], begins: bool = False) -> str:

@@ -4,7 +4,7 @@ from pathlib import Path
 
 
 def model_folder(given: str, scratch: Path) -> tuple[Path, str]:
-    """Return the folder of a saved estimator, and what it is called: its path, or the version that an alias names.
+    """Find the folder of a saved estimator, and its name: the path, or the version that an alias names.
 
     A registered one's is copied below ``scratch``.
     """

@@ -7,28 +7,36 @@ import json
 import tempfile
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import numpy as np
 
 from cylinder_friction.commands._model import model_folder
-from cylinder_friction.commands.estimate import add_log_arguments, run_on_logs
-
-if TYPE_CHECKING:
-    from cylinder_friction.cylinder import Cylinder
-    from cylinder_friction.recordings.checks.limits import LoadMode
+from cylinder_friction.commands.log_options import run_on_logs
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimators.hybrid import HybridEstimator
+from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
+from cylinder_friction.estimators.loading import load_estimator
+from cylinder_friction.evaluation.validation import mean_absolute_error_n
+from cylinder_friction.files.whole_files import write_json
+from cylinder_friction.labelling.apparent_loss import loss_of_labels
+from cylinder_friction.labelling.label import label, position_load
+from cylinder_friction.realtime.position_load import PositionLoad
+from cylinder_friction.recordings.checks.limits import LoadMode
+from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES
+from cylinder_friction.recordings.line_loss import RECTANGULAR
+from cylinder_friction.recordings.reading_logs import read_recordings
+from cylinder_friction.recordings.result_folder import ResultFolder, existing
+from cylinder_friction.recordings.stated_load import StatedLoad
 
 EXPECTED = (ValueError, OSError)
 SUMMARY_FILE = "adaptation.json"
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("model", metavar="MODEL", help="folder of a saved hybrid, or models:/NAME@ALIAS")
-    add_log_arguments(parser, "adapted")
-
-
 def run(options: argparse.Namespace) -> None:
     with tempfile.TemporaryDirectory() as scratch:
         model, name = model_folder(options.model, Path(scratch))
-        result, notes = run_on_logs(partial(_adapted, model, name), options)
+        result, notes = run_on_logs(partial(_adapt_to_logs, model, name), options)
     if options.json:
         print(json.dumps(result | {"notes": notes}, indent=2))
         return
@@ -38,29 +46,13 @@ def run(options: argparse.Namespace) -> None:
     print("\n".join([*(f"note     {note}" for note in notes), *lines, f"model    {options.output}"]))
 
 
-def _adapted(
+def _adapt_to_logs(
     model: Path, name: str, files: list[str], cylinder: Cylinder, into: Path, *, channels: Path | None, **reading: Any
 ) -> dict[str, Any]:
     """Write the model of a cylinder, made from a saved hybrid and logs that are read as ``estimate`` reads them.
 
     A load that position decides is identified and becomes part of the model.
     """
-    import numpy as np
-
-    from cylinder_friction.estimators.hybrid import HybridEstimator
-    from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
-    from cylinder_friction.estimators.loading import load_estimator
-    from cylinder_friction.evaluation.validation import mean_absolute_error_n
-    from cylinder_friction.files.whole_files import write_json
-    from cylinder_friction.labelling.apparent_loss import loss_of_labels
-    from cylinder_friction.labelling.label import label, position_load
-    from cylinder_friction.realtime.position_load import PositionLoad
-    from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES
-    from cylinder_friction.recordings.line_loss import RECTANGULAR
-    from cylinder_friction.recordings.reading_logs import read_recordings
-    from cylinder_friction.recordings.result_folder import ResultFolder, existing
-    from cylinder_friction.recordings.stated_load import StatedLoad
-
     read = existing([*files, channels, model])
     with ResultFolder(into, SUMMARY_FILE, "cylinder-friction adapt", read).written() as folder:
         source = load_estimator(model)

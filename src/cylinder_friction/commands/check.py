@@ -5,26 +5,23 @@ from __future__ import annotations
 import argparse
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
 
+from cylinder_friction.estimators.base import FrictionEstimator
+from cylinder_friction.estimators.entry_points import own_class, own_kinds
+from cylinder_friction.params.checking import Params, load_params
 from cylinder_friction.params.file import PARAMS_FILE, ParamsError
-
-if TYPE_CHECKING:
-    from cylinder_friction.params.checking import Params
+from cylinder_friction.recordings.storage import read_metadata, recording_paths
+from cylinder_friction.stages._stage import LABELLED_FOLDER, RIG_FOLDER, SERVABLE
+from cylinder_friction.tracking.repository import asked_git
 
 
 def run(_options: argparse.Namespace) -> None:
-    from cylinder_friction.params.checking import load_params
-
     if problems := [*problems_of(load_params())]:
         raise ParamsError(f"{PARAMS_FILE}: refused, nothing was run\n  " + "\n  ".join(problems))
 
 
 def problems_of(params: Params) -> Iterator[str]:
     """Yield what parameters, each valid by itself, cannot do on this machine and in this folder."""
-    from cylinder_friction.recordings.storage import read_metadata, recording_paths
-    from cylinder_friction.stages._stage import LABELLED_FOLDER, RIG_FOLDER
-
     yield from _git()
     yield from _candidate(params.register_.candidate)
     for name, device in (("search", params.search.device), ("train", params.train.device)):
@@ -44,10 +41,6 @@ def problems_of(params: Params) -> Iterator[str]:
 
 
 def _candidate(name: str) -> Iterator[str]:
-    from cylinder_friction.estimators.base import FrictionEstimator
-    from cylinder_friction.estimators.entry_points import own_class, own_kinds
-    from cylinder_friction.stages._stage import SERVABLE
-
     own = {kind: own_class(entry) for kind, entry in own_kinds().items()}
     stepped = [*SERVABLE, *(kind for kind, each in own.items() if each.step_model is not FrictionEstimator.step_model)]
     if name not in stepped:
@@ -57,8 +50,6 @@ def _candidate(name: str) -> Iterator[str]:
 
 
 def _git() -> Iterator[str]:
-    from cylinder_friction.tracking.repository import asked_git
-
     root, problem = asked_git(Path.cwd(), "rev-parse", "--show-toplevel")
     config = Path(".dvc/config")
     if root is None and not (config.is_file() and "no_scm = true" in config.read_text(encoding="utf-8")):

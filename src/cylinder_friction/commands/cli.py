@@ -7,33 +7,17 @@ import os
 import sys
 import warnings
 from collections.abc import Callable, Sequence
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from cylinder_friction.commands.plugins import ELSEWHERE, load, not_installed, plugins
-from cylinder_friction.extras import MissingExtraError, explained
+import shtab
 
-COMMANDS = {
-    "init": "make a project's folder: configuration, pipeline and an example log",
-    "stage": "run one stage of the pipeline (dvc.yaml calls this)",
-    "code": "write code.yaml, the hashes of the code that the stages run (dvc.yaml calls this)",
-    "params": "compose conf/ into params.yaml, with Hydra overrides",
-    "check": "check params.yaml and this folder for what would fail later",
-    "ingest": "write a first mapping for a logger's file: ingest init FILE",
-    "estimate": "estimate friction from log files: a result per recording and a page",
-    "identify": "identify friction models from log files: Stribeck curve, LuGre, files for Modelica and MATLAB",
-    "adapt": "adapt a model to another cylinder from a few of its logs",
-    "inspect": "check log files and draw a page",
-    "track": "log every finished stage to MLflow, without duplicates",
-    "summary": "print the comparison table and where its files are",
-    "readme": "put the latest table and picture into README.md",
-    "lineage": "print and check where a model came from",
-    "promote": "make a version the champion",
-    "rollback": "make the previous champion the champion again",
-    "ui": "open the MLflow UI on the runs",
-    "serve": "serve the champion and print a curl to try",
-    "export": "export a trained estimator to C or an FMU",
-}
+from cylinder_friction.commands.arguments import COMMANDS, add_arguments
+from cylinder_friction.commands.plugins import ELSEWHERE, load, not_installed, plugins
+from cylinder_friction.extras import explained
+from cylinder_friction.refusal import RefusalError
+
 COMPLETION, SHELLS = "--print-completion", ("bash", "zsh", "tcsh")
 COMPLETION_HELP = "print the completion script of a shell"
 EXTRAS = {
@@ -48,20 +32,22 @@ ADVICE = {
     **dict.fromkeys((errno.ENOSPC, errno.EDQUOT), "make room, then run the same command again"),
 }
 """What to do, by the operating system's number of an error."""
-INTERRUPTED = 130  # The exit status of what Ctrl-C ended, as shells have it
-UNREAD = 141  # That of what writes to a program that has ended, such as head
+REFUSALS = RefusalError, FileNotFoundError, FileExistsError
+"""Errors whose message is all that the user of any command needs."""
+INTERRUPTED = 130  # Exit status after Ctrl-C, as in shells
+UNREAD = 141  # Exit status if the program that reads the output, such as head, has ended
 
 
 Subparsers: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run one command; returns 0, or 1 with a message where the user can do something about it."""
-    return until_unread(lambda: _run(list(sys.argv[1:] if arguments is None else arguments)))
+    """Run one command; returns 0, or 1 with a message if the user can do something about it."""
+    return with_unread_output(lambda: _run(list(sys.argv[1:] if arguments is None else arguments)))
 
 
-def until_unread(run: Callable[[], int]) -> int:
-    """Return the status of what runs, or ``UNREAD`` where the program that reads its output has ended."""
+def with_unread_output(run: Callable[[], int]) -> int:
+    """Run a command and return its status, or ``UNREAD`` if the program that reads its output has ended."""
     try:
         status = run()
     except (BrokenPipeError, SystemExit) as ended:  # of --help, too
@@ -72,7 +58,7 @@ def until_unread(run: Callable[[], int]) -> int:
 
 
 def _is_unread(more: str = "") -> bool:
-    """Return whether the program that read the output has ended; what is left of the output is then dropped."""
+    """Check whether the program that reads the output has ended. If so, drop the rest of the output."""
     try:
         print(end=more, flush=True)
     except BrokenPipeError:
@@ -86,50 +72,48 @@ def _run(given: Sequence[str]) -> int:
     if first in ELSEWHERE and first not in COMMANDS and first not in plugins():
         print(f"cylinder-friction {first}: {not_installed(first)}", file=sys.stderr)
         return 1
-    extra = EXTRAS.get(first, "")
     try:
-        with explained(extra):
-            options = parser(None if COMPLETION in given else first).parse_args(given)
+        options = parser(None if COMPLETION in given else first).parse_args(given)
     except KeyboardInterrupt:
         return INTERRUPTED
-    except MissingExtraError as error:
-        print(f"cylinder-friction {given[0]}: {error}", file=sys.stderr)
-        return 1
     name = " ".join(["cylinder-friction", options.command, *([options.what] if "what" in options else [])])
     warnings.formatwarning = lambda message, *_, **__: f"{name}: note: {message}\n"  # the line of code helps nobody
+    work: Any = None
     try:
-        with explained(extra):
-            return int(options.run(options) or 0)
+        with explained(EXTRAS.get(first, "")):
+            work = options.work if not isinstance(options.work, str) else importlib.import_module(options.work)
+            return int(work.run(options) or 0)
     except KeyboardInterrupt:
-        print(f"\n{name}: interrupted; {options.kept(options)}", file=sys.stderr)
+        kept = getattr(work, "kept", lambda _: "nothing is half-written; run the same command again")
+        print(f"\n{name}: interrupted; {kept(options)}", file=sys.stderr)
         return INTERRUPTED
     except Exception as error:
-        found = of_the_system(error)
-        if isinstance(error, BrokenPipeError) or not (found or isinstance(error, (*refusals(), *options.expected))):
+        found = system_refusal(error)
+        expected = (*REFUSALS, *getattr(work, "EXPECTED", ()))
+        if isinstance(error, BrokenPipeError) or not (found or isinstance(error, expected)):
             raise
         print(f"{name}: {found or error}", file=sys.stderr)
         return 1
 
 
-def of_the_system(error: Exception) -> str:
-    """Return a sentence for what the operating system does not allow; empty for other errors."""
+def system_refusal(error: Exception) -> str:
+    """Explain in a sentence what the operating system does not allow; empty for other errors."""
     if not isinstance(error, OSError) or not error.strerror or not (error.filename or error.errno in ADVICE):
         return ""
     path = Path(os.fsdecode(error.filename)) if isinstance(error.filename, str | bytes) else None
     if path is not None and path.name.startswith(".") and ".draft" in path.name:
-        path = path.resolve().parent  # where the file of that name was to be written
+        path = path.resolve().parent  # a draft is written beside the file that it becomes
     place = "" if path is None else f"{path}: "
     return f"{place}{error.strerror[0].lower()}{error.strerror[1:]}; {ADVICE.get(error.errno or 0, LOOK)}"
 
 
 def parser(command: str | None = None) -> argparse.ArgumentParser:
-    """Return the parser of all commands, or one in which only ``command`` is complete.
+    """Build the parser of all commands, or one in which only ``command`` has its arguments.
 
-    The other commands are listed, but their modules are not imported. An empty string completes none.
-
-    A command's module gives ``run(options)``, which returns the exit status or None; and, where needed,
-    ``add_arguments(parser)``, ``EXPECTED``, errors whose message is enough, and ``kept(options)``, what is left after
-    Ctrl-C. Where a command has parts, their name is ``options.what``. Commands of other packages: ``plugins.GROUP``.
+    If ``command`` is one of this package, no plugin is imported. An empty string lists all commands without arguments.
+    ``options.work`` names the module that does the work; it is imported after parsing. It has ``run(options)``, which
+    returns the exit status or None, and if needed ``EXPECTED``, errors whose message is enough, and ``kept(options)``,
+    what is left after Ctrl-C. Commands of other packages: ``plugins.GROUP``.
     """
     result = argparse.ArgumentParser(
         prog="cylinder-friction",
@@ -138,13 +122,14 @@ def parser(command: str | None = None) -> argparse.ArgumentParser:
     result.add_argument("--version", action=_Version, nargs=0, help="show program's version number and exit")
     commands = result.add_subparsers(dest="command", required=True, metavar="COMMAND")
     for name, words in COMMANDS.items():
-        module = f"cylinder_friction.commands.{name}" if command in (None, name) else ""
-        _add(commands, name, words, importlib.import_module(module) if module else None)
+        added = _add_command(commands, name, words, f"cylinder_friction.commands.{name}")
+        if command in (None, name):
+            add_arguments(added, name)
     if command not in COMMANDS:
         for name, entry in plugins().items():
             if name not in COMMANDS:
                 module = load(entry)
-                _add(commands, name, module.HELP, module)
+                module.add_arguments(_add_command(commands, name, module.HELP, getattr(module, "WORK", module)))
     if command is None:
         _add_completion(result)
     else:
@@ -152,31 +137,22 @@ def parser(command: str | None = None) -> argparse.ArgumentParser:
     return result
 
 
-def _add(commands: Subparsers, name: str, words: str, module: Any) -> None:
-    """Add a command to the parser, with its arguments if its module is given."""
+def _add_command(commands: Subparsers, name: str, words: str, work: Any) -> argparse.ArgumentParser:
+    """Add a command to the parser: what it does in words, and the module, or its name, that does the work."""
     command = commands.add_parser(name, help=words, description=f"{words[0].upper()}{words[1:]}.")
-    if module is not None:
-        getattr(module, "add_arguments", lambda _: None)(command)
-        command.set_defaults(
-            run=module.run,
-            expected=getattr(module, "EXPECTED", ()),
-            kept=getattr(module, "kept", lambda _: "nothing is half-written; run the same command again"),
-        )
+    command.set_defaults(work=work)
+    return command
 
 
 class _Version(argparse.Action):
     """Prints the version and ends; it is looked up only then."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from importlib.metadata import version
-
         print(f"cylinder-friction {version('cylinder-friction')}")
         parser.exit()
 
 
 def _add_completion(top: argparse.ArgumentParser) -> None:
-    import shtab
-
     shtab.add_argument_to(top, [COMPLETION], help=COMPLETION_HELP)
     queue = [top]
     while queue:
@@ -185,17 +161,6 @@ def _add_completion(top: argparse.ArgumentParser) -> None:
                 queue += action.choices.values()
             elif action.type is Path:
                 action.complete = shtab.FILE  # type: ignore[attr-defined]
-
-
-def refusals() -> tuple[type[Exception], ...]:
-    """Return the errors whose message is all that the user of any command needs."""
-    from cylinder_friction.execution.workers import WorkersError
-    from cylinder_friction.params.file import ParamsError
-    from cylinder_friction.recordings.recording import RecordingError
-    from cylinder_friction.tracking.repository import TrackingError
-
-    refused = ParamsError, RecordingError, TrackingError, WorkersError, MissingExtraError
-    return *refused, FileNotFoundError, FileExistsError
 
 
 if __name__ == "__main__":

@@ -4,27 +4,16 @@ from __future__ import annotations
 
 import argparse
 from functools import partial
-from typing import TYPE_CHECKING
 
-from cylinder_friction.commands.estimate import add_log_arguments, print_result, run_on_logs
-
-if TYPE_CHECKING:
-    from cylinder_friction.estimation.identification import FrictionModels
-    from cylinder_friction.estimation.identified_model import IdentifiedParameter
+from cylinder_friction.commands.log_options import print_result, run_on_logs
+from cylinder_friction.estimation.identification import PAGE_FILE, FrictionModels, identify_logs
+from cylinder_friction.estimation.identified_model import IdentifiedParameter
+from cylinder_friction.evaluation.friction_levels import in_words
 
 EXPECTED = (ValueError, OSError)
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_log_arguments(parser, "friction_models")
-    words = "greatest number of generations of the global search; default: 50"
-    parser.add_argument("--generations", type=int, default=50, help=words)
-
-
 def run(options: argparse.Namespace) -> int:
-    from cylinder_friction.estimation.identification import PAGE_FILE, identify_logs
-    from cylinder_friction.evaluation.friction_levels import in_words
-
     result, notes = run_on_logs(partial(identify_logs, generations=options.generations), options)
     differ = in_words(result.differences)
     beside = [f"simpler  {result.simpler}"] if result.simpler else []

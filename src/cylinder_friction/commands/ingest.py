@@ -1,23 +1,14 @@
 """The command ``ingest init``: write a first mapping for a logger's file."""
 
 import argparse
-from pathlib import Path
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parts = parser.add_subparsers(dest="what", required=True)
-    init = parts.add_parser("init", help="write a first mapping", description="Write a first mapping.")
-    init.add_argument("file", type=Path, help="a logger's file, in any format that ingest reads")
-    init.add_argument("--dbc", type=Path, help="DBC file of the bus, for an MDF file of CAN frames")
-    init.add_argument("--output", type=Path, help="file to write, such as conf/ingest/press.yaml; default: print it")
+from cylinder_friction.files.whole_files import write_text
+from cylinder_friction.recordings.formats.reading import read_logged_file
+from cylinder_friction.recordings.mapping.guessing import guess_mapping
+from cylinder_friction.recordings.mapping.mapping_text import mapping_yaml
 
 
 def run(options: argparse.Namespace) -> None:
-    from cylinder_friction.files.whole_files import write_text
-    from cylinder_friction.recordings.formats.reading import read_logged_file
-    from cylinder_friction.recordings.mapping.guessing import guess_mapping
-    from cylinder_friction.recordings.mapping.mapping_text import mapping_yaml
-
     if not options.file.is_file():
         raise FileNotFoundError(f"{options.file}: no such file; name a logger's file")
     guess = guess_mapping(read_logged_file(options.file, database=options.dbc), options.file)

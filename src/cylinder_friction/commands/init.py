@@ -62,7 +62,7 @@ def _fill(folder: Path) -> None:
 
 
 def _shipped() -> dict[str, Path]:
-    """Return what a project is made of, path in the project to the path here: beside the code, or in the checkout."""
+    """Map a project's paths to the shipped files: beside the code, or in the checkout."""
     packed = SOURCE / SHIPPED
     if packed.is_dir():
         return {path.name: path for path in packed.iterdir()}
@@ -70,10 +70,6 @@ def _shipped() -> dict[str, Path]:
     build = tomllib.loads((checkout / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["hatch"]["build"]
     targets = build["targets"]["wheel"]["force-include"]
     return {target.removeprefix(f"{SHIPPED}/"): checkout / source for source, target in targets.items()}
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folder", type=Path, help="folder to make")
 
 
 def run(options: argparse.Namespace) -> None:

@@ -9,14 +9,14 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from cylinder_friction.commands.estimate import add_reading_arguments, cylinder_of, reported, units_of
+from cylinder_friction.commands.log_options import collect_notes, cylinder_of, load_of, units_of
 from cylinder_friction.evaluation.inspection.files import inspect_files
 from cylinder_friction.labelling.apparent_loss import named_loss
 from cylinder_friction.labelling.known_offset import known_offsets
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan
+from cylinder_friction.params.checking import Params, check_params, load_params
 from cylinder_friction.params.file import PARAMS_FILE, ParamsError
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.reading_logs import find_logs
@@ -28,9 +28,9 @@ from cylinder_friction.signals.methods import default_filter, filters_by_method
 from cylinder_friction.signals.rts import RtsSmoother
 from cylinder_friction.signals.smooth_signals import SignalFilter
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
-
-if TYPE_CHECKING:
-    from cylinder_friction.params.checking import Params
+from cylinder_friction.stages.ingest import recipe_from
+from cylinder_friction.stages.label import labeller_from
+from cylinder_friction.stages.offset import plan_from
 
 
 def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
@@ -45,20 +45,16 @@ def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
         RecordingError: The folder holds no such file.
         FileNotFoundError: There is neither file nor folder.
     """
-    from cylinder_friction.stages.ingest import recipe_from
-    from cylinder_friction.stages.label import labeller_from
-    from cylinder_friction.stages.offset import plan_from
-
     recipe = recipe_from(params, Path(params.ingest.source))
     files = _files(path, params, recipe.names.table)
     labeller, plan = labeller_from(params, params.ingest.load), plan_from(params.offset)
     filters = filters_by_method(labeller.cylinder, **params.filter.model_dump(exclude={"method"}))
     no_offset = LOADED.get(params.ingest.load, "")
     making = Panes(labeller, filters, params.filter.method, len(files), plan, no_offset, in_pipeline=True)
-    return _inspected(files, recipe, making, page)
+    return _inspect_files(files, recipe, making, page)
 
 
-def _inspected(files: Mapping[str, Path], recipe: Recipe, making: Panes, page: Path) -> tuple[str, bool]:
+def _inspect_files(files: Mapping[str, Path], recipe: Recipe, making: Panes, page: Path) -> tuple[str, bool]:
     panes = [making.pane(number, each) for number, each in enumerate(inspect_files(files, recipe), start=1)]
     evidence = [pane.offset for pane in panes if pane.offset is not None]
     offsets = known_offsets(evidence, making.labeller.cylinder, making.plan)
@@ -79,8 +75,9 @@ def _without_project(options: argparse.Namespace) -> tuple[str, bool]:
             "--cylinder, --channels, --load, --unit, --names, --sensor-class and --dbc"
         )
     cylinder = cylinder_of(options.cylinder)
-    given = {"load": options.load, "names": options.names, "units": units_of(options.unit), "database": options.dbc}
-    logs, notes = reported(lambda: find_logs([options.path, *options.overrides], options.channels, cylinder, **given))
+    given = {"load": load_of(options.load), "units": units_of(options.unit), "database": options.dbc}
+    paths, names = [options.path, *options.overrides], options.names
+    logs, notes = collect_notes(lambda: find_logs(paths, options.channels, cylinder, names=names, **given))
     logs = logs.with_sensor_class(options.sensor_class)
     load = logs.recipe.limits.load
     filters: dict[str, SignalFilter] = {
@@ -91,13 +88,13 @@ def _without_project(options: argparse.Namespace) -> tuple[str, bool]:
     making = Panes(
         Labeller(cylinder, load=load), filters, "adaptive", len(logs.files), OffsetPlan(), LOADED.get(load, "")
     )
-    report, refused = _inspected(logs.files, logs.recipe, making, options.output)
+    report, refused = _inspect_files(logs.files, logs.recipe, making, options.output)
     return "\n".join([*(f"note     {note}" for note in notes), report]), refused
 
 
 def _files(path: Path, params: Params, names_table: Path | None) -> dict[str, Path]:
     if path.is_file():
-        return {_shown(path, Path(params.ingest.source)): path}
+        return {_short_path(path, Path(params.ingest.source)): path}
     if not path.is_dir():
         raise FileNotFoundError(f"{path}: neither a file nor a folder")
     found = (entry for entry in path.glob(params.ingest.pattern) if entry.is_file())
@@ -106,23 +103,15 @@ def _files(path: Path, params: Params, names_table: Path | None) -> dict[str, Pa
         raise RecordingError(
             f"{path}: no file matches {params.ingest.pattern!r}; name another folder or ingest.pattern"
         )
-    return {_shown(entry, Path(params.ingest.source), path): entry for entry in files}
+    return {_short_path(entry, Path(params.ingest.source), path): entry for entry in files}
 
 
-def _shown(path: Path, *folders: Path) -> str:
-    """Return a file's path below the first of the folders that it lies in, its name where it lies in none."""
+def _short_path(path: Path, *folders: Path) -> str:
+    """Shorten a file's path to its part below the first folder that holds it; its name if none does."""
     for folder in folders:
         if path.resolve().is_relative_to(folder.resolve()):
             return path.resolve().relative_to(folder.resolve()).as_posix()
     return path.name
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("path", type=Path, metavar="LOGS", help="a log file or a folder of log files")
-    words = "further logs; or, by the rules of a project, overrides such as ingest=own cylinder=press"
-    parser.add_argument("overrides", nargs="*", metavar="MORE", help=words)
-    add_reading_arguments(parser)
-    parser.add_argument("--output", type=Path, default=Path("reports/inspection.html"))
 
 
 def run(options: argparse.Namespace) -> int:
@@ -137,11 +126,10 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _params(path: Path, overrides: Sequence[str]) -> Params:
-    from cylinder_friction.params.checking import check_params, load_params
-    from cylinder_friction.params.composing import CONF, composed
-
     if not overrides:
         return load_params()
+    from cylinder_friction.params.composing import CONF, composed  # Hydra: an extra, only for overrides
+
     for entry in overrides:
         if "=" not in entry and not entry.startswith("~"):
             raise ParamsError(

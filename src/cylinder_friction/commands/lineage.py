@@ -3,15 +3,11 @@
 import argparse
 from pathlib import Path
 
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("model", nargs="?", help="models:/NAME@champion or models:/NAME/VERSION; default: the champion")
+from cylinder_friction.params.checking import load_params
+from cylinder_friction.tracking.lineage import lineage
 
 
 def run(options: argparse.Namespace) -> int:
-    from cylinder_friction.params.checking import load_params
-    from cylinder_friction.tracking.lineage import lineage
-
     report = lineage(options.model or load_params().champion, Path.cwd())
     print(report.text())
     return 0 if report.holds else 1

@@ -16,7 +16,7 @@ HEADER = "# Composed from conf/ by `cylinder-friction params`; change it there, 
 
 
 def compose_params(conf: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
-    """Return the configuration that ``conf`` and Hydra overrides (``experiment=smoke``, ``search.trials=5``) make.
+    """Compose the configuration from ``conf`` and Hydra overrides (``experiment=smoke``, ``search.trials=5``).
 
     Raises:
         ParamsError: Hydra knows no such group or key, or the result is refused.
@@ -30,10 +30,6 @@ def write_params(conf: Path, overrides: Sequence[str] = (), path: Path = PARAMS_
     """Composes, checks and writes ``params.yaml``; a refused configuration leaves the file as it was."""
     content = compose_params(conf, overrides)
     write_text(path, HEADER + yaml.safe_dump(content, sort_keys=False, allow_unicode=True))
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("overrides", nargs="*", help="for example experiment=smoke search.trials=5")
 
 
 def run(options: argparse.Namespace) -> None:

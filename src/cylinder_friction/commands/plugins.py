@@ -10,8 +10,9 @@ from typing import Any
 GROUP = "cylinder_friction.commands"
 """In ``pyproject.toml``: ``[project.entry-points."cylinder_friction.commands"]`` with ``NAME = "MODULE"``.
 
-The module has ``HELP``, what the command does in a few words, and else what a module of this package has (see
-``cli.parser``). It imports little: ``--help`` imports the modules of all commands.
+The module has ``HELP``, what the command does in a few words, ``add_arguments(parser)``, and ``WORK``, the name of the
+module that does the work (see ``cli.parser``); without ``WORK`` the module does it itself. It should import little, for
+``--help`` imports it.
 """
 ELSEWHERE = {
     "live": "cylinder-friction-live",
@@ -51,7 +52,7 @@ def load(entry: EntryPoint) -> Any:
 
 
 def not_installed(command: str) -> str:
-    """Return the sentence on a known command whose package is not installed."""
+    """State which package brings a known command that is not installed, and how to install it."""
     package = ELSEWHERE[command]
     folder = package.removeprefix("cylinder-friction-")
     return (

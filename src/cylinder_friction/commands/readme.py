@@ -5,6 +5,10 @@ import json
 import re
 from pathlib import Path
 
+import pandas as pd
+
+from cylinder_friction.deployment.scoring import ServedModel, score_frame
+from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.evaluation.comparison import LABEL_ITSELF
 from cylinder_friction.files.whole_files import write_bytes, write_text
 from cylinder_friction.reporting.estimator_titles import title
@@ -57,18 +61,13 @@ def update_answer(guide: Path, model: Path) -> None:
     """Put a model's answer to the request of the guide on serving, its first JSON block, into the second one."""
     text = guide.read_text(encoding="utf-8")
     request, answer = list(JSON_BLOCK.finditer(text))[:2]
-    rows = ",\n".join(f"  {json.dumps(row)}" for row in answered(request[0], model))
+    rows = ",\n".join(f"  {json.dumps(row)}" for row in score_request(request[0], model))
     lines = rows.replace(', "flags"', ',\n   "flags"')
     write_text(guide, f'{text[: answer.start()]}{{"predictions": [\n{lines}]}}{text[answer.end() :]}')
 
 
-def answered(request: str, model: Path) -> list[dict[str, object]]:
-    """Return what the served model answers to a request (``dataframe_split``), with two decimals."""
-    import pandas as pd
-
-    from cylinder_friction.deployment.scoring import ServedModel, score_frame
-    from cylinder_friction.estimators.loading import load_estimator
-
+def score_request(request: str, model: Path) -> list[dict[str, object]]:
+    """Score a request (``dataframe_split``) as the served model does, with two decimals."""
     rows = pd.DataFrame(**json.loads(request)["dataframe_split"])
     scored = score_frame(ServedModel(load_estimator(model).step_model()), rows).round(2)
     return [{str(name): value for name, value in row.items()} for row in scored.to_dict("records")]

@@ -11,33 +11,22 @@ from tempfile import TemporaryDirectory
 import yaml
 
 from cylinder_friction.deployment.child_server import child_server, listenable, noted_signals, wait_for_signal
+from cylinder_friction.params.checking import load_params
+from cylinder_friction.tracking.model_folder import download_model, version_of
+from cylinder_friction.tracking.store import open_store
 
-EXAMPLE_FILE, SHOWN = "serving_input_example.json", 300  # MLflow's example of a request; the last bytes of the answer
-
-
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "model",
-        nargs="?",
-        help="models:/NAME@champion, models:/NAME/VERSION or a model's folder; default: the champion",
-    )
-    parser.add_argument(
-        "--host",
-        default="127.0.0.1",
-        help="name or address to listen on; default: %(default)s, for a proxy that brings logins and TLS",
-    )
-    parser.add_argument("--port", type=int, default=5001, help="port, 0 for a free one; default: %(default)s")
-    parser.add_argument("--workers", type=int, default=1, help="number of processes; default: %(default)s")
+EXAMPLE_FILE = "serving_input_example.json"  # MLflow's example of a request
+LAST_ROW = "grep -o '{[^{}]*}' | tail -n 1"  # Of the answer, whole
 
 
 def run(options: argparse.Namespace) -> int:
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # it ends a download as Ctrl-C does
     port = listenable(options.port)
     with TemporaryDirectory(prefix="cylinder-friction-serve-") as scratch:
-        name, folder = _found(options.model, Path(scratch))
+        name, folder = _locate_model(options.model, Path(scratch))
         command = [sys.executable, "-m", "mlflow", "models", "serve", "--env-manager", "local", "-m", str(folder)]
         command += ["--host", options.host, "--port", str(port), "--workers", str(options.workers)]
-        url = f"http://{_reached_at(options.host)}:{port}"
+        url = f"http://{_reachable_host(options.host)}:{port}"
         received = noted_signals()
         with child_server(command, f"{url}/ping", received, cwd=Path(scratch)) as server:
             print(_announcement(name, url, folder), flush=True)
@@ -45,16 +34,11 @@ def run(options: argparse.Namespace) -> int:
     return 0
 
 
-def _found(model: str | None, scratch: Path) -> tuple[str, Path]:
-    """Return the name of a model and its folder; the files of a registered one are copied below ``scratch``."""
+def _locate_model(model: str | None, scratch: Path) -> tuple[str, Path]:
+    """Find a model's name and folder; the files of a registered one are copied below ``scratch``."""
     if model is None:
-        from cylinder_friction.params.checking import load_params
-
         model = load_params().champion
     if model.startswith("models:/"):
-        from cylinder_friction.tracking.model_folder import download_model, version_of
-        from cylinder_friction.tracking.store import open_store
-
         with open_store(Path.cwd(), create=False) as store:
             version = version_of(store, model)
             return f"{version.name} version {version.version}", download_model(store, version, scratch / "model")
@@ -65,8 +49,8 @@ def _found(model: str | None, scratch: Path) -> tuple[str, Path]:
     return str(Path(model)), Path(model).resolve()
 
 
-def _reached_at(host: str) -> str:
-    """Return the name under which this machine reaches a server that listens on ``host``."""
+def _reachable_host(host: str) -> str:
+    """Name the host by which this machine reaches a server that listens on ``host``."""
     host = {"0.0.0.0": "127.0.0.1", "::": "::1"}.get(host, host)  # noqa: S104
     return f"[{host}]" if ":" in host else host
 
@@ -77,7 +61,7 @@ def _announcement(name: str, url: str, folder: Path) -> str:
     rows = len(json.loads(example.read_text("utf-8"))["dataframe_split"]["data"])
     curl = f"curl -s {url}/invocations -H 'Content-Type: application/json' \\\n  -d {shlex.quote(f'@{example}')}"
     return (
-        f"serving {name} at {url} (stop with Ctrl-C)\n\ntry it in another terminal:\n\n{curl} | tail -c {SHOWN}\n\n"
+        f"serving {name} at {url} (stop with Ctrl-C)\n\ntry it in another terminal:\n\n{curl} | {LAST_ROW}\n\n"
         f"It sends {rows} rows of a recording and shows the last one; rows of the first 3 s are flagged WARMING.\n"
         "friction_n is in newtons, positive when it opposes extension. Send the rows of a recording in order, at the\n"
         f"trained sample time. Bounds: {bounds}.\nA new champion is served after a restart."

@@ -3,10 +3,10 @@
 import argparse
 from pathlib import Path
 
+from cylinder_friction.tracking.track import track
+
 
 def run(_options: argparse.Namespace) -> int:
-    from cylinder_friction.tracking.track import track
-
     tracked = track(Path.cwd())
     print(tracked.summary())
     return 1 if tracked.problems else 0

@@ -1,4 +1,4 @@
-"""What a served model brings along: the code of the package that it runs, and words about it."""
+"""Contents of a served model: the package's code that it runs, its requirements and its metadata."""
 
 import shutil
 from importlib.metadata import version
@@ -18,9 +18,9 @@ SERVED_MODULES = (
     "cylinder_friction.deployment.scoring",
     "cylinder_friction.estimators.loading",
 )
-"""What the served model's code imports; the model brings these modules along, and whatever they import."""
+"""Modules that the served model runs; the model contains them, and all modules that they import."""
 REQUIREMENTS = ("mlflow", "numba", "numpy", "onnx", "pandas", "pyarrow", "pyyaml", "scipy", "tqdm")
-"""What loading the served model and estimating with it imports; neither torch nor scikit-learn."""
+"""Packages that the served model needs to load and to estimate; neither torch nor scikit-learn is among them."""
 
 
 def copy_package(folder: Path) -> Path:
@@ -35,14 +35,14 @@ def copy_package(folder: Path) -> Path:
 
 
 def requirements_of(kind: str) -> list[str]:
-    """Return what has to be installed for a model; an estimator of another package needs that package too."""
+    """List the packages that a model needs; an estimator of another package needs that package too."""
     own = own_kinds()[kind].dist if kind in own_kinds() else None
     named = [f"{name}=={version(name)}" for name in REQUIREMENTS]
     return named if own is None else [*named, f"{own.name}=={own.version}"]
 
 
-def described(model: StepModel) -> dict[str, Any]:
-    """Return the metadata of the logged model: what it takes, how often, and what its bounds hold."""
+def model_metadata(model: StepModel) -> dict[str, Any]:
+    """Collect the metadata of the logged model: its inputs, sample time and bounds."""
     optional = {
         RECORDING_COLUMN: "optional: the name of each row's recording, whose rows follow each other",
         TIME_COLUMN: "optional: each row's time, to be checked [s]",

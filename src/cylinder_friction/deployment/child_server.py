@@ -1,4 +1,4 @@
-"""A server of MLflow as a child process: started, waited for, and ended with every process that it has started."""
+"""An MLflow server as a child process: it is started, waited for, and ended with all its own processes."""
 
 import ctypes
 import os
@@ -24,7 +24,7 @@ _SET_PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG of prctl(2)
 
 
 def noted_signals() -> list[int]:
-    """Note SIGINT and SIGTERM in the returned list from now on, so that neither interrupts a clean-up."""
+    """From now on append SIGINT and SIGTERM to the returned list, so that neither interrupts a clean-up."""
     received: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, _: received.append(number))
@@ -32,10 +32,10 @@ def noted_signals() -> list[int]:
 
 
 def listenable(port: int) -> int:
-    """Check that a port of this machine is free; 0 finds one.
+    """Check that a port of this machine is free; 0 finds a free one.
 
     Raises:
-        TrackingError: Something listens there, or there is no such port.
+        TrackingError: Another program listens there, or there is no such port.
     """
     try:
         return free_port(port)
@@ -55,16 +55,16 @@ def child_server(
 ) -> Iterator[subprocess.Popen[bytes]]:
     """Run a server until the block ends; yield its process once it is ready.
 
-    The server and its processes are one process group, which the end of the block ends: running requests get ten
-    seconds to finish. On Linux the group also ends when this process is killed.
+    The server and its processes are one process group, which ends with the block: running requests get ten seconds to
+    finish. On Linux the group also ends if this process is killed.
 
     Args:
-        command: Starts the server; its first word is a Python that has the server's programs beside it.
-        url: Answers once the server is ready.
+        command: Command of the server; its first word is a Python with the server's programs beside it.
+        url: Address that responds once the server is ready.
         received: The list of ``noted_signals``.
-        log: Gets what the server prints; None leaves it on this process' output.
-        cwd: Working directory of the server; None for this process' own.
-        environment: Variables that the server gets besides those of this process.
+        log: File for the server's output; None: this process's output.
+        cwd: Working directory of the server; None: that of this process.
+        environment: Variables of the server besides those of this process.
 
     Raises:
         TrackingError: The server ended while it started, or was not ready within five minutes.
@@ -109,22 +109,22 @@ def _wait_until_ready(process: subprocess.Popen[bytes], url: str, received: Sequ
             time.sleep(_POLL_S)
     ended = process.poll()
     what = f"ended with exit status {ended}" if ended is not None else f"was not ready in {_START_TIMEOUT_S:.0f} s"
-    raise TrackingError(f"the server for {url} {what}{_said(log)}")
+    raise TrackingError(f"the server for {url} {what}{_last_lines(log)}")
 
 
-def _said(log: Path | None) -> str:
+def _last_lines(log: Path | None) -> str:
     if log is None:
         return "; the messages above state why"
     return f"; its log:\n{log.read_text(encoding='utf-8', errors='replace').strip()[-2000:]}"
 
 
 def _end_with_the_parent() -> None:
-    """Let the kernel send this process SIGTERM when its parent dies, in whichever way."""
+    """Let the kernel send this process SIGTERM when its parent dies in any way."""
     ctypes.CDLL(None).prctl(_SET_PARENT_DEATH_SIGNAL, signal.SIGTERM)
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
-    """End the server and its processes: its process group, also after the server itself died; on Windows its tree."""
+    """End the server's process group, even after the server itself died; on Windows its process tree."""
     if sys.platform == "win32":
         with suppress(psutil.Error):
             for child in psutil.Process(process.pid).children(recursive=True):
@@ -141,7 +141,7 @@ def _end(process: subprocess.Popen[bytes]) -> None:
 
 
 def _runs(process: subprocess.Popen[bytes]) -> bool:
-    """Return whether any process of the server's group runs."""
+    """Check whether any process of the server's group runs."""
     process.poll()
     for each in psutil.process_iter():
         with suppress(psutil.Error, ProcessLookupError):

@@ -21,7 +21,7 @@ from cylinder_friction.recordings.columns import (
 
 HOUR_S = 3600.0
 UNITS = {"pa": "Pa", "m_s2": "m/s2", "m_s": "m/s", "m": "m", "n": "N", "s": "s", "c": "degC"}
-"""Unit by the end of a column's name."""
+"""Units by the endings of column names."""
 MEANINGS = {
     PRESSURE_1: "gauge pressure on the piston side",
     PRESSURE_2: "gauge pressure on the rod side",
@@ -34,18 +34,18 @@ MEANINGS = {
 
 
 def flags_of(model: StepModel) -> list[Flag]:
-    """Return the flags that a model can set."""
+    """List the flags that a model can set."""
     depends = {Flag.OFFSET_UNKNOWN: model.offset is not None, Flag.UNMODELLED_FORCE: bool(model.guard.force_weights)}
     return [flag for flag in Flag if depends.get(flag, True)]
 
 
 def stated_uncertainty_n(model: StepModel) -> float:
-    """Return the standard uncertainty of the offset before anything is learned [N]; 0 if none ever is."""
+    """Compute the standard uncertainty of the offset before anything is learned [N]; 0 if none ever is."""
     return 0.0 if model.offset is None else float(model.offset.new_state()[DEVIATION])
 
 
 def offset_texts(model: StepModel) -> dict[str, str] | None:
-    """Return what is assumed of the sensors' offset, as short numbers by name; None for a model that learns none."""
+    """State the assumptions on the sensors' offset, as short numbers by name; None for a model that learns none."""
     if model.offset is None:
         return None
     settings = model.offset.settings
@@ -63,11 +63,11 @@ class Input:
     name: str  # The column as a C identifier
     quantity: str  # The name without its unit
     unit: str | None  # A value of ``UNITS``, or None
-    meaning: str  # In words, with its unit
+    meaning: str  # Its meaning, with its unit
 
 
 def described_inputs(columns: Sequence[str]) -> list[Input]:
-    """Return the inputs of a model by the names of its columns, in their order."""
+    """List the inputs of a model by the names of its columns, in their order."""
     result = []
     for column in columns:
         name = re.sub(r"\W", "_", column)

@@ -1,7 +1,7 @@
 """A smaller network trained to imitate a larger estimator: distillation (Hinton, Vinyals and Dean 2015).
 
-The student is one LSTM layer on the original's own front end, trained on the original's estimates in place of labels:
-they carry the same knowledge without the labels' noise. Its cost is measured on recordings of other sessions.
+The student is one LSTM layer on the original's own front end. It is trained on the original's estimates instead of
+labels, because they have no noise of the labels. The loss in accuracy is measured on recordings of other sessions.
 """
 
 from collections.abc import Sequence
@@ -23,18 +23,18 @@ LEARNING_RATE = 5e-3
 
 @dataclass(frozen=True)
 class DistilReport:
-    """The cost of a smaller network, on recordings that neither was trained on; errors are means over usable rows."""
+    """Accuracy and cost of original and student on held-out recordings; errors are means over usable rows."""
 
     # Mean absolute error against the labels [N]
     original_mae_n: float
     student_mae_n: float
     difference_n: float  # Mean absolute difference between the two [N]
-    # Of one step
+    # Operations of one step
     original_multiply_adds: int
     student_multiply_adds: int
 
     def text(self) -> str:
-        """Return the report as a few lines."""
+        """Write the report in a few lines."""
         cost = self.student_mae_n / self.original_mae_n - 1.0
         return (
             f"original    {self.original_mae_n:.2f} N mean absolute error, "
@@ -53,11 +53,10 @@ def distil(
     plan: TrainingPlan = PLAN,
     seed: int = 0,
 ) -> tuple[HybridEstimator, DistilReport]:
-    """Return an LSTM of one layer that imitates ``original``, without a forest, and its cost.
+    """Train an LSTM of one layer with ``nodes`` nodes, without a forest, that imitates ``original``; report its cost.
 
-    The target are the estimates of ``original`` on the usable rows of ``train``. ``validation`` stops the training and
-    calibrates the bounds; the report is about ``held_out``. All recordings are labelled. The student's layer has
-    ``nodes`` nodes.
+    The targets are the estimates of ``original`` on the usable rows of ``train``. ``validation`` stops the training and
+    calibrates the bounds; the report is about ``held_out``. All recordings are labelled.
 
     Raises:
         ValueError: ``nodes`` is not positive, or the original is not fitted.
@@ -69,16 +68,16 @@ def distil(
     parts, block = original.parts, FrontEndBlock(original.parts.front_end)
     architecture = Architecture(1, nodes, 0.0, LEARNING_RATE)
 
-    def imitated(recording: Recording) -> SequenceData:
-        """Return the features; the target is what the original adds to the base force [N]."""
-        samples = original._prepared(recording).samples(original.channels)
+    def imitation_data(recording: Recording) -> SequenceData:
+        """Compute features, and as the target the original's correction of the base force [N]."""
+        samples = original._training_recording(recording).samples(original.channels)
         features, base_n = block.advance(block.new_state(), samples)
         return SequenceData(features, original.advance(original.new_state(), samples) - base_n, recording.usable())
 
-    sequences, stopping = ([imitated(recording) for recording in part] for part in (train, validation))
+    sequences, stopping = ([imitation_data(recording) for recording in part] for part in (train, validation))
     network, curve, mean_n, scale_n = train_correction(architecture, plan, sequences, stopping, seed)
     student = HybridEstimator(original.cylinder, parts.design, architecture, plan, None, seed)
-    student._take_over(original)
+    student._copy_fitted(original)
     student._set(replace(parts, network=network, forest=None, target_mean_n=mean_n, target_scale_n=scale_n))
     student.learning_curve = curve
     student.calibrate(train, validation)
@@ -93,7 +92,7 @@ def distil_from_folder(original: HybridEstimator, nodes: int, folder: Path) -> t
 
 
 def compare(original: FrictionEstimator, student: FrictionEstimator, recordings: Sequence[Recording]) -> DistilReport:
-    """Return the student's cost on labelled recordings."""
+    """Compare student and original on labelled recordings."""
     rows = []
     for recording in recordings:
         columns = (recording.column("friction_n"), original.estimate(recording), student.estimate(recording))

@@ -1,4 +1,4 @@
-"""How a golden trajectory is recorded. Its check is apart: the live service runs that without Numba."""
+"""Recording of a golden trajectory. The check is in another module, as the live service runs it without Numba."""
 
 from typing import Any
 
@@ -10,8 +10,8 @@ from cylinder_friction.realtime.stream import RealTimeStream
 ROWS, PERIOD_ROWS = 800, 400
 
 
-def recorded(model: StepModel) -> dict[str, Any]:
-    """Return samples that sweep the training range, and the outputs of the compiled step for them."""
+def golden_content(model: StepModel) -> dict[str, Any]:
+    """Make samples that sweep the training range, and the outputs of the compiled step for them, for JSON."""
     lower, upper = np.array(model.guard.trained_lower), np.array(model.guard.trained_upper)
     phases = 2.0 * np.pi * np.arange(ROWS)[:, None] / PERIOD_ROWS + np.arange(len(model.inputs))
     samples = 0.5 * (lower + upper) + 0.3 * (upper - lower) * np.sin(phases)

@@ -1,6 +1,6 @@
-"""The golden trajectory of a served model: samples, and what the estimator made of them when it was registered.
+"""The golden trajectory of a served model: samples, and the estimator's outputs at registration.
 
-It lies beside the estimator. A model that misses it does not start.
+The file lies beside the estimator. A model that does not reproduce it does not start.
 """
 
 from collections.abc import Callable
@@ -13,18 +13,18 @@ from cylinder_friction.arrays import Array
 
 GOLDEN_FILE = "golden.json"
 TOLERANCE_N = 0.1
-"""Other processors round single precision otherwise."""
+"""Largest accepted difference [N]; processors differ in rounding single precision."""
 
 
 class GoldenError(ValueError):
-    """A runtime does not give what was recorded with its model."""
+    """A runtime does not reproduce the golden trajectory of its model."""
 
 
 def difference_n(run: Callable[[Array], tuple[Array, NDArray[np.integer[Any]]]], golden: dict[str, Any]) -> float:
-    """Run a runtime on a golden trajectory; return how far it is from the recorded newtons at most [N].
+    """Run a runtime on a golden trajectory; return its largest difference from the recorded newtons [N].
 
     Raises:
-        GoldenError: It is farther than ``TOLERANCE_N``, or flags differ.
+        GoldenError: The difference exceeds ``TOLERANCE_N``, or flags differ.
     """
     newtons, flags = run(np.array(golden["samples"], dtype=np.float64))
     found_n = float(np.abs(newtons[:, :3] - np.array(golden["newtons"])).max())

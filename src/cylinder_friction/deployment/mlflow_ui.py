@@ -8,10 +8,12 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from cylinder_friction.deployment.child_server import child_server, listenable, noted_signals, wait_for_signal
+from cylinder_friction.tracking.log_run import PIPELINE, STAGE_TAG, VIEW
+from cylinder_friction.tracking.store import EXPERIMENT, LOCAL_FOLDER, artifact_folder, open_store, tracking_uri
 
 _HOST = "127.0.0.1"
 _WITHOUT_JOBS = "MLFLOW_SERVER_ENABLE_JOB_EXECUTION"
-"""False spares the UI half a dozen processes that wait for evaluation jobs of language models."""
+"""If false, the UI starts without half a dozen processes for evaluation jobs of language models."""
 
 
 def run_ui(root: Path, port: int | None = None) -> int:
@@ -19,7 +21,8 @@ def run_ui(root: Path, port: int | None = None) -> int:
 
     Raises:
         TrackingError: The UI cannot be opened, or its server ended by itself.
-        KeyboardInterrupt: It was ended while the server was starting.
+        KeyboardInterrupt: A signal came while the server was starting.
+
     """
     received = noted_signals()
     with served_ui(root, port, received) as (url, server):
@@ -45,8 +48,6 @@ def served_ui(
         TrackingError: Something else listens there, or the server does not start.
         KeyboardInterrupt: A signal was ``received`` before it was ready.
     """
-    from cylinder_friction.tracking.store import LOCAL_FOLDER, artifact_folder, open_store, tracking_uri
-
     with open_store(root, create=False) as store:  # the UI would make an empty one
         log_folder = store.root / LOCAL_FOLDER
     uri = tracking_uri(root)
@@ -69,9 +70,6 @@ def served_ui(
 
 def runs_page(url: str, root: Path) -> str:
     """Return the address of the newest pipeline's table of runs in the UI at ``url``, with the errors as columns."""
-    from cylinder_friction.tracking.log_run import PIPELINE, STAGE_TAG, VIEW
-    from cylinder_friction.tracking.store import EXPERIMENT, open_store
-
     with open_store(root, create=False) as store:
         own = store.client.search_experiments(filter_string=f"name LIKE '{EXPERIMENT}%'")
         newest = store.client.search_runs(

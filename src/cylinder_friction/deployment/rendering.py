@@ -1,4 +1,4 @@
-"""Text that is exported, from the templates in ``templates/``; every number in C reads back to the very same value."""
+"""Exported text from the templates in ``templates/``; every number in C reads back to the same value."""
 
 import hashlib
 from collections.abc import Iterable
@@ -17,7 +17,7 @@ LINE = 114
 
 
 def number(value: float, kind: Type) -> str:
-    """Return a literal of that type: the shortest that reads back to the same value.
+    """Write the shortest literal of a type that reads back to the same value.
 
     Raises:
         ValueError: The value is not finite in that type.
@@ -30,7 +30,7 @@ def number(value: float, kind: Type) -> str:
 
 
 def wrapped(items: Iterable[str]) -> str:
-    """Return items with commas between them, in indented lines."""
+    """Join items by commas, in indented lines."""
     lines, line = [], "    "
     for item in items:
         if len(line) + len(item) + 2 > LINE:
@@ -47,14 +47,14 @@ ABSENT = {
     "least_pressure_pa": -1e12,
     **dict.fromkeys(("force_weights", "sliding_lower", "sliding_upper", "largest_force"), ()),
 }
-"""What fields hold in a model without sensor offset, lag, load by position and range of the force balance: there they
-leave its hash alone."""
+"""Values of fields in a model without sensor offset, lag, load by position and range of the force balance; fields with
+these values do not change the hash."""
 
 
 def render(template: str, real: Type = "double", **values: Any) -> str:
-    """Return a template of ``templates/`` filled with values; each value it asks for must be there.
+    """Fill a template of ``templates/`` with values; a missing value is an error.
 
-    Values for XML and HTML are escaped; ``real`` is the type that the filter of that name writes numbers in.
+    Values in XML and HTML are escaped; ``real`` is the C type of the filter ``real``.
     """
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("cylinder_friction.deployment", "templates"),

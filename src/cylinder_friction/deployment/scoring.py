@@ -1,4 +1,4 @@
-"""The served model's core: columns of raw samples in, columns of estimates out, and clear refusals."""
+"""The core of the served model: from columns of raw samples to columns of estimates, with clear refusals."""
 
 import itertools
 import threading
@@ -19,25 +19,25 @@ OFFSET = ("offset_n", "offset_uncertainty_n")
 RECORDING_COLUMN = "recording"
 TIME_COLUMN = "time_s"
 MAX_ROWS = 200_000
-"""Most rows of one request. A limit on bytes is a proxy's."""
+"""Most rows of one request. A proxy can limit the bytes."""
 SHOWN = 80
-"""Characters of a value in a message."""
+"""Most characters of a value in a message."""
 MEMORY_S = 1.0
-"""How long a sample outside the training range makes those after it doubtful: filters and network remember it."""
+"""Time for which a sample outside the training range makes estimates doubtful, as filters and network remember it."""
 
 TIME_JITTER = 0.5
 """Share of the sample time by which one step of ``time_s`` may differ from it."""
 RATE_TOLERANCE = 0.02
 """Share of the sample time by which the mean step of ``time_s`` may differ from it."""
 JUMP_SHARE, JUMP_RATIO, JUMP_ROWS = 0.01, 5.0, 3
-"""A step of the position over this share of its range, so many times as long as each of so many before and after, is
-no motion: another recording begins. A sensor's spike makes two such steps, and motion that begins many."""
+"""Another recording begins at a step of the position above this share of its range that is this many times as long as
+each of this many steps before and after. A sensor's spike makes two such steps, and a start of motion makes many."""
 
 Column = NDArray[Any] | Sequence[Any]
 
 
 class ScoringError(ValueError):
-    """Rows that cannot be scored; the message states which, what was found and expected, and what to do."""
+    """Rows cannot be scored; the message states which rows, what was found and expected, and what to do."""
 
 
 class ServedModel:
@@ -48,8 +48,8 @@ class ServedModel:
     Attributes:
         model: The estimator's step.
         inputs: Columns of a sample, in order.
-        outputs: Names of the numbers it gives for each row: newtons, then what it learns of the sensors' offset.
-        memory: Rows for which a sample outside the training range counts.
+        outputs: Names of the numbers for each row: newtons, then the learned offset of the sensors.
+        memory: Rows after a sample outside the training range that count as outside too.
         lower, upper: Training range of each input, widened by 5 %.
     """
 
@@ -61,7 +61,7 @@ class ServedModel:
         self._step, self._one_at_a_time = CompiledRun(model), threading.Lock()
 
     def run(self, samples: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """Return ``outputs`` of each row, shape ``(n, outputs)``, and flags, ``(n,)``; samples have ``(n, inputs)``."""
+        """Compute ``outputs``, shape ``(n, outputs)``, and flags, ``(n,)``, of samples, ``(n, inputs)``."""
         with self._one_at_a_time:
             self._step.reset()
             newtons, offset, flags = self._step.run_with_offset(samples)
@@ -69,10 +69,11 @@ class ServedModel:
 
 
 def score_frame(served: ServedModel, rows: Any) -> pd.DataFrame:
-    """Score a table as MLflow passes it on: a data frame whose index only counts its rows.
+    """Score a table as MLflow passes it on: a data frame with row numbers as its index.
 
     Raises:
-        ScoringError: See ``score_columns``; or the rows have no named columns, or an index that means something.
+        ScoringError: See ``score_columns``; or the rows have no named columns, or an index with a meaning.
+
     """
     scored = score_columns(served, _columns(rows))
     texts = pd.Series(scored["flag_names"], rows.index, dtype=object)  # not copied into Arrow's text, and back
@@ -93,7 +94,7 @@ def _columns(rows: Any) -> dict[str, Column]:
 
 
 def score_columns(served: ServedModel, columns: Mapping[str, Column]) -> dict[str, NDArray[Any]]:
-    """Return what every other runtime gives at each row, and two columns more, in the rows' order.
+    """Score rows as every other runtime does, and add two columns; the result is in the rows' order.
 
     Args:
         served: The model in service.
@@ -145,12 +146,12 @@ def _refuse_other_columns(served: ServedModel, columns: Mapping[str, Column]) ->
         )
     if missing := [name for name in served.inputs if name not in columns]:
         raise ScoringError(
-            f"column {missing[0]!r} is missing; got {shown([*columns], 400)}, expected {list(served.inputs)}"
+            f"column {missing[0]!r} is missing; got {shortened([*columns], 400)}, expected {list(served.inputs)}"
         )
 
 
 def _checked_samples(columns: Mapping[str, Column], inputs: tuple[str, ...]) -> NDArray[np.float64]:
-    """Return the inputs side by side, shape ``(n, inputs)``."""
+    """Stack the inputs side by side, shape ``(n, inputs)``."""
     lengths = {name: len(columns[name]) for name in columns}
     if len(set(lengths.values())) > 1:
         raise ScoringError(f"columns have {lengths} values; expected equally many in each")
@@ -170,7 +171,7 @@ def _checked_samples(columns: Mapping[str, Column], inputs: tuple[str, ...]) -> 
 
 
 def _numbers(name: str, values: Column) -> NDArray[np.float64]:
-    """Return a column's numbers; booleans and text are none, whatever they could be read as."""
+    """Read a column's numbers; booleans and text are refused, whatever they could be read as."""
     if isinstance(values, np.ndarray) and values.dtype != object:
         if values.dtype.kind not in "fiu" or values.ndim != 1:
             raise ScoringError(f"column {name!r} holds {values.dtype}, expected numbers in SI units")
@@ -181,7 +182,9 @@ def _numbers(name: str, values: Column) -> NDArray[np.float64]:
         row = values.index(name) if name in values else row  # or a CSV's numbers, which are text beside it, are named
         value, what = values[row], "each value must be a number, not text"
         what = "the header again; remove it" if value == name else what
-        raise ScoringError(f"column {name!r} holds {shown(value)} at row {row}, expected numbers in SI units; {what}")
+        raise ScoringError(
+            f"column {name!r} holds {shortened(value)} at row {row}, expected numbers in SI units; {what}"
+        )
     try:
         return np.array(values, dtype=np.float64)
     except OverflowError as error:
@@ -189,7 +192,7 @@ def _numbers(name: str, values: Column) -> NDArray[np.float64]:
 
 
 def _recordings(columns: Mapping[str, Column], count: int) -> list[slice]:
-    """Return the rows of each recording; all rows are one if no recording is named."""
+    """List the rows of each recording; all rows are one if no recording is named."""
     if RECORDING_COLUMN not in columns:
         return [slice(0, count)]
     given = columns[RECORDING_COLUMN]
@@ -197,7 +200,7 @@ def _recordings(columns: Mapping[str, Column], count: int) -> list[slice]:
     for row, name in enumerate(names):
         if type(name) not in (str, int) or name == "" or type(name) is not type(names[0]):
             raise ScoringError(
-                f"{RECORDING_COLUMN} is {shown(name)} at row {row}; expected the name of a recording in every row, "
+                f"{RECORDING_COLUMN} is {shortened(name)} at row {row}; expected the name of a recording in every row, "
                 "all text or all whole numbers, or no such column when all rows are one recording"
             )
     rows: list[slice] = []
@@ -206,7 +209,7 @@ def _recordings(columns: Mapping[str, Column], count: int) -> list[slice]:
         begin = rows[-1].stop if rows else 0
         if name in seen:
             raise ScoringError(
-                f"{RECORDING_COLUMN} {shown(name)} comes back at row {begin}; expected the rows of a recording to "
+                f"{RECORDING_COLUMN} {shortened(name)} comes back at row {begin}; expected the rows of a recording to "
                 "follow each other; put them together in the order of time, or name two recordings differently"
             )
         seen.add(name)
@@ -246,7 +249,7 @@ def _refuse_several(
 
 
 def _jump(position_m: NDArray[np.float64], lower: float, upper: float) -> int | None:
-    """Return the first row whose position no motion leads to; see ``JUMP_SHARE``. Invalid positions do not count."""
+    """Find the first row whose position no motion leads to; see ``JUMP_SHARE``. Invalid positions do not count."""
     within = (position_m >= lower) & (position_m <= upper)
     steps = np.abs(np.diff(np.where(within, position_m, 0.0)))
     for at in np.flatnonzero((steps > JUMP_SHARE * (upper - lower)) & within[1:] & within[:-1]).tolist():
@@ -257,13 +260,13 @@ def _jump(position_m: NDArray[np.float64], lower: float, upper: float) -> int | 
 
 
 def _all_within(inside: NDArray[np.bool_], memory: int) -> NDArray[np.bool_]:
-    """Return where this row and the ``memory - 1`` rows before it are all inside."""
+    """Mark the rows that are inside together with the ``memory - 1`` rows before them."""
     outside_so_far = np.concatenate([[0], np.cumsum(~inside)])
     ends = np.arange(1, len(inside) + 1)
     return np.asarray(outside_so_far[ends] == outside_so_far[np.maximum(0, ends - memory)])
 
 
-def shown(value: object, length: int = SHOWN) -> str:
-    """Return a value as Python writes it, but not at any length."""
+def shortened(value: object, length: int = SHOWN) -> str:
+    """Write a value as Python does, shortened to ``SHOWN`` characters."""
     text = repr(value[: 2 * length] if isinstance(value, str | bytes) else value)
     return text if len(text) <= length else f"{text[:length]}..."

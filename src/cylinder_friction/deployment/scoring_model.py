@@ -45,7 +45,7 @@ class FrictionScoringModel(PythonModel):
         difference_n(self._served.run, json.loads(Path(context.artifacts["golden"]).read_text("utf-8")))
 
     def predict(self, context: Any, model_input: pd.DataFrame, params: Any = None) -> pd.DataFrame:  # noqa: ARG002
-        """Return what ``score_columns`` does, one row for each row given; rows that cannot be scored give 400."""
+        """Score rows like ``score_columns``, one result per row; rows that cannot be scored give 400."""
         try:
             return self._score_frame(self._served, model_input)
         except self._refused as error:

@@ -10,8 +10,8 @@ import pandas as pd
 from mlflow.models import Model, ModelSignature
 from mlflow.types import ColSpec, DataType, Schema
 
-from cylinder_friction.deployment.brought_code import MODEL_CODE, copy_package, described, requirements_of
-from cylinder_friction.deployment.golden_recording import recorded
+from cylinder_friction.deployment.brought_code import MODEL_CODE, copy_package, model_metadata, requirements_of
+from cylinder_friction.deployment.golden_recording import golden_content
 from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE
 from cylinder_friction.deployment.scoring import RECORDING_COLUMN, TIME_COLUMN
 from cylinder_friction.estimators.loading import load_estimator
@@ -57,14 +57,14 @@ def save_model_folder(
         pyfunc = import_module("mlflow.pyfunc")
     loaded = load_estimator(estimator)
     model = loaded.step_model()
-    write_json(golden, recorded(model))
+    write_json(golden, golden_content(model))
     pyfunc.save_model(
         path=str(path),
         python_model=str(MODEL_CODE),
         code_paths=[str(copy_package(path.with_name("code")))],
         artifacts={"estimator": str(estimator), "golden": str(golden), "lineage": str(lineage_path)},
         signature=ModelSignature(input_schema(model), OUTPUTS),
-        metadata=described(model),
+        metadata=model_metadata(model),
         input_example=example,
         pip_requirements=requirements_of(loaded.kind),
         mlflow_model=mlflow_model,

@@ -16,7 +16,7 @@ import numpy as np
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.results import FrictionOfRecording, known_number
 from cylinder_friction.evaluation.friction_levels import friction_levels
-from cylinder_friction.execution.workers import Died, Workers
+from cylinder_friction.execution.workers import LostPiece, Workers
 from cylinder_friction.labelling.apparent_loss import ApparentLoss, named_loss
 from cylinder_friction.labelling.known_offset import (
     STROKES,
@@ -102,7 +102,7 @@ class RecordingFriction:
             return str(error)
 
     def labelled_in_session(
-        self, each: Converted, keeper: Keeper, identified: SessionIdentification | Died | str
+        self, each: Converted, keeper: Keeper, identified: SessionIdentification | LostPiece | str
     ) -> LabelledRecording | Quarantined:
         """Label a kept recording, or state why its session was not identified."""
         if not isinstance(identified, SessionIdentification):
@@ -199,8 +199,8 @@ class RecordingFriction:
         return "" if another_load else label_missed(recording, estimator.bounds)
 
 
-def refused_piece(about: RecordingMetadata, reason: str | Died) -> Quarantined:
-    return Quarantined(about.source_file, reason.reason if isinstance(reason, Died) else reason, about.name)
+def refused_piece(about: RecordingMetadata, reason: str | LostPiece) -> Quarantined:
+    return Quarantined(about.source_file, reason.reason if isinstance(reason, LostPiece) else reason, about.name)
 
 
 class LabelledLogs:
@@ -233,7 +233,7 @@ class LabelledLogs:
     ) -> None:
         self.logs, self.cylinder, self.rows_at_once = logs, cylinder, rows_at_once
         self.workers = workers or Workers()
-        self.keeper = Keeper(scratch, ROWS_IN_MEMORY if self.workers.stay_here(len(logs.files)) else 0)
+        self.keeper = Keeper(scratch, ROWS_IN_MEMORY if self.workers.runs_here(len(logs.files)) else 0)
         if not (model is None or isinstance(model, Path) or self.workers.here):
             model.save(scratch / "model")
             model = scratch / "model"  # read once by each worker
@@ -319,7 +319,7 @@ class LabelledLogs:
             if isinstance(outcome, LabelledRecording):
                 labelled.append(outcome)
             else:
-                reason = refused_piece(each.metadata, outcome) if isinstance(outcome, Died) else outcome
+                reason = refused_piece(each.metadata, outcome) if isinstance(outcome, LostPiece) else outcome
                 self.refused.append(reason)
         return labelled
 

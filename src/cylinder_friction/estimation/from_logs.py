@@ -39,7 +39,7 @@ from cylinder_friction.estimation.result_file import (
 )
 from cylinder_friction.estimation.results import FrictionOfLogs, FrictionOfRecording, table_rows
 from cylinder_friction.evaluation.inspection.friction_view import view_of_labelled
-from cylinder_friction.execution.workers import Died, Workers
+from cylinder_friction.execution.workers import LostPiece, Workers
 from cylinder_friction.files.whole_files import hash_of, read_json
 from cylinder_friction.labelling.apparent_loss import ApparentLoss
 from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence
@@ -67,7 +67,7 @@ WRITTEN_BY = "cylinder-friction estimate"
 OF_ONE_RUN = ("new", "news")
 """What the summary states of the last run alone."""
 LABEL_BOUNDS = (
-    "friction lies between them in about 95 % of the rows (k = 2: sensors as stated, smoothing, load, sensor offset)"
+    "they hold friction in about 95 % of the rows (k = 2: smoothing, load, sensor offset), if the sensors are as stated"
 )
 
 
@@ -197,7 +197,7 @@ def _write_results(
         work.append(partial(write, each, run.offsets.get(about.session), of_file[about.source_file]))
     results = []
     for each, result in zip(labelled, run.workers.in_order(work), strict=True):
-        if isinstance(result, Died):
+        if isinstance(result, LostPiece):
             run.refused.append(refused_piece(each.metadata, result))
         else:
             results.append(result)

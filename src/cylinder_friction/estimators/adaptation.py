@@ -1,9 +1,9 @@
-"""What makes a hybrid for another cylinder from one that exists: its plan, inputs, and what recordings must hold.
+"""Adaptation of a hybrid to another cylinder: training plan, inputs, and what the recordings must hold.
 
-Choices were measured on a simulated rig of another structure with ten minutes of recordings, see the guide on a new
-cylinder. Features and target standardised on the new recordings were better than those of the old cylinder scaled by
-the level of friction; training of all weights was better than that of the output layer alone; the learning rate of a
-training from scratch was better than smaller ones; without dropout it was better than with it.
+Each choice was measured on a simulated rig of another structure with ten minutes of recordings (see the guide on a new
+cylinder). It is better to standardise features and target on the new recordings than to scale the old ones by the level
+of friction, to train all weights than the output layer alone, to keep the learning rate of a training from scratch than
+to lower it, and to train without dropout.
 """
 
 from collections.abc import Sequence
@@ -19,17 +19,17 @@ from cylinder_friction.recordings.recording import Recording, RecordingError
 
 ADAPTATION_PLAN = TrainingPlan(epochs=20, patience=None)
 LEAST_SLIDING_S = 3.0
-"""Of usable rows in each direction [s]."""
+"""Least time of sliding in usable rows, in each direction [s]."""
 SLIDING_M_S, SLIDING_DEVIATIONS = 5e-4, 3.0
-"""Faster than this, and than so many times the noise of the velocity, counts as sliding."""
+"""The piston slides if it is faster than this, and faster than this multiple of the velocity's noise."""
 
 
 def adaptation_inputs(
     inputs: Sequence[str], recordings: Sequence[Recording], load: PositionLoad | None
 ) -> tuple[str, ...]:
-    """Return the inputs of a hybrid for another cylinder: those that exist, less the old load's, with the new load's.
+    """Choose the inputs of an adapted hybrid: those of the old one, with the new cylinder's load in place of the old.
 
-    An oil temperature that the recordings do not have is left out.
+    The oil temperature is left out if the recordings lack it.
     """
     columns = set.intersection(*(set(recording.columns) for recording in recordings))
     kept = [
@@ -43,7 +43,7 @@ def adaptation_inputs(
 
 
 def feature_places(known: Sequence[str], features: Sequence[str]) -> list[int | None]:
-    """Return the place of each feature among known ones, by name; None for a new one."""
+    """Look up each feature's place among the known features, by name; None for a new feature."""
     return [known.index(name) if name in known else None for name in features]
 
 
@@ -51,7 +51,7 @@ def refuse_few_strokes(recordings: Sequence[Recording]) -> None:
     """Refuse recordings to train on in which the piston does not slide in both directions for long enough.
 
     Raises:
-        RecordingError: So it is.
+        RecordingError: It slides for less than ``LEAST_SLIDING_S`` in one direction.
     """
     extending_s, retracting_s = (sum(sliding_s(each, way) for each in recordings) for way in (1.0, -1.0))
     if min(extending_s, retracting_s) < LEAST_SLIDING_S:
@@ -65,20 +65,20 @@ def refuse_few_strokes(recordings: Sequence[Recording]) -> None:
 
 
 def sliding_s(recording: Recording, direction: float) -> float:
-    """Return how long the piston slides in a direction, 1.0 to extend or -1.0, in usable rows [s]."""
+    """Measure how long the piston slides in usable rows in a direction (1.0 extends, -1.0 retracts) [s]."""
     slowest_m_s = max(SLIDING_M_S, SLIDING_DEVIATIONS * standstill_below_m_s([recording]))
     slides = direction * causal_velocity(recording) > slowest_m_s
     return float(np.count_nonzero(slides & recording.usable())) * recording.sample_time_s
 
 
 def share_that_holds(corrections_n: Array, wanted_n: Array) -> float:
-    """Return by which share of corrections, from 0 to 1, the mean absolute distance from those wanted is smallest."""
+    """Find the factor, from 0 to 1, by which scaled corrections are nearest to the wanted ones (mean absolute)."""
     shares = np.linspace(0.0, 1.0, 21)
     return float(shares[np.argmin([np.abs(share * corrections_n - wanted_n).mean() for share in shares])])
 
 
 def left_out_in_words(recordings: Sequence[Recording], estimates_n: Sequence[Array]) -> str:
-    """Return how well models estimate [N] recordings that they were not trained on, against the label."""
+    """State the mean absolute error, against the label, of estimates [N] by models that did not train on them."""
     errors, labels = [], []
     for recording, estimate_n in zip(recordings, estimates_n, strict=True):
         usable, label_n = recording.usable(), recording.column("friction_n")
@@ -92,7 +92,7 @@ def left_out_in_words(recordings: Sequence[Recording], estimates_n: Sequence[Arr
 
 
 def adapted_in_words(source_hash: str, recordings: Sequence[Recording], bounds_rest_on: str) -> str:
-    """Return which model another was adapted from, on how much, and what its bounds rest on; empty: on nothing."""
+    """State which model was adapted, on how many minutes, and what its bounds rest on (empty: it has no bounds)."""
     minutes = sum(len(recording) * recording.sample_time_s for recording in recordings) / 60.0
     words = f"adapted from the model with SHA-256 {source_hash} on {minutes:.1f} min"
     return f"{words}; its bounds rest on {bounds_rest_on}" if bounds_rest_on else words

@@ -20,41 +20,41 @@ from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.signals.causal_velocity import CausalVelocity, VelocityBlock, VelocityState
 
 VELOCITY_FILTERS = ((11, 1), (15, 1), (21, 1), (31, 2))
-"""One-sided Savitzky-Golay differentiators on offer, window in samples and order."""
+"""Candidate one-sided Savitzky-Golay differentiators: window in samples, and order."""
 
 BACKLASHES_M = (0.0, 8e-5)
-"""Half-widths of the backlash operator on offer [m]: none, and about six times a smoothed potentiometer's noise."""
+"""Candidate half-widths of the backlash operator [m]: none, and about six times a smoothed potentiometer's noise."""
 
 PRESSURE_PAIRS = (("pressure_1_pa", "pressure_2_pa"), ("pressure_1_level_pa", "pressure_2_level_pa"))
-"""Columns whose sum scales dry friction, the better pair first: raw pressures, or their slow level."""
+"""Pairs of columns whose sum scales dry friction, the better pair first: raw pressures, or their slow level."""
 
 
 @dataclass
 class AnalyticalState:
-    """The state of the velocity, and the friction model's."""
+    """The states of the velocity filter and of the friction model."""
 
     motion: VelocityState
     friction: Array
 
 
 class AnalyticalEstimator(FrictionEstimator):
-    """A friction model identified from labelled recordings; at run time it sees position, and pressures if it must.
+    """A friction model identified from labelled recordings. At run time it reads position, and pressures if needed.
 
     Args:
         cylinder: For the moving mass.
-        model: What is identified.
+        model: The friction model that is identified.
         inputs: Columns of a sample; ``position_m`` must be one, and a pair of pressures for a model scaled by them.
         condition: The ``metadata.condition`` of the recordings that it is identified on; None for all.
-        effort: How hard to search.
-        velocity_dead_band_m_s: Slower counts as standstill, if no backlash operator decides [m/s].
+        effort: Generations, population and simulations of the search.
+        velocity_dead_band_m_s: Velocity below which the piston stands, if no backlash operator decides [m/s].
         damping_ratio: Damping ratio of the moving mass on the bristles.
         confidence: Probability of the confidence intervals.
 
     Attributes:
-        parameters: The model's numbers; None before ``fit``.
-        intervals: Confidence interval of every number that was searched.
-        causal_velocity: How velocity is made from position; None before ``fit``.
-        identification: All that ``fit`` found; None for a loaded estimator.
+        parameters: The model's parameters; None before ``fit``.
+        intervals: Confidence interval of every identified parameter.
+        causal_velocity: The filter from position to velocity; None before ``fit``.
+        identification: The whole result of ``fit``; None for a loaded estimator.
 
     Raises:
         ValueError: ``inputs`` lack the position, or pressures that the model needs.
@@ -89,7 +89,7 @@ class AnalyticalEstimator(FrictionEstimator):
         self._values = np.zeros(0)
 
     def fit(self, recordings: Sequence[Recording]) -> Self:
-        """Identify the model on the recordings of its condition; the others are not looked at.
+        """Identify the model on the recordings of its condition, and ignore the others.
 
         Raises:
             RecordingError: There is no recording of that condition.
@@ -205,7 +205,7 @@ class AnalyticalEstimator(FrictionEstimator):
 
 
 def scaled_effort(effort: float, seed: int = 0) -> SearchEffort:
-    """Return the search for a share of the full effort, in (0, 1]; it cuts generations and simulations of each search.
+    """Plan a search with a share of the full effort, in (0, 1]: fewer generations and simulations.
 
     Raises:
         ValueError: The share is not in (0, 1].

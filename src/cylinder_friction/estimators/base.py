@@ -44,7 +44,11 @@ from cylinder_friction.recordings.recording import Recording, RecordingError, re
 
 
 class NotFittedError(RuntimeError):
-    """An estimator was used before ``fit`` or ``load``."""
+    """An estimator was used before ``fit`` or ``load``.
+
+    Every method that needs what training finds raises it: ``estimate``, ``stream``, ``step_model``, ``save`` and the
+    exports. Call ``fit`` on labelled recordings, or load a saved estimator by ``cf.load``.
+    """
 
 
 class FrictionEstimator(ABC):
@@ -56,25 +60,25 @@ class FrictionEstimator(ABC):
     differ. Output is friction [N], positive when it opposes positive velocity.
 
     A subclass sets ``kind`` and gives ``fit``, ``new_state``, ``advance``, ``multiply_adds``, ``_write`` and ``_read``.
-    ``estimate`` and ``stream`` both call ``advance``, so they cannot disagree. One that can run in real time, and in
-    other runtimes, gives its ``step_model``.
+    ``estimate`` and ``stream`` both call ``advance``, so they cannot disagree. A subclass that gives ``step_model`` can
+    run in real time and be exported to other runtimes.
 
     Attributes:
         kind: Name of the class in a saved model folder.
-        shown: Names of the attributes that its representation shows.
+        shown: Names of the attributes in ``repr``.
         files: Names of the files that ``save`` writes beside its description.
         inputs: The columns of a recording that make up a sample, in this order.
         sample_time_s: Time between two samples that the estimator is made for [s]; None before ``fit``.
-        training_range: Range of the raw samples that it was trained on; None before ``fit``.
-        guard: What a sample must be in real time; None before ``calibrate``.
+        training_range: Range of the raw training samples; None before ``fit``.
+        guard: Limits that a sample must meet in real time; None before ``calibrate``.
         bounds: The interval around the estimate that holds friction or its label; None before ``calibrate``.
-        bounds_by_noise: Those of each level of noise, the quietest first, if calibration sessions differ in noise.
-        lag_s: How long after a moment its friction is estimated [s]: what comes meanwhile makes the estimate surer. A
-            step gives friction of ``lag_s`` before its sample; ``estimate`` puts it where it belongs.
-        offset: How the offset of the sensors' zeros is learned while running, see ``labelling.offset_tracker``; None:
-            it is not. Training sees samples whose identified zeros are taken off.
-        position_load: The load that position decides, taken off as if a load cell had measured it; None: a load is
-            among the inputs, or there is none. Set before ``fit``.
+        bounds_by_noise: Bounds for each level of noise, the quietest first, if calibration sessions differ in noise.
+        lag_s: Delay of the estimate [s]: a step gives the friction of ``lag_s`` before its sample, and is surer the
+            longer it waits. ``estimate`` shifts the result back to the moment that it describes.
+        offset: Tracker that learns the offset of the sensors' zeros while running, see ``labelling.offset_tracker``;
+            None: no offset is learned. Training sees samples without their identified zeros.
+        position_load: The load as a function of position, subtracted as if a load cell had measured it; None: a load
+            is among the inputs, or there is none. Set before ``fit``.
 
     Example:
         >>> hybrid.inputs, hybrid.sample_time_s
@@ -109,7 +113,7 @@ class FrictionEstimator(ABC):
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """What filters take: the inputs, and a load that position decides."""
+        """The inputs of the filters: the sample's columns, and a load that position decides."""
         return channel_names(self.inputs, self.position_load)
 
     def __init_subclass__(cls, **kwargs: Any) -> None:
@@ -138,15 +142,15 @@ class FrictionEstimator(ABC):
 
     @abstractmethod
     def advance(self, state: Any, samples: Array) -> Array:
-        """Return friction [N], shape ``(n,)``, for the next ``n`` samples, shape ``(n, channels)``; changes ``state``.
+        """Estimate friction [N], shape ``(n,)``, for the next samples, shape ``(n, channels)``; updates ``state``.
 
-        Cutting the samples into pieces must not change one bit of the output. A sensor offset is still in the samples
-        here, and in the result; ``estimate`` and ``stream`` learn it and take it off.
+        Cutting the samples into pieces must not change one bit of the output. The result still contains the sensors'
+        offset; ``estimate`` and ``stream`` learn it and subtract it.
         """
 
     @abstractmethod
     def multiply_adds(self) -> int:
-        """Return the multiply-add operations of one step, the usual measure of a network's cost."""
+        """Count the multiply-add operations of one step, the usual measure of a network's cost."""
 
     @abstractmethod
     def _write(self, folder: Path) -> dict[str, Any]:
@@ -155,27 +159,27 @@ class FrictionEstimator(ABC):
     @classmethod
     @abstractmethod
     def _read(cls, folder: Path, parameters: dict[str, Any]) -> Self:
-        """Return the estimator that ``_write`` wrote."""
+        """Rebuild the estimator that ``_write`` wrote."""
 
     def estimate(self, recording: Recording, offset_n: float = 0.0, offset_uncertainty_n: float | None = None) -> Array:
-        """Return friction [N], shape ``(n,)``, one value per sample, from a fresh state.
+        """Estimate friction [N] at each sample of a recording, from a fresh state; shape ``(n,)``.
 
-        Of an estimator with a lag the last rows would need what comes after the recording: they repeat the last one.
+        With a lag, the last rows would need samples after the recording's end, so they repeat the last estimate.
 
         Args:
             recording: At the sample time of training.
             offset_n: Offset of the sensors' zeros in friction to start from, if the estimator learns one [N].
-            offset_uncertainty_n: Its standard uncertainty [N]; None: as the sensors' zeros were stated.
+            offset_uncertainty_n: Its standard uncertainty [N]; None: that of the stated zeros.
 
         Raises:
             RecordingError: The recording has another sample time, or a sample is NaN or infinite.
-            NotFittedError: There is nothing fitted or loaded yet.
+            NotFittedError: The estimator is neither fitted nor loaded.
             ValueError: An offset is given, but this estimator learns none; or a number is impossible.
         """
         return self.aligned(self._stepped(recording, offset_n, offset_uncertainty_n))
 
     def with_position_load(self, load: PositionLoad) -> Self:
-        """Return this fitted estimator for another load that position decides: another weight, another crane's angle.
+        """Copy this fitted estimator for another position-dependent load, such as another weight or crane angle.
 
         Raises:
             ValueError: It was not fitted with a load that position decides.
@@ -193,7 +197,7 @@ class FrictionEstimator(ABC):
         return other
 
     def with_bounds_for(self, recordings: Sequence[Recording]) -> Self:
-        """Return this fitted estimator with the bounds of ``noise_level``, wider for recordings that are noisier."""
+        """Copy this fitted estimator with bounds for the recordings' noise: wider if they are noisier."""
         noise_pa = pressure_noise_pa(recordings)
         level = self.noise_level(noise_pa)
         if self.trained_for is None or level is None:
@@ -203,9 +207,9 @@ class FrictionEstimator(ABC):
         return other
 
     def noise_level(self, noise_pa: float) -> NoiseBounds | None:
-        """Return the bounds of the quietest calibration sessions that are as noisy, else of the noisiest.
+        """Choose the bounds of the quietest calibration sessions that are at least as noisy, else of the noisiest.
 
-        None if it is not known how noisy any were; ``noise_pa`` is what ``pressure_noise_pa`` gives.
+        None if no session's noise is known. ``noise_pa`` comes from ``pressure_noise_pa``.
         """
         if self.trained_for is None or self.bounds is None:
             return None
@@ -213,7 +217,7 @@ class FrictionEstimator(ABC):
         return level_for(self.bounds_by_noise if noise_pa > 0.0 else (), noise_pa) or own
 
     def aligned(self, stepped: Array) -> Array:
-        """Return what steps gave, shape ``(n, ...)``, at the samples it is of; the last rows repeat the last one."""
+        """Shift the output of steps, shape ``(n, ...)``, back by the lag; the last rows repeat the last output."""
         after = np.minimum(np.arange(len(stepped)) + self.lag_samples, len(stepped) - 1)
         return stepped[after] if self.lag_samples else stepped
 
@@ -223,7 +227,7 @@ class FrictionEstimator(ABC):
         return 0 if self.sample_time_s is None else round(self.lag_s / self.sample_time_s)
 
     def _stepped(self, recording: Recording, offset_n: float = 0.0, offset_uncertainty_n: float | None = None) -> Array:
-        """Return what the step gives at each sample [N], shape ``(n,)``: friction of ``lag_s`` before it."""
+        """Run the step on each sample; its output [N], shape ``(n,)``, is the friction of ``lag_s`` before it."""
         self._refuse_unfitted()
         if self.sample_time_s is None or not np.isclose(recording.sample_time_s, self.sample_time_s, rtol=1e-6):
             raise RecordingError(
@@ -241,14 +245,14 @@ class FrictionEstimator(ABC):
         return self.advance(self.new_state(), self.channels_of(samples))
 
     def channels_of(self, samples: Array) -> Array:
-        """Return samples, shape ``(n, inputs)``, as channels, ``(n, channels)``."""
+        """Turn samples, shape ``(n, inputs)``, into the filters' channels, ``(n, channels)``."""
         if self.position_load is None:
             return samples
         places = [self.inputs.index(column) for column in self.position_load.columns]
         return np.column_stack([samples, self.position_load.at(samples[:, places])])
 
     def stream(self) -> EstimatorStream | StrictStream:
-        """Return a fresh stream; streams of one estimator do not touch each other."""
+        """Start a stream from a fresh state; streams of one estimator are independent."""
         self._refuse_unfitted()
         if self.offset is not None:
             return StrictStream(self.step_model())
@@ -262,16 +266,16 @@ class FrictionEstimator(ABC):
         return type(self).step_model is not FrictionEstimator.step_model
 
     def step_model(self) -> StepModel:
-        """Return what one real-time step needs: the description from which every runtime is made.
+        """Describe one real-time step; every runtime (Python, C, FMU, served model) is made from this description.
 
         Raises:
-            NotFittedError: There is nothing fitted or loaded yet.
+            NotFittedError: The estimator is neither fitted nor loaded.
             ValueError: This kind of estimator has no such step.
         """
         raise ValueError(f"{self.kind}: has no real-time step; expected a hybrid, forest, force balance or ridge")
 
     def real_time(self) -> RealTimeStream:
-        """Return a fresh guarded stream, which takes whatever the sensors give; see ``RealTimeStream``."""
+        """Start a guarded stream, which accepts any sensor values and flags bad ones; see ``RealTimeStream``."""
         return RealTimeStream(self.step_model())
 
     def calibrate(
@@ -285,18 +289,18 @@ class FrictionEstimator(ABC):
 
         Args:
             train: Labelled recordings of training, as measured, for the guard.
-            cylinder: Whose recordings they are; None: no force counts as unmodelled, and the model does not know where
-                it belongs.
+            cylinder: The recordings' cylinder; None: no force counts as unmodelled, and the model does not know which
+                cylinder it fits.
             validation: Labelled recordings of other sessions, their pressures as measured.
-            estimates_n: What the steps of models that did not learn from them give for ``validation`` [N]; None: this
-                estimator did not, and gives them.
+            estimates_n: Stepped estimates [N] for ``validation`` by models that did not learn from it; None: this
+                estimator did not learn from it, and makes them.
         """
         self._refuse_unfitted()
         assert self.training_range is not None
         assert self.sample_time_s is not None
         limits = largest_friction_n(train), self.sample_time_s, self.position_load, freeze_travel_m(train)
         self.guard = guard_from(self.training_range, *limits)
-        # as the steps give it, against labels as late, because bounds go by the present regime of motion
+        # estimates and labels both late by the lag, because bounds depend on the present regime of motion
         lagged = [recording.lagged(self.lag_samples) for recording in validation]
         if estimates_n is None:
             estimates_n = [self._stepped(recording) for recording in validation]
@@ -307,7 +311,7 @@ class FrictionEstimator(ABC):
         self.bounds, own = level.bounds, [each for each in validation if each.metadata.session in level.sessions]
         self.trained_for = None if cylinder is None else TrainedFor.of(train, cylinder).calibrated_on(own)
         if cylinder is not None:
-            loaded = [self._loaded(each) for each in train]
+            loaded = [self._with_load(each) for each in train]
             self.guard = with_force_limits(self.guard, self.bounds, cylinder, loaded, self.channels)
 
     def save(self, folder: str | Path) -> None:
@@ -357,7 +361,7 @@ class FrictionEstimator(ABC):
 
     @classmethod
     def load(cls, folder: str | Path) -> FrictionEstimator:
-        """Return the estimator saved in ``folder``, of whichever kind it is.
+        """Load the estimator saved in a folder, of any known kind; hashes of all its files are checked.
 
         Raises:
             FileNotFoundError: The folder holds no saved estimator.
@@ -409,13 +413,13 @@ class FrictionEstimator(ABC):
         return estimator
 
     def _checked_step(self) -> StepModel:
-        """Return the step model that ``load`` checks; of a kind that has none, one with its guard and bounds alone."""
+        """Build the step model that ``load`` checks; for a kind without a step, one with guard and bounds alone."""
         if self.has_step:
             return self.step_model()
         return self._step_model(base_taps=np.zeros((len(self.channels), 1)))
 
     def _begin_fit(self, recordings: Sequence[Recording]) -> list[Recording]:
-        """Check the recordings, note their sample time and range, and return them with identified zeros taken off.
+        """Check the recordings, store their sample time and range, and subtract their identified zeros.
 
         Raises:
             RecordingError: There is no recording, or they do not share one sample time.
@@ -429,20 +433,20 @@ class FrictionEstimator(ABC):
             )
         self.sample_time_s = sample_times[0]
         self.training_range = TrainingRange.of(recordings, self.inputs)
-        return [self._prepared(recording) for recording in recordings]
+        return [self._training_recording(recording) for recording in recordings]
 
-    def _prepared(self, recording: Recording) -> Recording:
-        """Return a recording as ``fit`` learns from it: without zeros, with the load that position decides."""
-        return self._loaded(recording).zeroed().lagged(self.lag_samples)
+    def _training_recording(self, recording: Recording) -> Recording:
+        """Prepare a recording for training: subtract its zeros, add the load that position decides."""
+        return self._with_load(recording).zeroed().lagged(self.lag_samples)
 
-    def _loaded(self, recording: Recording) -> Recording:
-        """Return a recording with the load that position decides, if one is known."""
+    def _with_load(self, recording: Recording) -> Recording:
+        """Add the load that position decides, if one is known."""
         if self.position_load is None:
             return recording
         return recording.with_columns(**{LOAD_FORCE: self.position_load.of(recording)})
 
-    def _take_over(self, other: FrictionEstimator) -> None:
-        """Take over what another fitted estimator knows of samples, guard, sensor offset, load and lag."""
+    def _copy_fitted(self, other: FrictionEstimator) -> None:
+        """Copy the samples' range, guard, sensor offset, load and lag from another fitted estimator."""
         self.inputs, self.sample_time_s, self.training_range = other.inputs, other.sample_time_s, other.training_range
         self.guard, self.offset, self.position_load, self.lag_s = (
             other.guard,
@@ -452,10 +456,10 @@ class FrictionEstimator(ABC):
         )
 
     def _step_model(self, **fields: Any) -> StepModel:
-        """Return a step model with these fields; the others are those of a step without features, network and forest.
+        """Build a step model from these fields; the others default to no features, network and forest.
 
-        Guard and bounds are the estimator's own; without them a guard from its training range, which cannot notice a
-        frozen position, and bounds so wide that they state nothing.
+        Guard and bounds are the estimator's own. Before ``calibrate``, the guard comes from the training range and
+        cannot notice a frozen position, and the bounds are so wide that they state nothing.
         """
         self._refuse_unfitted()
         assert self.sample_time_s is not None
@@ -476,7 +480,7 @@ class FrictionEstimator(ABC):
             **defaults | fields,
             sample_time_s=self.sample_time_s,
             velocity_taps=velocity_taps(self.sample_time_s, self.channels),
-            # without bounds nothing is known of what counts as sliding
+            # without bounds the velocity of sliding is unknown
             guard=replace(guard, force_weights=()) if self.bounds is None else guard,
             bounds=self.bounds or unknown_bounds(self.sample_time_s),
             inputs=self.inputs,
@@ -487,7 +491,7 @@ class FrictionEstimator(ABC):
         )
 
     def _learned_offset(self, recording: Recording) -> LearnedOffset:
-        """Return how well the offset is learned from a cold start; what is common to all sessions, the label shares."""
+        """Learn the offset from a cold start, as a step would; an offset common to all sessions is in the label too."""
         assert self.offset is not None
         place, state = self.inputs.index(POSITION), self.offset.new_state()
         channels = self.channels_of(recording.samples(self.inputs))

@@ -18,9 +18,10 @@ def baselines(
     seed: int = 0,
     position_load: PositionLoad | None = None,
 ) -> dict[str, FrictionEstimator]:
-    """Return the baselines, not yet fitted, and after them the estimators that other packages register.
+    """Make the baselines, not yet fitted, by name, followed by the estimators that other packages register.
 
-    Those are made from the cylinder alone: ``Class(cylinder)``.
+    Use them with ``compare`` to see what a learned estimator gains over the force balance, its low-pass, ridge
+    regression and a random forest. Registered estimators are made from the cylinder alone: ``Class(cylinder)``.
 
     Args:
         cylinder: Its areas and moving mass.

@@ -1,4 +1,4 @@
-"""Estimators of other packages, which these register as entry points."""
+"""Estimators that other packages register as entry points."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ GROUP = "cylinder_friction.estimators"
 
 
 def own_kinds() -> dict[str, EntryPoint]:
-    """Return the entry points of the installed packages, by the kind of estimator that they name, sorted."""
+    """Find the entry points of installed packages, by their kind of estimator, sorted."""
     return {each.name: each for each in sorted(entry_points(group=GROUP), key=lambda each: each.name)}
 
 
 def own_class(entry: EntryPoint) -> Any:
-    """Import and return the class that an entry point names.
+    """Import the class that an entry point names.
 
     Raises:
         ValueError: It cannot be imported, or its kind is not the entry point's name.
@@ -35,7 +35,7 @@ def own_class(entry: EntryPoint) -> Any:
 
 
 def own_code() -> str:
-    """Return which kinds are registered and the hashes of their modules' files; empty if there are none."""
+    """List the registered kinds with the hashes of their modules' files; empty if there are none."""
     return "".join(f" {name}:{_hash_of(each.module)}" for name, each in own_kinds().items())
 
 

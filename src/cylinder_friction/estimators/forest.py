@@ -1,4 +1,4 @@
-"""The random forest: fitted by scikit-learn, and alone as the paper's second half on the paper's filtered signals."""
+"""The random forest: fitted by scikit-learn; on the paper's filtered signals also an estimator of its own."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -26,9 +26,9 @@ FOREST_FILE = "forest.onnx"
 
 @dataclass(frozen=True)
 class ForestPlan:
-    """The forest: trees and their greatest depth (the paper's Table I), rows of each tree, fewest rows in a leaf.
+    """Size of a forest: trees and their greatest depth (the paper's Table I), rows of each tree, fewest rows in a leaf.
 
-    The defaults of trees and depth are those that the default search finds on the rig's campaign.
+    The default search on the rig's campaign found the defaults of trees and depth.
     """
 
     trees: int = 22
@@ -110,7 +110,7 @@ class ForestEstimator(FrictionEstimator):
 
 
 def fit_forest(features: NDArray[np.float32], target: NDArray[np.float64], plan: ForestPlan, seed: int) -> Forest:
-    """Fit a random forest (Breiman 2001), each tree on rows drawn from all of them, and return it as plain arrays.
+    """Fit a random forest (Breiman 2001), each tree on randomly drawn rows, and convert it to plain arrays.
 
     scikit-learn compares with thresholds in double precision, every runtime in single. Features are single
     precision on both sides, so the greatest single-precision number that is not above a threshold separates them alike.
@@ -148,7 +148,7 @@ def fit_forest(features: NDArray[np.float32], target: NDArray[np.float64], plan:
 
 
 def rounded_down(thresholds: NDArray[np.float64]) -> NDArray[np.float32]:
-    """Return the greatest single-precision numbers that are not above given ones."""
+    """Round numbers down to single precision."""
     with np.errstate(over="ignore"):
         single = thresholds.astype(np.float32)
     above = single.astype(np.float64) > thresholds

@@ -1,7 +1,7 @@
-"""From raw samples to what a network sees: causal linear filters, a soft limit, the history of motion, standardisation.
+"""From raw samples to a network's features: causal linear filters, soft limit, history of motion, standardisation.
 
-All but the history is one bank of finite-impulse-response filters on the raw inputs, so it is causal, holds little
-state, and is stored as plain numbers.
+All features but the history come from one bank of finite-impulse-response filters on the raw inputs. The bank is
+causal, holds little state, and is stored as plain numbers.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ Design = Literal["force_balance", "paper", "full"]
 SMOOTHING_LAGS = 16
 CREEP_VELOCITY_M_S = 5e-3
 """Velocity at which the soft limit bends: below it lubrication is mixed and friction falls with velocity."""
-SMOOTH_POSITION = "position_m_20"  # The feature that the history of motion follows
+SMOOTH_POSITION = "position_m_20"  # The feature from which the history of motion is computed
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,15 +33,15 @@ class FrontEnd:
     """Filters and scaling before the network."""
 
     inputs: tuple[str, ...]  # Columns of a recording, in the order of its samples
-    names: tuple[str, ...]  # What each feature is, with its unit: the linear ones, then those of the history
+    names: tuple[str, ...]  # Names of the features, with units: the linear features, then the history's
     taps: Array  # Shape ``(linear features, inputs, lags)``, on raw samples
     limits: Array  # Shape ``(linear features,)``; where positive, the filtered value y becomes ``y / (|y| + limit)``
-    mean: Array  # Shape ``(linear features,)``; taken off before scaling
+    mean: Array  # Shape ``(linear features,)``; subtracted before scaling
     scale: Array  # Shape ``(linear features,)``; divided by
-    # Shape ``(1, inputs, lags)``; the force [N] that the network corrects; None: it starts from 0
+    # Taps of the force [N] that the network corrects, shape ``(1, inputs, lags)``; None: the network gives all friction
     base_taps: Array | None = None
-    history: History | None = None  # The features of the motion so far, with their scaling; None: there are none
-    sample_time_s: float = 1.0  # Between two samples [s]; only the history depends on it
+    history: History | None = None  # Features of the past motion, with their scaling; None: no such features
+    sample_time_s: float = 1.0  # Sample time [s]; only the history depends on it
 
     @property
     def has_base(self) -> bool:
@@ -49,7 +49,7 @@ class FrontEnd:
         return self.base_taps is not None
 
     def step_fields(self) -> dict[str, Any]:
-        """Return the fields of a ``StepModel`` that are the front end's."""
+        """Give the front end's fields of a ``StepModel``."""
         base = np.zeros((len(self.inputs), 1)) if self.base_taps is None else self.base_taps[0]
         return {
             "feature_taps": np.ascontiguousarray(self.taps, dtype=np.float64),
@@ -96,7 +96,7 @@ class FrontEndState:
 
 
 class FrontEndBlock:
-    """Samples, shape ``(n, inputs)``, to standardised features and the force they correct; causal, cut anywhere."""
+    """Causal block from samples, shape ``(n, inputs)``, to standardised features and the force that they correct."""
 
     def __init__(self, front_end: FrontEnd) -> None:
         self.front_end = front_end
@@ -108,7 +108,7 @@ class FrontEndBlock:
         return FrontEndState(self._features.new_state(), self._base.new_state(), new_history())
 
     def advance(self, state: FrontEndState, samples: Array) -> tuple[Any, Array]:
-        """Return standardised features, shape ``(n, features)``, float32, and the force to correct [N], ``(n,)``."""
+        """Compute standardised features, shape ``(n, features)``, float32, and the force to correct [N], ``(n,)``."""
         plan, history = self.front_end, self.front_end.history
         limits = plan.limits
         filtered = self._features.advance(state.features, samples)
@@ -127,26 +127,26 @@ class FrontEndBlock:
 
 
 class FeatureMaker(Protocol):
-    """What turns samples into features: a ``FrontEndBlock``, or one that adds features to it."""
+    """A block that turns samples into features: a ``FrontEndBlock``, or a block that adds features to one."""
 
     def new_state(self) -> Any:
         """Return the state before the first sample."""
 
     def advance(self, state: Any, samples: Array) -> tuple[Any, Array]:
-        """Return features, shape ``(n, k)``, and the force to correct [N], shape ``(n,)``; changes ``state``."""
+        """Compute features, shape ``(n, k)``, and the force to correct [N], shape ``(n,)``; updates ``state``."""
 
 
 def fit_front_end(
     design: Design, cylinder: Cylinder, recordings: Sequence[Recording], inputs: Sequence[str] = SAMPLE_COLUMNS
 ) -> FrontEnd:
-    """Return the front end of a hybrid, its scaling (and the smoothing of its base) learnt on these recordings alone.
+    """Fit a hybrid's front end: its scaling, and the smoothing of its force balance, on these recordings alone.
 
     Args:
         design: ``paper``: pressures, and any further input, through a moving average of 10 and velocity from
             differences of the averaged position, nothing to correct. ``force_balance``: the force balance and what
-            moves it, correcting the least-squares smoothed force balance. ``full``: all features that the inputs allow,
-            the history of motion too; ``force_balance`` is the same if there are no raw pressures, and then there is
-            nothing to correct.
+            moves it; the network corrects the force balance, smoothed by least squares. ``full``: all features that the
+            inputs allow, the history of motion too. Without raw pressures ``force_balance`` equals ``full``, and there
+            is no force balance to correct.
         cylinder: Its areas.
         recordings: Labelled recordings of one sample time.
         inputs: Columns of a sample; ``position_m`` must be one, both raw pressures too for ``paper``.
@@ -164,7 +164,7 @@ def fit_front_end(
 
 
 def feature_count(design: Design, inputs: Sequence[str] = SAMPLE_COLUMNS) -> int:
-    """Return how many features a design gives its network."""
+    """Count the features that a design gives its network."""
     rows = _feature_rows(design, tuple(inputs), None, 1.0)
     return len(rows) + (len(HISTORY_NAMES) if any(row.name == SMOOTH_POSITION for row in rows) else 0)
 
@@ -181,7 +181,7 @@ class FeatureRow:
 def unscaled_front_end(
     inputs: tuple[str, ...], rows: Sequence[FeatureRow], base_taps: Array | None, sample_time_s: float
 ) -> FrontEnd:
-    """Return a front end that neither centres nor scales these features."""
+    """Build a front end that neither centres nor scales these features."""
     length, count = max(row.taps.shape[1] for row in rows), len(rows)
     taps = np.stack([np.pad(row.taps, ((0, 0), (0, length - row.taps.shape[1]))) for row in rows])
     names, limits = tuple(row.name for row in rows), np.array([row.limit for row in rows])
@@ -190,7 +190,7 @@ def unscaled_front_end(
 
 
 def with_history(front_end: FrontEnd) -> FrontEnd:
-    """Return an unscaled front end with the history of motion, if a smoothed position is among its features."""
+    """Add the history of motion to an unscaled front end, if a smoothed position is among its features."""
     if SMOOTH_POSITION not in front_end.names:
         return front_end
     place, count = front_end.names.index(SMOOTH_POSITION), len(HISTORY_NAMES)
@@ -199,9 +199,9 @@ def with_history(front_end: FrontEnd) -> FrontEnd:
 
 
 def standardised(front_end: FrontEnd, block: FeatureMaker, recordings: Sequence[Recording]) -> FrontEnd:
-    """Return an unscaled front end with mean and standard deviation of each feature that ``block`` makes of it.
+    """Set mean and scale of an unscaled front end from the features that ``block`` makes of usable rows.
 
-    Only usable rows count; a feature that never varies has the scale 1.
+    A feature that never varies gets the scale 1.
     """
     values = [
         block.advance(block.new_state(), recording.samples(front_end.inputs))[0][recording.usable()]
@@ -220,10 +220,10 @@ def standardised(front_end: FrontEnd, block: FeatureMaker, recordings: Sequence[
 def smoothed_force_balance_taps(
     cylinder: Cylinder, recordings: Sequence[Recording], inputs: Sequence[str] = SAMPLE_COLUMNS
 ) -> Array:
-    """Return the taps, shape ``(1, inputs, lags)``, of the causally smoothed force balance nearest to the labels.
+    """Fit the taps, shape ``(1, inputs, lags)``, of the causally smoothed force balance nearest to the labels.
 
-    Least squares on the last ``SMOOTHING_LAGS`` values of P1·A1 - P2·A2, less a measured load (a finite Wiener filter;
-    Wiener 1949).
+    This is least squares on the last ``SMOOTHING_LAGS`` values of P1·A1 - P2·A2, less a measured load: a finite Wiener
+    filter (Wiener 1949).
     """
     labels, masks = labelled_rows(recordings)
     taps = force_balance_taps(cylinder, inputs)
@@ -244,10 +244,11 @@ def _has_pressures(inputs: tuple[str, ...]) -> bool:
 def _feature_rows(
     design: Design, inputs: tuple[str, ...], cylinder: Cylinder | None, sample_time_s: float
 ) -> list[FeatureRow]:
-    """Return the linear features of a design; without a cylinder, with areas of no meaning.
+    """List the linear features of a design. Without a cylinder the features have the right names and meaningless areas.
 
-    Position gives velocity, creep and, in full, itself and acceleration; raw pressures the force balance and what
-    moves it, a load its rate; every other column (a temperature, a pressure level) its moving average of 20.
+    Position gives velocity and creep, and in ``full`` also position and acceleration. Raw pressures give the force
+    balance and its changes, a load its rate. Every other column (a temperature, a pressure level) gives its moving
+    average of 20 samples.
     """
     if "position_m" not in inputs:
         raise ValueError(f"expected position_m among the inputs, but got {inputs}")

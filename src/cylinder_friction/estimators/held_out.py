@@ -1,22 +1,21 @@
-"""Which recordings are held out of training: those that stop it, and those that calibrate the bounds."""
+"""The recordings held out of training, for early stopping or to calibrate the bounds."""
 
 import itertools
 from collections.abc import Sequence
 
 from cylinder_friction.recordings.recording import Recording
 
-KEPT_SESSIONS = 2  # Sessions of each condition that must be left to train on, before one of each is held out
+KEPT_SESSIONS = 2  # Fewest sessions of each condition that remain for training if one of each is held out
 FOLDS = 3
 
 
 def held_out_for_stopping(recordings: Sequence[Recording]) -> tuple[list[Recording], list[Recording]]:
-    """Return the recordings to train on, and those that early stopping goes by.
+    """Split recordings into those to train on and those that decide when training stops.
 
-    Where there is one session alone, both are all of it.
-
-    Held out is the last session, by name, of each condition, so that every load counts: one session of one load holds
-    little about the others. Where a condition would be left with fewer than ``KEPT_SESSIONS`` others, it is the last
-    session alone. No session is on both sides, even if several conditions share it.
+    A single session is on both sides. Otherwise the last session of each condition, by name, is held out, so that every
+    load counts: a session of one load says little about other loads. If a condition would be left with fewer than
+    ``KEPT_SESSIONS`` others, only the last session of all is held out. No session is on both sides, even if several
+    conditions share it.
     """
     sessions: dict[str, set[str]] = {}
     for recording in recordings:
@@ -30,10 +29,10 @@ def held_out_for_stopping(recordings: Sequence[Recording]) -> tuple[list[Recordi
 
 
 def folds(recordings: Sequence[Recording]) -> tuple[list[list[Recording]], str]:
-    """Return recordings in at most ``FOLDS`` groups, each to be estimated by a model of the others, and of what kind.
+    """Divide recordings into at most ``FOLDS`` groups for cross-validation, and state what a group is.
 
-    Groups hold whole sessions, dealt by condition, so that each group has some of every condition if there are enough.
-    Of a single session they hold its recordings, of a single recording stretches of it: errors there do not show how
+    A group holds whole sessions, dealt by condition, so that each has some of every condition if there are enough. A
+    single session is divided into its recordings, a single recording into stretches; errors then do not show how
     sessions differ.
     """
     sessions = {(each.metadata.condition, each.metadata.session) for each in recordings}

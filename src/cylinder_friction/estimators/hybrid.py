@@ -1,9 +1,9 @@
 """The hybrid of LSTM and random forest, for any inputs.
 
-``force_balance``, the default: the causal force balance first, an LSTM that corrects it, and a forest that corrects
-the residual of the LSTM; without raw pressures LSTM and forest give all of friction. ``paper``: an LSTM over both
-pressures and velocity, filtered as published; its last hidden state goes into a random forest, whose output is the
-estimate. Without its forest, either is the LSTM alone.
+``force_balance``, the default: an LSTM corrects the causal force balance, and a forest corrects the residual of the
+LSTM. Without raw pressures, LSTM and forest give all of friction. ``paper``: an LSTM reads both pressures and velocity,
+filtered as published, and a random forest turns its last hidden state into the estimate. Without its forest, either
+design is the LSTM alone.
 """
 
 from __future__ import annotations
@@ -57,9 +57,12 @@ DEFAULT_FOREST = ForestPlan()
 
 @dataclass(frozen=True)
 class HybridParts:
-    """A trained hybrid."""
+    """The parts of a trained hybrid: filters, network, forest, and the forces that the network's output stands for [N].
 
-    design: Design  # How it is put together
+    ``HybridEstimator.parts`` holds them after ``fit``, None before. Pass them as ``start`` to ``fit`` to train on.
+    """
+
+    design: Design  # Which parts are combined, and how
     front_end: FrontEnd  # Filters, history and scaling
     network: LstmWeights  # The LSTM
     forest: Forest | None  # The forest; None for the LSTM alone
@@ -69,29 +72,40 @@ class HybridParts:
 
 @dataclass
 class HybridState:
-    """State of the front end and of the LSTM; the forest has none."""
+    """State of a hybrid between two samples: filters, LSTM and history. The forest has no state.
+
+    ``new_state`` makes it, and ``advance`` updates it in place; use ``stream`` unless you write a runtime of your own.
+    Recordings and streams each need one of their own.
+    """
 
     front_end: FrontEndState
     network: LstmState
 
 
 class HybridEstimator(FrictionEstimator):
-    """LSTM + random forest on causally filtered samples.
+    """LSTM and random forest on causally filtered samples: the most accurate estimator of this package.
+
+    Use it if you have labelled recordings of some ten minutes or more; with a few minutes ``adapt`` a trained one. It
+    needs the extra ``train`` to fit, and none to estimate. Training takes minutes on one core, a step microseconds.
 
     Args:
         cylinder: Its areas; needed for ``fit`` alone.
         design: ``force_balance``, ``paper`` or ``full``, see ``fit_front_end``.
-        architecture: Of the LSTM; None for the default.
-        plan: Of its training; None for the default.
-        forest_plan: Of the forest; None for the LSTM alone.
+        architecture: Layers, nodes, dropout and learning rate of the LSTM; None for the default.
+        plan: Epochs and batches of its training; None for the default.
+        forest_plan: Size of the forest; None for the LSTM alone.
         seed: Seeds weights, dropout, batch order and bootstrap.
         device: ``cpu`` or ``cuda``, for training.
         inputs: Columns of a sample; ``position_m`` must be among them.
-        tracker: How the sensors' offset is learned, if known from elsewhere; None: ``fit`` finds it, where recordings
+        tracker: How the sensors' offset is learned, if known from elsewhere; None: ``fit`` finds it, if recordings
             state their identified zeros.
-        lag_s: How long after a moment its friction is estimated [s].
+        lag_s: Delay after which friction is estimated [s]; see ``FrictionEstimator``.
         position_load: The load that position decides, see ``labelling.load.pooled_load``; None: a load is among the
             inputs, or there is none.
+
+    Raises:
+        RecordingError: ``fit`` got no recordings, or recordings of different sample times.
+        ValueError: An input is missing, or ``fit`` is called on a loaded estimator without a cylinder.
 
     Example:
         >>> from dataclasses import replace
@@ -135,17 +149,17 @@ class HybridEstimator(FrictionEstimator):
         report: EpochReport | None = None,
         start: HybridParts | None = None,
     ) -> Self:
-        """Learn front end, network and forest, and how a sensor offset shows, where zeros were identified.
+        """Fit front end, network and forest; if zeros were identified, fit the tracker of the sensors' offset too.
 
         Args:
             recordings: Labelled recordings.
             validation: Labelled recordings of other sessions, which stop the network's training and calibrate the
                 bounds; None: whole sessions of ``recordings`` are held out for that, see ``held_out_for_stopping``,
                 or none if the plan's ``patience`` is None, and then there are no bounds.
-            calibration: Labelled recordings of still other sessions, which calibrate the bounds in their place.
-            checkpoint: Where the network's training stands, kept after each epoch.
+            calibration: Labelled recordings of further sessions; they calibrate the bounds instead of ``validation``.
+            checkpoint: State of the network's training, kept after each epoch.
             report: Called after each epoch with its number and both mean absolute errors [N].
-            start: A trained hybrid of the same layers, from whose network the training sets out; see ``adapt``.
+            start: A trained hybrid of the same layers; the training continues from its network, see ``adapt``.
         """
         if self.cylinder is None:
             raise ValueError("a hybrid needs a cylinder to be fitted; got a loaded one without")
@@ -154,10 +168,10 @@ class HybridEstimator(FrictionEstimator):
             stops = self.plan.patience is not None
             train, validation = held_out_for_stopping(recordings) if stops else (recordings, ())
         zeroed = self._begin_fit(train)
-        self.offset = self._tracker or _tracker_of(list(map(self._loaded, train)), self.cylinder, self.channels)
+        self.offset = self._tracker or _tracker_of(list(map(self._with_load, train)), self.cylinder, self.channels)
         front_end = fit_front_end(self.design, self.cylinder, zeroed, self.channels)
         sequences = [_correction(front_end, each) for each in zeroed]
-        stopping = [_correction(front_end, self._prepared(each)) for each in validation]
+        stopping = [_correction(front_end, self._training_recording(each)) for each in validation]
         begin = None if start is None else (start.network, feature_places(start.front_end.names, front_end.names))
         network, self.learning_curve, mean_n, scale_n = train_correction(
             self.architecture, self.plan, sequences, stopping, self.seed, self.device, checkpoint, report, begin
@@ -179,28 +193,28 @@ class HybridEstimator(FrictionEstimator):
         plan: TrainingPlan | None = None,
         bounds: bool = True,
     ) -> HybridEstimator:
-        """Return a hybrid for another cylinder, made from this one and a few labelled recordings of that cylinder.
+        """Make a hybrid for another cylinder from this one and a few labelled recordings of that cylinder.
 
-        - Scaled by areas: the force balance P1·A1 - P2·A2 alone; velocities and what was learned are not.
-        - Found anew: smoothing of the force balance, mean and scale of every feature and of the correction, forest,
-          bounds, guard, ranges, and, if the recordings state identified zeros, how a sensor offset is learned.
-        - Trained on: all weights of the network. A feature that it did not have, such as a load, begins without
-          influence.
+        - Scaled by areas: only the force balance P1·A1 - P2·A2; velocities and learned weights are not scaled.
+        - Fitted anew: smoothing of the force balance, mean and scale of every feature and of the correction, forest,
+          bounds, guard, ranges, and, if the recordings state identified zeros, the tracker of the sensors' offset.
+        - Trained further: all weights of the network. A new feature, such as a load, begins without influence.
         - Kept: design, layers, nodes, size of the forest, lag. The sample time is that of the recordings.
 
-        For the bounds the training is repeated without some of the sessions, which that model then estimates, until
-        each was left out once (cross-conformal prediction: Vovk 2015), see ``folds``. If less of the correction is
-        better there, all of it is scaled down. ``trained_for`` states this model's hash and what the bounds rest on.
+        For the bounds, the training is repeated without some of the sessions, and that model estimates them, until each
+        session was left out once (cross-conformal prediction: Vovk 2015), see ``folds``. If a smaller correction fits
+        these sessions better, the correction is scaled down. ``trained_for`` states this model's hash and what the
+        bounds rest on.
 
         Args:
             recordings: Labelled recordings of the other cylinder. A load in ``load_force_n`` becomes an input.
             cylinder: The other cylinder.
             position_load: Its load, if position decides it; then ``load_force_n`` is no input.
-            plan: Of the training; None: ``ADAPTATION_PLAN``.
-            bounds: Whether to calibrate bounds, for which the training takes about four times as long.
+            plan: Epochs and batches of the training; None: ``ADAPTATION_PLAN``.
+            bounds: Whether to calibrate bounds; training then takes about four times as long.
 
         Raises:
-            RecordingError: The recordings are too few, or do not slide in both directions for long enough.
+            RecordingError: There are too few recordings, or the piston slides too briefly in one direction.
         """
         source = self._fitted()
         groups, rests_on = folds(recordings) if bounds else ([], "")
@@ -230,11 +244,11 @@ class HybridEstimator(FrictionEstimator):
         return result
 
     def without_forest(self) -> HybridEstimator:
-        """Return the LSTM alone: the same network, the forest left out."""
+        """Copy this hybrid without its forest: the LSTM alone."""
         parts = replace(self._fitted(), forest=None)
         settings = (self.design, self.architecture, self.plan, None, self.seed, self.device)
         alone = HybridEstimator(self.cylinder, *settings)
-        alone._take_over(self)
+        alone._copy_fitted(self)
         alone._set(parts)
         return alone
 
@@ -274,7 +288,7 @@ class HybridEstimator(FrictionEstimator):
         )
 
     def stream(self) -> StrictStream:
-        """Return a fresh stream on the compiled step; equal to ``estimate`` bit for bit."""
+        """Start a stream on the compiled step; it equals ``estimate`` bit for bit."""
         return StrictStream(self.step_model())
 
     def _set(self, parts: HybridParts) -> None:
@@ -291,16 +305,16 @@ class HybridEstimator(FrictionEstimator):
         return self.parts
 
     def _corrections(self, recordings: Sequence[Recording]) -> Array:
-        """Return the correction of the base force in usable rows, and what it should be [N], shape ``(2, rows)``."""
+        """Compute the correction of the base force in usable rows, and the wanted one [N], shape ``(2, rows)``."""
         pairs = []
-        for each in map(self._prepared, recordings):
+        for each in map(self._training_recording, recordings):
             wanted = _correction(self._fitted().front_end, each)
             off_n = self.advance(self.new_state(), each.samples(self.channels)) - each.column("friction_n")
             pairs.append(np.stack([wanted.target + off_n, wanted.target])[:, wanted.usable])
         return np.concatenate(pairs, axis=1)
 
     def _shrink(self, share: float) -> None:
-        """Scale the correction of the base force, network's and forest's, by ``share``."""
+        """Scale the correction of the base force, both the network's and the forest's, by ``share``."""
         parts = self._fitted()
         mean_n, scale_n = share * parts.target_mean_n, share * parts.target_scale_n
         self._set(replace(parts, target_mean_n=mean_n, target_scale_n=scale_n))
@@ -361,12 +375,12 @@ def train_correction(
     report: EpochReport | None = None,
     begin: tuple[LstmWeights, Sequence[int | None]] | None = None,
 ) -> tuple[LstmWeights, TrainingCurve, float, float]:
-    """Return an LSTM trained on targets in newtons, its learning curve, and mean and scale of the targets [N].
+    """Train an LSTM on targets in newtons; return it, its learning curve, and mean and scale of the targets [N].
 
-    Its output 0 stands for the mean, and 1 adds the scale; arguments as for ``train_network``, all errors in newtons.
-    With ``begin`` the training sets out from those weights, see ``network_from``.
+    Output 0 stands for the mean, and 1 adds the scale. Arguments are those of ``train_network``, and all errors are in
+    newtons. With ``begin`` the training continues from those weights, see ``network_from``.
     """
-    with explained():  # PyTorch: only training waits for it
+    with explained():  # PyTorch: an extra that only training needs
         from cylinder_friction.estimators.training import FrictionNetwork, network_from, train_network, weights_of
 
     usable_n = np.concatenate([each.target[each.usable] for each in train])
@@ -393,21 +407,25 @@ def train_correction(
 
 
 def forest_input(design: Design, hidden: Any, head: Any, features: Any) -> Any:
-    """Return what the forest sees, float32: the last hidden state; except in ``paper`` head and features too."""
+    """Assemble the forest's input, float32: the last hidden state alone in ``paper``, else also head and features.
+
+    Shapes: ``hidden`` ``(rows, nodes)``, ``head`` ``(rows,)``, ``features`` ``(rows, features)``; the result has one
+    row per sample and its columns in this order. Training, the step, C and FMU all assemble it in this way.
+    """
     if design == "paper":
         return hidden
     return np.concatenate([hidden, head[:, None], features], axis=1)
 
 
 def _tracker_of(recordings: Sequence[Recording], cylinder: Cylinder, inputs: tuple[str, ...]) -> OffsetTracker | None:
-    """Return how the sensors' offset is learned, or None if none was identified surely enough."""
+    """Fit the tracker of the sensors' offset; None if no offset was identified with enough certainty."""
     if not (all(each.metadata.identified_zero for each in recordings) and set(SAMPLE_COLUMNS) <= set(inputs)):
         return None
     return fit_offset_tracker(recordings, cylinder, inputs) if zeros_are_known(recordings) else None
 
 
 def _correction(front_end: FrontEnd, recording: Recording) -> SequenceData:
-    """Return the features of a recording; the target is the label less the force that is corrected [N]."""
+    """Compute a recording's features and its target: the label less the force that is corrected [N]."""
     block = FrontEndBlock(front_end)
     features, base_n = block.advance(block.new_state(), recording.samples(front_end.inputs))
     return SequenceData(features, recording.column("friction_n") - base_n, recording.usable())

@@ -1,6 +1,6 @@
 """Estimators that are linear in lagged raw samples: the force balance, its low-pass, and ridge regression.
 
-They are the baseline of every learned estimator: pressures times areas already are the label, but for noise.
+Every learned estimator is compared with them: pressures times areas already are the label, apart from noise.
 """
 
 from collections.abc import Sequence
@@ -25,13 +25,13 @@ from cylinder_friction.signals.least_squares import least_squares
 PAPER_WINDOW = 10
 PAPER_ACCELERATION_WINDOW = 30
 FORGOTTEN = 1e-12
-"""The response of a low-pass ends where all that follows weighs less than this share of its largest value."""
+"""A low-pass's response is cut once the rest weighs less than this share of its largest value."""
 
 
 def force_balance_taps(cylinder: Cylinder, inputs: Sequence[str] = SAMPLE_COLUMNS) -> Array:
-    """Return taps, shape ``(1, inputs, 1)``, of P1·A1 - P2·A2 - F_load [N] on raw samples.
+    """Build the taps, shape ``(1, inputs, 1)``, of P1·A1 - P2·A2 - F_load [N] on raw samples.
 
-    They leave inertia out (about 1 N), and the load if ``load_force_n`` is not among the inputs.
+    They ignore inertia (about 1 N), and the load if ``load_force_n`` is not among the inputs.
 
     Raises:
         ValueError: A raw pressure or the position is not among the inputs.
@@ -48,10 +48,10 @@ def force_balance_taps(cylinder: Cylinder, inputs: Sequence[str] = SAMPLE_COLUMN
 
 
 def paper_force_balance_taps(cylinder: Cylinder, sample_time_s: float, inputs: Sequence[str] = SAMPLE_COLUMNS) -> Array:
-    """Return taps, shape ``(1, inputs, length)``, of P1·A1 - P2·A2 - m·a - F_load [N] with the paper's causal filters.
+    """Build the taps, shape ``(1, inputs, length)``, of P1·A1 - P2·A2 - m·a - F_load [N] with the paper's filters.
 
-    Forces and position run through a moving average of 10 samples; acceleration, twice the difference of position,
-    through one of 30.
+    A causal moving average of 10 samples smooths forces and position. Acceleration is the second difference of the
+    position, smoothed by a moving average of 30 samples.
 
     Example:
         >>> from cylinder_friction.estimators.linear import paper_force_balance_taps
@@ -70,13 +70,23 @@ def paper_force_balance_taps(cylinder: Cylinder, sample_time_s: float, inputs: S
 
 
 def refuse_missing_inputs(inputs: Sequence[str]) -> None:
-    """Refuse inputs without both raw pressures and the position; raises ``ValueError`` if one of them is missing."""
+    """Raise ``ValueError`` if a raw pressure or the position is missing among the inputs.
+
+    Call it in an estimator of your own that computes the force balance from both pressures [Pa, gauge].
+
+    Example:
+        >>> from cylinder_friction.estimators.linear import refuse_missing_inputs
+        >>> refuse_missing_inputs(("pressure_1_pa", "pressure_2_pa", "position_m", "load_force_n"))  # all there
+    """
     if not set(SAMPLE_COLUMNS) <= set(inputs):
         raise ValueError(f"expected {', '.join(SAMPLE_COLUMNS)} among the inputs, but got {tuple(inputs)}")
 
 
 def labelled_rows(recordings: Sequence[Recording]) -> tuple[Array, list[Any]]:
-    """Return the labels [N] of all usable rows, one after the other, and each recording's mask.
+    """Collect the labels [N] of all usable rows, one after the other, and each recording's mask.
+
+    Use it to fit an estimator of your own by least squares: each mask, shape ``(rows,)``, selects the same rows of the
+    recording's features. Recordings must have ``friction_n`` and ``usable``, as ``label`` makes them.
 
     Example:
         >>> from cylinder_friction.estimators.linear import labelled_rows
@@ -90,7 +100,11 @@ def labelled_rows(recordings: Sequence[Recording]) -> tuple[Array, list[Any]]:
 
 
 class LinearEstimator(FrictionEstimator):
-    """An estimator that is one FIR filter on raw samples plus a constant."""
+    """Base of estimators that are one FIR filter on raw samples plus a constant [N].
+
+    A subclass sets ``_filter`` and ``_constant_n`` in ``fit``. Estimate, stream, real-time step and exports to C and
+    FMU follow from these two. A step costs one multiplication per input and lag, and is exact in every runtime.
+    """
 
     def __init__(self, inputs: Sequence[str]) -> None:
         super().__init__(inputs)
@@ -131,8 +145,7 @@ class ForceBalanceEstimator(LinearEstimator):
         inputs: Columns of a sample; both raw pressures and the position must be among them, and ``load_force_n``
             for the load.
 
-    Use it as the baseline of every learned estimator. It costs two multiplications per sample, and passes on all
-    sensor noise.
+    Compare every learned estimator with it. It costs two multiplications per sample, and passes on all sensor noise.
 
     Example:
         >>> from cylinder_friction.estimators.linear import ForceBalanceEstimator
@@ -183,7 +196,7 @@ class ForceBalanceEstimator(LinearEstimator):
 
 @dataclass
 class LowPassForceState:
-    """State of ``LowPassForceBalanceEstimator``: none for the balance itself, the output of its low-pass."""
+    """State of ``LowPassForceBalanceEstimator`` between two samples: the output of its low-pass."""
 
     balance: causal.FirState
     low_pass: causal.LowPassState
@@ -198,7 +211,7 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
         inputs: Columns of a sample; both raw pressures and the position must be among them, and ``load_force_n``
             for the load.
 
-    Use it if raw pressures are available and microseconds or memory are scarce: no simpler estimator comes closer.
+    Use it if raw pressures are available and time or memory is scarce: no simpler estimator is more accurate.
 
     Example:
         >>> from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
@@ -251,7 +264,7 @@ class LowPassForceBalanceEstimator(FrictionEstimator):
         return 3
 
     def step_model(self) -> StepModel:
-        """Return what one real-time step needs, the response without end cut if the rest no longer counts."""
+        """Describe one real-time step; its low-pass response is cut once the rest is negligible (``FORGOTTEN``)."""
         self._refuse_unfitted()
         assert self.weight is not None
         length = 1 if self.weight >= 1.0 else 1 + int(np.log(FORGOTTEN) / np.log1p(-self.weight))
@@ -270,9 +283,12 @@ class RidgeEstimator(LinearEstimator):
     """Ridge regression (Hoerl and Kennard 1970) of the label on the last ``lags`` raw samples of every input.
 
     Args:
-        lags: Samples that it looks back on, the present one included.
+        lags: Number of samples that it reads, the present one included.
         penalty: Weight of the squared coefficients, in standardised units.
         inputs: Columns of a sample.
+
+    Use it as the best linear baseline, and if a controller can spare ``lags`` multiplications per input. It needs no
+    cylinder, learns the areas from the labels, and fits in seconds. A step costs ``lags * inputs`` multiplications.
 
     Example:
         >>> ridge = cf.RidgeEstimator(lags=20).fit(train)
@@ -309,7 +325,7 @@ class RidgeEstimator(LinearEstimator):
         return self
 
     def _lagged(self, samples: Array) -> Array:
-        """Return, shape ``(n, channels · lags)``, each row's last samples, column by column, newest first."""
+        """Lay out each row's last samples, column by column, newest first; shape ``(n, channels · lags)``."""
         padded = np.concatenate([np.repeat(samples[:1], self.lags - 1, axis=0), samples])
         windows = np.lib.stride_tricks.sliding_window_view(padded, self.lags, axis=0)[:, :, ::-1]
         return windows.reshape(len(samples), -1)

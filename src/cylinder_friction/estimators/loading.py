@@ -1,4 +1,4 @@
-"""Loading of a saved estimator of whichever kind."""
+"""Loading a saved estimator of any kind."""
 
 from pathlib import Path
 
@@ -19,14 +19,18 @@ KINDS = (
     PressureLugreEstimator,
     RidgeEstimator,
 )
-"""Every kind of estimator of this package; importing a class makes its kind known to ``FrictionEstimator.load``."""
+"""The modules of all estimators of this package. Importing a class registers its kind."""
 
 
 def load_estimator(folder: str | Path) -> FrictionEstimator:
-    """Return the estimator saved in ``folder``, of whichever kind it is.
+    """Load the estimator saved in a folder, of any kind, registered kinds of other packages included.
+
+    The folder holds plain files only: JSON, ONNX and NumPy arrays, never a pickle. Hashes of all files are checked. A
+    loaded estimator estimates bit for bit as before ``save``; it cannot be fitted further without its cylinder.
 
     Raises:
         FileNotFoundError: The folder holds no saved estimator.
+        SavedModelError: A file was changed or is damaged.
         ValueError: The kind is not known.
 
     Example:

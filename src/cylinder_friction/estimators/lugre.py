@@ -1,4 +1,4 @@
-"""LuGre as published comparisons use it: identified in one condition alone; pressures only scale it, if at all."""
+"""LuGre as published comparisons use it: identified in one condition alone, and at most scaled by the pressures."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -17,7 +17,10 @@ from cylinder_friction.signals.causal_velocity import CausalVelocity
 
 
 class LugreEstimator(AnalyticalEstimator):
-    """LuGre identified in one condition alone, as published comparisons do; at run time it sees position only.
+    """LuGre identified in one condition alone, as in published comparisons; at run time it reads position only.
+
+    Use it as the classical baseline. It needs no pressure sensor, and therefore cannot follow a load or pressure that
+    differs from its condition. The identification takes seconds to minutes on one core.
 
     Args:
         condition: The ``metadata.condition`` of the recordings that it is identified on; None: the condition with the
@@ -98,7 +101,9 @@ class LugreEstimator(AnalyticalEstimator):
 
 
 class PressureLugreEstimator(LugreEstimator):
-    """LuGre whose dry friction grows linearly with the sum of both pressures; the slope is identified with it.
+    """LuGre whose dry friction grows linearly with the sum of both pressures; the slope is identified as well.
+
+    Use it if friction differs between loads and both pressures are measured.
 
     Source: Coulomb friction with preload and a pressure coefficient times the sum of pressures is the usual law of
     cylinder friction in simulation tools (Simscape's Cylinder Friction).
@@ -109,7 +114,11 @@ class PressureLugreEstimator(LugreEstimator):
 
 
 def condition_of_smallest_friction(recordings: Sequence[Recording]) -> str:
-    """Return the condition whose usable rows have the smallest mean absolute label, the first by name of equals."""
+    """Find the condition with the smallest mean absolute label in usable rows; of equal ones, the first by name.
+
+    ``LugreEstimator`` is identified there unless you name a condition, as the paper identifies LuGre at the smallest
+    load. Recordings must be labelled (``friction_n`` [N] and ``usable``) and state their condition.
+    """
     labels: dict[str, list[float]] = {}
     for recording in sorted(recordings, key=lambda each: each.metadata.condition):
         friction = np.abs(recording.column("friction_n")[recording.usable()])

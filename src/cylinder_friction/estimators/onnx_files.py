@@ -1,9 +1,9 @@
-"""Networks and forests as ONNX, and back: the one form in which they are stored.
+"""Networks and forests to ONNX and back. They are stored in no other form.
 
 The network's graph takes (all float32) ``features`` (time, batch, features), ``hidden_in`` and ``cell_in`` (layers,
 batch, nodes); it gives ``hidden`` (time, batch, nodes), the last layer's hidden states; ``head`` (time, batch, 1), the
 linear head's output; ``hidden_out`` and ``cell_out``, the state to carry on. Time 1 makes it a step, any time a
-sequence. The forest's takes ``features`` (rows, features) and gives ``output`` (rows, 1).
+sequence. The forest's graph takes ``features`` (rows, features) and gives ``output`` (rows, 1).
 """
 
 from collections.abc import Callable
@@ -30,8 +30,8 @@ NEUTRAL: dict[str, set[Any]] = {
     "nodes_hitrates": {1.0},
     "nodes_missing_value_": {0},
 }
-"""Beginnings of names of a forest's attributes that change nothing with these values."""
-IR_VERSION = 8  # That of ONNX 1.12 (2022), the first with these operator sets
+"""Attributes of a forest, by the beginning of their names, that have no effect with these values."""
+IR_VERSION = 8  # IR version of ONNX 1.12 (2022), the first with these operator sets
 
 
 def write_onnx(model: onnx.ModelProto, path: Path) -> None:
@@ -44,7 +44,7 @@ def write_network(weights: LstmWeights, path: Path) -> None:
 
 
 def read_network(path: Path) -> LstmWeights:
-    """Return the weights that ``write_network`` wrote; raises ``SavedModelError`` if the file holds anything else."""
+    """Read the weights that ``write_network`` wrote; raises ``SavedModelError`` if the file holds anything else."""
     return _read(path, network_from_onnx, network_to_onnx)
 
 
@@ -53,18 +53,18 @@ def write_forest(forest: Forest, path: Path) -> None:
 
 
 def read_forest(path: Path) -> Forest:
-    """Return the forest that ``write_forest`` wrote; raises ``SavedModelError`` if the file holds anything else."""
+    """Read the forest that ``write_forest`` wrote; raises ``SavedModelError`` if the file holds anything else."""
     return _read(path, forest_from_onnx, forest_to_onnx)
 
 
 def _read(path: Path, parse: Callable[[onnx.ModelProto], Part], build: Callable[[Part], onnx.ModelProto]) -> Part:
-    """Return what a graph holds, if writing that gives the same graph: no operator, node or attribute is another."""
+    """Read a graph, and check that writing the result gives the same operators, nodes and attributes."""
     content = read_plain_file(path)
     try:
         model = onnx.load_model_from_string(content)
         part = parse(model)
         same = _without_neutral(build(part)) == _without_neutral(model)
-    except Exception as error:  # protobuf and ONNX have classes of their own for each kind of damage
+    except Exception as error:  # protobuf and ONNX raise their own classes for each kind of damage
         raise SavedModelError(f"{path}: is no graph that `save` wrote ({error}); save the model again") from None
     if not same:
         raise SavedModelError(
@@ -74,7 +74,7 @@ def _read(path: Path, parse: Callable[[onnx.ModelProto], Part], build: Callable[
 
 
 def _without_neutral(model: onnx.ModelProto) -> list[Any]:
-    """Return what a graph computes: earlier versions had scikit-learn's converter write forests, which adds nothing."""
+    """List a graph's nodes without the neutral ones that scikit-learn's converter wrote in earlier versions."""
     nodes = []
     for node in model.graph.node:
         attributes = {each.name: helper.get_attribute_value(each) for each in node.attribute}
@@ -89,7 +89,7 @@ def _is_neutral(name: str, value: Any) -> bool:
 
 
 def network_to_onnx(weights: LstmWeights) -> onnx.ModelProto:
-    """Return the checked graph of a stack of LSTM layers with a linear head."""
+    """Build and check the graph of a stack of LSTM layers with a linear head."""
     nodes: list[onnx.NodeProto] = []
     constants = [
         _tensor("head_weight", weights.head[:, None]),
@@ -137,7 +137,7 @@ def network_to_onnx(weights: LstmWeights) -> onnx.ModelProto:
 
 
 def network_from_onnx(model: onnx.ModelProto) -> LstmWeights:
-    """Return the weights inside a graph that ``network_to_onnx`` made; raises ``ValueError`` if they do not fit."""
+    """Read the weights from a graph of ``network_to_onnx``; raises ``ValueError`` if their shapes do not fit."""
     stored = {tensor.name: numpy_helper.to_array(tensor) for tensor in model.graph.initializer}
     layers = sum(1 for name in stored if name.endswith("_R"))
     gates = 4 * stored["layer0_R"].shape[2]
@@ -153,7 +153,7 @@ def network_from_onnx(model: onnx.ModelProto) -> LstmWeights:
 
 
 def forest_to_onnx(forest: Forest) -> onnx.ModelProto:
-    """Return the checked graph of a forest: one ``TreeEnsembleRegressor``."""
+    """Build and check the graph of a forest: one ``TreeEnsembleRegressor``."""
     leaf = forest.feature < 0
     leaves = np.flatnonzero(leaf)
     tree = np.searchsorted(forest.roots, np.arange(len(leaf)), side="right") - 1
@@ -189,7 +189,7 @@ def forest_to_onnx(forest: Forest) -> onnx.ModelProto:
 
 
 def forest_from_onnx(model: onnx.ModelProto) -> Forest:
-    """Return the forest inside a graph that ``forest_to_onnx`` made; raises ``ValueError`` if its trees do not end."""
+    """Read the forest from a graph of ``forest_to_onnx``; raises ``ValueError`` if a tree does not end."""
     node = model.graph.node[0]
     attributes = {attribute.name: helper.get_attribute_value(attribute) for attribute in node.attribute}
     trees, roots = np.unique(attributes["nodes_treeids"], return_index=True)

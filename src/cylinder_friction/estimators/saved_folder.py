@@ -1,4 +1,4 @@
-"""The files of a saved estimator: plain ones in its folder, of limited size, with the hashes that ``save`` wrote."""
+"""The files of a saved estimator: regular files of limited size, with the hashes that ``save`` wrote."""
 
 import hashlib
 import json
@@ -11,9 +11,9 @@ from typing import Any
 from cylinder_friction.files.whole_files import json_hash, write_json
 
 DESCRIPTION_FILE = "estimator.json"
-LARGEST_FILE = 64 * 2**20  # Bytes of any file of a model
+LARGEST_FILE = 64 * 2**20  # Largest file of a model [bytes]
 FILES, CONTENT_HASH = "files", "sha256"
-"""In the description: the hash of each other file of the model, and of the description itself without this entry."""
+"""Entries of the description: the hashes of the other files, and the hash of the description without this entry."""
 
 
 class SavedModelError(ValueError):
@@ -21,19 +21,19 @@ class SavedModelError(ValueError):
 
 
 def write_description(folder: Path, content: dict[str, Any], files: Sequence[str]) -> None:
-    """Write the description of an estimator whose other ``files`` lie in ``folder`` already, with all hashes."""
+    """Write an estimator's description with the hashes of its other ``files``, which are already in ``folder``."""
     content = {**content, FILES: {name: hashlib.sha256(read_plain_file(folder / name)).hexdigest() for name in files}}
     write_json(folder / DESCRIPTION_FILE, {**content, CONTENT_HASH: json_hash(content)})
 
 
 def read_description(folder: Path) -> dict[str, Any]:
-    """Return the description of a saved estimator, once all hashes that it states are right.
+    """Read the description of a saved estimator and check all hashes that it states.
 
-    One that an earlier version saved states none.
+    A description of an earlier version states no hashes.
 
     Raises:
         FileNotFoundError: The folder holds no description.
-        SavedModelError: It is damaged, or a file is not the one that was saved.
+        SavedModelError: The description is damaged, or a file was changed after ``save``.
     """
     path = folder / DESCRIPTION_FILE
     if not path.exists():
@@ -58,10 +58,10 @@ def read_description(folder: Path) -> dict[str, Any]:
 
 
 def read_plain_file(path: Path) -> bytes:
-    """Return a regular file's bytes, whatever else stands there without waiting for it.
+    """Read a regular file; refuse a pipe or device without waiting for it.
 
     Raises:
-        SavedModelError: It is not there, no regular file, or larger than a model's files are.
+        SavedModelError: It is not there, no regular file, or larger than ``LARGEST_FILE``.
     """
     try:
         file = open(path, "rb", buffering=0, opener=_open_without_waiting)  # noqa: SIM115 - closed below

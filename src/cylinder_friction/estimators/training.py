@@ -1,7 +1,7 @@
-"""Training of sequence networks in PyTorch: whole recordings side by side, state carried, one target per step.
+"""Training of sequence networks in PyTorch: recordings are the batch, with one target per step.
 
-The state carries on from one stretch of a recording to the next and the gradient does not (truncated backpropagation
-through time; Williams and Peng 1990).
+The state is carried from one stretch of a recording to the next, the gradient is not (truncated backpropagation through
+time; Williams and Peng 1990).
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from cylinder_friction.estimators.training_plan import (
 from cylinder_friction.realtime.lstm import LstmWeights
 
 TORCH_THREADS = 1
-"""At these sizes a second thread costs more than it gives; fixed, sums are added in the same order on every run."""
+"""At these sizes a second thread slows training down. A fixed number adds sums in the same order on every run."""
 
 
 class FrictionNetwork(nn.Module):
@@ -45,7 +45,7 @@ class FrictionNetwork(nn.Module):
         nn.init.zeros_(self.head.bias)
 
     def forward(self, features: torch.Tensor, state: Any = None) -> tuple[torch.Tensor, Any]:
-        """Return the output, shape ``(time, batch)``, and the state, for features ``(time, batch, inputs)``."""
+        """Compute the output, shape ``(time, batch)``, and the state, from features ``(time, batch, inputs)``."""
         hidden, state = self.lstm(features, state)
         return self.head(self.dropout(hidden)).squeeze(-1), state
 
@@ -62,27 +62,27 @@ def train_network(
     report: EpochReport | None = None,
     stride: int = 1,
 ) -> tuple[Any, TrainingCurve]:
-    """Train on the mean absolute error with Adam (Kingma and Ba 2015); return the best epoch's network.
+    """Train on the mean absolute error with Adam (Kingma and Ba 2015); return the network of the best epoch.
 
-    Without validation recordings, that is the last epoch's.
+    Without validation recordings, return the network of the last epoch.
 
     Args:
         make_network: Takes the number of features, returns ``(features, state) -> (output, state)``: features
             ``(time, batch, k)``, output ``(time, batch)``, state None at first, else nested tuples of tensors.
-        learning_rate: The highest.
-        plan: Of the training.
+        learning_rate: The highest learning rate of the schedule.
+        plan: Epochs, batches and schedule.
         train: Recordings to learn from.
         validation: Recordings that stop training early and choose the epoch.
-        seed: Each epoch's dropout and order follow from it and the epoch's number alone, so that training resumed
-            from a checkpoint ends bit for bit where an undisturbed one ends.
+        seed: Seeds dropout and order, together with the epoch's number alone, so that a training resumed from a
+            checkpoint gives the same bits as an uninterrupted one.
         device: ``cpu`` or ``cuda``.
-        checkpoint: Saved after each epoch and picked up at the start.
+        checkpoint: Saved after each epoch, and read at the start to resume.
         report: Called after each epoch with its number, training error and validation error; it may raise to stop.
-        stride: Samples between two steps of the network, whose target is then the mean over those samples; the first
-            step is at a random one of them, another each epoch.
+        stride: Samples between two steps of the network. A step's target is the mean over those samples. Each epoch
+            begins at another random sample among them.
 
     Raises:
-        FloatingPointError: The error is no longer a number.
+        FloatingPointError: The error became NaN or infinite.
     """
     with reproducible(seed, device):
         network = make_network(train[0].features.shape[1]).to(device)
@@ -245,7 +245,7 @@ def device_from(choice: str) -> str:
 
 
 def side_by_side(recordings: Sequence[SequenceData], device: str = "cpu") -> SideBySide:
-    """Return recordings of any lengths as one batch; the padding has no weight."""
+    """Stack recordings of any lengths into one batch; the padding has no weight."""
     lengths = torch.tensor([len(recording.target) for recording in recordings])
     time, batch, inputs = int(lengths.max()), len(recordings), recordings[0].features.shape[1]
     features = torch.zeros(time, batch, inputs)
@@ -259,7 +259,7 @@ def side_by_side(recordings: Sequence[SequenceData], device: str = "cpu") -> Sid
 
 
 def strided(rows: SideBySide, stride: int, phase: int) -> SideBySide:
-    """Return every ``stride``-th row after the first ``phase``, its target the weighted mean until the next."""
+    """Keep every ``stride``-th row after the first ``phase``; its target is the weighted mean until the next."""
     if stride == 1:
         return rows
     steps = (rows.target.shape[0] - phase) // stride
@@ -285,7 +285,7 @@ def reproducible(seed: int, device: str = "cpu") -> Iterator[None]:
     """Seed PyTorch and keep it to one thread and to deterministic kernels inside the block."""
     threads, deterministic = torch.get_num_threads(), torch.are_deterministic_algorithms_enabled()
     torch.set_num_threads(TORCH_THREADS)
-    if device != "cpu":  # on one thread of a processor all that is used here is, and asking imports PyTorch's compiler
+    if device != "cpu":  # on one CPU thread all kernels are deterministic, and the call imports PyTorch's compiler
         torch.use_deterministic_algorithms(True, warn_only=True)
     torch.manual_seed(seed)
     try:
@@ -297,7 +297,7 @@ def reproducible(seed: int, device: str = "cpu") -> Iterator[None]:
 
 
 def weights_of(network: FrictionNetwork) -> LstmWeights:
-    """Return a network's weights as plain arrays, gates reordered from PyTorch's i, f, g, o to i, o, f, c."""
+    """Copy a network's weights to plain arrays, gates reordered from PyTorch's i, f, g, o to i, o, f, c."""
     lstm, nodes, layers = network.lstm, network.lstm.hidden_size, network.lstm.num_layers
     order = np.concatenate([np.arange(nodes) + nodes * gate for gate in (0, 3, 1, 2)])
     parts = {name: value.detach().cpu().numpy() for name, value in lstm.named_parameters()}
@@ -311,12 +311,12 @@ def weights_of(network: FrictionNetwork) -> LstmWeights:
 
 
 def network_from(architecture: Architecture, weights: LstmWeights, places: Sequence[int | None]) -> FrictionNetwork:
-    """Return a network with the weights of another one: the inverse of ``weights_of``.
+    """Build a network from plain weights: the inverse of ``weights_of``.
 
     Args:
-        architecture: Of both.
-        weights: Of the other one.
-        places: For each feature, its place among those of ``weights``; None: it had none, and begins without influence.
+        architecture: Architecture of the new network and of the weights.
+        weights: The weights to begin with.
+        places: For each feature, its place among those of ``weights``; None: a new feature, without influence at first.
     """
     network, nodes = FrictionNetwork(architecture, len(places)), weights.nodes
     order = np.concatenate([np.arange(nodes) + nodes * gate for gate in (0, 2, 3, 1)])  # from i, o, f, c

@@ -1,4 +1,4 @@
-"""What the training of a network takes and gives, free of PyTorch, which training alone needs."""
+"""Plan, data and results of a network's training. Only the training itself imports PyTorch."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -14,9 +14,10 @@ EpochReport = Callable[[int, float, float], None]
 
 @dataclass(frozen=True)
 class Architecture:
-    """What the paper's Table I tunes in the network: layers, nodes per layer, dropout rate, learning rate.
+    """The hyperparameters of the network in the paper's Table I: layers, nodes per layer, dropout, learning rate.
 
-    The defaults are those that the default search finds on the rig's campaign.
+    The default search on the rig's campaign found the defaults. More nodes cost time quadratically, in training and in
+    each step; on a controller start with one layer of 8 to 16 nodes.
 
     Example:
         >>> from cylinder_friction.estimators.training_plan import Architecture
@@ -33,7 +34,10 @@ class Architecture:
 
 @dataclass(frozen=True)
 class TrainingPlan:
-    """How long and in which pieces a network is trained.
+    """How long and in which pieces a network is trained: epochs, early stopping, batches, schedule.
+
+    Training time grows with ``epochs`` and the recordings' length. Set ``patience`` to None if you have too few
+    sessions to hold some out; the estimator then has no bounds until you ``calibrate`` it on other sessions.
 
     Raises:
         ValueError: A count is below 1, or ``burn_in``, ``warm_up`` or ``weight_decay`` is negative.
@@ -44,12 +48,12 @@ class TrainingPlan:
         5
     """
 
-    epochs: int = 40  # Passes over the training recordings, at most
-    # Epochs without a better validation error before training stops early; None: all epochs are trained, on all
-    # recordings, and none is held out for validation
+    epochs: int = 40  # Most passes over the training recordings
+    # Epochs without a better validation error before training stops; None: train all epochs on all recordings, and
+    # hold none out for validation
     patience: int | None = 12
     sequence_length: int = 200  # Samples between two updates; the state is carried over, the gradient is not
-    burn_in: int = 100  # First samples of each recording that are not scored, while the state settles
+    burn_in: int = 100  # First samples of each recording, not scored while the state settles
     batch_size: int = 16  # Recordings trained on side by side
     # ``constant`` as in the paper, or ``cosine`` down to nothing over ``epochs``
     schedule: Literal["constant", "cosine"] = "cosine"
@@ -65,7 +69,11 @@ class TrainingPlan:
 
 @dataclass(frozen=True)
 class SequenceData:
-    """One recording as the network sees it: features ``(n, k)`` float32, target ``(n,)``, mask ``(n,)``."""
+    """One recording as the network's training reads it, ``n`` samples of ``k`` features.
+
+    ``features`` has shape ``(n, k)``, float32, standardised; ``target`` has shape ``(n,)`` and is in newtons until
+    ``train_correction`` scales it; ``usable``, shape ``(n,)``, masks the rows that count in the error.
+    """
 
     features: NDArray[np.float32]
     target: NDArray[np.float32 | np.float64]
@@ -74,7 +82,11 @@ class SequenceData:
 
 @dataclass
 class TrainingCurve:
-    """Mean absolute error after each epoch, in units of the target; ``best_epoch`` counts from 1."""
+    """Mean absolute error after each epoch, in units of the target; ``best_epoch`` counts from 1.
+
+    After ``fit``, ``HybridEstimator.learning_curve`` holds it in newtons. ``validation_mae`` stays empty without
+    validation recordings; the best epoch is then the last one. Plot both lists to see whether training was long enough.
+    """
 
     train_mae: list[float] = field(default_factory=list)
     validation_mae: list[float] = field(default_factory=list)
@@ -83,7 +95,11 @@ class TrainingCurve:
 
 @dataclass(frozen=True)
 class Checkpoint:
-    """Training state on disk after each epoch: plain arrays, no pickle, whole or not at all."""
+    """Training state on disk after each epoch, so that a killed training resumes with the same bits.
+
+    The file holds plain arrays, never a pickle, and is written whole or not at all. The stages ``train`` and
+    ``baselines`` use it; in a notebook pass one to ``HybridEstimator.fit``.
+    """
 
     # Holds ``checkpoint.npz``; name it after a hash of everything that training depends on, so that a checkpoint of
     # another configuration is never picked up
@@ -100,7 +116,7 @@ class Checkpoint:
         draft.replace(self.path)
 
     def load(self) -> dict[str, NDArray[Any]] | None:
-        """Return what was saved last, or None where nothing was."""
+        """Read the last saved state; None if there is none."""
         if not self.path.is_file():
             return None
         with np.load(self.path, allow_pickle=False) as stored:

@@ -1,4 +1,4 @@
-"""Everything figures and report show, computed once from a comparison."""
+"""The contents of figures and report, computed once from a comparison."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ from cylinder_friction.evaluation.views import (
 
 @dataclass(frozen=True, eq=False)
 class Analysis:
-    """A comparison with everything that is derived from it."""
+    """A comparison and all results that are derived from it."""
 
-    comparison: Comparison  # The source of all the rest
+    comparison: Comparison  # The comparison that the rest is derived from
     main: str  # The estimator in question (the hybrid)
     rival: str  # The model beside it (LuGre)
     curves: Mapping[str, LearningCurve]  # Learning curve of each hybrid
@@ -43,8 +43,7 @@ class Analysis:
     profiles: dict[str, VelocityProfile]  # Friction against velocity, by condition
     residuals: dict[str, ResidualFigures]  # Figures of every estimator's residuals over all conditions
     dependences: dict[str, dict[str, float]]  # Correlation of every estimator's residuals with each input
-    # Of ``main`` and ``rival``; a memory is an autocorrelation and the half width of the 95 % band that independent
-    # residuals would keep to
+    # Autocorrelations of ``main`` and ``rival``, with the half width of the 95 % band of independent residuals
     histograms: dict[str, Histogram]
     quantiles: dict[str, tuple[Array, Array]]
     memories: dict[str, tuple[Array, float]]
@@ -57,7 +56,7 @@ class Analysis:
 def analyse(
     comparison: Comparison, main: str, rival: str, curves: Mapping[str, LearningCurve], duration_s: float, lags: int
 ) -> Analysis:
-    """Return the analysis of a comparison, with excerpts of ``duration_s`` and ``lags`` samples of autocorrelation.
+    """Analyse a comparison, with excerpts of ``duration_s`` and ``lags`` samples of autocorrelation.
 
     Raises:
         KeyError: ``main`` or ``rival`` was not compared.
@@ -91,7 +90,7 @@ def analyse(
 
 
 def _inputs(comparison: Comparison) -> dict[str, Array]:
-    """Return what residuals may still depend on, laid out as ``Comparison.residuals`` lays out its values."""
+    """Collect the inputs that residuals may depend on, laid out like ``Comparison.residuals``."""
     masks = [trace.usable for trace in comparison.traces]
     columns = {
         "velocity": [trace.velocity_m_s for trace in comparison.traces],

@@ -1,4 +1,4 @@
-"""Estimators side by side on held-out recordings: errors against the label and, separately, against the truth."""
+"""Comparison of estimators on held-out recordings: errors against the label and, separately, against the truth."""
 
 from __future__ import annotations
 
@@ -22,33 +22,41 @@ LABEL_ITSELF = "label"
 """In the scores against truth: the off-line label, scored like an estimate."""
 
 EQUAL_PERCENT = 1e-3
-"""A smaller error [% of the mean absolute label] is rounding to single precision; what only learns is further off."""
+"""Greatest error from rounding to single precision [% of the mean absolute label]; what is learned is further off."""
 
 
 @dataclass(frozen=True)
 class ComparisonSettings:
-    """How estimators are compared."""
+    """Settings of a comparison: which rows are at rest or near a reversal, and how large a lag may be.
 
-    standstill_velocity_m_s: float = 0.001  # At or below this speed the piston counts as at rest [m/s]
-    reversal_window_s: float = 0.1  # How long after a change of direction a row counts as just after it [s]
-    maximum_lag_s: float = 0.2  # Shifts tried when looking for an estimate's lag [s]
+    They decide the strata and the lag, not the errors in all rows. The defaults suit a bench at 200 Hz with speeds of a
+    few centimetres per second; widen ``maximum_lag_s`` for filters that are slower.
+    """
+
+    standstill_velocity_m_s: float = 0.001  # Greatest speed that counts as rest [m/s]
+    reversal_window_s: float = 0.1  # Time after a change of direction that counts as just after it [s]
+    maximum_lag_s: float = 0.2  # Greatest shift in the search for an estimate's lag [s]
 
 
 @dataclass(frozen=True, eq=False)
 class Trace:
-    """One held-out recording and every estimate of it; all arrays have shape ``(n,)``."""
+    """One held-out recording and every estimate of it, for figures of your own; all arrays have shape ``(n,)``.
 
-    # Of the recording
+    Signals are raw, in SI units, extension positive; friction is positive when it opposes extension. Rows outside
+    ``usable``, near end stops and edges, count in no error.
+    """
+
+    # Metadata of the recording
     name: str
     condition: str
     session: str
     sample_time_s: float
-    # Of the recording, the velocity from the off-line filter
+    # Signals of the recording; velocity is from the off-line filter
     time_s: Array
     velocity_m_s: Array
     pressure_1_pa: Array
     pressure_2_pa: Array
-    label_n: Array  # Friction from the equation of motion [N]; may be NaN where not usable
+    label_n: Array  # Friction from the equation of motion [N]; may be NaN in unusable rows
     usable: Mask  # Rows that count
     truth_n: Array | None  # True friction [N], or None if it is not known
     estimates_n: Mapping[str, Array]  # Estimated friction [N] by estimator
@@ -56,33 +64,40 @@ class Trace:
 
 @dataclass(frozen=True, eq=False)
 class Score:
-    """One estimator in one condition against one reference."""
+    """Errors of one estimator in one condition, against the label or against true friction.
+
+    ``Comparison.label["hybrid"]["1"].errors.percent`` is the mean absolute error in percent of the mean absolute
+    reference. ``sessions`` shows how much errors differ between sessions: that is the chance in a comparison.
+    """
 
     errors: Errors  # Over all usable rows of the condition
-    sessions: SessionErrors  # The same within each session
-    lag_s: float  # How late the estimate is [s]
+    sessions: SessionErrors  # Errors within each session
+    lag_s: float  # Delay of the estimate [s]
     strata: Mapping[str, Errors]  # Errors within each stratum that has a usable row
 
 
 Scores = dict[str, dict[str, Score]]
-"""By estimator, then by condition."""
+"""Scores by estimator, then by condition."""
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Every estimator's errors on the same recordings; prints as a table."""
+    """Errors of every estimator on the same held-out recordings; ``print`` it, or show it in a notebook, as a table.
+
+    ``compare`` makes it. It holds every estimate of every sample, so a comparison of many hours takes memory:
+    8 bytes per sample and estimator. Sums run over the usable rows of a condition.
+    """
 
     estimators: tuple[str, ...]  # Names in the order given
     conditions: tuple[str, ...]  # Names of the operating conditions, sorted
     label: Scores  # Scores against the label
-    # Scores against true friction, with ``LABEL_ITSELF`` as one more name; only of recordings whose truth is known, so
-    # a condition may be missing, or all
+    # Scores against true friction, with ``LABEL_ITSELF`` as one more name; conditions without a known truth are missing
     truth: Scores
-    # Of the strata; near zero velocity are the slowest ``realtime.bounds.CREEP_SHARE`` of the recordings' motion
+    # Limits of the strata; near zero velocity is the slowest ``realtime.bounds.CREEP_SHARE`` of the recordings' motion
     limits: StrataLimits
     multiply_adds: dict[str, int]  # Operations of one step by estimator
     traces: tuple[Trace, ...]  # Every recording with every estimate; 8 bytes per sample and estimator
-    # What is known of an estimator, or of ``LABEL_ITSELF``, beside its errors, in a few words
+    # Short notes on an estimator, or on ``LABEL_ITSELF``, beside its errors
     notes: Mapping[str, str] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -117,11 +132,11 @@ class Comparison:
         return [trace for trace in self.traces if trace.condition == condition]
 
     def percent(self, estimator: str, condition: str) -> float:
-        """Return MAE / mean absolute label [%]."""
+        """Compute the mean absolute error over the mean absolute label [%]."""
         return self.label[estimator][condition].errors.percent
 
     def residuals(self, estimator: str) -> tuple[Array, Mask]:
-        """Return label minus estimate [N] over all recordings in turn, with a row that does not count between two."""
+        """Compute label minus estimate [N] over all recordings in turn, with an uncounted row between two."""
         return with_gaps(
             [trace.label_n - trace.estimates_n[estimator] for trace in self.traces],
             [trace.usable for trace in self.traces],
@@ -130,7 +145,11 @@ class Comparison:
 
 
 def equal_to_label(scores: Scores) -> list[str]:
-    """Return the estimators whose output is the label but for rounding, in every condition; none against the truth."""
+    """List the estimators whose output equals the label up to rounding, in every condition.
+
+    Tables mark them, as their error of zero says nothing: an estimator with the label's own inputs and filters can
+    reproduce it. Against true friction, if that is known, the list is empty.
+    """
     if LABEL_ITSELF in scores:
         return []
     return [
@@ -139,7 +158,7 @@ def equal_to_label(scores: Scores) -> list[str]:
 
 
 def mean_percent(by_condition: Mapping[str, Score], conditions: Sequence[str]) -> tuple[float, float, float]:
-    """Return the mean over some conditions of MAE / mean absolute friction [%] and its 95 % interval, by sessions.
+    """Compute the mean over some conditions of MAE / mean absolute friction [%] and its 95 % interval, by sessions.
 
     Example:
         >>> from cylinder_friction.evaluation.comparison import mean_percent
@@ -154,9 +173,10 @@ def mean_percent(by_condition: Mapping[str, Score], conditions: Sequence[str]) -
 
 
 def points_ahead(scores: Scores, one: str, other: str, condition: str) -> tuple[float, float, float]:
-    """Return by how many percentage points ``one`` is better than ``other``, and the 95 % interval of that.
+    """Compute by how many percentage points ``one`` is better than ``other``, with the 95 % interval.
 
-    Sessions are compared in pairs: one that is hard for both widens nothing.
+    Use it to decide whether a difference is more than chance: it is if the interval excludes 0. Sessions are compared
+    in pairs, so a session that is hard for both does not widen the interval.
     """
     mine, theirs = scores[one], scores[other]
     ahead = theirs[condition].errors.percent - mine[condition].errors.percent
@@ -166,7 +186,10 @@ def points_ahead(scores: Scores, one: str, other: str, condition: str) -> tuple[
 
 
 def error_frame(scores: Scores, conditions: Sequence[str], reference: str) -> pd.DataFrame:
-    """Return one row per estimator and one column per condition: percent and newtons, the denominator in the head.
+    """Tabulate errors: one row per estimator, one column per condition, in percent and newtons.
+
+    Show it in a notebook. The cells are text, such as ``4.10 % (13.2 N)``; for numbers read ``Score.errors``. The head
+    of a column states the mean absolute friction [N] that its percentages refer to.
 
     Example:
         >>> from cylinder_friction.evaluation.comparison import error_frame
@@ -241,7 +264,11 @@ def compare(
 
 
 def with_gaps(parts: Sequence[Array], masks: Sequence[Mask], gap: int) -> tuple[Array, Mask]:
-    """Return the parts end to end with ``gap`` unusable zeros after each, and the mask that goes with them."""
+    """Join arrays end to end with ``gap`` unusable zeros after each; return the mask of usable places too.
+
+    Use it to correlate the residuals of several recordings without mixing one recording's end with the next one's
+    beginning. Arrays and masks have shape ``(n,)``, one of each per recording; so have the results, laid end to end.
+    """
     filler = np.zeros(gap)
     values = [np.concatenate([np.where(mask, part, 0.0), filler]) for part, mask in zip(parts, masks, strict=True)]
     usable = [np.concatenate([mask, filler.astype(np.bool_)]) for mask in masks]
@@ -307,7 +334,7 @@ def _score(
 
 
 def _strata_rows(traces: list[Trace], gap: int, limits: StrataLimits) -> dict[str, Mask]:
-    """Return the usable rows of each stratum, laid out as ``with_gaps`` lays out its values."""
+    """Compute the usable rows of each stratum, laid out as ``with_gaps`` lays out its values."""
     each = [strata_masks(trace.velocity_m_s, trace.sample_time_s, limits) for trace in traces]
     usable = [trace.usable for trace in traces]
     rows: dict[str, Mask] = {}

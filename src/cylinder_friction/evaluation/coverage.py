@@ -21,8 +21,8 @@ class Coverage:
     reference: str  # ``label`` or ``truth``
     condition: str  # Name of the operating condition, or ``all``
     rows: int
-    held_percent: float  # Of all rows
-    held_near_events_percent: float | None  # Of those near starts, stops and reversals; None if there is none
+    held_percent: float  # Share of all rows
+    held_near_events_percent: float | None  # Share of rows near starts, stops and reversals; None without any
     worst_session: str  # The session whose rows are held least often
     worst_session_percent: float
     mean_width_n: float  # Upper less lower bound, mean over the rows [N]
@@ -43,11 +43,11 @@ def coverage(
     truth_n: Mapping[str, Array],
     event_window_s: float = 0.1,
 ) -> list[Coverage]:
-    """Return the coverage of the label and, if it is known, of true friction; nothing without calibrated bounds.
+    """Measure the coverage of the label and, if known, of true friction; empty without calibrated bounds.
 
     Args:
-        estimator: Fitted and calibrated.
-        recordings: Held out, with ``velocity_m_s``, ``friction_n`` and ``usable``.
+        estimator: Fitted and calibrated estimator.
+        recordings: Held-out recordings with ``velocity_m_s``, ``friction_n`` and ``usable``.
         truth_n: True friction [N] by recording name, as far as it is known.
         event_window_s: Rows within this time of a start, stop or reversal count as near it [s].
     """
@@ -77,7 +77,7 @@ def coverage(
 
 
 def coverage_metrics(found: Sequence[Coverage], reference: str) -> dict[str, float]:
-    """Return how often the bounds hold one reference [%], by condition and over all, as metrics of a run."""
+    """List how often the bounds hold one reference [%], by condition and in all, as metrics of a run."""
     return {
         f"held_by_bounds_percent/condition_{each.condition}": each.held_percent
         for each in found

@@ -1,4 +1,4 @@
-"""Friction at equal pressures, speed and direction: what a difference between recordings comes from, and what is left.
+"""Friction at equal pressures, speed and direction: the sources of a difference between recordings, and its rest.
 
 Steady sliding is sorted by direction, by the sum of both pressures in steps of ``PRESSURE_STEP_BAR``, and by speed in
 steps of a factor of two. Where recordings share such a cell, their friction is compared in it.
@@ -22,12 +22,12 @@ from cylinder_friction.signals.smooth_signals import has_pressures
 PRESSURE_STEP_BAR = 25.0
 SLOWEST_M_S = 2e-3
 STEADY_VARIATION = 0.4
-"""How much velocity may vary, over its mean, for sliding to count as steady."""
+"""Greatest variation of velocity, over its mean, in steady sliding."""
 SETTLING_S, PIECE_S = 0.2, 0.1
-"""What is left out after a start or a reversal, and what one mean is taken over [s]."""
+"""Time left out after a start or a reversal, and duration of one mean [s]."""
 LEAST_S, LEAST_CELLS, MOST_ALONE = 1.0, 3, 1.5
-"""A difference is stated from so much sliding in so many cells that another recording went through too, where not
-nearly all of it is in one of them."""
+"""Least sliding [s] and cells shared with another recording for a difference to be stated, and the limit of how
+unevenly the sliding is spread over the cells."""
 FACTORS = {"pressures": ("pressure_bar",), "speed": ("speed_mm_s",), "direction": ("direction",)}
 
 
@@ -36,20 +36,20 @@ class FrictionLevel:
     """Friction of steady sliding of a recording in one direction, at one level of pressure and speed."""
 
     direction: int  # 1 extending, -1 retracting
-    # Lower ends: of the sum of both pressures, ``PRESSURE_STEP_BAR`` wide, and of the speed, up to its double
+    # Lower edges of the cell: sum of both pressures, ``PRESSURE_STEP_BAR`` wide, and speed, up to twice this
     pressure_bar: float
     speed_mm_s: float
-    friction_n: float  # Mean against the motion
-    seconds: float  # Of sliding
+    friction_n: float  # Mean force against the motion
+    seconds: float  # Duration of sliding
 
 
 @dataclass(frozen=True)
 class Difference:
-    """By how much friction of a recording differs from that of the others in the cells that they share."""
+    """Difference of a recording's friction from that of the others in the cells that they share."""
 
     newtons: float
-    half_width_n: float  # k = 2, from how it differs from cell to cell
-    seconds: float  # Of its sliding in these cells
+    half_width_n: float  # Half its interval (k = 2), from the scatter between cells
+    seconds: float  # Duration of sliding in these cells
 
 
 @dataclass(frozen=True)
@@ -58,19 +58,19 @@ class RecordingDifference:
 
     name: str
     friction_n: float  # Mean of all steady sliding
-    differs_n: float  # From the mean of all others
-    # What is left of it at equal pressures, at equal speed and in equal direction, each by itself
+    differs_n: float  # Difference from the mean of all others
+    # The rest of it at equal pressures, at equal speed and in equal direction, each by itself
     left_n: Mapping[str, float | None]
-    equal: Difference | None  # At all of them together; None where recordings hardly share anything
+    equal: Difference | None  # The rest at all three together; None if recordings hardly share a cell
 
     @property
-    def differs_still(self) -> bool:
+    def is_unexplained(self) -> bool:
         """Whether friction differs at equal pressures, speed and direction by more than its scatter."""
         return self.equal is not None and abs(self.equal.newtons) > self.equal.half_width_n
 
 
 def friction_levels(recordings: Iterable[Recording]) -> tuple[FrictionLevel, ...]:
-    """Return the levels of labelled recordings, or of the parts of one, sorted; none without pressures."""
+    """Compute the levels of labelled recordings, or of the parts of one, sorted; none without pressures."""
     sums: dict[tuple[float, ...], list[float]] = {}
     for recording in recordings:
         if not has_pressures(recording):
@@ -98,7 +98,7 @@ def friction_levels(recordings: Iterable[Recording]) -> tuple[FrictionLevel, ...
 
 
 def differences(levels: Mapping[str, Sequence[FrictionLevel]]) -> tuple[RecordingDifference, ...]:
-    """Return how friction of each recording differs from that of the others; nothing of a single one.
+    """Compare friction of each recording with that of the others; empty for a single recording.
 
     Recordings that never slide steadily are left out.
     """
@@ -119,13 +119,13 @@ def differences(levels: Mapping[str, Sequence[FrictionLevel]]) -> tuple[Recordin
 
 
 def in_words(found: Sequence[RecordingDifference]) -> str:
-    """Return in one sentence what differs and what is left; empty where nothing can be compared."""
+    """State in one sentence what differs and what remains; empty if nothing can be compared."""
     equal = {each.name: each.equal for each in found if each.equal is not None}
     if not equal:
         return ""
     friction = [each.friction_n for each in found if each.equal is not None]
     spread = f"the mean in steady sliding is {min(friction):.0f} to {max(friction):.0f} N from recording to recording"
-    still = sorted((each for each in found if each.differs_still), key=lambda each: -abs(_newtons(each)))
+    still = sorted((each for each in found if each.is_unexplained), key=lambda each: -abs(_newtons(each)))
     if not still:
         return f"{spread}; at equal pressures, speed and direction recordings agree within their scatter"
     shown = [f"{each.name} {_newtons(each):+.0f} ± {equal[each.name].half_width_n:.0f} N" for each in still[:3]]
@@ -142,7 +142,7 @@ def _newtons(each: RecordingDifference) -> float:
 
 @dataclass(frozen=True)
 class _Cells:
-    """Mean friction and duration of each recording in each cell of some fields, and what all of them have there."""
+    """Mean friction and duration of each recording in each cell, and those of all recordings together."""
 
     of_each: Mapping[str, Mapping[tuple[float, ...], tuple[float, float]]]
     friction_n: Mapping[tuple[float, ...], Array]  # Of all recordings, ascending
@@ -163,7 +163,7 @@ class _Cells:
         return cls(of_each, friction_n, {cell: sum(own for _, own in means) for cell, means in together.items()})
 
     def beside(self, name: str) -> Difference | None:
-        """Return the difference from the median of the others, weighted by shared sliding; None if they share none."""
+        """Compute the difference from the median of the others, weighted by shared sliding; None if they share none."""
         off_n, own_s, shared_s = [], [], []
         for cell, (newtons, seconds) in self.of_each[name].items():
             others = len(self.friction_n[cell]) - 1
@@ -178,7 +178,7 @@ class _Cells:
             return None
         weights = np.array(shared_s) / sum(shared_s)
         total_n = float(weights @ np.array(off_n))
-        count = 1.0 / float((weights**2).sum())  # of cells that weigh alike
+        count = 1.0 / float((weights**2).sum())  # effective number of cells
         half_n = math.inf
         if len(off_n) >= LEAST_CELLS and count > MOST_ALONE:
             half_n = COVERAGE_FACTOR * math.sqrt(float(weights @ (np.array(off_n) - total_n) ** 2) / (count - 1.0))
@@ -186,6 +186,6 @@ class _Cells:
 
 
 def _mean(levels: Sequence[FrictionLevel]) -> tuple[float, float]:
-    """Return mean friction [N] and duration [s]."""
+    """Compute mean friction [N] and duration [s]."""
     seconds = sum(each.seconds for each in levels)
     return sum(each.friction_n * each.seconds for each in levels) / seconds, seconds

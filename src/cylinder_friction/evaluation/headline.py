@@ -14,16 +14,16 @@ if TYPE_CHECKING:
     from cylinder_friction.evaluation.coverage import Coverage
 
 HEADLINERS = {"paper_hybrid": "paper", "ridge": "ridge", "force_balance_low_pass": "low_pass", "lugre": "lugre"}
-"""Estimators whose errors stand beside the main one's in ``metrics.json``, and their names there: short, for DVC prints
-all of them in one line."""
+"""Estimators with errors in ``metrics.json`` beside the main one, and their names there, which are short because DVC
+prints all of them in one line."""
 
 
 def headline(
     tree: Mapping[str, Mapping[str, Mapping[str, float]]], held: Sequence[Coverage], main: str
 ) -> dict[str, float | str]:
-    """Return about ten figures of a comparison, for DVC: percentages, means over the conditions.
+    """Collect about ten figures of a comparison for DVC: percentages, means over the conditions.
 
-    ``against`` states what errors and bounds are measured against: ``truth``, or ``label`` if truth is not known.
+    ``against`` states the reference of errors and bounds: ``truth``, or ``label`` if truth is not known.
     """
     reference, errors = reported_errors(tree[main])
     shown = {main: main} | {name: short for name, short in HEADLINERS.items() if name in tree and name != main}

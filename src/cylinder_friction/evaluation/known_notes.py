@@ -24,7 +24,7 @@ DESIGN_NOTES = {"force_balance": "corrects the force balance", "paper": "of the 
 def notes_of(
     estimators: Mapping[str, FrictionEstimator], recordings: Sequence[Recording], method: str
 ) -> dict[str, str]:
-    """Return what is known of estimators and of the label beside their errors: the words behind their titles."""
+    """Collect the notes on estimators and on the label, which stand behind their titles."""
     notes = {LABEL_ITSELF: LABEL_NOTES.get(method, "off line, looks ahead")}
     for name, estimator in estimators.items():
         if isinstance(estimator, HybridEstimator) and name in DESIGNED:
@@ -36,7 +36,7 @@ def notes_of(
 
 
 def _load_in_words(recordings: Sequence[Recording]) -> str:
-    """Return what is known of the load on the rod: measured or identified, else as names state it; else nothing."""
+    """State the load on the rod: measured, identified, or from the names; empty if nothing is known."""
     forces_n = [each.column(LOAD_FORCE)[each.usable()] for each in recordings if LOAD_FORCE in each.columns]
     if forces_n:
         all_n = np.concatenate(forces_n)

@@ -20,7 +20,7 @@ MetricTree = dict[str, dict[str, dict[str, float]]]
 
 
 def metric_tree(comparison: Comparison) -> MetricTree:
-    """Return every score: ``tree["hybrid"]["1"]["label_percent"]`` and so on.
+    """Arrange all scores as ``tree["hybrid"]["1"]["label_percent"]`` and so on.
 
     Names begin with ``label_`` or ``truth_``, whichever the error is measured against; ``truth_`` is there only where
     the truth is known; ``label_percent_of_<session>`` is the error in one session alone. ``multiply_adds`` is the cost

@@ -25,12 +25,12 @@ class Errors:
     range_nrmse_percent: float  # ``100 * rmse_n / (max(y) - min(y))``
 
     def to_dict(self) -> dict[str, float]:
-        """Return the defined figures; those that are NaN are left out."""
+        """List the defined figures, without those that are NaN."""
         return {key: value for key, value in asdict(self).items() if math.isfinite(value)}
 
 
 def errors(reference_n: Array, estimate_n: Array, usable: Mask) -> Errors:
-    """Return the errors of ``estimate_n`` against ``reference_n`` over the usable rows, all of shape ``(n,)``.
+    """Compute the errors of ``estimate_n`` against ``reference_n`` over the usable rows, all of shape ``(n,)``.
 
     The reference is label or truth; values in rows that are not usable are never looked at.
 
@@ -58,10 +58,11 @@ def errors(reference_n: Array, estimate_n: Array, usable: Mask) -> Errors:
 
 
 def lag_s(reference_n: Array, estimate_n: Array, usable: Mask, sample_time_s: float, maximum_lag_s: float) -> float:
-    """Return how late the estimate is [s]: the shift at which it correlates best with the reference.
+    """Measure the delay of the estimate [s]: the shift at which it correlates best with the reference.
 
-    Positive is late. Only pairs of usable rows count. A parabola through the peak and its neighbours gives the
-    fraction of a sample. NaN where either signal never varies. Shifts up to ``maximum_lag_s`` are tried either way.
+    A positive delay is late. Only pairs of usable rows count. A parabola through the peak and its neighbours gives the
+    fraction of a sample. NaN if either signal never varies. Shifts up to ``maximum_lag_s`` are tried in both
+    directions.
     """
     _refuse_bad(reference_n, estimate_n, usable)
     reach = max(1, round(maximum_lag_s / sample_time_s))

@@ -1,4 +1,4 @@
-"""An estimator's errors by condition as others name them: the gate, the registry and MLflow's charts."""
+"""An estimator's errors by condition for the promotion gate, the registry and MLflow's charts."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ from collections.abc import Mapping
 from typing import Literal
 
 Reference = Literal["label", "truth"]
-"""What errors are measured against."""
+"""The reference of errors."""
 
 
 def reported_errors(conditions: Mapping[str, Mapping[str, float]]) -> tuple[Reference, dict[str, float]]:
-    """Return an estimator's error by condition [percent of mean |friction|], and what it is measured against.
+    """Look up an estimator's error by condition [percent of mean |friction|], and its reference.
 
-    That is true friction if it is known in every condition: an estimator that is nearer to friction is not refused
-    for reproducing less of the label's noise. An error that the report lacks is NaN.
+    The reference is true friction if that is known in every condition, so that an estimator nearer to friction is not
+    refused for reproducing less of the label's noise. An error that the report lacks is NaN.
     """
     reference: Reference = "truth" if all("truth_percent" in each for each in conditions.values()) else "label"
     return reference, {
@@ -23,9 +23,9 @@ def reported_errors(conditions: Mapping[str, Mapping[str, float]]) -> tuple[Refe
 
 
 def error_metrics(errors_percent: Mapping[str, float], reference: Reference) -> dict[str, float]:
-    """Return errors by condition, and their mean, as metrics of a run, named after what they are measured against.
+    """List errors by condition, and their mean, as metrics of a run that name their reference.
 
-    Errors that are no number are left out.
+    Errors that are NaN are left out.
     """
     group = f"{reference}_error_percent"
     metrics = {f"{group}/mean": math.fsum(errors_percent.values()) / max(len(errors_percent), 1)}

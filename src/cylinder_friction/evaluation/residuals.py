@@ -1,4 +1,4 @@
-"""What is left of the friction after the estimate: its shape, its memory and what it still depends on."""
+"""Residuals, friction less the estimate: their distribution, their autocorrelation and what they still depend on."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class ResidualFigures:
     lower_quartile_n: float
     median_n: float
     upper_quartile_n: float
-    skewness: float  # Third standardised moment; positive has its long tail at underestimates
+    skewness: float  # Third standardised moment; if positive, the long tail is at underestimates
     excess_kurtosis: float  # Fourth standardised moment less 3; 0 for a normal distribution
     # Test of normality. With 10^5 rows it rejects any real residual: read the size of skewness and kurtosis, not the
     # p-value
@@ -37,13 +37,13 @@ class ResidualFigures:
     # Test of independence over 10 lags, on the longest uninterrupted run of usable rows
     ljung_box: float
     ljung_box_p: float
-    effective_rows: float  # How many independent residuals carry as much information about their mean
+    effective_rows: float  # Number of independent residuals with the same information about their mean
 
 
 def residual_figures(residual_n: Array, usable: Mask) -> ResidualFigures:
-    """Return the figures of a series of residuals in the order of time, reference minus estimate.
+    """Compute figures of a series of residuals (reference minus estimate) in the order of time.
 
-    Only usable rows count; a gap between two recordings is a row that does not. Shape, memory and tests are NaN where
+    Only usable rows count; put an unusable row between two recordings. Moments, autocorrelation and tests are NaN if
     the residuals do not vary.
     """
     values = residual_n[usable]
@@ -80,7 +80,7 @@ def residual_figures(residual_n: Array, usable: Mask) -> ResidualFigures:
 
 
 def autocorrelation(residual_n: Array, usable: Mask, lags: int) -> Array:
-    """Return the autocorrelation at 0 to ``lags`` samples, shape ``(lags + 1,)``, over pairs of usable rows.
+    """Compute the autocorrelation at 0 to ``lags`` samples, shape ``(lags + 1,)``, over pairs of usable rows.
 
     Missing rows count as missing, not as zero (Parzen 1963); a lag without any pair gives 0. All NaN if the
     residuals do not vary.
@@ -96,14 +96,14 @@ def autocorrelation(residual_n: Array, usable: Mask, lags: int) -> Array:
 
 
 def quantile_points(values: Array) -> tuple[Array, Array]:
-    """Return a Q-Q plot's points: normal quantiles with the values' mean and deviation, and the values' own [N]."""
+    """Compute a Q-Q plot's points: normal quantiles with the values' mean and deviation, and the values' own [N]."""
     probabilities = (np.arange(_QUANTILE_POINTS) + 0.5) / _QUANTILE_POINTS
     normal = float(values.mean()) + float(values.std()) * stats.norm.ppf(probabilities)
     return np.asarray(normal, dtype=np.float64), np.quantile(values, probabilities)
 
 
 def dependence(residual_n: Array, usable: Mask, inputs: Mapping[str, Array]) -> dict[str, float]:
-    """Return the correlation of the residual with each input over the usable rows; 0 where an input never varies."""
+    """Compute the correlation of the residual with each input over the usable rows; 0 if an input never varies."""
     residual = residual_n[usable] - residual_n[usable].mean()
     result: dict[str, float] = {}
     for name, values in inputs.items():

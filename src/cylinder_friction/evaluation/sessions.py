@@ -1,4 +1,4 @@
-"""How sure a percentage is: by how much the held-out sessions differ, for they differ more than chance within one."""
+"""Confidence intervals of errors, from the spread between sessions, which is larger than chance within a session."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ class SessionErrors:
     """One estimator's error in each session of one condition."""
 
     percent: Mapping[str, float]  # MAE / mean |friction| [%] by session, sorted
-    deviation: Array  # By how much each session moves the condition's percentage [points], shape ``(sessions,)``
+    deviation: Array  # Contribution of each session to the condition's percentage [points], shape ``(sessions,)``
 
 
 def session_errors(
     sessions: Sequence[str], references_n: Sequence[Array], estimates_n: Sequence[Array], usable: Sequence[Mask]
 ) -> SessionErrors:
-    """Return the error in each session that has a usable row; ``sessions`` names that of each recording.
+    """Compute the error in each session that has a usable row; ``sessions`` names each recording's session.
 
     A percentage is a ratio of sums, so a session deviates by 100 (e - R f) / mean(f), with its sums of absolute error
     e and absolute friction f and the ratio R of all; deviations sum to zero.
@@ -48,21 +48,21 @@ def session_errors(
 
 
 def half_width_points(deviations: Mapping[str, Array], of: Collection[str]) -> float:
-    """Return half the 95 % interval [points] of the mean percentage of the conditions ``of``.
+    """Compute half the 95 % interval [points] of the mean percentage of the conditions ``of``.
 
-    Student's t with the variance between sessions pooled over all conditions (one-way analysis of variance; Montgomery,
-    Design and Analysis of Experiments, chapter 3). With two or three sessions a condition, resampling them would
-    state too little: two sessions give a bootstrap three different draws.
+    It is Student's t with the variance between sessions pooled over all conditions (one-way analysis of variance;
+    Montgomery, Design and Analysis of Experiments, chapter 3). With two or three sessions per condition a bootstrap
+    would understate the interval: two sessions have only three different draws.
 
-    It assumes that sessions scatter alike in every condition, about normally, and that those held out are a fair draw
-    of those to come: the same cylinder, sensors and kind of work. It states nothing about another cylinder.
+    It assumes that sessions scatter alike and about normally in every condition, and that the held-out sessions
+    represent future ones: the same cylinder, sensors and kind of work. It states nothing about another cylinder.
 
     Args:
-        deviations: Of each session, by condition, from ``SessionErrors``; of a difference, their difference.
-        of: Conditions, whose percentages count alike.
+        deviations: Deviation of each session, by condition, from ``SessionErrors``; for a difference, their difference.
+        of: Conditions, whose percentages have equal weight.
 
     Returns:
-        NaN if no condition has two sessions, because nothing then shows how much they differ.
+        NaN if no condition has two sessions, as nothing then shows how much sessions differ.
     """
     freedom = sum(len(each) - 1 for each in deviations.values())
     if freedom < 1:

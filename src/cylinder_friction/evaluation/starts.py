@@ -1,4 +1,4 @@
-"""What it is worth to know the sensors' offset from a session's earlier recording: a warm start beside a cold one."""
+"""The gain from a known sensor offset: starts with the offset of a session's earlier recording, and without."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from cylinder_friction.recordings.recording import Recording
 
 @dataclass(frozen=True)
 class Starts:
-    """Errors in one condition, on the recordings that are not the first of their session [% of mean |reference|]."""
+    """Errors in one condition, over all recordings except the first of each session [% of mean |reference|]."""
 
     condition: str
     reference: str  # ``label`` or ``truth``
     recordings: int
     mean_abs_friction_n: float  # The denominator [N]
-    cold_percent: float  # Nothing is known but the stated uncertainty of the sensors' zeros
-    warm_percent: float  # Started from what was learned in the session's recording before
+    cold_percent: float  # Started with only the stated uncertainty of the sensors' zeros
+    warm_percent: float  # Started from the offset learned in the session's previous recording
 
 
 def starts(estimator: FrictionEstimator, recordings: Sequence[Recording], truth_n: Mapping[str, Array]) -> list[Starts]:
-    """Return the errors of either start by condition; nothing if no offset is learned.
+    """Compare the errors of both starts by condition; empty if no offset is learned.
 
     Args:
         estimator: Fitted.
-        recordings: Held out, with ``friction_n`` and ``usable``; those of a session follow each other by name.
-        truth_n: True friction [N] by recording name; the reference if it is known of all, else the label is.
+        recordings: Held-out recordings with ``friction_n`` and ``usable``; within a session their names are in order.
+        truth_n: True friction [N] by recording name; the reference if known for all, otherwise the label is.
     """
     if estimator.offset is None:
         return []

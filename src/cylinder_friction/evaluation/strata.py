@@ -1,4 +1,4 @@
-"""Where in the motion a row lies: at rest, near zero velocity, sliding, just after a reversal, out or in."""
+"""Strata of motion: at rest, near zero velocity, sliding, just after a reversal, extending, retracting."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ STRATA = {
     "extend": "extending",
     "retract": "retracting",
 }
-"""Every stratum and its name in words. The first three split all rows; the others overlap with them."""
+"""The strata and their names. The first three divide all rows; the others overlap with them."""
 
 
 @dataclass(frozen=True)
 class StrataLimits:
-    """What counts as at rest, near zero, and just after a reversal."""
+    """Limits of rest, of near zero velocity, and of the time after a reversal."""
 
-    standstill_velocity_m_s: float  # At or below this speed the piston counts as at rest [m/s]
+    standstill_velocity_m_s: float  # Greatest speed that counts as rest [m/s]
     near_zero_velocity_m_s: float  # Below this speed (and above standstill) a row is near zero velocity [m/s]
-    reversal_window_s: float  # How long after a change of direction a row counts as just after it [s]
+    reversal_window_s: float  # Time after a change of direction that counts as just after it [s]
 
 
 def strata_masks(velocity_m_s: Array, sample_time_s: float, limits: StrataLimits) -> dict[str, Mask]:
-    """Return one mask per stratum, each of shape ``(n,)``.
+    """Mark the rows of each stratum, each mask of shape ``(n,)``.
 
     A reversal is the first row that moves against the direction of the last row that moved, however long the
     rest between them; its window starts at that row. The velocity is from the zero-phase filter, shape ``(n,)``.

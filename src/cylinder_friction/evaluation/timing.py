@@ -1,4 +1,4 @@
-"""What one estimate costs: seconds a step, measured one sample at a time as a control loop would ask."""
+"""Time of one step [s], measured one sample at a time, as in a control loop."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from cylinder_friction.recordings.recording import Recording
 
 @dataclass(frozen=True)
 class StepTime:
-    """Measured time of one step [s]; differs from run to run and machine to machine."""
+    """Measured time of one step [s]; it differs between runs and machines."""
 
     steps: int
     p50_s: float
@@ -24,10 +24,10 @@ class StepTime:
 def time_steps(
     estimator: FrictionEstimator, recording: Recording, steps: int, warm_up: int = 50, maximum_seconds: float = 3.0
 ) -> StepTime:
-    """Step a fresh stream through the recording's first samples, over again if it is short, and time every step.
+    """Step a fresh stream through the recording's first samples, repeated if it is short, and time every step.
 
-    The steps of ``warm_up`` come first and are not timed, so that compilation and caches do not count. No further step
-    is timed after ``maximum_seconds``, so that a slow estimator does not hold up the rest.
+    The first ``warm_up`` steps are not timed, so that compilation and caches do not count. Timing ends after
+    ``maximum_seconds``, so that a slow estimator does not delay the others.
     """
     samples = recording.samples(estimator.inputs)[: steps + warm_up].tolist()
     stream = estimator.stream()

@@ -1,4 +1,4 @@
-"""One number for how good an estimator is, where only one is wanted: while searching and training."""
+"""A single figure for an estimator's error, for searching and training."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from cylinder_friction.recordings.recording import Recording
 
 
 def mean_absolute_error_n(estimator: FrictionEstimator, recordings: Sequence[Recording]) -> float:
-    """Return the mean absolute error against the label [N] over the usable rows of all recordings together."""
+    """Compute the mean absolute error against the label [N] over the usable rows of all recordings together."""
     errors = [
         np.abs(estimator.estimate(recording) - recording.column("friction_n"))[recording.usable()]
         for recording in recordings

@@ -1,4 +1,4 @@
-"""What the figures show, as numbers: one source for the PNGs, the report's interactive plots and ``dvc plots``."""
+"""The numbers behind the figures: one source for PNGs, the report's interactive plots and ``dvc plots``."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ MINIMUM_ROWS_A_BIN = 20
 
 @dataclass(frozen=True)
 class LearningCurve:
-    """Error after each epoch of a training [N], as ``learning_curve.json`` holds it."""
+    """Error after each epoch of a training [N], the content of ``learning_curve.json``."""
 
     epoch: Sequence[int]
     train_mae_n: Sequence[float]
     validation_mae_n: Sequence[float]
-    best_epoch: int  # The one whose network was kept
+    best_epoch: int  # Epoch whose network was kept
 
 
 @dataclass(frozen=True, eq=False)
 class Excerpt:
-    """A stretch of one recording; forces in newtons, NaN where the row is not usable, shape ``(n,)``."""
+    """A stretch of one recording; forces in newtons, NaN in unusable rows, shape ``(n,)``."""
 
     condition: str
     recording: str
@@ -36,15 +36,16 @@ class Excerpt:
     lines_n: dict[str, Array]
 
     def residuals_n(self) -> dict[str, Array]:
-        """Return label minus estimate [N] of every estimator shown."""
+        """Compute label minus estimate [N] of every estimator shown."""
+
         estimates = {name: values for name, values in self.lines_n.items() if name not in ("label", "truth")}
         return {name: self.lines_n["label"] - values for name, values in estimates.items()}
 
 
 def excerpt(comparison: Comparison, condition: str, shown: Sequence[str], duration_s: float) -> Excerpt:
-    """Return the first stretch of a condition's recordings with the most usable rows in motion.
+    """Cut out the first stretch of a condition's recordings with the most usable rows in motion.
 
-    Its lines are ``label``, ``truth`` if it is known, and the estimators in ``shown``.
+    Its lines are ``label``, ``truth`` if known, and the estimators in ``shown``.
     """
     best = (-1, 0, 0, 0)
     traces = comparison.of_condition(condition)
@@ -66,7 +67,7 @@ def excerpt(comparison: Comparison, condition: str, shown: Sequence[str], durati
 
 @dataclass(frozen=True, eq=False)
 class Histogram:
-    """Residuals counted, as densities [1/N]; the range leaves out ``outside`` of all of them."""
+    """Histogram of residuals, as densities [1/N]; ``outside`` is the share beyond its range."""
 
     centres_n: Array
     density: Array
@@ -80,7 +81,7 @@ class Histogram:
 
 
 def histogram(values: Array) -> Histogram:
-    """Return the histogram of residuals [N] and the normal curve of the same mean and deviation."""
+    """Compute the histogram of residuals [N], and the normal curve of the same mean and deviation."""
     mean, deviation = float(values.mean()), float(values.std())
     most, nearly_all = np.quantile(np.abs(values), (0.75, 0.995))
     reach = max(min(float(nearly_all), 5.0 * float(most)), 1e-9)
@@ -96,7 +97,7 @@ def histogram(values: Array) -> Histogram:
 
 @dataclass(frozen=True, eq=False)
 class Agreement:
-    """Estimated against calculated friction [N]: a regular choice of rows, and figures over all usable rows."""
+    """Estimated against calculated friction [N]: points of evenly chosen rows, and figures over all usable rows."""
 
     label_n: Array
     estimate_n: Array
@@ -106,7 +107,7 @@ class Agreement:
 
 
 def agreement(comparison: Comparison, estimator: str, condition: str) -> Agreement:
-    """Return a condition's points; slope and intercept of the least-squares line, R² of the line y = x."""
+    """Collect a condition's points, with slope and intercept of the least-squares line and R² of the line y = x."""
     traces = comparison.of_condition(condition)
     label = np.concatenate([trace.label_n[trace.usable] for trace in traces])
     estimate = np.concatenate([trace.estimates_n[estimator][trace.usable] for trace in traces])
@@ -121,7 +122,7 @@ def agreement(comparison: Comparison, estimator: str, condition: str) -> Agreeme
 
 @dataclass(frozen=True, eq=False)
 class VelocityProfile:
-    """Friction against velocity: medians a bin of velocity [N], and the label's quartiles."""
+    """Friction against velocity: the median in each bin of velocity [N], and the label's quartiles."""
 
     velocity_m_s: Array
     label_lower_n: Array
@@ -130,7 +131,7 @@ class VelocityProfile:
 
 
 def velocity_profile(comparison: Comparison, condition: str, shown: Sequence[str]) -> VelocityProfile:
-    """Return the Stribeck map of a condition: bins of equal width that hold at least 20 usable rows."""
+    """Compute the Stribeck map of a condition: bins of equal width that hold at least 20 usable rows."""
     traces = comparison.of_condition(condition)
     velocity = np.concatenate([trace.velocity_m_s[trace.usable] for trace in traces])
     lines = {"label": np.concatenate([trace.label_n[trace.usable] for trace in traces])}

@@ -1,4 +1,4 @@
-"""Work on a Dask cluster: workers of one thread each, with the code, libraries and processor of their neighbours."""
+"""Work on a Dask cluster: workers of one thread each, with equal code, libraries and processors."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import Any
 import llvmlite.binding as llvm
 from tqdm import tqdm
 
-from cylinder_friction.execution.workers import VARIABLE, Died, ExecutorWorkers, Work, WorkersError
+from cylinder_friction.execution.workers import VARIABLE, ExecutorWorkers, LostPiece, Work, WorkersError
 from cylinder_friction.extras import explained
 from cylinder_friction.import_graph import PACKAGES, SOURCE
 
@@ -26,18 +26,17 @@ with explained():
 LIBRARIES = ("numpy", "scipy", "pandas", "pyarrow", "numba", "torch", "scikit-learn", "onnx", "optuna")
 """Their versions may change the last bits of a result."""
 MACHINE = ("processor", "BLAS")
-"""May differ between this machine and the workers, but not among the workers."""
+"""Parts of the environment that may differ between this machine and the workers, but not among the workers."""
 CONNECT_S = 30.0
 PATIENCE_S = 60.0
-"""How long a command waits for a first worker [s]."""
+"""Time limit for the first worker [s]."""
 
 
 class Cluster(ExecutorWorkers):
-    """The workers of a Dask scheduler, which need to see the same files under the same paths.
+    """The workers of a Dask scheduler, which must see the same files under the same paths.
 
-    Equal bits depend on the code, the libraries and the processor, and on one thread per worker. They are compared
-    once, when the ``with`` statement begins. Dask repeats a piece whose worker is lost, and gives it up when several
-    workers died of it.
+    Equal bits need equal code, libraries and processors, and one thread per worker. These are compared once, when the
+    ``with`` statement begins. Dask repeats a piece whose worker is lost, and gives it up after several workers died.
 
     Args:
         address: Address of the scheduler, or the file that it wrote.
@@ -62,13 +61,13 @@ class Cluster(ExecutorWorkers):
         return self
 
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
-        self._client.close()  # what waits is dropped, and what runs does no harm
+        self._client.close()  # waiting pieces are dropped; running ones do no harm
 
     def submit(self, piece: Work) -> Future[Any]:
         """Hand out a piece, as ``Client.get_executor()`` does.
 
-        Dask's executor looks at a piece's state after its result has come. If the worker dies in between, it takes the
-        result for an exception, and fails to unpack it.
+        Dask's executor reads a piece's state after its result has come. If the worker dies in between, the executor
+        takes the result for an exception, and fails to unpack it.
         """
         finished: Future[Any] = Future()
         given = self._client.submit(in_folder, Path.cwd(), piece, pure=False)
@@ -82,7 +81,7 @@ class Cluster(ExecutorWorkers):
         except Exception as error:
             finished.set_exception(error)
 
-    def died(self, error: Exception) -> Died | None:
+    def explain_loss(self, error: Exception) -> LostPiece | None:
         if isinstance(error, CancelledError):
             raise WorkersError(f"the scheduler at {self.address} is gone; start it, then repeat the command") from None
         if isinstance(error, NoWorkerError):
@@ -90,13 +89,13 @@ class Cluster(ExecutorWorkers):
         if not isinstance(error, KilledWorker):
             return None
         last = error.last_worker
-        return Died(
+        return LostPiece(
             f"{error.allowed_failures + 1} workers died of it, the last one {last.address} with a memory limit of "
             f"{last.memory_limit / 2**30:.3g} GiB; it may have run out of memory"
         )
 
     def _environments(self) -> dict[str, dict[str, str]]:
-        """Return the environments of the workers, by their addresses, but for those that die as they are asked."""
+        """Collect the workers' environments by address, without those of workers that die when asked."""
         found: dict[str, Any] = {}
         while not found:
             try:
@@ -124,7 +123,7 @@ class Cluster(ExecutorWorkers):
         if "tls://" in (file.read_text(encoding="utf-8") if file.is_file() else self.address):
             self._refuse_without_certificates()
         try:
-            # Results come by way of the scheduler, which knows which workers have died.
+            # Results come through the scheduler, which knows the workers that died.
             return Client(**where, timeout=CONNECT_S, set_as_default=False, direct_to_workers=False)
         except OSError:  # a time-out among them
             raise WorkersError(
@@ -146,7 +145,7 @@ class Cluster(ExecutorWorkers):
 
 
 def in_folder(folder: Path, piece: Work) -> Any:
-    """Do a piece in the folder of the command, from which relative paths count."""
+    """Do a piece in the command's folder, to which relative paths refer."""
     os.chdir(folder)
     return piece()
 
@@ -163,7 +162,7 @@ def _environment_of(folder: Path, dask_worker: Worker) -> dict[str, str]:  # Das
 
 
 def environment(threads: int = 1, library_threads: int = 1) -> dict[str, str]:
-    """Return what decides the last bits of results in this process: code, libraries, processor, threads of work."""
+    """Collect what decides the last bits of results in this process: code, libraries, processor, threads."""
     return {
         "code": _code(),
         "python": platform.python_version(),
@@ -178,8 +177,8 @@ def environment(threads: int = 1, library_threads: int = 1) -> dict[str, str]:
 def common_environment(own: Mapping[str, str], workers: Mapping[str, Mapping[str, str]]) -> None:
     """Refuse workers, given by their addresses, whose results would not be equal bit for bit.
 
-    Code and libraries must be those of this process; processors must be alike among the workers. If they are not like
-    this one's, a note is written.
+    Code and libraries must equal those of this process, and processors must be alike among the workers. If processors
+    differ from this machine's, a note is written.
 
     Raises:
         WorkersError: A worker differs.

@@ -4,7 +4,7 @@ import socket
 
 
 def free_port(wanted: int = 0) -> int:
-    """Return a port of this machine that nobody listens on just now; any, or ``wanted``.
+    """Find a free port of this machine: any, or ``wanted``.
 
     Raises:
         OSError: Something listens on the wanted one.

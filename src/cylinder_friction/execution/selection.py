@@ -1,8 +1,8 @@
-"""Which workers do the work, by the environment variable ``CYLINDER_FRICTION_WORKERS``.
+"""The choice of workers by the environment variable ``CYLINDER_FRICTION_WORKERS``.
 
-Unset: what the caller chose. ``2``: so many processes of one thread each on this machine. ``tcp://host:8786``,
-``tls://host:8786`` or a scheduler file: a Dask cluster. It is not a parameter, for it decides when work is done and
-nothing of what comes out.
+Unset: the caller's choice. ``2``: two processes of one thread each on this machine. ``tcp://host:8786``,
+``tls://host:8786`` or a scheduler file: a Dask cluster. It is not a parameter, because it changes the time of the work
+and not the result.
 """
 
 import os
@@ -13,14 +13,14 @@ from cylinder_friction.execution.workers import VARIABLE, Processes, Workers, Wo
 
 
 def workers_from_environment(default: int = 1, least: int = 0) -> Workers:
-    """Return the workers that ``CYLINDER_FRICTION_WORKERS`` names, to be used in a ``with`` statement.
+    """Choose the workers that ``CYLINDER_FRICTION_WORKERS`` names, to be used in a ``with`` statement.
 
     Args:
-        default: Processes of this machine if the variable is unset; 1: no others than this one.
-        least: Of fewer pieces each is done here, if the variable is unset.
+        default: Processes of this machine if the variable is unset; 1: this process alone.
+        least: Fewer pieces than this are done in this process, if the variable is unset.
 
     Raises:
-        WorkersError: Its value means nothing.
+        WorkersError: The variable's value is invalid.
         MissingExtraError: It names a cluster, and Dask is not installed.
     """
     text = os.environ.get(VARIABLE, "").strip()

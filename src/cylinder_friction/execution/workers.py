@@ -1,4 +1,4 @@
-"""Independent pieces of work, done by whoever is there; a worker that is lost costs its own piece of work, no other."""
+"""Independent pieces of work for this process or others; a lost worker costs its own piece of work and no other."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
+from cylinder_friction.refusal import RefusalError
+
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
     from multiprocessing.process import BaseProcess
@@ -21,25 +23,25 @@ VARIABLE = "CYLINDER_FRICTION_WORKERS"
 ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 Work = Callable[[], Any]
-"""Whatever can be pickled and called, such as a ``functools.partial`` of a module's function."""
+"""A piece of work: callable and picklable, such as a ``functools.partial`` of a module's function."""
 
 
-class WorkersError(RuntimeError):
+class WorkersError(RefusalError, RuntimeError):
     """Work could not be done: no such workers, workers unlike each other, or pieces that no worker survived."""
 
 
 @dataclass(frozen=True)
-class Died:
-    """A piece of work whose worker died twice: once beside others and once alone."""
+class LostPiece:
+    """Result of a piece whose worker died twice: once beside others and once alone."""
 
     reason: str = "the process that did it died; it may have run out of memory"
 
 
 class Workers:
-    """Does all work in this process, piece after piece; the other kinds of workers derive from it.
+    """Does all work in this process, piece by piece; base of the other kinds of workers.
 
     Attributes:
-        here: Whether pieces run in this process, so that they may return what is large.
+        here: Whether pieces run in this process, so that they may return large results.
     """
 
     here = True
@@ -50,31 +52,31 @@ class Workers:
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
         pass
 
-    def stay_here(self, _pieces: int) -> bool:
-        """Return whether this many pieces run in this process, so that they may return what is large."""
+    def runs_here(self, _pieces: int) -> bool:
+        """Check whether this many pieces run in this process, so that they may return large results."""
         return True
 
     def do_all(self, pieces: Sequence[Work]) -> Iterator[tuple[int, Any]]:
-        """Yield the number of each piece and what it returned, or ``Died``, as they finish.
+        """Yield the number and the result of each piece, or ``LostPiece``, as they finish.
 
-        Pieces are independent of each other; an exception in one is raised here, so each should catch its own.
+        Pieces are independent of each other. An exception in a piece is raised here, so a piece should catch its own.
         """
         yield from enumerate(self.in_order(pieces))
 
     def in_order(self, pieces: Iterable[Work]) -> Iterator[Any]:
-        """Yield what each piece returned, or ``Died``, in the order of the pieces; here, as they are asked for."""
+        """Yield the result of each piece, or ``LostPiece``, in order; without workers each runs when asked for."""
         for piece in pieces:
             yield piece()
 
     def all_in_order(self, pieces: Sequence[Work], names: Sequence[str]) -> Iterator[Any]:
-        """Yield what each piece returned, in the order of the pieces.
+        """Yield the result of each piece, in order.
 
         Raises:
-            WorkersError: In the end, with the names of the pieces that no worker survived.
+            WorkersError: At the end, with the names of the pieces that no worker survived.
         """
         lost: dict[str, str] = {}
         for name, result in zip(names, self.in_order(pieces), strict=True):
-            if isinstance(result, Died):
+            if isinstance(result, LostPiece):
                 lost[name] = result.reason
             else:
                 yield result
@@ -84,11 +86,11 @@ class Workers:
 
 
 class ExecutorWorkers(Workers):
-    """Gives work to a ``concurrent.futures.Executor``, and repeats a piece alone if a worker died of it or beside it.
+    """Gives work to a ``concurrent.futures.Executor``; repeats a piece alone if a worker died of it or beside it.
 
     Attributes:
         at_once: Number of pieces handed out at a time.
-        least: Fewer pieces than this are done in this process, for workers take longer to begin.
+        least: Fewer pieces than this are done in this process, as workers take longer to start.
     """
 
     here = False
@@ -99,17 +101,17 @@ class ExecutorWorkers(Workers):
         """Hand out a piece."""
         raise NotImplementedError
 
-    def died(self, error: Exception) -> Died | None:
+    def explain_loss(self, error: Exception) -> LostPiece | None:
         """Explain the death of a piece's worker; return None for an exception that the piece itself raised."""
         raise NotImplementedError
 
-    def stay_here(self, pieces: int) -> bool:
+    def runs_here(self, pieces: int) -> bool:
         return pieces < self.least
 
     def do_all(self, pieces: Sequence[Work]) -> Iterator[tuple[int, Any]]:
         suspects = []
         for number, result in self._round(range(len(pieces)), pieces):
-            if isinstance(result, Died):  # it, or what was handed out beside it
+            if isinstance(result, LostPiece):  # because of it, or of a piece handed out beside it
                 suspects.append(number)
             else:
                 yield number, result
@@ -118,7 +120,7 @@ class ExecutorWorkers(Workers):
 
     def in_order(self, pieces: Iterable[Work]) -> Iterator[Any]:
         pieces = list(pieces)
-        if self.stay_here(len(pieces)):
+        if self.runs_here(len(pieces)):
             yield from super().in_order(pieces)
             return
         finished: dict[int, Any] = {}
@@ -144,29 +146,29 @@ class ExecutorWorkers(Workers):
             try:
                 result = future.result()
             except Exception as error:
-                result = self.died(error)
+                result = self.explain_loss(error)
                 if result is None:
                     raise
             yield running.pop(future), result
 
 
 class Processes(ExecutorWorkers):
-    """Processes of this machine that stay for one batch of work after another."""
+    """Processes of this machine, which are kept from one batch of work to the next."""
 
     def __init__(self, count: int, least: int = 0) -> None:
         self.count, self.least = count, least
-        self.at_once = 2 * count  # so that no process waits for its next piece, and few are suspected if one dies
+        self.at_once = 2 * count  # no process waits for its next piece, and few pieces are suspected if one dies
         self._processes: ProcessPoolExecutor | None = None
         self._children: list[BaseProcess] = []
 
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
-        if error is not None:  # Ctrl-C among them: what is running would go on for minutes
+        if error is not None:  # also after Ctrl-C: running pieces would continue for minutes
             for process in self._children:
                 process.terminate()
         self._stop()
 
     def submit(self, piece: Work) -> Future[Any]:
-        """Hand out a piece, to new processes if one of the old ones died: a pool has no use for the others then."""
+        """Hand out a piece, to new processes if an old one died, because its pool is broken then."""
         try:
             return self._started().submit(piece)
         except BrokenProcessPool:
@@ -176,11 +178,11 @@ class Processes(ExecutorWorkers):
         except BrokenProcessPool:
             raise WorkersError("processes die before they begin; the machine may be out of memory") from None
 
-    def died(self, error: Exception) -> Died | None:
-        return Died() if isinstance(error, BrokenProcessPool) else None
+    def explain_loss(self, error: Exception) -> LostPiece | None:
+        return LostPiece() if isinstance(error, BrokenProcessPool) else None
 
     def _started(self) -> ProcessPoolExecutor:
-        """Return processes that inherit nothing but the environment, in which every library has one thread."""
+        """Start processes that inherit only the environment, in which every library has one thread."""
         if self._processes is None:
             others = multiprocessing.active_children()
             with _one_thread():
@@ -190,7 +192,7 @@ class Processes(ExecutorWorkers):
                     initializer=signal.signal,  # Ctrl-C reaches every process; this one ends the others
                     initargs=(signal.SIGINT, signal.SIG_IGN),
                 )
-                # They begin as they are asked; all of them must while the environment is as it should be.
+                # Processes start on demand; all of them must start while the environment is set.
                 wait([self._processes.submit(os.getpid) for _ in range(self.count)])
             self._children = [child for child in multiprocessing.active_children() if child not in others]
         return self._processes

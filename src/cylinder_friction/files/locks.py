@@ -1,4 +1,4 @@
-"""Locks between processes of one machine: a file that one process holds, until it ends, however it ends."""
+"""Locks between processes of one machine: a process holds a file until it releases it or ends in any way."""
 
 import errno
 import os
@@ -10,18 +10,18 @@ from pathlib import Path
 
 @contextmanager
 def locked(path: Path, *, wait: bool = True) -> Iterator[bool]:
-    """Hold the lock of a file, made if it is not there; yield whether it is held.
+    """Hold the lock of a file; yield whether it is held.
 
     Args:
-        path: The file; its folder is made. It stays afterwards.
-        wait: Wait until another process has released it; otherwise yield False at once.
+        path: The file; it and its folder are made if missing. The file stays afterwards.
+        wait: Whether to wait until another process has released it; otherwise yield False at once.
     """
     while True:
         path.parent.mkdir(parents=True, exist_ok=True)
         with path.open("a") as file:
             held = _hold(file.fileno(), wait)
             if held and not _is(path, file.fileno()):
-                continue  # removed by the process that held it before
+                continue  # the previous holder removed it
             yield held
             return
 
@@ -34,7 +34,7 @@ def _is(path: Path, file: int) -> bool:
 
 
 def _hold(file: int, wait: bool) -> bool:
-    """Lock an open file; the lock ends with the process, also if that is killed."""
+    """Lock an open file; the lock ends with the process, even if it is killed."""
     if sys.platform != "win32":
         import fcntl
 
@@ -51,7 +51,7 @@ def _hold(file: int, wait: bool) -> bool:
         except OSError as error:
             if not wait:
                 return False
-            if error.errno != errno.EDEADLK:  # given after ten seconds of trying
+            if error.errno != errno.EDEADLK:  # raised after ten seconds of trying
                 raise
         else:
             return True

@@ -1,4 +1,4 @@
-"""Output that appears whole or not at all, and content hashes of what lies on disk."""
+"""Output that appears whole or not at all, and hashes of files and folders."""
 
 import hashlib
 import json
@@ -13,16 +13,16 @@ from typing import Any
 import yaml
 
 LARGEST_YAML = 1 << 20
-PIECE = 1 << 18  # Bytes that are hashed at a time
+PIECE = 1 << 18  # Bytes hashed at a time
 DRAFTS = f".{'[0-9a-f]' * 32}.draft*"
-"""Matches the names of files that ``whole_file`` has not finished, and no name that a person gives."""
+"""Pattern of unfinished files of ``whole_file``; no person gives such a name."""
 
 
 @contextmanager
 def whole_folder(folder: Path) -> Iterator[Path]:
-    """Yield a new empty folder that takes the place of ``folder`` only if the block ends without an error.
+    """Yield a new empty folder that replaces ``folder`` only if the block ends without an error.
 
-    No two have one name, so that a worker that outlives an earlier run cannot write into this one's.
+    Each has a unique name, so that a worker that outlives an earlier run cannot write into it.
     """
     drafts = folder.with_name(f".{folder.name}.draft")
     shutil.rmtree(drafts, ignore_errors=True)
@@ -39,9 +39,9 @@ def whole_folder(folder: Path) -> Iterator[Path]:
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Yield the path of a file to write, which takes the place of ``path`` only if the block ends without an error.
+    """Yield the path of a draft to write, which replaces ``path`` only if the block ends without an error.
 
-    Whoever writes has a draft of its own: on a cluster the same work may be done twice.
+    Each writer has its own draft, since on a cluster the same work may be done twice.
     """
     if not path.parent.is_dir():
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -50,7 +50,7 @@ def whole_file(path: Path) -> Iterator[Path]:
         yield draft
         draft.replace(path)
     except BaseException:
-        with suppress(OSError):  # of a read-only file system, which would hide why nothing could be written
+        with suppress(OSError):  # an error of a read-only file system would hide the first one
             draft.unlink(missing_ok=True)
         raise
 
@@ -61,7 +61,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_bytes(path: Path, content: bytes) -> None:
-    """Write a file whole: first beside its place, then moved over it."""
+    """Write a file whole: as a draft beside it, which is then moved over it."""
     with whole_file(path) as draft:
         draft.write_bytes(content)
 
@@ -76,10 +76,10 @@ def read_json(path: Path) -> Any:
 
 
 def read_yaml(path: Path) -> dict[str, Any]:
-    """Return the keys and values of a YAML file that a person wrote; none of an empty one.
+    """Read the keys and values of a YAML file that a person wrote; an empty file has none.
 
     Raises:
-        FileNotFoundError: It is not there.
+        FileNotFoundError: There is no such file.
         ValueError: It is no regular file, too large, no YAML, holds no keys, or contains itself.
     """
     if path.exists() and not (path.is_file() and path.stat().st_size <= LARGEST_YAML):
@@ -97,14 +97,14 @@ def read_yaml(path: Path) -> dict[str, Any]:
 
 
 def json_hash(content: Any) -> str:
-    """Return the SHA-256 of content as JSON, whatever the order of its keys."""
+    """Hash content as JSON (SHA-256), whatever the order of its keys."""
     return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()
 
 
 def hash_of(path: Path, ignored: str = "") -> str:
-    """Return the SHA-256 of a file's bytes, or of a folder's relative names and their files' hashes.
+    """Hash a file's bytes, or a folder's relative names and their files' hashes (SHA-256).
 
-    Inside a folder, Python's bytecode caches do not count, nor does its own file with the name ``ignored``.
+    Inside a folder, Python's bytecode caches and the folder's own file named ``ignored`` do not count.
 
     Raises:
         FileNotFoundError: There is neither a file nor a folder of that name.

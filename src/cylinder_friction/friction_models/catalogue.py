@@ -8,7 +8,9 @@ MODELS: dict[str, FrictionModel] = {model.name: model for model in (LuGre(), LuG
 
 
 def model_named(name: str) -> FrictionModel:
-    """Return the friction model of a name.
+    """Look up a friction model by its name, as saved estimators state it: ``lugre`` or ``pressure_lugre``.
+
+    The model holds no state, so one instance serves all callers.
 
     Raises:
         ValueError: There is none of that name; the message lists the known names.

@@ -20,7 +20,7 @@ from cylinder_friction.friction_models.parameters import (
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 
 LUGRE_STEP_MULTIPLY_ADDS = 100
-"""Cost of one step: five exponentials or logarithms at about 16, and the rest."""
+"""Multiply-adds of one step: five exponentials or logarithms at about 16 each, and the rest."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class LugreParameters(StribeckParameters):
     bristle_damping_n_s_m: float  # Bristle damping s1 at standstill [N s/m]
     damping_velocity_m_s: float  # Speed vc over which bristle damping fades [m/s]
     retract_ratio: float = 1.0  # Dry friction while retracting over dry friction while extending
-    pressure_slope_n_pa: float = 0.0  # Coulomb friction per pascal k [N/Pa]; which pressure is the user's choice
+    pressure_slope_n_pa: float = 0.0  # Coulomb friction per pascal k [N/Pa], of the pressure that the caller chooses
 
     @property
     def curve(self) -> StribeckCurve:
@@ -83,7 +83,7 @@ class LugreParameters(StribeckParameters):
 def lugre_step(
     packed: Array, velocity: float, log_speed: float, pressure: float, sample_time: float, bristle: float
 ) -> tuple[float, float]:
-    """Return the new bristle deflection [m] and friction [N] after one sample; ``log_speed`` is ``ln |velocity|``.
+    """Compute the new bristle deflection [m] and friction [N] after one sample; ``log_speed`` is ``ln |velocity|``.
 
     The logarithm is an argument so that a search over parameters on one recording computes it once.
     """
@@ -115,7 +115,7 @@ def _simulate(
     bristle: Array,
     friction: Array,
 ) -> None:
-    """Step through all rows; in the file of ``lugre_step``, as numba's disk cache sees changes of its own file only."""
+    """Step through all rows. It is beside ``lugre_step`` since Numba's disk cache notices changes of one file only."""
     deflection = bristle[0]
     known = log_speed.shape[0] > 0
     for row in range(velocity.shape[0]):
@@ -152,7 +152,13 @@ class LuGre(FrictionModel):
 
 
 def passive_damping_velocity(least_dry_friction_n: float, bristle_damping_n_s_m: float) -> float:
-    """Return the greatest ``vc`` [m/s] at which damping ``s1 * exp(-(v / vc)**2)`` leaves LuGre passive.
+    """Compute the greatest ``vc`` [m/s] at which damping ``s1 * exp(-(v / vc)**2)`` leaves LuGre passive.
+
+    Use it to choose ``damping_velocity_m_s``: with a greater one a simulation can gain energy and oscillate. Give the
+    least dry friction ``g`` of both directions [N] and the bristle damping ``s1`` at standstill [N s/m].
+
+    Use it to choose ``damping_velocity_m_s``: with a greater one a simulation can gain energy and oscillate. Give the
+    least dry friction ``g`` of both directions [N] and the bristle damping ``s1`` at standstill [N s/m].
 
     Example:
         >>> from cylinder_friction.friction_models.lugre import passive_damping_velocity

@@ -14,7 +14,7 @@ Kernel = Callable[[Array, Array, Array, Array, float, Array, Array], None]
 _NO_LOGARITHMS = np.zeros(0)
 
 _PRESLIDING_S = 0.02
-"""How long presliding lasts in quick motion; what stiffness is to a model with memory, a speed is to one without."""
+"""Duration of presliding in quick motion [s], which turns a stiffness into a speed for a model without memory."""
 
 
 class FrictionModel:
@@ -26,9 +26,9 @@ class FrictionModel:
     With ``pressure_scaled`` dry friction grows with pressure; its slope is then one more number to find.
 
     Attributes:
-        name: In files; with pressure scaling, ``pressure_`` stands before it.
-        title: In words.
-        parameter_class: What holds its numbers.
+        name: Name in files; ``pressure_`` is its prefix with pressure scaling.
+        title: Name for people.
+        parameter_class: Class of its parameters.
         start: State before the first sample.
         kernel: Compiled loop ``(values, velocity, log_speed, pressure, sample_time_s, state, friction)``, which changes
             ``state`` and fills ``friction``. ``log_speed`` is ``ln |velocity|``, which a search over parameters
@@ -50,7 +50,7 @@ class FrictionModel:
         return f"{type(self).__name__}({self.name!r})"
 
     def new_state(self) -> Array:
-        """Return the state before the first sample, which ``simulate`` changes in place."""
+        """Make the state before the first sample; ``simulate`` updates it in place."""
         return np.array(self.start)
 
     @property
@@ -63,7 +63,7 @@ class FrictionModel:
 
     @property
     def specs(self) -> tuple[ParameterSpec, ...]:
-        """Its numbers, in the order in which ``simulate`` takes them."""
+        """Specs of its numbers, in the order in which ``simulate`` takes them."""
         return self.parameter_class.specs
 
     @property
@@ -74,13 +74,13 @@ class FrictionModel:
         )
 
     def parameters(self, values: Array) -> ModelParameters:
-        """Return the numbers by name, checked; raises ``ValueError`` if one cannot be."""
+        """Convert the numbers to parameters; raises ``ValueError`` if one is impossible."""
         return self.parameter_class(*(float(value) for value in values))
 
     def simulate(
         self, values: Array, velocity_m_s: Array, sample_time_s: float, state: Array, pressure_pa: Array | None = None
     ) -> Array:
-        """Return friction [N], shape ``(n,)``, at the end of each sample, positive when it opposes positive velocity.
+        """Simulate friction [N], shape ``(n,)``, at the end of each sample, positive when it opposes positive velocity.
 
         Velocity and pressure are held over a sample. Steps are stable however stiff presliding is, and cutting the
         samples into pieces does not change one bit.
@@ -108,7 +108,7 @@ class FrictionModel:
     def first_guess(
         self, curve: StribeckCurve, stiffness_n_m: float, reference_pressure_pa: float = 0.0
     ) -> ModelParameters:
-        """Return where a search may start; part of friction is owed to the pressure at which the curve holds."""
+        """Choose the start of a search, with part of friction due to the reference pressure of the curve."""
         slope = 0.0
         for spec in self.searched:
             if spec.relative_to == "pressure" and spec.first is not None and reference_pressure_pa > 0.0:

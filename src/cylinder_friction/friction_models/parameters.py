@@ -12,20 +12,24 @@ from cylinder_friction.arrays import Array
 
 @dataclass(frozen=True)
 class ParameterSpec:
-    """One number of a friction model."""
+    """One parameter of a friction model: its unit, its meaning, and how identification searches for it.
+
+    A friction model of your own lists one for each field of its parameters, in their order. Bounds are in the
+    parameter's own unit unless ``relative_to`` states another one; the search never leaves them.
+    """
 
     name: str  # Field of the model's parameters, with its unit at the end
     unit: str  # SI, such as ``N s/m``
-    meaning: str  # In a few words
+    meaning: str  # What it is, in a few words
     # Bounds of the search
     lower: float
     upper: float
     # Start of the search; None if the Stribeck curve or the presliding stiffness gives it
     first: float | None = None
     logarithmic: bool = True  # Whether the search uses its logarithm
-    # Unit of ``lower``, ``upper`` and ``first``: the parameter's own; factors of the Coulomb friction of the steady
-    # curve; the excess over ``coulomb_n``, relative to it; the share of friction at the reference pressure that is due
-    # to pressure
+    # Unit of ``lower``, ``upper`` and ``first``: the parameter's own; a factor on the Coulomb friction of the steady
+    # curve; the excess over ``coulomb_n``, relative to it; or the share of friction at the reference pressure that is
+    # due to pressure
     relative_to: Literal["", "curve", "coulomb_n", "pressure"] = ""
     searched: bool = True  # Whether it is identified by search; otherwise it follows from the others
     may_be_zero: bool = False  # Whether zero is valid
@@ -105,14 +109,14 @@ class ModelParameters:
     specs: ClassVar[tuple[ParameterSpec, ...]] = ()
 
     def value(self, name: str) -> float:
-        """Return one number by name."""
+        """Look up one number by name."""
         return float(getattr(self, name))
 
     def __post_init__(self) -> None:
         refuse_impossible(self, self.specs)
 
     def packed(self) -> Array:
-        """Return the numbers in the order of the fields, shape ``(k,)``, as the compiled functions take them."""
+        """Compute the numbers in the order of the fields, shape ``(k,)``, as the compiled functions take them."""
         return np.array([getattr(self, field.name) for field in fields(self)], dtype=np.float64)
 
 

@@ -49,19 +49,19 @@ class StribeckCurve:
         refuse_impossible(self, (*STRIBECK, RETRACT_RATIO))
 
     def dry_friction(self, velocity_m_s: Array) -> Array:
-        """Return friction without sign and viscous part, ``g(v) > 0`` [N], of the velocity's shape."""
+        """Compute friction without sign and viscous part, ``g(v) > 0`` [N], of the velocity's shape."""
         velocity = np.asarray(velocity_m_s, dtype=np.float64)
         falling = np.exp(-((np.abs(velocity) / self.stribeck_velocity_m_s) ** self.stribeck_exponent))
         side = np.where(velocity < 0.0, self.retract_ratio, 1.0)
         return np.asarray(side * (self.coulomb_n + (self.static_n - self.coulomb_n) * falling))
 
     def friction(self, velocity_m_s: Array) -> Array:
-        """Return friction in steady sliding [N], of the velocity's shape."""
+        """Compute friction in steady sliding [N], of the velocity's shape."""
         velocity = np.asarray(velocity_m_s, dtype=np.float64)
         return np.asarray(np.sign(velocity) * self.dry_friction(velocity) + self.viscous_n_s_m * velocity)
 
     def speed_of_least_friction(self) -> float:
-        """Return where friction has fallen and does not yet rise, while extending [m/s], to within 3 %."""
+        """Find the extension speed of least friction, between the fall and the viscous rise [m/s], to within 3 %."""
         speeds = self.stribeck_velocity_m_s * np.geomspace(0.1, 100.0, 301)
         return float(speeds[np.argmin(self.friction(speeds))])
 

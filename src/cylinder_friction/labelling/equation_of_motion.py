@@ -5,7 +5,7 @@ opposes extension:
 
     friction = P1·A1 - P2·A2 - m·a - F_load                                                                 (mode none)
 
-Where a drive force was measured in place of the pressures, it stands for P1·A1 - P2·A2.
+If a drive force was measured in place of the pressures, it stands for P1·A1 - P2·A2.
 
 The measured pressures already are the action of the oil on the piston, its compressibility included. A stiffness of
 the oil therefore has no place beside them. Three further modes exist, each for its own reason:

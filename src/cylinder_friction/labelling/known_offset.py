@@ -118,7 +118,7 @@ def too_uneven(uneven_n: float, friction_n: float, zero_n: float | None, plan: O
     if not abs(uneven_n) > largest_n:
         return ""
     return (
-        f"{four_digits(uneven_n)} N does not turn with the direction, where the stated zeros and an asymmetry of "
+        f"{four_digits(uneven_n)} N does not turn with the direction, while the stated zeros and an asymmetry of "
         f"friction explain {four_digits(largest_n)} N; a load acts, a line loses pressure, friction is more "
         "asymmetric, or a zero is worse than stated"
     )
@@ -292,7 +292,7 @@ def undetermined(found: SessionOffset, model: OffsetModel, plan: OffsetPlan) -> 
     if len(model.sessions) > 2 and _own_asymmetry_n(model) > found.prior_n:
         return (
             "what does not turn with the direction differs from session to session by ± "
-            f"{COVERAGE_FACTOR * model.even_spread_n:.0f} N, where the stated zeros explain ± "
+            f"{COVERAGE_FACTOR * model.even_spread_n:.0f} N, while the stated zeros explain ± "
             f"{COVERAGE_FACTOR * found.prior_n:.0f} N: friction of each is asymmetric in its own way, a load differs, "
             "a line loses pressure, or zeros are worse than stated; unless it is friction, bounds are too narrow"
         )

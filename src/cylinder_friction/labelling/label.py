@@ -134,7 +134,7 @@ class Labeller:
     ) -> Recording:
         """Return a recording that ``signal_filter`` has smoothed with ``friction_n`` and ``usable``.
 
-        An identified load is added as ``load_force_n``, and where the sensors' uncertainty is stated,
+        An identified load is added as ``load_force_n``, and if the sensors' uncertainty is stated,
         ``friction_uncertainty_n``, which includes those of smoothing and of an identified load. Load and mass of the
         session are required if ``needs_identification``.
 
@@ -247,7 +247,7 @@ def label(
     """Return the recordings with velocity, friction and the mask of usable rows, as the pipeline labels them.
 
     Adds ``velocity_m_s``, ``friction_n`` and ``usable``; ``load_force_n`` if the load is identified, and
-    ``friction_uncertainty_n`` where the sensors' uncertainty is stated. Labels look ahead: they are made off line.
+    ``friction_uncertainty_n`` if the sensors' uncertainty is stated. Labels look ahead: they are made off line.
 
     Args:
         recordings: Raw recordings in SI units, of any sessions and conditions, in the order of the result.
@@ -306,7 +306,7 @@ def with_common_load(recording: Recording, load: PositionLoad) -> Recording:
     """Return a labelled recording whose friction is free of ``load``, in place of the load of its own session, if any.
 
     Its own session's load has absorbed its sensors' offset and whatever in its friction is uneven; a common one leaves
-    both in friction, where they belong. Rows where the common load is not known are not usable.
+    both in friction. Rows at which the common load is not known are not usable.
     """
     load_n = load.of(recording)
     own_n = recording.column(LOAD_FORCE) if LOAD_FORCE in recording.columns else 0.0

@@ -371,7 +371,7 @@ def _pooled_over_several(sessions: Sequence[LoadIdentification]) -> PositionLoad
     several = known & (known.sum(axis=0) > 1)
     free = several.sum() - several.any(axis=0).sum()
     off_n = np.where(several, loads_n - mean_n, 0.0)
-    spread_n = math.sqrt(float((off_n**2).sum()) / free) if free else 0.0  # of sessions where they know the same places
+    spread_n = math.sqrt(float((off_n**2).sum()) / free) if free else 0.0  # of sessions at places that several know
     half_n = np.hypot(np.sqrt(np.where(goes_on, own_n**2, 0.0).sum(axis=0) / count), spread_n)
     tables = [np.reshape(each, shape) for each in (mean_n, half_n)]
     return PositionLoad(axes[0].first_m, axes[0].last_m, tables[0], tables[1], tuple(axes[1:]), everywhere)

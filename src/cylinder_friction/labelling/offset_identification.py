@@ -77,7 +77,7 @@ _LEAST_ASYMMETRY = 1e-4
 _LEAST_NOISE = 1e-4
 """Over friction's level, for simulated friction without noise: with none, the equations would be singular."""
 _STARTS = (0.003, 0.03, 0.15)
-"""Where the search for a session's own asymmetry begins as well: offsets and asymmetry each explain much."""
+"""A second start of the search for a session's own asymmetry: offsets and asymmetry each explain much."""
 _FEW = 0.25
 """Share of the common asymmetry by which two sessions may differ; it falls with the number of sessions, which show it.
 """

@@ -1,4 +1,4 @@
-"""Strokes: where the cylinder moves one way, long enough that its friction has settled, and where they went."""
+"""Strokes: motion one way, long enough that friction has settled, with its first and last position."""
 
 from dataclasses import dataclass
 
@@ -25,7 +25,7 @@ class StrokePoints(Averages):
 
     group = "stroke"
 
-    # Position where the piece begins and ends [m]
+    # First and last position of the piece [m]
     first_m: Array
     last_m: Array
     others_m: Array  # Mean of each of the other positions that the load depends on, shape ``(points, others)`` [m]

@@ -46,7 +46,7 @@ def label_uncertainty(
     which the reading is uniformly distributed. A measured drive force takes the place of both pressures. The terms add
     in quadrature, as two sensors are independent. ``smoothing_n``, u_s, is the standard deviation that the label's
     filter leaves, one or ``(n,)``; it includes the converter's steps where noise spreads them (``DITHER``), and the
-    resolution then does not count once more. The inertia is left out, whose uncertainty is newtons where the sensors'
+    resolution then does not count once more. The inertia is left out, whose uncertainty is newtons while the sensors'
     is hundreds. A sensor's zero is constant within a recording, so that averaging rows does not reduce it.
     ``load_uncertainty_n`` is the standard uncertainty (k = 1) of an identified load, one or ``(n,)``;
     ``measured_load`` states whether ``load_force_n``, if the recording has it, is subtracted in the label.

@@ -4,6 +4,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from hydra import compose, initialize_config_dir
+from hydra.core.global_hydra import GlobalHydra
+from hydra.errors import HydraException
+from omegaconf import OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
 from cylinder_friction.params.file import IN_A_PROJECT, ParamsError
 
 CONF = Path("conf")
@@ -17,12 +23,6 @@ def composed(conf: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
     Raises:
         ParamsError: There is no such folder, or Hydra knows no such group or key.
     """
-    from hydra import compose, initialize_config_dir
-    from hydra.core.global_hydra import GlobalHydra
-    from hydra.errors import HydraException
-    from omegaconf import OmegaConf
-    from omegaconf.errors import OmegaConfBaseException
-
     if not conf.is_dir():
         raise ParamsError(f"{conf.absolute()}: no such folder; {IN_A_PROJECT}")
     GlobalHydra.instance().clear()

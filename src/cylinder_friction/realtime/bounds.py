@@ -2,13 +2,13 @@
 
 The errors of an estimate on recordings that it was not trained on are sorted by regime, and their quantiles become the
 bounds (split conformal prediction: Vovk, Gammerman and Shafer 2005; within groups: Vovk, Lindsay, Nouretdinov and
-Gammerman 2003, "Mondrian confidence machine"). Errors are against the label, whose own uncertainty is added if it is
-stated: a sensor's offset shifts label and estimate alike, so that the errors do not show it. The bounds then hold
-friction, over all sessions; a session whose offset is large is held less often, as its offset is the same in all rows.
-The regime follows from the causal velocity, so every runtime knows it at once; what counts as standstill follows from
-the noise of those recordings' positions, what counts as creep from their speeds. Neighbouring samples are alike, so
-the finite-sample guarantee, which needs exchangeable errors, does not hold to the letter; coverage is measured on the
-test recordings instead.
+Gammerman 2003, "Mondrian confidence machine"). Errors are against the label. A sensor's offset shifts label and
+estimate alike, so errors do not show it; the label's own uncertainty is therefore added if it is stated. The bounds
+then hold friction over all sessions. A session with a large offset is held less often: all its rows share the offset.
+The regime follows from the causal velocity, so every runtime knows it at once. The limit of standstill follows from the
+noise of the recordings' positions, the limit of creep from their speeds. Neighbouring samples are alike, so the
+finite-sample guarantee, which needs exchangeable errors, does not hold exactly; coverage is measured on test
+recordings.
 """
 
 import math
@@ -33,27 +33,27 @@ Whole = NDArray[np.int64]
 
 REGIMES = ("standstill", "creep", "sliding", "reversal")
 STANDSTILL, CREEP, SLIDING, REVERSAL = range(4)
-CREEP_SHARE = 0.4  # Creep is this share of a cylinder's motion, the slowest, where friction still falls with velocity
+CREEP_SHARE = 0.4  # The slowest share of a cylinder's motion, called creep, in which friction falls with velocity
 REVERSAL_S = 0.1
 PROBABILITY = 0.9
 VELOCITY_WINDOW = 21
 VELOCITY_ORDER = 2
-SMALLEST_DEVIATION_N = 1e-3  # Of a label whose uncertainty is stated as zero
+SMALLEST_DEVIATION_N = 1e-3  # Standard uncertainty of a label that states zero
 LEAST_OWN_SHARE = 0.25
-"""Of the squared errors: what an estimator's own errors are taken to be at least, beside those of the offset."""
-UNKNOWN_N = 1e9  # Offset of bounds that were never calibrated: so wide that they state nothing
+"""Smallest share of the squared errors that is attributed to the estimator itself instead of the offset."""
+UNKNOWN_N = 1e9  # Distance of uncalibrated bounds: so wide that they state nothing
 
 
 @dataclass(frozen=True, eq=False)
 class LearnedOffset:
-    """How well the offset of one recording was learned, and that of its label is known."""
+    """Uncertainty of one recording's offset, as the estimator learned it, and as its label knows it."""
 
-    deviation_n: Array  # Standard deviation from that of the label at each sample [N], shape ``(n,)``
+    deviation_n: Array  # Standard deviation of learned less label's offset at each sample [N], shape ``(n,)``
     label_n: float  # Standard uncertainty of the label's own offset, part of ``friction_uncertainty_n`` [N]
 
 
 def velocity_taps(sample_time_s: float, inputs: Sequence[str] = SAMPLE_COLUMNS) -> Array:
-    """Return the taps, shape ``(inputs, 21)``, of the causal velocity [m/s] that regimes go by."""
+    """Build the taps, shape ``(inputs, 21)``, of the causal velocity [m/s] that decides the regime."""
     taps = np.zeros((len(inputs), VELOCITY_WINDOW))
     taps[list(inputs).index("position_m")] = one_sided_savitzky_golay_taps(
         VELOCITY_WINDOW, VELOCITY_ORDER, 1, sample_time_s
@@ -62,19 +62,19 @@ def velocity_taps(sample_time_s: float, inputs: Sequence[str] = SAMPLE_COLUMNS) 
 
 
 def causal_velocity(recording: Recording) -> Array:
-    """Return the velocity that regimes go by [m/s], shape ``(n,)``."""
+    """Compute the causal velocity that decides the regime [m/s], shape ``(n,)``."""
     block = FirFilter(velocity_taps(recording.sample_time_s, ("position_m",))[None])
     return block.advance(block.new_state(), recording.samples(("position_m",)))[:, 0]
 
 
 def regimes_of(recording: Recording, standstill_m_s: float, creep_m_s: float) -> Whole:
-    """Return the regime of each row, shape ``(n,)``, as the real-time step finds it on valid samples."""
+    """Find the regime of each row, shape ``(n,)``, as the real-time step does on valid samples."""
     reversal_samples = round(REVERSAL_S / recording.sample_time_s)
     return regimes(causal_velocity(recording), standstill_m_s, creep_m_s, reversal_samples)
 
 
 def standstill_below_m_s(recordings: Sequence[Recording]) -> float:
-    """Return the standard deviation of the causal velocity's noise [m/s], the median of recordings; 0 without any."""
+    """Measure the standard deviation of the causal velocity's noise [m/s]: the recordings' median, 0 without any."""
     noise_m_s = [
         sensor_noise(each.column("position_m"))
         * float(np.linalg.norm(velocity_taps(each.sample_time_s, ("position_m",))))
@@ -84,22 +84,22 @@ def standstill_below_m_s(recordings: Sequence[Recording]) -> float:
 
 
 def creep_below_m_s(velocities_m_s: Sequence[Array], standstill_m_s: float) -> float:
-    """Return the speed below which ``CREEP_SHARE`` of all motion lies [m/s]; that of standstill where nothing moves."""
+    """Find the speed below which ``CREEP_SHARE`` of all motion lies [m/s]; without motion the limit of standstill."""
     speed = np.abs(np.concatenate([np.empty(0), *velocities_m_s]))
     moving = speed[speed > standstill_m_s]
     return float(f"{np.quantile(moving, CREEP_SHARE):.3g}") if len(moving) else standstill_m_s
 
 
 def bounds_count(estimated: Recording) -> Mask:
-    """Return in which rows of an estimated recording the bounds are to hold, ``(n,)``.
+    """Mark the rows of an estimated recording in which the bounds should hold, shape ``(n,)``.
 
-    They do in usable rows while no flag but ``OUTSIDE`` and ``OFFSET_UNKNOWN`` is set.
+    These are usable rows with no flag other than ``OUTSIDE`` and ``OFFSET_UNKNOWN``.
     """
     return estimated.usable() & (estimated.columns["flags"] & ~(Flag.OUTSIDE | Flag.OFFSET_UNKNOWN) == 0)
 
 
 def unknown_bounds(sample_time_s: float) -> Bounds:
-    """Return bounds that state nothing, for an estimator that was never calibrated."""
+    """Make bounds that state nothing, for an estimator that was never calibrated."""
     wide = (UNKNOWN_N,) * len(REGIMES)
     return Bounds(tuple(-each for each in wide), wide, 0.0, 0.0, round(REVERSAL_S / sample_time_s), 1.0)
 
@@ -112,19 +112,21 @@ def calibrated_bounds(
     probability: float = PROBABILITY,
     offsets: Sequence[LearnedOffset] | None = None,
 ) -> Bounds:
-    """Return bounds between which friction lies with ``probability``, half of the rest on either side.
+    """Calibrate bounds between which friction lies with ``probability``, with half of the rest on either side.
 
-    With ``offsets`` they follow how well the sensors' offset is known (``Bounds.spread_n``), and errors
-    count in units of what was to be expected (Lei et al. 2018, 5.2). Without, the label's stated uncertainty,
-    ``friction_uncertainty_n``, widens them; where not every recording has it, they hold the label (``Bounds.holds``).
+    With ``offsets``, the bounds widen with the uncertainty of the sensors' offset (``Bounds.spread_n``), and errors
+    count in units of their expected deviation (Lei et al. 2018, 5.2). Without ``offsets``, the label's stated
+    uncertainty, ``friction_uncertainty_n``, widens them; if a recording lacks it, they hold the label only
+    (``Bounds.holds``).
 
     Args:
-        recordings: Labelled, none of them trained on; their usable rows count, but for the first ``warm_up_samples``.
-        estimates_n: Estimated friction of each [N].
-        sample_time_s: Between two samples [s].
-        warm_up_samples: Rows at each recording's start that are left out.
+        recordings: Labelled recordings that were not trained on; usable rows count, except the first
+            ``warm_up_samples``.
+        estimates_n: Estimated friction of each recording [N].
+        sample_time_s: Sample time [s].
+        warm_up_samples: Rows that are left out at each recording's start.
         probability: In (0, 1).
-        offsets: Of each recording, what the estimator takes off; None: it takes none off.
+        offsets: Learned offset of each recording; None: the estimator learns none.
 
     Raises:
         ValueError: The probability is not in (0, 1).
@@ -172,10 +174,10 @@ def calibrated_bounds(
 
 
 def _further_for_few(errors_n: Array, sessions: Whole, probability: float) -> float:
-    """Return how many times as far bounds from few sessions must be, as the next session has a mean error of its own.
+    """Compute the factor by which bounds from few sessions are widened, since the next session has its own mean error.
 
-    What sessions differ by takes the prediction interval of Student's t in place of the normal one; what rows differ
-    by stays. With one session alone nothing is known of how sessions differ, and the bounds stay as they are.
+    The spread between sessions is scaled by Student's t instead of the normal quantile; the spread of rows within
+    sessions is not scaled. A single session does not show how sessions differ, and leaves the bounds unchanged.
     """
     count = len(np.unique(sessions))
     if count < 2:
@@ -188,7 +190,7 @@ def _further_for_few(errors_n: Array, sessions: Whole, probability: float) -> fl
 
 
 def _spread(errors_n: Array, deviations_n: Array, groups: Whole) -> tuple[Array, Array]:
-    """Return each regime's standard deviation of errors with the offset known, and what scales each error's bound."""
+    """Compute each regime's standard deviation of errors without the offset, and the scale of each error's bound."""
     spread_n, expected = np.zeros(len(REGIMES)), np.ones(len(errors_n))
     for group in range(len(REGIMES)):
         own = groups == group
@@ -208,16 +210,16 @@ def _widen(lower: Array, upper: Array, errors_n: Array, deviations_n: Array, gro
 
 
 def conformal_offsets(errors_n: Array, groups: Whole, count: int, probability: float) -> tuple[Array, Array]:
-    """Return finite-sample quantiles of each group's errors [N], shape ``(count,)`` below and above.
+    """Compute finite-sample quantiles of each group's errors [N], shape ``(count,)`` below and above.
 
-    A group with too few errors for its quantile takes those of all errors; where even these are too few, the offsets
-    are so wide that they state nothing.
+    A group with too few errors gets the quantiles of all errors. If even these are too few, the offsets are so wide
+    that they state nothing.
 
     Args:
         errors_n: Label - estimate, shape ``(n,)``.
         groups: Group of each error, in ``range(count)``, shape ``(n,)``.
         count: Number of groups.
-        probability: Of lying between the two, half of the rest on either side; in (0, 1).
+        probability: Probability of an error between the two, with half of the rest on either side; in (0, 1).
 
     Raises:
         ValueError: The probability is not in (0, 1).
@@ -242,9 +244,9 @@ def _finite_sample_quantiles(errors_n: Array, side: float) -> tuple[float, float
 def _widened(
     lower: float, upper: float, errors_n: Array, deviations_n: Array, probability: float
 ) -> tuple[float, float]:
-    """Return the quantiles of errors to each of which a normal one of its own deviation is added [N].
+    """Compute quantiles of errors after a normal error of its own deviation is added to each [N].
 
-    They are no nearer to the estimate than those of the errors alone, ``lower`` and ``upper``.
+    They are at least as far from the estimate as the quantiles of the errors alone, ``lower`` and ``upper``.
     """
     if upper >= UNKNOWN_N:
         return lower, upper
@@ -263,7 +265,7 @@ def _widened(
 
 @compiled
 def regimes(velocity_m_s: Array, standstill_m_s: float, creep_m_s: float, reversal_samples: int) -> NDArray[np.int64]:
-    """Return the regime of each step, shape ``(n,)``: see ``next_regime``."""
+    """Find the regime of each step, shape ``(n,)``: see ``next_regime``."""
     result = np.empty(velocity_m_s.shape[0], dtype=np.int64)
     direction, left = 0, 0
     for row in range(velocity_m_s.shape[0]):
@@ -277,7 +279,7 @@ def regimes(velocity_m_s: Array, standstill_m_s: float, creep_m_s: float, revers
 def next_regime(
     velocity_m_s: float, direction: int, left: int, standstill_m_s: float, creep_m_s: float, reversal_samples: int
 ) -> tuple[int, int, int]:
-    """Return this step's regime, direction and remaining steps of a reversal, from those of the step before.
+    """Advance regime, direction and remaining steps of a reversal by one step.
 
     Direction is 0 below ``standstill_m_s``, else the velocity's sign. A new direction other than 0 begins a reversal
     (or start) of ``reversal_samples`` steps, this one included, whatever the velocity is in them.

@@ -1,7 +1,8 @@
 """Bounds for each level of noise that the pressures of calibration sessions have.
 
-Only sessions alike in noise are exchangeable, as conformal prediction requires: noise makes most of the errors in noisy
-ones, and little in quiet ones. So each level has bounds of its own, as each regime of motion (``realtime.bounds``).
+Conformal prediction needs exchangeable sessions, and only sessions of similar noise are: noise makes most of the errors
+in noisy sessions, and few in quiet ones. So each level has its own bounds, as each regime of motion has
+(``realtime.bounds``).
 """
 
 from collections.abc import Sequence
@@ -17,7 +18,7 @@ from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.noise import OTHER_NOISE, times_as_noisy
 
 LEAST_SESSIONS = 2
-"""Of a level: one session does not show how sessions differ."""
+"""Fewest sessions of a level: one session does not show how sessions differ."""
 
 
 @dataclass(frozen=True)
@@ -30,15 +31,15 @@ class NoiseBounds:
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Self:
-        """Return what ``dataclasses.asdict`` gave."""
+        """Rebuild the bounds from ``dataclasses.asdict``."""
         bounds = from_json(Bounds, dict(values["bounds"]))
         assert bounds is not None
         return cls(float(values["noise_pa"]), tuple(map(str, values["sessions"])), bounds)
 
     def widened(self, noise_pa: float) -> Self:
-        """Return it for such noise: if that is k times its own, with k above 1.5, bounds are k times as far away.
+        """Widen the bounds for this noise: if it is k times the level's own, with k above 1.5, by the factor k.
 
-        They are right if noise makes all of the errors, and too wide if something else makes part of them.
+        The result is right if noise makes all of the errors, and too wide if something else makes part of them.
         """
         times = times_as_noisy(noise_pa, self.noise_pa)
         lower_n, upper_n = (tuple(times * each for each in side) for side in (self.bounds.lower_n, self.bounds.upper_n))
@@ -53,10 +54,10 @@ def calibrated_by_noise(
     warm_up_samples: int,
     offsets: Sequence[LearnedOffset] | None = None,
 ) -> list[NoiseBounds]:
-    """Return the bounds of each level of noise, the quietest first; the arguments are those of ``calibrated_bounds``.
+    """Calibrate bounds for each level of noise, the quietest first; arguments as for ``calibrated_bounds``.
 
-    A level of fewer than ``LEAST_SESSIONS``, or of fewer than ``LEAST_ROWS`` usable rows, is left out. If all are, the
-    bounds are those of all sessions together.
+    A level with fewer than ``LEAST_SESSIONS``, or fewer than ``LEAST_ROWS`` usable rows, is left out. If no level is
+    left, all sessions together make one.
     """
     every, known = list(range(len(recordings))), []
     rows = [int(each.usable()[warm_up_samples:].sum()) for each in recordings]
@@ -72,7 +73,7 @@ def calibrated_by_noise(
 
 
 def noise_levels(recordings: Sequence[Recording]) -> list[list[str]]:
-    """Return sessions by level of noise, the quietest first.
+    """Group sessions by level of noise, the quietest first.
 
     A level ends if the next noisier session is more than ``OTHER_NOISE`` times as noisy.
     """
@@ -88,5 +89,5 @@ def noise_levels(recordings: Sequence[Recording]) -> list[list[str]]:
 
 
 def level_for(known: Sequence[NoiseBounds], noise_pa: float) -> NoiseBounds | None:
-    """Return the quietest level that is as noisy as that, or the noisiest; None without any."""
+    """Choose the quietest level that is at least as noisy, or else the noisiest; None without levels."""
     return next((each for each in known if noise_pa <= OTHER_NOISE * each.noise_pa), known[-1] if known else None)

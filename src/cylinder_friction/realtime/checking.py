@@ -1,6 +1,6 @@
-"""What a step model must be before a runtime takes it: shapes, ranges, and trees that end.
+"""Checks of a step model before a runtime is made from it: shapes, ranges, and trees that end.
 
-A saved model may come from anywhere. Every runtime is made from a ``StepModel``, so this one check serves them all.
+A saved model may be damaged or foreign. Every runtime is made from a ``StepModel``, so this one check serves them all.
 """
 
 from typing import Any
@@ -14,18 +14,18 @@ from cylinder_friction.realtime.lstm import LstmWeights
 from cylinder_friction.realtime.model import StepModel
 from cylinder_friction.realtime.sensor_offset import OWN, POWERS, QUANTITIES, RANGED, ZERO
 
-LARGEST = 1e30  # Of any number of a model; more would overflow in single precision
+LARGEST = 1e30  # Largest number in a model; larger ones would overflow in single precision
 LONGEST_SAMPLE_S = 10.0
-MOST_SAMPLES = 10**8  # Of any duration
-MOST_LAGS = 20_000  # Of a filter
-ANY = -1  # A length that the model itself decides
+MOST_SAMPLES = 10**8  # Longest duration [samples]
+MOST_LAGS = 20_000  # Longest filter [samples]
+ANY = -1  # Stands for a length that the model itself decides
 
 
 def check_step_model(model: StepModel) -> None:
-    """Refuse a model that no runtime could take, or that runtimes would take differently.
+    """Refuse a model that no runtime could run, or that runtimes would run differently.
 
     Raises:
-        ValueError: Names the field, what it holds and what was expected.
+        ValueError: The message names the field, what it holds and what was expected.
     """
     channels, features = len(model.channels), len(model.feature_taps)
     check_timing(model.sample_time_s, model.lag_s)
@@ -86,7 +86,7 @@ def check_forest(forest: Forest) -> None:
 
 
 def check_children(inner: Any, left: Any, right: Any, roots: Any) -> None:
-    """Refuse children outside their parent's tree or before their parent, so that each way ends in a leaf.
+    """Refuse children outside their parent's tree or before their parent, so that each path ends in a leaf.
 
     Args:
         inner: Whether each node has children, shape ``(nodes,)``; trees follow one another.

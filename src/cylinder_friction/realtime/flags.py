@@ -20,9 +20,9 @@ LEAST_ROWS, MOST_UNKNOWN = 1000, 0.25
 
 
 class Flag(IntFlag):
-    """Bits of a step's flags; 0 while all is well. The same numbers in every runtime.
+    """Bits of a step's flags; 0 means no objection. Every runtime uses the same numbers.
 
-    Read ``meaning`` and ``advice`` of a flag to tell a person about it. Bounds count while no flag but ``OUTSIDE`` and
+    Show ``meaning`` and ``advice`` of a flag to a person. The bounds hold while no flag other than ``OUTSIDE`` and
     ``OFFSET_UNKNOWN`` is set.
 
     Example:
@@ -90,17 +90,20 @@ class Flag(IntFlag):
 
     @classmethod
     def names(cls, flags: int) -> tuple[str, ...]:
-        """Return the names of the bits that are set, lowest first."""
+        """List the names of the bits that are set, lowest first."""
         return tuple(flag.name for flag in cls if flags & flag and flag.name is not None)
 
     @classmethod
     def of_kind(cls, kind: FlagKind) -> int:
-        """Return the bits of all flags of a kind."""
+        """Combine the bits of all flags of a kind."""
         return reduce(or_, (flag.value for flag in cls if flag.kind == kind))
 
 
 def invalid_flag(column: str) -> Flag:
-    """Return the flag that an invalid value of an input sets.
+    """Look up the flag that an invalid value of an input sets.
+
+    Both pressures and the position have a flag of their own; all other inputs share ``INVALID_OTHER``. A value is
+    invalid if it is NaN, infinite, or further outside the training range than any working sensor reads.
 
     Example:
         >>> from cylinder_friction.realtime.flags import invalid_flag
@@ -120,13 +123,13 @@ UNKNOWN = {
     Flag.UNMODELLED_FORCE: "of the rows hold a force that this model does not know",
     Flag.OUTSIDE: "of the rows lie outside the range of its training",
 }
-"""What each flag states of rows whose estimates are not to be used as they are."""
+"""Why the rows with a flag have estimates that are not to be used as they are."""
 
 
 def unknown_in_words(rows: int, by_flag: Mapping[str, int]) -> str:
-    """Return why estimates are not to be used as they are, from how many rows have each flag; empty if they are.
+    """State why estimates are not to be used as they are, from the number of rows with each flag; empty if they are.
 
-    It speaks only of a thousand rows or more, and only if a model does not know more than a quarter of them.
+    The result is empty for fewer than a thousand rows, and if at most a quarter of the rows is unknown to the model.
 
     Example:
         >>> from cylinder_friction.realtime.flags import unknown_in_words
@@ -145,7 +148,10 @@ def unknown_in_words(rows: int, by_flag: Mapping[str, int]) -> str:
 
 
 class Estimate(NamedTuple):
-    """One step's output.
+    """Output of one step: friction with bounds [N], and flags.
+
+    Friction is positive when it opposes positive velocity. Check ``flags`` before you use the numbers: 0 means no
+    objection, and ``Flag.names(flags)`` lists the objections. A step without any valid sample so far gives zeros.
 
     Example:
         >>> from cylinder_friction.realtime.flags import Estimate
@@ -155,7 +161,7 @@ class Estimate(NamedTuple):
     """
 
     friction_n: float  # Friction [N], positive when it opposes positive velocity
-    # Bounds around it [N]; not to be trusted while a flag but ``OUTSIDE`` or ``OFFSET_UNKNOWN`` is set
+    # Bounds around friction [N]; do not trust them while a flag other than ``OUTSIDE`` or ``OFFSET_UNKNOWN`` is set
     lower_n: float
     upper_n: float
     flags: int  # Bits of ``Flag``

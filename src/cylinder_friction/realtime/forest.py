@@ -10,15 +10,15 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Forest:
-    """A forest of binary regression trees; a row goes left where ``feature <= threshold``."""
+    """A forest of binary regression trees; a row goes left if ``feature <= threshold``."""
 
-    feature: NDArray[np.int64]  # Feature that each node asks for, shape ``(nodes,)``; -1 in a leaf
+    feature: NDArray[np.int64]  # Feature that each node compares, shape ``(nodes,)``; -1 in a leaf
     threshold: NDArray[np.float32]  # Shape ``(nodes,)``, single precision, as the features are
-    left: NDArray[np.int64]  # Index of the next node if it does, shape ``(nodes,)``
-    right: NDArray[np.int64]  # Index of the next node if it does not, shape ``(nodes,)``
-    value: NDArray[np.float32]  # What a leaf adds, already divided by the number of trees, shape ``(nodes,)``
+    left: NDArray[np.int64]  # Next node if the feature is at most the threshold, shape ``(nodes,)``
+    right: NDArray[np.int64]  # Next node if it is larger, shape ``(nodes,)``
+    value: NDArray[np.float32]  # A leaf's output, divided by the number of trees, shape ``(nodes,)``
     roots: NDArray[np.int64]  # Index of each tree's first node, shape ``(trees,)``
-    depth: int  # Longest way from a root to a leaf
+    depth: int  # Longest path from a root to a leaf
     inputs: int  # Number of features
 
     @classmethod
@@ -32,7 +32,7 @@ class Forest:
         roots: NDArray[Any],
         inputs: int,
     ) -> Self:
-        """Return the forest of these nodes; children of leaves are of no account."""
+        """Build a forest from its nodes; the children of leaves are ignored."""
         depth, level = 0, roots
         while len(inner := level[feature[level] >= 0]):
             depth, level = depth + 1, np.concatenate([left[inner], right[inner]])
@@ -40,7 +40,7 @@ class Forest:
         return cls(nodes, threshold.astype(np.float32), lower, upper, value.astype(np.float32), first, depth, inputs)
 
     def predict(self, features: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Return the forest's output, shape ``(n,)``, for features of shape ``(n, inputs)``, float32."""
+        """Evaluate the forest, shape ``(n,)``, on features of shape ``(n, inputs)``, float32."""
         return _predict(
             self.feature,
             self.threshold,
@@ -52,7 +52,7 @@ class Forest:
         )
 
     def comparisons(self) -> int:
-        """Return the comparisons of one row at worst."""
+        """Count the comparisons of one row at worst."""
         return len(self.roots) * self.depth
 
 
@@ -67,7 +67,7 @@ def _predict(
     rows: NDArray[np.float32],
 ) -> NDArray[np.float64]:
     result = np.zeros(rows.shape[0])
-    for root in roots:  # tree after tree, since one fits a processor's nearest memory and all of them do not
+    for root in roots:  # tree by tree: one tree fits the processor's first cache, all trees do not
         for row in range(rows.shape[0]):
             node = root
             while feature[node] >= 0:

@@ -1,4 +1,4 @@
-"""What a sample must be: the range that an estimator was trained on, and the limits that follow from it."""
+"""Limits of valid samples: the range that an estimator was trained on, and the limits that follow from it."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -14,26 +14,26 @@ from cylinder_friction.recordings.columns import POSITION, PRESSURES, SAMPLE_COL
 from cylinder_friction.recordings.recording import Recording
 
 TRAINED_MARGIN = 0.05
-"""Share of its span by which a range is widened before a value counts as beyond it, and an estimate as extrapolated."""
+"""Share of its span by which a range is widened; an estimate from a value beyond that is an extrapolation."""
 ACCEPT_SPANS = 1.0
-"""A reading may lie this many training spans outside the training range; beyond, no working sensor gave it."""
+"""A reading further outside the training range than this many training spans is not from a working sensor."""
 FREEZE_TRAVEL_M, FREEZE_TRAVELS = 5e-3, 3.0
-"""A pressure that stays exactly constant over more travel is frozen: more than this, and than so many times the longest
-travel over which one did in a recording of training, half of them, as converters of coarse steps make it."""
+"""A pressure is frozen if it stays exactly constant over more travel than this, and than this multiple of the longest
+constant travel in training (median of recordings), which converters with coarse steps cause."""
 FREEZE_TIME_S = 2.0
 FREEZE_FORCE_RATIO = 2.0
-"""A piston that resists more than this many times the largest friction of training is not at rest by friction."""
-UNKNOWN_FORCE_N = 1e9  # Larger than any cylinder's force: stands for an unknown largest friction of training
+"""Friction cannot hold a piston at rest against more than this multiple of the largest friction of training."""
+UNKNOWN_FORCE_N = 1e9  # Stands for an unknown largest friction of training: larger than any cylinder's force
 WARM_UP_S = 3.0
 RECOVERY_S = 3.0
-"""After NaN, out-of-range and frozen stretches of 1 to 1000 samples the default hybrid is back within 0.5 N of the
-undisturbed estimate, and stays there, after 50 samples in half of all cases and after 420 in 99 %; after a reset in the
-middle of a motion after 88 and 490. (3360 disturbances of the 16 test recordings at 200 Hz.)"""
+"""Time after which a disturbance no longer shows. After 1 to 1000 bad or frozen samples, the default hybrid stays
+within 0.5 N of the undisturbed estimate from 50 samples on in half of all cases, and from 420 on in 99 %. After a reset
+in the middle of a motion these are 88 and 490 samples (3360 disturbances of the 16 test recordings at 200 Hz)."""
 
 
 @dataclass(frozen=True)
 class TrainingRange:
-    """Smallest and largest value of each column in training: raw samples, and the velocity if it counts."""
+    """Smallest and largest value of each column in training: raw samples, and the velocity if it is checked."""
 
     columns: tuple[str, ...]  # Of a recording
     # One number per column, in its unit
@@ -42,14 +42,14 @@ class TrainingRange:
 
     @classmethod
     def of(cls, recordings: Iterable[Recording], columns: Sequence[str] = SAMPLE_COLUMNS) -> Self:
-        """Return the range of these recordings, at least one."""
+        """Find the range of at least one recording."""
         samples = (recording.samples(columns) for recording in recordings)
         lowest, highest = zip(*((each.min(axis=0), each.max(axis=0)) for each in samples), strict=True)
         lower, upper = np.min(lowest, axis=0), np.max(highest, axis=0)
         return cls(tuple(columns), tuple(map(float, lower)), tuple(map(float, upper)))
 
     def widened(self, share: float = TRAINED_MARGIN) -> Self:
-        """Return the range with ``share`` of each column's span more on either side."""
+        """Widen the range on either side by ``share`` of each column's span."""
         slack = [share * (upper - lower) for lower, upper in zip(self.lower, self.upper, strict=True)]
         return type(self)(
             self.columns,
@@ -58,7 +58,7 @@ class TrainingRange:
         )
 
     def trusted(self, load: PositionLoad | None) -> Self:
-        """Return the range with its margin, cut to the positions between which a load that they decide is known."""
+        """Widen the range by its margin, and cut it to the positions at which a position-dependent load is known."""
         wide = self.widened()
         if load is None:
             return wide
@@ -69,9 +69,9 @@ class TrainingRange:
         return type(self)(wide.columns, tuple(lowest), tuple(highest))
 
     def holds(self, samples: Array) -> NDArray[np.bool_]:
-        """Return which rows of ``samples``, shape ``(n, columns)``, lie in the range, widened by the margin.
+        """Mark the rows of ``samples``, shape ``(n, columns)``, that lie in the widened range.
 
-        A row outside is what a real-time step flags as ``OUTSIDE``.
+        A real-time step flags the other rows as ``OUTSIDE``.
         """
         wide = self.widened()
         return np.asarray(((samples >= np.array(wide.lower)) & (samples <= np.array(wide.upper))).all(axis=1))
@@ -84,15 +84,15 @@ def guard_from(
     load: PositionLoad | None = None,
     freeze_travel_m: float = FREEZE_TRAVEL_M,
 ) -> Guard:
-    """Return the guard of an estimator.
+    """Derive the guard of an estimator from its training range.
 
     Args:
         training_range: Smallest and largest raw samples of training, one column per input.
-        largest_friction_n: Largest absolute label of training [N]; infinite if it is not known, which leaves a
-            frozen position unnoticed.
-        sample_time_s: Between two samples [s].
-        load: Decided by position: positions at which it is not known count as outside the training range.
-        freeze_travel_m: Over which a healthy pressure may stay exactly constant [m].
+        largest_friction_n: Largest absolute label of training [N]; infinite if it is unknown, and a frozen position
+            then goes unnoticed.
+        sample_time_s: Sample time [s].
+        load: The load that position decides; positions with unknown load count as outside the training range.
+        freeze_travel_m: Longest travel over which a healthy pressure stays exactly constant [m].
     """
     accept, trained = training_range.widened(ACCEPT_SPANS), training_range.trusted(load)
     return Guard(
@@ -109,7 +109,7 @@ def guard_from(
 
 
 def freeze_travel_m(recordings: Iterable[Recording]) -> float:
-    """Return the travel over which a healthy pressure may stay exactly constant [m]."""
+    """Find the longest travel over which a healthy pressure stays exactly constant [m]."""
     longest_m = [_longest_constant_m(each, name) for each in recordings for name in PRESSURES if name in each.columns]
     return max(FREEZE_TRAVEL_M, FREEZE_TRAVELS * float(np.median(longest_m))) if longest_m else FREEZE_TRAVEL_M
 
@@ -121,6 +121,6 @@ def _longest_constant_m(recording: Recording, column: str) -> float:
 
 
 def largest_friction_n(recordings: Iterable[Recording]) -> float:
-    """Return the largest absolute label of the usable rows [N]; 0 without any."""
+    """Find the largest absolute label of the usable rows [N]; 0 without any."""
     labels = (recording.column("friction_n")[recording.usable()] for recording in recordings)
     return max((float(abs(label).max()) for label in labels if len(label)), default=0.0)

@@ -1,4 +1,4 @@
-"""The memory of motion that friction has and a filter has not: dwell, travel and time since the last reversal."""
+"""Features of the past motion, on which friction depends: dwell, travel and time since the last reversal."""
 
 from dataclasses import asdict, dataclass
 from typing import Any, Self
@@ -12,22 +12,22 @@ from cylinder_friction.signals.backlash import AGE, CENTRE, DIRECTION, new_backl
 HISTORY_NAMES = ("direction", "dwell", "dwell_before", "travel_short", "travel_long", "moving_time")
 BACKLASH, MOVES, DWELL, TRAVEL_SHORT, TRAVEL_LONG, MOVING = range(6)  # Places in ``History.settings``
 TOLERANCE_M = 1e-7
-"""Less beyond the backlash is rounding, single precision included, and no push: a moving average of values that repeat
-differs in its last digit by the order of its sum."""
+"""A position beyond the backlash by less than this is a rounding error, even in single precision, and no push: moving
+averages of the same values differ in the last digit with the order of the sum."""
 
 
 @dataclass(frozen=True, eq=False)
 class History:
     """Six features of the motion so far, from a smoothed position; see ``history_step``."""
 
-    position_feature: int  # Which linear feature is the smoothed position [m], taken straight from its filter
-    # Taken off each history feature, then divided by, shape ``(6,)``
+    position_feature: int  # Index of the linear feature that is the smoothed position [m], before scaling
+    # Subtracted from each history feature, then divided by, shape ``(6,)``
     mean: Array
     scale: Array
-    # Half-width of the backlash that the smoothed position drags along [m], about three times the noise of a smoothed
-    # 12-bit potentiometer: a velocity threshold would take noise for motion, and miss creep
+    # Half-width of the backlash operator on the smoothed position [m], about three times the noise of a smoothed 12-bit
+    # potentiometer. A velocity threshold would mistake noise for motion, and miss creep
     backlash_m: float = 4e-5
-    moves_s: float = 0.05  # The piston counts as moving while its last push against the backlash is no older [s]
+    moves_s: float = 0.05  # The piston moves while its last push against the backlash is at most this old [s]
     dwell_s: float = 0.1  # Time scale of the logarithm of the dwells [s]
     # Travels over which the travel features saturate [m]
     travel_short_m: float = 2e-4
@@ -35,7 +35,7 @@ class History:
     moving_s: float = 0.2  # Time over which the time of motion saturates [s]
 
     def settings(self) -> Array:
-        """Return what ``history_step`` needs, shape ``(6,)``, at the places named in this module."""
+        """Pack the settings of ``history_step``, shape ``(6,)``, at the places named in this module."""
         lengths = (self.travel_short_m, self.travel_long_m)
         return np.array([self.backlash_m, self.moves_s, self.dwell_s, *lengths, self.moving_s])
 
@@ -48,20 +48,21 @@ class History:
 
 
 def new_history() -> Array:
-    """Return the state before the first position, shape ``(7,)``.
+    """Make the state before the first position, shape ``(7,)``.
 
-    It is the dwell [s], the dwell before the present motion [s], the place of the last reversal or start [m] (NaN
-    before the first position) and the time of motion [s]; then the state of the backlash.
+    It holds the dwell [s], the dwell before the present motion [s], the position of the last reversal or start [m] (NaN
+    before the first position), the time of motion [s], and the state of the backlash operator.
     """
     return np.concatenate([[0.0, 0.0, np.nan, 0.0], new_backlash()])
 
 
 @compiled_part
 def history_step(position_m: float, state: Array, settings: Array, sample_time_s: float, result: Array) -> None:
-    """Take the next smoothed position: changes ``state`` (see ``new_history``) and fills ``result``, shape ``(6,)``.
+    """Take the next smoothed position: update ``state`` (see ``new_history``) and fill ``result``, shape ``(6,)``.
 
-    Results are the direction of the last motion; logarithms of the dwell so far and of the one before this motion;
-    travel since the last reversal or start, saturating over a short and over a long distance; time of motion so far.
+    The results are the direction of the last motion, the logarithms of the present dwell and of the dwell before this
+    motion, the travel since the last reversal or start (saturated over a short and over a long distance), and the time
+    of motion.
     """
     backlash = state[4:]
     before = backlash[DIRECTION]
@@ -90,7 +91,7 @@ def history_step(position_m: float, state: Array, settings: Array, sample_time_s
 
 @compiled
 def history_rows(position_m: Array, state: Array, settings: Array, sample_time_s: float) -> Array:
-    """Return ``history_step`` at each position, shape ``(n, 6)``; changes ``state``."""
+    """Run ``history_step`` at each position, shape ``(n, 6)``; updates ``state``."""
     result = np.empty((position_m.shape[0], 6))
     for row in range(position_m.shape[0]):
         history_step(position_m[row], state, settings, sample_time_s, result[row])

@@ -1,4 +1,4 @@
-"""The table of a load over positions as a step takes it: packed into one array, and looked up in compiled code."""
+"""The table of a load over positions in a step: packed into one array, and looked up in compiled code."""
 
 import numpy as np
 
@@ -6,14 +6,16 @@ from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.realtime.compiled import compiled, compiled_part
 
 COLUMN, FIRST, PER_METRE, PLACES, NUMBERS = range(5)
-"""In what a step takes, of each axis: the sample's place of its position, the first one [m], places a metre, places."""
+"""Places in an axis of a packed load: index of its position in the sample, first position [m], places per metre,
+places.
+"""
 TABLE = 1 + 3 * NUMBERS
-"""In what a step takes: the number of axes, three times ``NUMBERS`` numbers of an axis, then the loads [N]."""
+"""Start of the loads [N] in a packed load, behind the number of axes and ``NUMBERS`` numbers of each of three axes."""
 
 
 @compiled_part
 def _place(axis: Array, sample: Array) -> tuple[int, float]:
-    """Find the place below a position along an axis, and which part of the way to the next it is."""
+    """Find the place below a position along an axis, and the position's fraction of the way to the next place."""
     last = axis[PLACES] - 1.0
     place = min(max((sample[int(axis[COLUMN])] - axis[FIRST]) * axis[PER_METRE], 0.0), last)
     index = min(int(place), int(last) - 1)
@@ -28,7 +30,7 @@ def _between(table: Array, at: int, part: float) -> float:
 
 @compiled_part
 def _on_plane(table: Array, at: int, width: int, part: float, further: int, rest: float) -> float:
-    """Return the value between four of a plane, ``part`` of the way from row to row, ``rest`` from column to column."""
+    """Interpolate between four values of a plane: ``part`` of the way between rows, ``rest`` between columns."""
     below = _between(table, at + further, rest)
     return float(below + part * (_between(table, at + width + further, rest) - below))
 
@@ -54,7 +56,7 @@ def table_at(packed: Array, sample: Array, table: Array) -> float:
 
 @compiled_part
 def places_of(packed: Array) -> int:
-    """Return how many loads ``PositionLoad.packed`` holds."""
+    """Count the loads in ``PositionLoad.packed``."""
     count = 1
     for axis in range(int(packed[0])):
         count *= int(packed[1 + axis * NUMBERS + PLACES])
@@ -63,20 +65,20 @@ def places_of(packed: Array) -> int:
 
 @compiled
 def load_at(packed: Array, sample: Array) -> float:
-    """Return the load at a sample's positions [N] of ``PositionLoad.packed``."""
+    """Look up the load at a sample's positions [N] in ``PositionLoad.packed``."""
     return table_at(packed, sample, packed[TABLE:])
 
 
 @compiled
 def load_unknown(packed: Array, sample: Array) -> bool:
-    """Return whether the load is unknown: more than half of what lies around a sample's positions in the table."""
+    """Check whether the load is unknown: the interpolated mark of unknown places is above one half."""
     start = TABLE + places_of(packed)
     return packed.shape[0] > start and table_at(packed, sample, packed[start:]) > 0.5
 
 
 @compiled
 def loads_at(packed: Array, samples: Array) -> Array:
-    """Return the load at each sample's positions [N] of ``PositionLoad.packed``, shape ``(n,)``."""
+    """Look up the load at each sample's positions [N] in ``PositionLoad.packed``, shape ``(n,)``."""
     loads_n = np.empty(samples.shape[0])
     for row in range(samples.shape[0]):
         loads_n[row] = load_at(packed, samples[row])
@@ -85,7 +87,7 @@ def loads_at(packed: Array, samples: Array) -> Array:
 
 @compiled
 def loads_unknown_at(packed: Array, samples: Array) -> Mask:
-    """Return at which samples' positions the load is unknown, shape ``(n,)``."""
+    """Mark the samples at whose positions the load is unknown, shape ``(n,)``."""
     unknown = np.empty(samples.shape[0], dtype=np.bool_)
     for row in range(samples.shape[0]):
         unknown[row] = load_unknown(packed, samples[row])

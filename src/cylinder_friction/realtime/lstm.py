@@ -6,9 +6,9 @@ Cell (Hochreiter and Schmidhuber 1997, with forget gate of Gers et al. 2000), ga
 
 A state below 1e-30 becomes 0: a forgotten cell that sinks among the denormal numbers would slow every later step.
 
-Hyperbolic tangent and logistic function are made from additions, multiplications and one division: the mathematics
-library's ``tanhf`` and ``expf`` differ from one machine to the next in the last bit and work on one number at a time.
-These are the same on every machine and a compiler runs them over eight numbers at once.
+Hyperbolic tangent and logistic function are made from additions, multiplications and one division, which give the same
+bits on every machine and which a compiler applies to eight numbers at once. The mathematics library's ``tanhf`` and
+``expf`` differ between machines in the last bit, and work on one number at a time.
 
 ``tanh(x) = x P(x²) / Q(x²)`` for ``|x| <= 9``; beyond, ``tanh(9)``, which is 1 in single precision. P and Q are the
 best fit of degree 4 in x² by relative error (linear programming on 4001 Chebyshev points, reweighted by Q until it
@@ -48,7 +48,7 @@ _Q0, _Q1, _Q2, _Q3, _Q4 = TANH_DENOMINATOR
 
 @partial(compiled, inline="always")
 def tanh(x: np.float32) -> np.float32:
-    """Return tanh of a finite number, float32 in and out."""
+    """Compute tanh of a finite number, float32 in and out."""
     x = min(max(x, -TANH_LIMIT), TANH_LIMIT)
     square = x * x
     numerator = (((_P4 * square + _P3) * square + _P2) * square + _P1) * square + _P0
@@ -58,7 +58,7 @@ def tanh(x: np.float32) -> np.float32:
 
 @partial(compiled, inline="always")
 def sigmoid(x: np.float32) -> np.float32:
-    """Return ``1 / (1 + exp(-x))`` of a finite number, float32 in and out, by ``(1 + tanh(x / 2)) / 2``."""
+    """Compute ``1 / (1 + exp(-x))`` of a finite number, float32 in and out, by ``(1 + tanh(x / 2)) / 2``."""
     return HALF * tanh(HALF * x) + HALF
 
 
@@ -67,7 +67,7 @@ Layers = Sequence[Single]
 
 TINY = np.float32(1e-30)
 ZERO = np.float32(0.0)
-AT_A_TIME = 8  # Sources whose products are added to a sum before it is stored
+AT_A_TIME = 8  # Number of products that are added to a sum before it is stored
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ class LstmWeights:
 
     @classmethod
     def of(cls, kernels: Layers, recurrent: Layers, bias: Layers, head: Single, head_bias: float) -> Self:
-        """Return the weights of layers, one entry each: input ``(inputs, 4 · nodes)``, recurrent, and bias."""
+        """Stack the weights of layers, given one entry per layer: input ``(inputs, 4 · nodes)``, recurrent, bias."""
         padded = np.zeros((len(kernels), max(map(len, kernels)), len(bias[0])), dtype=np.float32)
         for layer, kernel in enumerate(kernels):
             padded[layer, : len(kernel)] = kernel
@@ -99,12 +99,12 @@ class LstmWeights:
         return int(self.recurrent.shape[1])
 
     def multiply_adds(self) -> int:
-        """Return the multiply-adds of one step, the head included."""
+        """Count the multiply-adds of one step, the head included."""
         return lstm_multiply_adds(self.layers, self.nodes, self.inputs)
 
 
 def lstm_multiply_adds(layers: int, nodes: int, inputs: int) -> int:
-    """Return the multiply-adds of one step of such a stack with a linear head."""
+    """Count the multiply-adds of one step of an LSTM stack with a linear head."""
     first = 4 * nodes * (inputs + nodes)
     others = (layers - 1) * 4 * nodes * (nodes + nodes)
     return first + others + layers * 3 * nodes + nodes
@@ -133,7 +133,7 @@ class Lstm:
         return LstmState(np.zeros(shape, dtype=np.float32), np.zeros(shape, dtype=np.float32))
 
     def advance(self, state: LstmState, features: Single) -> tuple[Single, Single]:
-        """Return the last layer's hidden states, shape ``(n, nodes)``, and the head's output, shape ``(n,)``."""
+        """Compute the last layer's hidden states, shape ``(n, nodes)``, and the head's output, shape ``(n,)``."""
         w = self.weights
         hidden = _run(w.input, w.recurrent, w.bias, w.inputs, features, state.hidden, state.cell)
         return hidden, _head(hidden, w.head, w.head_bias)
@@ -163,7 +163,7 @@ def lstm_step(
     cell: Single,
     gates: Single,
 ) -> None:
-    """Take one step of the whole stack: changes ``hidden`` and ``cell``; ``gates`` is room for ``4 nodes`` numbers."""
+    """Take one step of the whole stack: update ``hidden`` and ``cell``; ``gates`` is a buffer of ``4 nodes``."""
     layers, nodes = hidden.shape
     for layer in range(layers):
         for gate in range(4 * nodes):
@@ -196,7 +196,7 @@ def add_product(sums: Single | Array, weights: Single | Array, values: Single | 
             sums[place] += weights[source, place] * value
 
 
-@partial(compiled_part, error_model="numpy")  # Python's asks before each division, one number at a time
+@partial(compiled_part, error_model="numpy")  # Python's model checks before each division, one number at a time
 def _cell_step(gates: Single, hidden: Single, cell: Single) -> None:
     nodes = hidden.shape[0]
     logistic, candidates = gates[: 3 * nodes], gates[3 * nodes :]
@@ -223,7 +223,8 @@ def _head(hidden: Single, head: Single, bias: float) -> Single:
 
 @compiled_part
 def head_of(hidden: Single, head: Single, bias: float | np.float32) -> np.float32:
-    """Return the linear head's output for one hidden state."""
+    """Compute the linear head's output for one hidden state."""
+
     total = np.float32(bias)
     for node in range(hidden.shape[0]):
         total += hidden[node] * head[node]

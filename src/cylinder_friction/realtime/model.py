@@ -1,4 +1,4 @@
-"""Everything that one step of an estimator needs, as plain arrays: what every runtime is built from."""
+"""The complete description of an estimator's step, as plain arrays; every runtime is built from it."""
 
 from __future__ import annotations
 
@@ -23,42 +23,47 @@ ForestSees = Literal["nothing", "hidden", "hidden_head_features", "features"]
 
 @dataclass(frozen=True)
 class Guard:
-    """What a sample must be, and what happens if it is not."""
+    """Limits that a sample must meet, and how long a step is flagged after a sample that does not.
 
-    # A value outside is no reading of a working sensor; one number per input
+    ``FrictionEstimator.calibrate`` derives it from the training recordings. A step never lets an invalid value into its
+    state: it holds the last valid one and sets a flag. Numbers are in the unit of their input, one per input.
+    """
+
+    # Limits of a working sensor's readings; one number per input
     accept_lower: tuple[float, ...]
     accept_upper: tuple[float, ...]
-    # Outside, the estimate goes on and is flagged as an extrapolation
+    # Limits of training; a value outside is estimated and flagged as an extrapolation
     trained_lower: tuple[float, ...]
     trained_upper: tuple[float, ...]
     freeze_travel_m: float  # A pressure that stays exactly constant over more travel than this is frozen [m]
-    freeze_samples: int  # A position that stays exactly constant longer is frozen, if the force is too large to hold
-    freeze_force_n: float  # More than the piston can hold at rest [N]
-    warm_up_samples: int  # Steps after a reset in which the estimate is not yet to be trusted
-    recovery_samples: int  # The same after the last bad sample
-    # Range of the force balance (see ``realtime.unmodelled_force``): what one unit of each channel adds to it [N]; then
-    # lines over the sum of both pressures, constant [N] and slope [N/Pa]; nothing if it is not known
+    freeze_samples: int  # A position that stays exactly constant longer is frozen, if friction cannot hold the force
+    freeze_force_n: float  # Largest force that friction can hold at rest [N]
+    warm_up_samples: int  # Steps after a reset that are flagged ``WARMING``
+    recovery_samples: int  # Steps after the last bad sample that are flagged ``RECOVERING``
+    # Range of the force balance (see ``realtime.unmodelled_force``): its change per unit of each channel [N], then
+    # lines over the sum of both pressures, constant [N] and slope [N/Pa]; empty if the range is unknown
     force_weights: tuple[float, ...] = ()
-    sliding_lower: tuple[float, ...] = ()  # Of the balance along the motion
+    sliding_lower: tuple[float, ...] = ()  # Limit of the balance along the motion
     sliding_upper: tuple[float, ...] = ()
-    largest_force: tuple[float, ...] = ()  # Of its size while the piston does not slide
-    clear_samples: int = 0  # Motion within the range of sliding for so long refutes an unmodelled force
-    least_pressure_pa: float = -1e12  # A smaller sum of both pressures is that of no cylinder at work [Pa]
+    largest_force: tuple[float, ...] = ()  # Limit of its size while the piston does not slide
+    clear_samples: int = 0  # Samples of motion within the range of sliding that refute an unmodelled force
+    least_pressure_pa: float = -1e12  # Least sum of both pressures of a working cylinder [Pa]
 
 
 @dataclass(frozen=True)
 class Bounds:
     """An interval for friction around an estimate, by regime of motion (see ``realtime.bounds``).
 
-    The regimes are standstill, creep, sliding, and the moments just after a reversal or start.
+    The regimes are standstill, creep, sliding, and the moments just after a reversal or start. The bounds hold with the
+    stated ``probability`` over sessions like those of the calibration, not within every single session.
     """
 
     lower_n: tuple[float, ...]  # Added to the estimate [N], one per regime, shape ``(4,)``
     upper_n: tuple[float, ...]  # The same for the upper bound [N]
-    standstill_m_s: float  # Slower, the piston stands still [m/s]
-    creep_m_s: float  # Slower, it creeps [m/s]; as ``standstill_m_s`` if that is not known
-    reversal_samples: int  # How long a reversal or start lasts
-    # That what the bounds hold lies between them, over the sessions and samples like those of the calibration
+    standstill_m_s: float  # Velocity below which the piston stands still [m/s]
+    creep_m_s: float  # Velocity below which it creeps [m/s]; equal to ``standstill_m_s`` if unknown
+    reversal_samples: int  # Duration of a reversal or start
+    # Probability of lying between the bounds, over sessions and samples like those of the calibration
     probability: float
     # ``friction``: the sensors' stated uncertainty is part of the bounds; ``label``: it is not known, and a sensor's
     # offset, which shifts label and estimate alike, is not covered
@@ -68,21 +73,24 @@ class Bounds:
     spread_n: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
 
     def in_words(self) -> str:
-        """Return what the bounds hold, and under which assumption: the one sentence wherever bounds are shown."""
+        """State what lies between the bounds, and under which assumption; pages and messages show this sentence."""
         if self.probability == 1.0:
             return "as wide as can be, as this model's errors were never calibrated"
-        where = "over all sessions with pressures as quiet as in training"
-        what = f"lies between the bounds with probability {self.probability:g} {where}"
+        often = f"with probability {self.probability:g} over all sessions with pressures as quiet as in training"
         if self.holds == "friction":
-            return f"friction {what}, if the sensors are as accurate as stated for the calibration"
-        return f"the label {what}; friction does only if the sensors' zeros are right: nothing was stated about them"
+            return f"they hold friction {often}, if the sensors are as accurate as stated for the calibration"
+        return f"they hold the label {often}; friction only if zeros are right, of which nothing was stated"
 
 
 GuardOrBounds = TypeVar("GuardOrBounds", Guard, Bounds)
 
 
 def from_json(kind: type[GuardOrBounds], values: dict[str, Any] | None) -> GuardOrBounds | None:
-    """Return a guard or bounds from JSON, which has lists in place of tuples; None for None."""
+    """Rebuild a guard or bounds from JSON, which has lists in place of tuples; None for None.
+
+    Use it to read a description of your own; ``load`` does this for a saved estimator. Unknown or missing keys raise
+    ``TypeError``. The numbers themselves are checked later, by ``check_step_model``.
+    """
     if values is None:
         return None
     known: dict[str, Any] = {key: tuple(value) if isinstance(value, list) else value for key, value in values.items()}
@@ -91,39 +99,44 @@ def from_json(kind: type[GuardOrBounds], values: dict[str, Any] | None) -> Guard
 
 @dataclass(frozen=True)
 class StepModel:
-    """One estimator, ready for any runtime."""
+    """One estimator, ready for any runtime: filters, network, forest, guard and bounds as plain arrays.
 
-    sample_time_s: float  # Between two samples [s]; an LSTM cannot take another
+    ``FrictionEstimator.step_model`` makes it. Pass it to ``RealTimeStream``, to ``export_c`` or ``export_fmu``, or to a
+    runtime of your own; all give the same numbers. Forces are in newtons, friction is positive when it opposes
+    velocity.
+    """
+
+    sample_time_s: float  # Sample time [s]; an LSTM is valid at this one only
     feature_taps: Array  # FIR filters on raw samples, shape ``(features, channels, lags)``
-    feature_limits: Array  # Where positive, a filtered value y becomes ``y / (|y| + limit)``, shape ``(features,)``
-    # Taken off, then divided by, shape ``(features,)``
+    feature_limits: Array  # If positive, a filtered value y becomes ``y / (|y| + limit)``, shape ``(features,)``
+    # Subtracted, then divided by, shape ``(features,)``
     feature_mean: Array
     feature_scale: Array
     base_taps: Array  # The force that is corrected [N], shape ``(channels, lags)``; zeros if there is none
-    velocity_taps: Array  # The causal velocity that bounds go by [m/s], shape ``(channels, lags)``
+    velocity_taps: Array  # The causal velocity that decides the regime [m/s], shape ``(channels, lags)``
     network: LstmWeights | None  # None for a model without LSTM
     forest: Forest | None  # None for a model without forest
     forest_sees: ForestSees  # Which inputs the forest takes, in this order: hidden state, head, features
     head_counts: bool  # Whether the network's head is part of the estimate
-    # What the network's and the forest's outputs mean [N]
+    # Force that the outputs of network and forest stand for [N]
     target_mean_n: float
     target_scale_n: float
-    guard: Guard  # What a sample must be
+    guard: Guard  # Limits of valid samples
     bounds: Bounds  # The interval around the estimate
     # Columns of a recording that make up a sample, in this order; ``position_m`` is one
     inputs: tuple[str, ...] = SAMPLE_COLUMNS
     # Features of the motion so far, which follow the linear ones; None for a model without
     history: History | None = None
-    # How the offset of the sensors' zeros is learned; None: it is not, and stays in the estimate
+    # Tracker of the sensors' offset; None: no offset is learned, and it stays in the estimate
     offset: OffsetTracker | None = None
     # The load that position decides, a channel beside the inputs; None: it is an input, or there is none
     position_load: PositionLoad | None = None
-    lag_s: float = 0.0  # How long before its sample a step's friction was, and its bounds [s]
-    trained_for: TrainedFor | None = None  # Where it belongs; None: not known
+    lag_s: float = 0.0  # Delay of a step's friction and bounds behind its sample [s]
+    trained_for: TrainedFor | None = None  # The cylinder, noise and friction it fits; None: not known
 
     @cached_property
     def channels(self) -> tuple[str, ...]:
-        """What the filters take: the inputs, and a load that position decides."""
+        """Channels of the filters: the inputs, and a load that position decides."""
         return channel_names(self.inputs, self.position_load)
 
     @cached_property
@@ -133,7 +146,7 @@ class StepModel:
 
     @cached_property
     def pressures(self) -> tuple[int, ...]:
-        """Places of the raw pressures among the inputs: those that cannot stay constant over a travel."""
+        """Places of the raw pressures among the inputs; these cannot stay constant over a travel."""
         return tuple(self.inputs.index(name) for name in SAMPLE_COLUMNS[:2] if name in self.inputs)
 
     @property

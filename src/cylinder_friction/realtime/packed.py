@@ -19,28 +19,28 @@ if TYPE_CHECKING:
     from cylinder_friction.realtime.model import StepModel
 
 Whole = NDArray[np.int64]
-Places = NDArray[np.uint32]  # Compiled code asks of each signed place whether it counts from the end
+Places = NDArray[np.uint32]  # Unsigned: for a signed index compiled code checks whether it counts from the end
 
 # Places in ``State.counters``
 READY, NEWEST, CONSTANT, WARMING, RECOVERING, DIRECTION, REVERSAL_LEFT, UNMODELLED = range(8)
 VECTOR = 4  # Double-precision numbers that a processor adds at once
 LINE = 16  # Single-precision numbers in a line of the processor's memory
-ROWS = 16  # Samples that pass one part of the step before they come to the next
+ROWS = 16  # Samples that pass one part of the step together, before the next part
 HIDDEN, CELL = range(2)  # Places in ``State.lstm``
 SETTINGS, MEAN, SCALE = range(3)  # Rows of ``Features.history``
 LEFT, RIGHT, SPLIT = np.arange(1, 4, dtype=np.uint32)  # Places in a node of ``Trees``, behind its feature
 
 
 class Inputs(NamedTuple):
-    """What a sample must be; arrays have one number per input."""
+    """Limits of valid samples; arrays have one number per input."""
 
-    # Outside, a value is no reading of a working sensor
+    # Limits of a working sensor's readings
     accept_lower: Array
     accept_upper: Array
     # Outside, the estimate is an extrapolation
     trained_lower: Array
     trained_upper: Array
-    invalid_flags: Whole  # Set while a value is no reading
+    invalid_flags: Whole  # Flags of an invalid value
     pressures: Whole  # Places of the raw pressures
     position: int  # Place of the position
     load: Array  # The load that position decides, ``PositionLoad.packed``; empty without one
@@ -54,7 +54,7 @@ class PackedGuard(NamedTuple):
     freeze_force_n: float
     warm_up_samples: int
     recovery_samples: int
-    forces: Array  # See ``unmodelled_force.force_limits``; no columns if the range is not known
+    forces: Array  # See ``unmodelled_force.force_limits``; no columns if the range is unknown
     clear_samples: int
     least_pressure_pa: float
 
@@ -84,7 +84,7 @@ class Features(NamedTuple):
 
 
 class Network(NamedTuple):
-    """An LSTM; without one there is no layer and no node."""
+    """An LSTM; a model without LSTM has no layer and no node here."""
 
     input: Single
     recurrent: Single
@@ -95,7 +95,7 @@ class Network(NamedTuple):
 
 
 class Trees(NamedTuple):
-    """A forest; without one there is no root."""
+    """A forest; a model without forest has no root here."""
 
     # Each node's feature, places of its left and right child, and a fourth number that ``splits`` reads, shape
     # ``(4 n,)``; a leaf is its own child, so that each tree takes the same number of steps
@@ -118,28 +118,28 @@ class Model(NamedTuple):
     features: Features
     network: Network
     trees: Trees
-    # Mean and scale of what network and forest give [N]
+    # Mean and scale of the outputs of network and forest [N]
     target_mean_n: float
     target_scale_n: float
-    tracker: OffsetNumbers  # Of the sensors' offset; without one no rows
-    zeros: Array  # What one newton of offset adds to each output of the filters; none without a tracker
+    tracker: OffsetNumbers  # Tracker of the sensors' offset; no rows without one
+    zeros: Array  # Change of each filter output per newton of offset; empty without a tracker
 
 
 class State(NamedTuple):
-    """What the compiled step changes. Arrays of samples have one number per channel."""
+    """State that the compiled step updates. Arrays of samples have one number per channel."""
 
-    # Last samples, newest first from the place ``NEWEST`` on: written twice, ``lags`` places from each other, so that
-    # they always lie in a row, shape ``(channels, 2 lags)``
+    # Last samples, newest first from the place ``NEWEST`` on, shape ``(channels, 2 lags)``; each is written twice,
+    # ``lags`` places apart, so that the last ``lags`` samples are always contiguous
     ring: Array
-    now: Array  # This sample as it counts
-    held: Array  # The last one
+    now: Array  # This sample, with held values in place of invalid ones
+    held: Array  # The last sample
     invalid: NDArray[np.bool_]
     constant_from_m: Array  # Position at which each channel last changed [m]
     frozen: NDArray[np.bool_]
-    counters: Whole  # See the places above
-    motion: Array  # Memory of the motion, see ``history.new_history``
+    counters: Whole  # At the places named above
+    motion: Array  # Features of the past motion, see ``history.new_history``
     lstm: Single  # Hidden and cell state, shape ``(2, layers, nodes)``
-    offset: Array  # Of the sensors, see ``sensor_offset``; none without a tracker
+    offset: Array  # State of the sensors' offset, see ``sensor_offset``; empty without a tracker
     # Room for the filters' outputs, the history features, the gates, and the place in each tree
     outputs: Array
     moved: Array
@@ -149,7 +149,7 @@ class State(NamedTuple):
 
 
 def packed_model(model: StepModel) -> Model:
-    """Return a model laid out."""
+    """Lay out a model for the compiled step."""
     banks = [*model.feature_taps, model.base_taps, model.velocity_taps]
     lags = -(-max(bank.shape[1] for bank in banks) // AT_A_TIME) * AT_A_TIME
     taps = np.stack([np.pad(bank, ((0, 0), (0, lags - bank.shape[1]))) for bank in banks], axis=2)
@@ -215,7 +215,7 @@ def packed_model(model: StepModel) -> Model:
 
 
 def new_state(model: Model, offset: Array) -> State:
-    """Return the state before the first sample, with this state of the sensors' offset."""
+    """Make the state before the first sample, with this state of the sensors' offset."""
     channels, lags, outputs = model.taps.shape
     layers, nodes = len(model.network.bias), len(model.network.head)
     return State(
@@ -242,7 +242,7 @@ def _doubles(values: ArrayLike) -> Array:
 
 
 def _aligned(values: Single) -> Single:
-    """Return a copy that begins where a line of the processor's memory does, so that no vector is spread over two."""
+    """Copy an array to an address at which a cache line begins, so that no vector is spread over two lines."""
     room = np.empty(values.size + LINE, dtype=np.float32)
     start = -(room.ctypes.data // room.itemsize) % LINE
     aligned = room[start : start + values.size].reshape(values.shape)

@@ -1,9 +1,10 @@
-"""A load that positions decide: a table over them, looked up in each step as if a load cell had measured it."""
+"""A load that depends on positions: a table over them, read in each step in place of a load cell."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from types import ModuleType
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -15,8 +16,14 @@ from cylinder_friction.recordings.recording import Recording
 MOST_AXES = 3
 
 
+def _load_table() -> ModuleType:
+    from cylinder_friction.realtime import load_table  # Numba: labels need not wait for it
+
+    return load_table
+
+
 class LoadAxis(NamedTuple):
-    """One position that a load depends on, and between which positions it is known."""
+    """One position on which a load depends, and the range in which the load is known."""
 
     column: str
     first_m: float
@@ -25,20 +32,20 @@ class LoadAxis(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PositionLoad:
-    """The load at evenly spaced positions; in straight lines between them, held beyond the ends.
+    """The load at evenly spaced positions, interpolated linearly between them and constant beyond the ends.
 
     Raises:
         ValueError: The positions are not in order, or there are fewer than two loads along one, or one is not finite.
     """
 
-    # Where the load is known: first and last position [m]
+    # First and last position at which the load is known [m]
     first_m: float
     last_m: float
     # Positive if it resists extension [N], shape ``(places,)``, and with ``others`` one more axis for each of them
     load_n: Array
     uncertainty_n: Array  # Standard uncertainty of each (k = 1), of the loads' shape [N]
     others: tuple[LoadAxis, ...] = ()  # Further positions that the load depends on, at most two
-    known: Mask | None = None  # Where the load is known, of the loads' shape; None: everywhere
+    known: Mask | None = None  # True at places with a known load, of the loads' shape; None: all
 
     def __post_init__(self) -> None:
         for axis in self.axes:
@@ -65,44 +72,39 @@ class PositionLoad:
         return tuple(axis.column for axis in self.axes)
 
     def packed(self, columns: Sequence[str] | None = None) -> Array:
-        """Return what a step takes of a sample with these columns, by default those of the positions alone.
+        """Pack the load for a step whose samples have these columns; by default only the positions' columns.
 
-        If the load is unknown at some places, ones mark those places behind the loads, and zeros mark the others.
+        If the load is unknown at some places, marks follow the loads: one for an unknown place, zero for a known one.
         """
-        from cylinder_friction.realtime.load_table import NUMBERS  # Numba: labels need not wait for it
-
-        columns, numbers = self.columns if columns is None else columns, np.zeros(3 * NUMBERS)
+        width = _load_table().NUMBERS
+        columns, numbers = self.columns if columns is None else columns, np.zeros(3 * width)
         for number, (axis, places) in enumerate(zip(self.axes, self.load_n.shape, strict=True)):
             per_metre = (places - 1) / (axis.last_m - axis.first_m)
             of_axis = columns.index(axis.column), axis.first_m, per_metre, places
-            numbers[NUMBERS * number : NUMBERS * number + len(of_axis)] = of_axis
+            numbers[width * number : width * number + len(of_axis)] = of_axis
         unknown = [] if self.known is None or self.known.all() else [~self.known.ravel()]
         return np.concatenate([[len(self.axes)], numbers, self.load_n.ravel(), *unknown])
 
     def at(self, positions_m: Array) -> Array:
-        """Return the load at positions [N], shape ``(n,)``: bit for bit what a step takes.
+        """Interpolate the load at positions [N], shape ``(n,)``, with the same bits as in a step.
 
         ``positions_m`` has shape ``(n, positions)``, or ``(n,)`` if the load depends on one.
         """
-        from cylinder_friction.realtime.load_table import loads_at
-
         rows = np.ascontiguousarray(np.reshape(positions_m, (len(positions_m), -1)), dtype=np.float64)
-        return np.asarray(loads_at(self.packed(), rows))
+        return np.asarray(_load_table().loads_at(self.packed(), rows))
 
     def of(self, recording: Recording) -> Array:
-        """Return the load at each row of a recording [N], shape ``(n,)``."""
+        """Interpolate the load at each row of a recording [N], shape ``(n,)``."""
         return self.at(recording.samples(self.columns))
 
     def knows(self, recording: Recording) -> Mask:
-        """Return at which rows of a recording the load is known, shape ``(n,)``."""
-        from cylinder_friction.realtime.load_table import loads_unknown_at
-
+        """Mark the rows of a recording at which the load is known, shape ``(n,)``."""
         rows = recording.samples(self.columns)
         inside = [(rows[:, k] >= axis.first_m) & (rows[:, k] <= axis.last_m) for k, axis in enumerate(self.axes)]
-        return np.asarray(np.logical_and.reduce(inside) & ~loads_unknown_at(self.packed(), rows))
+        return np.asarray(np.logical_and.reduce(inside) & ~_load_table().loads_unknown_at(self.packed(), rows))
 
     def in_words(self) -> str:
-        """Return the load in one sentence, for whoever reads an exported model."""
+        """Describe the load in one sentence, for the readers of an exported model."""
         known = np.ones(self.load_n.shape, dtype=np.bool_) if self.known is None else self.known
         load_n, between = self.load_n[known], f"{self.first_m:.4g} and {self.last_m:.4g} m"
         for axis in self.others:
@@ -114,7 +116,7 @@ class PositionLoad:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content as JSON-compatible values."""
+        """List the content as JSON-compatible values."""
         content: dict[str, Any] = {
             "range_m": [self.first_m, self.last_m],
             "load_n": self.load_n.tolist(),
@@ -134,5 +136,5 @@ class PositionLoad:
 
 
 def channel_names(inputs: tuple[str, ...], load: PositionLoad | None) -> tuple[str, ...]:
-    """Return what filters take: the inputs, and a load that position decides."""
+    """List the channels of filters: the inputs, and a load that position decides."""
     return inputs if load is None else (*inputs, LOAD_FORCE)

@@ -1,17 +1,18 @@
-"""The offset of the sensors' zeros in real time: ``labelling.offset_identification`` while the cylinder slides.
+"""The offset of the sensors' zeros in real time, learned while the cylinder slides
+(``labelling.offset_identification``).
 
 Friction changes its sign with the direction of motion, a sensor's zero does not. Over steady sliding, averaged in short
 blocks, the force balance is explained by
 
     direction·g + h + offset + asymmetry + scale·direction·|g| + slope·direction·|g|·speed + stroke + noise
 
-where g and h are friction and its asymmetry as known from training, and the others what this session has of its own. A
-Kalman filter (Kalman 1960) follows these five after each block; ``stroke`` begins anew with each stroke, and the offset
-drifts as a random walk. Before the first stroke a rest's first block counts too: all of its friction is the stroke's
-error then, so that rest shows offsets that are not far smaller than that. A block further from what was expected than
-``LARGEST_SURPRISE`` standard deviations, the stated zeros' among them, does not count: a saturated sensor or an end
-stop is no offset. What has been learned corrects the next sample, so that nothing looks ahead. Where scale and slope
-show that friction is not that of training (``UNLIKE``), the zeros are left alone, as uncertain as stated.
+where g and h are friction and its asymmetry as known from training, and the other five terms are this session's own. A
+Kalman filter (Kalman 1960) updates these five after each block; ``stroke`` restarts with each stroke, and the offset
+drifts as a random walk. Before the first stroke the first block of a rest counts too: all of its friction is then an
+error of the stroke, so a rest shows only large offsets. A block that differs from the prediction by more than
+``LARGEST_SURPRISE`` standard deviations (with the stated zeros' among them) does not count: a saturated sensor or an
+end stop is no offset. What has been learned corrects the next sample, so nothing looks ahead. If scale and slope show
+that friction is not that of training (``UNLIKE``), the zeros are not corrected, and stay as uncertain as stated.
 """
 
 import math
@@ -25,17 +26,16 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.realtime.compiled import compiled, compiled_part
 from cylinder_friction.recordings.columns import REFERENCE_C
 
-OWN = 5  # What a session has of its own: offset [N], asymmetry, scale, slope, and the present stroke's error [N]
-SCALE, SLOPE, STROKE = 2, 3, 4  # Places of the last among them
+OWN = 5  # Terms of a session's own: offset [N], asymmetry, scale, slope, and the present stroke's error [N]
+SCALE, SLOPE, STROKE = 2, 3, 4  # Places of the last three
 UNLIKE = 9.0
-"""Sum of the squares of scale and slope over their variances beyond which evidence supports no offset: 99 % of sessions
-like those of training are within."""
+"""Limit of the sum of squared scale and slope, each over its variance; above it no offset is learned. 99 % of sessions
+like those of training are below."""
 BALANCE, PRESSURE, LOAD, WARM, ZERO = range(5)  # Rows of ``OffsetTracker.weights``
 DIRECTION, RUN, COUNT, FIRST_VELOCITY, SUM_VELOCITY, EXTENDED, RETRACTED, LEVEL, OFFSET, DEVIATION = range(10)
-"""Places in the state; then come means and covariance of what the session has of its own, room for the filter's gain,
-and sums of the inputs."""
+"""Places in the state; then come means and covariance of the session's own terms, the filter's gain, sums of inputs."""
 NOWHERE = 2.0
-"""Direction on invalid samples; 0 at rest."""
+"""Direction on invalid samples; at rest it is 0."""
 MEANS = 10
 COVARIANCE = MEANS + OWN
 GAIN = COVARIANCE + OWN * OWN
@@ -43,16 +43,16 @@ SUMS = GAIN + OWN
 QUANTITIES = 14
 """What friction depends on: pressure p, √p, speed, its logarithm l, l², load, |load|, and temperature w, w², w·p, w·√p,
 w·speed, w·l, w·l²."""
-POWERS = 13  # Of the polynomial in position, constant included
+POWERS = 13  # Coefficients of the polynomial in position
 LARGEST_SURPRISE = 5.0
 RANGED = 4  # Quantities whose range is checked: pressure, speed, load and temperature
 
 
 class OffsetSettings(NamedTuple):
-    """Numbers that learning the offset goes by; a saved model holds them in this order."""
+    """Settings of the offset's tracker; a saved model holds them in this order."""
 
-    slowest_m_s: float  # Slower, the piston rests [m/s]
-    settling: float  # Samples of a stroke that do not count
+    slowest_m_s: float  # Velocity below which the piston rests [m/s]
+    settling: float  # Samples at the start of a stroke that do not count
     block: float  # Samples of a block
     mass_kg: float  # Moving mass [kg]
     duration_s: float  # Between the velocities at a block's ends [s]
@@ -60,25 +60,25 @@ class OffsetSettings(NamedTuple):
     stroke_n: float
     walk: float  # Variance that the offset's drift adds per sample [N²]
     common_n: float  # Standard uncertainty of the mean offset of all sessions [N]
-    # Of the speeds of training [m/s]
+    # Speeds of training [m/s]
     speed_mean: float
     speed_deviation: float
-    # Of training [m]
+    # Positions of training [m]
     first_position_m: float
     last_position_m: float
     # Asymmetry of friction: constant [N], and per pascal of the mean pressure
     even_constant_n: float
     even_pressure: float
     caution: float  # Factor by which the stated uncertainty is larger than the learned one
-    largest_variance: float  # Of the sensors' stated zeros [N²]: more is never stated
+    largest_variance: float  # Variance from the sensors' stated zeros [N²], the most that is ever stated
     rest_n: float  # Standard deviation of friction at rest [N]
-    # Over the squares of scale and slope beyond which this session's friction is not that of training; 0: none is
+    # Squares of scale and slope above which friction is not that of training; 0: no limit
     scale_support: float = 0.0
     slope_support: float = 0.0
 
 
 class OffsetNumbers(NamedTuple):
-    """What ``offset_step`` takes first: the fields of ``OffsetTracker`` by the same names."""
+    """First argument of ``offset_step``: the fields of ``OffsetTracker`` by the same names."""
 
     weights: Array
     settings: OffsetSettings
@@ -89,36 +89,36 @@ class OffsetNumbers(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class OffsetTracker:
-    """What a step must know to learn the offset."""
+    """Numbers from training with which a step learns the sensors' offset."""
 
-    # Of each input, shape ``(5, inputs)``, see the rows above: derivatives of the force balance [N], less what of
-    # friction's asymmetry grows with the load; of the mean pressure [Pa], of the load and of the temperature; and zero
-    # of the sensor that one newton of offset stands for
+    # Weights of each input, shape ``(5, inputs)``, rows as above: derivatives of the force balance [N] (less the part
+    # of friction's asymmetry that grows with the load), of the mean pressure [Pa], of the load and of the temperature;
+    # then the sensor's zero per newton of offset
     weights: Array
     settings: OffsetSettings
     friction: Array  # Coefficients of ``QUANTITIES`` in g [N], shape ``(14,)``
     position: Array  # Coefficients of the powers of position over its half range in g [N], shape ``(13,)``
     ranges: Array  # Smallest and largest value of each ranged quantity in training, shape ``(2, 4)``
-    prior: Array  # Standard deviations of what a session has of its own before the first block, shape ``(5,)``
+    prior: Array  # Standard deviations of a session's own terms before the first block, shape ``(5,)``
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content as JSON-compatible values."""
+        """List the content as JSON-compatible values."""
         return {name: np.asarray(value).tolist() for name, value in asdict(self).items()}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """Return what ``to_dict`` wrote."""
+        """Rebuild the tracker from ``to_dict``."""
         arrays: dict[str, Any] = {each.name: np.array(content[each.name], dtype=np.float64) for each in fields(cls)}
         return cls(**arrays | {"settings": OffsetSettings(*map(float, content["settings"]))})
 
     def careful(self, learning: float = 1.0, stating: float = 1.0, resting: float = 1.0, drifting: float = 1.0) -> Self:
-        """Return a tracker that is more careful.
+        """Make a more careful tracker, by factors on its assumptions.
 
         Args:
-            learning: It learns as if sessions and strokes differed so many times as much as in training.
-            stating: It states so many times the uncertainty that follows, though never more than the sensors' zeros'.
-            resting: It takes friction at rest for so many times as large.
-            drifting: It takes zeros to drift so many times as fast.
+            learning: Factor on the differences between sessions and strokes.
+            stating: Factor on the stated uncertainty, which never exceeds that of the sensors' zeros.
+            resting: Factor on friction at rest.
+            drifting: Factor on the drift of the zeros.
         """
         settings = self.settings._replace(
             stroke_n=self.settings.stroke_n * learning,
@@ -131,18 +131,18 @@ class OffsetTracker:
         return replace(self, prior=self.prior * [1.0, *[learning] * (OWN - 1)], settings=settings)
 
     def new_state(self, offset_n: float = 0.0, uncertainty_n: float | None = None) -> Array:
-        """Return the state before the first sample, shape ``(45 + inputs,)``.
+        """Make the state before the first sample, shape ``(45 + inputs,)``.
 
         Args:
-            offset_n: Offset of the force balance, if something is known of it [N].
-            uncertainty_n: Its standard uncertainty [N]; None: as the sensors' zeros were stated.
+            offset_n: Known offset of the force balance [N]; 0 if nothing is known.
+            uncertainty_n: Its standard uncertainty [N]; None: that of the sensors' stated zeros.
 
         Raises:
             ValueError: A number is not finite, or the uncertainty negative.
         """
         refuse_impossible(offset_n, uncertainty_n)
         deviations, known = self.prior.copy(), uncertainty_n is not None
-        if uncertainty_n is not None:  # what is stated of it is what was given, but for what all sessions share
+        if uncertainty_n is not None:  # stated as given, apart from the part that all sessions share
             own_n = math.sqrt(max(uncertainty_n**2 - self.common_n**2, 0.0))
             deviations[0] = own_n / self.settings.caution
         state = np.zeros(SUMS + self.weights.shape[1])
@@ -158,22 +158,22 @@ class OffsetTracker:
         return self.settings.common_n
 
     def numbers(self) -> OffsetNumbers:
-        """Return what ``offset_step`` takes first."""
+        """Pack the first argument of ``offset_step``."""
         return OffsetNumbers(self.weights, self.settings, self.friction, self.position, self.ranges)
 
     def rows(self, samples: Array, velocity_m_s: Array, place: int, state: Array) -> Array:
-        """Return offset and standard uncertainty [N] that each sample meets, shape ``(n, 2)``; changes ``state``.
+        """Learn the offset over samples: offset and standard uncertainty [N] before each, shape ``(n, 2)``.
 
         Args:
-            samples: As measured, shape ``(n, inputs)``.
-            velocity_m_s: The causal velocity of each, shape ``(n,)``.
-            place: That of the position among the inputs.
-            state: From ``new_state``.
+            samples: Samples as measured, shape ``(n, inputs)``.
+            velocity_m_s: Their causal velocities, shape ``(n,)``.
+            place: Place of the position among the inputs.
+            state: From ``new_state``; updated.
         """
         return np.asarray(_rows(self.numbers(), state, place, velocity_m_s, samples))
 
     def zero_of(self, taps: Array) -> Array:
-        """Return what one newton of offset adds to filters' outputs; taps have shape ``(outputs, inputs, lags)``."""
+        """Compute the change of filter outputs per newton of offset; taps have shape ``(outputs, inputs, lags)``."""
         shares = taps * self.weights[ZERO][:, None]
         return np.array([math.fsum(each.ravel()) for each in shares])  # exact, however long the filters were padded
 
@@ -183,7 +183,7 @@ NO_TRACKER = OffsetTracker(_NONE, OffsetSettings(*[0.0] * 18), _NONE.ravel(), _N
 
 
 def refuse_impossible(offset_n: float, uncertainty_n: float | None) -> None:
-    """Refuse what is no offset to start from, or no uncertainty of one; None stands for an unknown one.
+    """Refuse an impossible offset or uncertainty to start from; None stands for an unknown uncertainty.
 
     Raises:
         ValueError: A number is not finite, or the uncertainty negative.
@@ -196,14 +196,14 @@ def refuse_impossible(offset_n: float, uncertainty_n: float | None) -> None:
 
 @compiled_part
 def supported(settings: OffsetSettings, state: Array) -> bool:
-    """Return whether friction of this session is like that of training; where not, zeros are not separable."""
+    """Check whether this session's friction is like that of training; otherwise zeros cannot be separated from it."""
     scale, slope = state[MEANS + SCALE], state[MEANS + SLOPE]
     return bool(settings.scale_support * scale * scale + settings.slope_support * slope * slope <= 1.0)
 
 
 @compiled
 def show(settings: OffsetSettings, state: Array) -> None:
-    """Put the offset and its standard uncertainty [N] where the next step finds them."""
+    """Store the offset and its standard uncertainty [N] for the next step."""
     variance = state[COVARIANCE]
     learned = min(settings.caution * settings.caution * variance, max(settings.largest_variance, variance))
     state[OFFSET] = state[MEANS]
@@ -216,9 +216,9 @@ def show(settings: OffsetSettings, state: Array) -> None:
 def offset_step(
     tracker: OffsetNumbers, state: Array, place: int, velocity_m_s: float, sample: Array, valid: bool
 ) -> None:
-    """Take the next sample, as measured, its velocity and whether all of it is valid; changes ``state``.
+    """Take the next sample, as measured, with its velocity and whether it is wholly valid; updates ``state``.
 
-    ``place`` is that of the position among the inputs.
+    ``place`` is the place of the position among the inputs.
     """
     settings = tracker.settings
     state[COVARIANCE] += settings.walk
@@ -290,7 +290,7 @@ def _means(weights: Array, state: Array) -> tuple[float, float, float, float]:
 
 @compiled_part
 def _take_block(tracker: OffsetNumbers, state: Array, place: int, velocity_m_s: float) -> None:
-    """Let what the session has of its own explain a block's mean force balance."""
+    """Update the session's own terms with a block's mean force balance."""
     settings, direction = tracker.settings, state[DIRECTION]
     if direction == 0.0 and state[EXTENDED] + state[RETRACTED] > 0.0:
         return
@@ -328,7 +328,7 @@ def _friction(friction: Array, pressure: float, speed: float, load: float, warm:
 
 @compiled_part
 def _along(tracker: OffsetNumbers, position_m: float) -> float:
-    """Return the polynomial in position, by Horner's rule."""
+    """Evaluate the polynomial in position, by Horner's rule."""
     first_m, last_m = tracker.settings.first_position_m, tracker.settings.last_position_m
     along = (2.0 * position_m - first_m - last_m) / (last_m - first_m)
     along = min(max(along, -1.0), 1.0)
@@ -340,10 +340,10 @@ def _along(tracker: OffsetNumbers, position_m: float) -> float:
 
 @compiled_part
 def _level(state: Array, direction: float, level: float) -> float:
-    """Return friction's level [N]; until both directions were seen that of the first block.
+    """Choose friction's level [N]: until both directions were seen, that of the first block.
 
-    A level that varies would seem to separate the session's scale from its offset, though by no more than friction's
-    model is right.
+    A varying level would seem to separate the session's scale from its offset, but that relies on friction's model
+    being exact.
     """
     if direction > 0.0:
         state[EXTENDED] = 1.0
@@ -358,9 +358,9 @@ def _level(state: Array, direction: float, level: float) -> float:
 def _update(
     settings: OffsetSettings, state: Array, left: float, explains: tuple[float, float, float, float, float]
 ) -> bool:
-    """Take the Kalman filter's step for one number, ``left`` [N], of what was not known from training.
+    """Update the Kalman filter with one number, ``left`` [N], the part that training does not explain.
 
-    Returns whether it was one; too large a surprise changes nothing.
+    Returns whether it counted; too large a surprise changes nothing.
     """
     means, gain = state[MEANS:COVARIANCE], state[GAIN:SUMS]
     covariance = state[COVARIANCE:GAIN]

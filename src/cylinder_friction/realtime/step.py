@@ -1,4 +1,4 @@
-"""The compiled step, which every runtime must meet: one function without allocation and of constant time.
+"""The compiled step, the reference of every runtime: one function of constant time, without allocation.
 
 A step, in this order: guard, filters, history, network, forest, bounds. Filters, scaling and sums run in double
 precision, LSTM and forest in single. Every sum adds in the order in which the estimator's own ``advance`` does, so the
@@ -51,7 +51,7 @@ FLAG_NOT_READY, FLAG_WARMING, FLAG_OUTSIDE = int(Flag.NOT_READY), int(Flag.WARMI
 FLAG_FROZEN, FLAG_RECOVERING = int(Flag.FROZEN), int(Flag.RECOVERING)
 FLAG_OFFSET_UNKNOWN, FLAG_UNMODELLED_FORCE = int(Flag.OFFSET_UNKNOWN), int(Flag.UNMODELLED_FORCE)
 
-# Nothing here allocates an array, so none needs its references counted; that would take a third of a step's time
+# Nothing here allocates an array, so reference counting is off; it would take a third of a step's time
 _compiled, _part = partial(compiled, _nrt=False), partial(compiled_part, _nrt=False, inline="always")
 
 
@@ -59,11 +59,11 @@ _compiled, _part = partial(compiled, _nrt=False), partial(compiled_part, _nrt=Fa
 def steps(
     model: Model, state: State, samples: Array, newtons: Array, learned: Array, flags: Whole
 ) -> tuple[float, float, float, int]:
-    """Take the step on each of ``samples``, shape ``(n, inputs)``; return friction, bounds [N] and flags at the last.
+    """Take the step on each of ``samples``, shape ``(n, inputs)``; return friction, bounds [N] and flags of the last.
 
-    Fills ``newtons`` with the first three of each, ``(n, 3)``, ``learned`` with the offset and its standard uncertainty
-    after each [N], ``(n, 2)``, and ``flags``; changes ``state``. Some rows at a time pass filters, network and forest
-    one after the other: a processor's nearest memory holds the constants of one of these, not of all.
+    Fills ``newtons`` with friction and bounds, ``(n, 3)``, ``learned`` with the offset and its standard uncertainty
+    after each sample [N], ``(n, 2)``, and ``flags``; updates ``state``. Blocks of rows pass filters, network and forest
+    one after the other, because the processor's first cache holds the constants of one of these, not of all.
     """
     last = 0.0, 0.0, 0.0, 0
     room, network = state.seen.shape[0], model.network
@@ -85,9 +85,9 @@ def steps(
 
 @_part
 def _uncorrected(model: Model, state: State, sample: Array, seen: Single, newtons: Array) -> int:
-    """Do all but the corrections; return the flags.
+    """Do the step without the corrections; return the flags.
 
-    Fills the features of ``seen``, and ``newtons`` with the base force and how far bounds are from it.
+    Fills the features of ``seen``, and ``newtons`` with the base force and the distances of the bounds from it.
     """
     flags = _check(model.inputs, state, sample)
     bad = flags != 0
@@ -132,7 +132,7 @@ def _uncorrected(model: Model, state: State, sample: Array, seen: Single, newton
 
 @_part
 def _check(inputs: Inputs, state: State, sample: Array) -> int:
-    """Take the sample, with the last valid value in place of an invalid one; return the flags of those."""
+    """Store the sample, with the last valid value in place of an invalid one; return the flags of invalid values."""
     flags = 0
     for channel in range(sample.shape[0]):
         value = sample[channel]
@@ -146,7 +146,7 @@ def _check(inputs: Inputs, state: State, sample: Array) -> int:
 
 @_part
 def _begin(model: Model, state: State) -> None:
-    """Begin with the first valid sample: as if it had always been there."""
+    """Start as if the first valid sample had always been there."""
     for channel in range(state.now.shape[0]):
         for place in range(state.ring.shape[1]):
             state.ring[channel, place] = state.now[channel]
@@ -182,7 +182,7 @@ def _outside(inputs: Inputs, now: Array) -> bool:
 
 @_part
 def _frozen(inputs: Inputs, guard: PackedGuard, state: State, base_n: float) -> bool:
-    """Follow how long each input has been constant; a held value is not the sensor's and starts afresh."""
+    """Track how long each input has been constant; a held value is not a reading, and restarts the count."""
     now, held, counters, position = state.now, state.held, state.counters, inputs.position
     frozen = False
     for channel in inputs.pressures:
@@ -201,7 +201,7 @@ def _frozen(inputs: Inputs, guard: PackedGuard, state: State, base_n: float) -> 
 
 @_part
 def _trust(guard: PackedGuard, counters: Whole, bad: bool) -> int:
-    """Count warm-up and recovery down; return the flags of those that this step is in."""
+    """Count warm-up and recovery down; return their flags while they last."""
     flags = 0
     if counters[WARMING] > 0:
         counters[WARMING] -= 1
@@ -257,7 +257,7 @@ def _correct(model: Model, places: Places, seen: Single, newtons: Array) -> None
 
 @_part
 def _forest(trees: Trees, places: Places, seen: Single) -> float:
-    """Descend all trees together, level by level: the machine waits for many of them at once, not for each."""
+    """Descend all trees together, level by level, so that the processor waits for many reads at once."""
     nodes, splits = trees.nodes, trees.splits
     for tree in range(places.shape[0]):
         places[tree] = trees.roots[tree]

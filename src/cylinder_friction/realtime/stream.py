@@ -1,4 +1,4 @@
-"""Running estimates in Python: any estimator's, those of the compiled step, and the guarded one for real time."""
+"""Streams in Python: of any estimator, on the compiled step, and guarded for real time."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -23,12 +23,12 @@ NO_OFFSET = "this estimator learns no sensor offset; expected no offset to start
 
 
 class EstimatorStream:
-    """One running estimate: samples go in one at a time, newtons come out.
+    """A running estimate of an estimator without a compiled step: samples go in one at a time, newtons come out.
 
     Args:
-        new_state: Returns the state before the first sample.
-        advance: Returns friction [N] for the next samples and changes the state.
-        inputs: What makes up a sample.
+        new_state: Makes the state before the first sample.
+        advance: Estimates friction [N] for the next samples and updates the state.
+        inputs: Columns of a sample, in order.
     """
 
     def __init__(
@@ -40,11 +40,11 @@ class EstimatorStream:
         self._state = new_state()
 
     def reset(self) -> None:
-        """Forget everything; the next step is a first step."""
+        """Return to the state before the first sample."""
         self._state = self._new_state()
 
     def step(self, *sample: float) -> float:
-        """Return friction [N] at this sample: one number per input, by default P1 [Pa], P2 [Pa], position [m].
+        """Estimate friction [N] at this sample: one number per input, by default P1 [Pa], P2 [Pa], position [m].
 
         Raises:
             RecordingError: A value is NaN or infinite; the state stays as it was.
@@ -57,20 +57,24 @@ class EstimatorStream:
 
 
 def _bound(*arguments: Any) -> Callable[[], Any]:
-    """Return the compiled step with its arguments: called without numba's look at the type of each array."""
-    steps(*arguments)  # compiled, or loaded, before time counts; NaN touches no state
+    """Bind the compiled step to its arguments, so that Numba does not inspect the arrays' types on each call."""
+    steps(*arguments)  # compiles or loads it before time counts; NaN changes no state
     by_types = getattr(steps, "overloads", None)  # None in plain Python
     function = steps if by_types is None else by_types[tuple(map(numba.typeof, arguments))].entry_point
     return partial(function, *arguments)
 
 
 def _room(rows: int) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Return what the compiled step fills: friction and bounds, what it learned of the offset, and flags."""
+    """Make the buffers that the compiled step fills: friction and bounds, offset, and flags."""
     return np.empty((rows, 3)), np.zeros((rows, 2)), np.empty(rows, dtype=np.int64)
 
 
 class CompiledRun:
-    """The guarded step with its state, over many samples at once; ``RealTimeStream`` takes them one by one."""
+    """The guarded step with its state, over many samples at once; ``RealTimeStream`` takes them one by one.
+
+    Use it to run recordings or requests with bounds and flags, from a fresh state or in pieces of any length. A sample
+    costs a few microseconds. NaN and infinite values are flagged, never refused. One instance is for one thread.
+    """
 
     def __init__(self, model: StepModel) -> None:
         self.inputs, self._tracker = model.inputs, model.offset
@@ -82,7 +86,7 @@ class CompiledRun:
 
         Args:
             offset_n: Offset of the sensors' zeros in friction, if known, for example from earlier in the session [N].
-            uncertainty_n: Its standard uncertainty [N]; None: as the sensors' zeros were stated.
+            uncertainty_n: Its standard uncertainty [N]; None: that of the sensors' stated zeros.
 
         Raises:
             ValueError: An offset is given, but this estimator learns none; or a number is impossible.
@@ -96,7 +100,7 @@ class CompiledRun:
 
     @property
     def offset(self) -> tuple[float, float]:
-        """Offset of the sensors' zeros in friction that the next step takes off, and its standard uncertainty [N]."""
+        """Offset of the sensors' zeros in friction that the next step subtracts, and its standard uncertainty [N]."""
         state = self._state.offset
         return (0.0, 0.0) if self._tracker is None else (float(state[OFFSET]), float(state[DEVIATION]))
 
@@ -106,7 +110,7 @@ class CompiledRun:
         return newtons, flags
 
     def run_with_offset(self, samples: Array) -> tuple[Array, Array, NDArray[np.int64]]:
-        """Return what ``run`` does, with ``offset`` after each sample, shape ``(n, 2)``, before the flags."""
+        """Step over samples like ``run``; return ``offset`` after each sample too, ``(n, 2)``, before the flags."""
         samples = np.ascontiguousarray(samples, dtype=np.float64)
         filled = _room(len(samples))
         steps(self._packed, self._state, samples, *filled)
@@ -114,7 +118,7 @@ class CompiledRun:
 
 
 class _CompiledStep(CompiledRun):
-    """The same, ready for one sample after the other."""
+    """A ``CompiledRun`` that also takes one sample after the other."""
 
     def __init__(self, model: StepModel) -> None:
         super().__init__(model)
@@ -131,10 +135,10 @@ class _CompiledStep(CompiledRun):
 
 
 class RealTimeStream(_CompiledStep):
-    """One running estimate, guarded: takes whatever the sensors give, and flags how far the estimate can be trusted.
+    """A guarded running estimate for a control loop: it accepts any reading, and flags how far to trust the estimate.
 
     An input that is not finite, or that no working sensor would give, is held at its last valid value and flagged; it
-    never reaches the state. Streams do not touch each other, but one stream is for one thread.
+    never reaches the state. Streams are independent, but each is for one thread.
 
     Args:
         model: From an estimator's ``step_model``.
@@ -152,15 +156,15 @@ class RealTimeStream(_CompiledStep):
         self.model = model
 
     def step(self, *sample: float) -> Estimate:
-        """Return the estimate at this sample, one number per input: friction, bounds [N] and flags (see ``Flag``)."""
+        """Estimate friction with bounds [N] and flags (see ``Flag``) at this sample, one number per input."""
         return Estimate(*self._take(sample))
 
     def warm_up(self, *sample: float, steps: int | None = None) -> None:
-        """Reset, then step on one and the same sample, so that the state comes to rest at it.
+        """Reset, then repeat one sample until the state has settled on it.
 
         Args:
-            sample: Where the cylinder stands now.
-            steps: How often; None for the guard's ``warm_up_samples``, after which ``WARMING`` is over.
+            sample: The present sample.
+            steps: Number of steps; None: the guard's ``warm_up_samples``, after which ``WARMING`` is over.
         """
         self.reset()
         for _ in range(self.model.guard.warm_up_samples if steps is None else steps):
@@ -170,7 +174,8 @@ class RealTimeStream(_CompiledStep):
 class StrictStream(_CompiledStep):
     """An estimator's ``stream()`` on the compiled step: equal to ``estimate`` bit for bit; refuses NaN and infinity.
 
-    Use it to replay recordings. In a machine, where a sensor may fail, use ``RealTimeStream``.
+    Use it to replay recordings sample by sample. In a machine a sensor may fail: use ``RealTimeStream`` there. ``step``
+    raises ``RecordingError`` for a value that is not finite, and ``TypeError`` for a wrong number of values.
 
     Example:
         >>> stream = hybrid.stream()

@@ -1,4 +1,4 @@
-"""Where a model belongs: the cylinder, noise and level of friction it was trained for, and what differs elsewhere."""
+"""What a model was trained for: cylinder, noise and level of friction, and how another cylinder differs from it."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
@@ -12,28 +12,28 @@ from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.noise import OTHER_NOISE, median_noise, times_as_noisy
 
 ALIKE, OTHER_LEVEL = 0.02, 2.0
-"""Share by which diameters may differ, and ratio of friction beyond which estimates are not to be used as they are."""
+"""Share by which diameters may differ, and factor on friction beyond which estimates are not to be used as they are."""
 
 TEXTS = ("adapted", "line_loss")  # The fields that are no numbers
 ROD_1 = "rod_diameter_1_m"
 
 
 class OtherCylinderError(ValueError):
-    """A model was asked for the friction of another cylinder than it was trained for."""
+    """A model is to estimate friction of another cylinder than it was trained for."""
 
 
 @dataclass(frozen=True)
 class TrainedFor:
-    """What a model was trained for."""
+    """The cylinder, noise and level of friction that a model was trained for."""
 
     bore_diameter_m: float
     rod_diameter_m: float
     friction_n: float  # Mean absolute label of the usable rows [N]
-    # Standard deviation of the white noise up to which its bounds hold, converter's steps included [Pa]; 0 without any
+    # Greatest standard deviation of white noise at which its bounds hold, converter's steps included [Pa]; 0: unknown
     pressure_noise_pa: float
-    adapted: str = ""  # From which model it was made, in words; empty for one that was trained from scratch
+    adapted: str = ""  # The model that it was adapted from, in words; empty if it was trained from scratch
     rod_diameter_1_m: float = 0.0  # 0 without a rod on side 1
-    line_loss: str = ""  # Which loss between sensors and cylinder its labels are without, in words; empty if none
+    line_loss: str = ""  # Loss between sensors and cylinder that was removed from its labels, in words; empty if none
 
     def __post_init__(self) -> None:
         if not all(0.0 <= value < np.inf for name, value in vars(self).items() if name not in TEXTS):
@@ -62,7 +62,7 @@ class TrainedFor:
         return {name: value for name, value in asdict(self).items() if value or name not in (*TEXTS, ROD_1)}
 
     def in_words(self) -> str:
-        """State in words where the model belongs, for people who read it."""
+        """State in words what the model was trained for."""
         low_n, high_n = self.friction_n / OTHER_LEVEL, self.friction_n * OTHER_LEVEL
         noisy = f"; if pressures are noisier than {1e-3 * self.pressure_noise_pa:.2g} kPa, its bounds are too narrow"
         return (
@@ -79,7 +79,7 @@ class TrainedFor:
         return f"{1e3 * self.bore_diameter_m:g} mm bore and {1e3 * self.rod_diameter_m:g} mm rod{second}"
 
     def fits(self, cylinder: Cylinder) -> bool:
-        """Return whether a cylinder has the areas of training."""
+        """Check whether a cylinder has the areas of training."""
         own = self.bore_diameter_m, self.rod_diameter_m, self.rod_diameter_1_m
         given = cylinder.bore_diameter_m, cylinder.rod_diameter_m, cylinder.rod_diameter_1_m
         return np.allclose(given, own, rtol=ALIKE)
@@ -112,18 +112,18 @@ class TrainedFor:
         return other, noisy
 
     def calibrated_on(self, recordings: Iterable[Recording]) -> Self:
-        """Return it with the noise of the recordings that its bounds come from, if that is clearly another one."""
+        """Replace the noise by that of the recordings that calibrated the bounds, if it is clearly different."""
         noise_pa = pressure_noise_pa(recordings)
         alike = noise_pa <= OTHER_NOISE * self.pressure_noise_pa and self.pressure_noise_pa <= OTHER_NOISE * noise_pa
         return self if alike or noise_pa == 0.0 else replace(self, pressure_noise_pa=noise_pa)
 
 
 def _mean_level_n(recordings: Iterable[Recording], column: str = "friction_n") -> float:
-    """Return the mean over the recordings that have usable rows; NaN without any."""
+    """Average a column's magnitude over the recordings that have usable rows; NaN without any."""
     levels = [np.abs(each.column(column)[each.usable()]).mean() for each in recordings if each.usable().any()]
     return float(np.mean(levels)) if levels else np.nan
 
 
 def pressure_noise_pa(recordings: Iterable[Recording]) -> float:
-    """Return the standard deviation of the pressures' noise, the median over recordings [Pa]; 0 without a pressure."""
+    """Measure the standard deviation of the pressures' noise [Pa]: the recordings' median, 0 without a pressure."""
     return median_noise(each.column(name) for each in recordings for name in PRESSURES if name in each.columns)

@@ -1,14 +1,14 @@
-"""The range of the force balance in training: beyond it lies a force that the estimator does not know.
+"""The range of the force balance in training: a balance outside it means a force that the estimator does not know.
 
-That is an external load, an end stop, or a wrong pressure. While the piston slides, friction opposes the motion and
-grows with the pressures that press the seals on: along the motion, the balance lies between two lines over the sum of
-both pressures. In creep, at rest and just after a reversal a third line limits its size. The lines enclose the usable
-rows of training as measured, the sensors' zeros included, so that the flag does not depend on what is learned of them.
-Once found, an unmodelled force is taken to remain until the piston has moved for ``CLEAR_S`` with the balance between
-the first two lines: at rest nothing refutes it.
+Such a force is an external load, an end stop, or a wrong pressure. While the piston slides, friction opposes the motion
+and grows with the pressures on the seals: along the motion, the balance lies between two lines over the sum of both
+pressures. In creep, at rest and just after a reversal a third line limits its size. The lines enclose the usable rows
+of training as measured, the sensors' zeros included, so the flag does not depend on the learned offset. An unmodelled
+force is assumed to remain until the piston has moved for ``CLEAR_S`` with the balance between the first two lines,
+since nothing refutes it at rest.
 
-Pressures that are all zero, or in bar, balance at rest: hence the sum of both, too, must be a share of the least of
-training.
+Pressures that are all zero, or in bar, balance at rest. Therefore their sum, too, must reach a share of the least sum
+of training.
 """
 
 import math
@@ -30,12 +30,12 @@ from cylinder_friction.recordings.recording import Recording
 CLEAR_S = 1.0
 LEAST_PRESSURE_SHARE = 0.5
 ZERO_DEVIATIONS = 3.0
-"""The lines are widened by so many standard uncertainties of the sensors' stated zeros, and by ``TRAINED_MARGIN``
-of the largest force."""
+"""Standard uncertainties of the sensors' stated zeros by which the lines are widened, besides ``TRAINED_MARGIN`` of the
+largest force."""
 
 
 def balance_weights(cylinder: Cylinder, channels: Sequence[str]) -> tuple[float, ...]:
-    """Return what one unit of each channel adds to the force balance P1·A1 - P2·A2 - F_load [N]."""
+    """Compute the change of the force balance P1·A1 - P2·A2 - F_load per unit of each channel [N]."""
     weights = {PRESSURE_1: cylinder.piston_area_m2, PRESSURE_2: -cylinder.annulus_area_m2, LOAD_FORCE: -1.0}
     return tuple(float(weights.get(name, 0.0)) for name in channels)
 
@@ -43,15 +43,15 @@ def balance_weights(cylinder: Cylinder, channels: Sequence[str]) -> tuple[float,
 def with_force_limits(
     guard: Guard, bounds: Bounds, cylinder: Cylinder, recordings: Sequence[Recording], channels: Sequence[str]
 ) -> Guard:
-    """Return a guard that knows the range of the force balance in the usable rows of training.
+    """Add the range of the force balance in the usable rows of training to a guard.
 
-    Without a raw pressure among the channels, or without usable rows, it is the same guard.
+    Without a raw pressure among the channels, or without usable rows, the guard stays as it is.
 
     Args:
-        guard: What else a sample must be.
-        bounds: Which state what counts as sliding.
+        guard: The other limits of a sample.
+        bounds: Bounds, whose velocities define sliding.
         cylinder: Its areas.
-        recordings: Those of training, as measured.
+        recordings: Recordings of training, as measured.
         channels: Columns of a sample, and a load that position decides.
     """
     weights = np.array(balance_weights(cylinder, channels))
@@ -81,10 +81,10 @@ def with_force_limits(
 
 
 def force_limits(model: StepModel) -> Array:
-    """Return what ``unmodelled_force`` goes by, shape ``(2, channels + 3)``; ``(2, 0)`` if the range is not known.
+    """Pack the limits of ``unmodelled_force``, shape ``(2, channels + 3)``; ``(2, 0)`` if the range is unknown.
 
-    Weights of each channel in the force balance [N] and in the sum of the raw pressures [Pa]; then constant [N] and
-    slope [N/Pa] of the three lines: lower and upper one while sliding, largest size otherwise.
+    The rows hold the weights of each channel in the force balance [N] and in the sum of the raw pressures [Pa], then
+    constant [N] and slope [N/Pa] of the three lines: lower and upper one while sliding, largest size otherwise.
     """
     guard = model.guard
     if not guard.force_weights:
@@ -98,16 +98,16 @@ def force_limits(model: StepModel) -> Array:
 def unmodelled_force(
     limits: Array, sample: Array, regime: int, direction: int, left: int, clear_samples: int, least_pressure_pa: float
 ) -> tuple[bool, int]:
-    """Return whether there is a force that is not modelled, and after how many samples of motion it no longer counts.
+    """Check for an unmodelled force; return also the samples of motion after which it no longer counts.
 
     Args:
-        limits: See ``force_limits``; with some.
-        sample: One number per channel, invalid ones held.
-        regime: Of motion, see ``bounds.next_regime``.
-        direction: Of motion: -1 or 1; 0 at rest.
-        left: What this function returned at the sample before; 0 at the first.
-        clear_samples: So many samples of motion within the limits refute it.
-        least_pressure_pa: A smaller sum of the raw pressures is none of a cylinder at work [Pa].
+        limits: From ``force_limits``, not empty.
+        sample: One number per channel, with held values in place of invalid ones.
+        regime: Regime of motion, see ``bounds.next_regime``.
+        direction: Direction of motion: -1 or 1; 0 at rest.
+        left: The second result at the sample before; 0 at the first.
+        clear_samples: Samples of motion within the limits that refute the force.
+        least_pressure_pa: Least sum of the raw pressures of a working cylinder [Pa].
     """
     force_n, pressure_pa = 0.0, 0.0
     for channel in range(sample.shape[0]):
@@ -123,7 +123,7 @@ def unmodelled_force(
 
 
 def _usable_rows(recording: Recording, bounds: Bounds, weights: Array, channels: Sequence[str]) -> Array:
-    """Return force balance [N], direction of sliding (0 otherwise) and sum of pressures [Pa], shape ``(3, n)``."""
+    """Collect force balance [N], direction of sliding (0 otherwise) and sum of pressures [Pa], shape ``(3, n)``."""
     slides = regimes_of(recording, bounds.standstill_m_s, bounds.creep_m_s) == SLIDING
     direction = np.where(slides, np.sign(causal_velocity(recording)), 0.0)
     pressure_pa = recording.samples(PRESSURES).sum(axis=1)
@@ -131,7 +131,7 @@ def _usable_rows(recording: Recording, bounds: Bounds, weights: Array, channels:
 
 
 def _zero_of(recording: Recording, weights: Array, channels: Sequence[str]) -> float:
-    """Return the standard uncertainty that the sensors' stated zeros give a weighted sum; 0 if not stated."""
+    """Compute the standard uncertainty of a weighted sum from the sensors' stated zeros; 0 if none is stated."""
     stated = recording.metadata.uncertainty
     return math.hypot(
         *(weight * stated[name].zero for name, weight in zip(channels, weights, strict=True) if name in stated)
@@ -139,7 +139,8 @@ def _zero_of(recording: Recording, weights: Array, channels: Sequence[str]) -> f
 
 
 def _line_above(pressure_pa: Array, force_n: Array, margin_n: float) -> tuple[float, float]:
-    """Return constant and slope of the line a margin above all forces whose mean distance from them is smallest."""
+    """Fit the lowest line that lies a margin above all forces; return its constant and slope."""
+
     mean_pa, steepest = float(pressure_pa.mean()), float(np.abs(force_n).max() / max(pressure_pa.std(), 1.0))
 
     def above(slope: float) -> float:

@@ -13,7 +13,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from cylinder_friction.execution.workers import Died, Workers
+from cylinder_friction.execution.workers import LostPiece, Workers
 from cylinder_friction.files.whole_files import hash_of, whole_folder, write_json
 from cylinder_friction.recordings.checks.duplicates import Samples, SeenRecordings
 from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of, open_tables, pieces_of_tables
@@ -237,7 +237,7 @@ def usable(
         own.append(LoggedFile(name, path, recipe, digest, rows, read))
     done = workers.in_order([partial(work, file) for file in own])
     for file, outcomes in zip(own, shown(done, "ingest", len(own), "file"), strict=True):
-        if isinstance(outcomes, Died):
+        if isinstance(outcomes, LostPiece):
             yield Quarantined(file.name, outcomes.reason)
             continue
         found = list(outcomes)

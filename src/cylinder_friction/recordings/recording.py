@@ -14,12 +14,13 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.recordings.columns import DRIVE_FORCE, SAMPLE_COLUMNS, TIME, UNCERTAINTY_COLUMN, missing_column
 from cylinder_friction.recordings.line_loss import LineLoss
+from cylinder_friction.refusal import RefusalError
 
 Columns = Mapping[str, NDArray[Any]]
 """Columns of equal length by name, in their order."""
 
 
-class RecordingError(ValueError):
+class RecordingError(RefusalError, ValueError):
     """A recording that cannot be used; the message states what, where, found, expected and what to do."""
 
 

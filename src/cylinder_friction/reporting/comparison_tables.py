@@ -31,7 +31,7 @@ AUDIT_HEADS = {
 def error_table(
     scores: Scores, conditions: Sequence[str], against: str, notes: Mapping[str, str], published: bool = False
 ) -> Table:
-    """Return Table II: percent of mean |friction| and newtons, by estimator and condition.
+    """Tabulate Table II: percent of mean |friction| and newtons, by estimator and condition.
 
     The smallest error of a condition stands out, and every error that it is not clearly better than.
 
@@ -59,12 +59,12 @@ def error_table(
 
 
 def row_notes(comparison: Comparison) -> dict[str, str]:
-    """Return what is known of an estimator in a few words, by name; that it equals the label above all."""
+    """Collect short notes on estimators by name, above all that one equals the label."""
     return dict(comparison.notes) | dict.fromkeys(comparison.equal_to_label, "equals the label by construction")
 
 
 def coverage_table(found: Sequence[Coverage]) -> Table:
-    """Return how often the bounds hold the label and true friction, in each condition and in the worst session."""
+    """Tabulate how often the bounds hold the label and true friction, by condition and in the worst session."""
     return Table.of(
         found,
         {
@@ -80,7 +80,7 @@ def coverage_table(found: Sequence[Coverage]) -> Table:
 
 
 def start_table(found: Sequence[Starts]) -> Table:
-    """Return what the offset learned in a session's earlier recording is worth, by condition."""
+    """Tabulate the gain from an offset that was learned in a session's earlier recording, by condition."""
     against = REFERENCES[found[0].reference] if found else "label"
     share = f"[% of mean |{against}|]"
     return Table.of(
@@ -96,7 +96,7 @@ def start_table(found: Sequence[Starts]) -> Table:
 
 
 def offset_table(sessions: Sequence[Mapping[str, Any]]) -> Table:
-    """Return the sensors' offset of each session, as stage ``offset`` wrote it."""
+    """Tabulate the sensors' offset of each session, as stage ``offset`` wrote it."""
     return Table.of(
         sessions,
         {
@@ -113,7 +113,7 @@ def offset_table(sessions: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def difference_table(comparison: Comparison, main: str) -> Table:
-    """Return by how many percentage points every other estimator is behind ``main``, and whether that is clear."""
+    """Tabulate by how many percentage points every other estimator is behind ``main``, and whether this is clear."""
     scores, known = best_reference(comparison)
     rows: list[list[str | Cell]] = []
     for name in ranked(scores):
@@ -129,7 +129,7 @@ def difference_table(comparison: Comparison, main: str) -> Table:
 
 
 def detail_table(scores: Scores, condition: str) -> Table:
-    """Return every error measure of one condition."""
+    """Tabulate every error measure of one condition."""
     head = ["Estimator", "MAE [N]", "RMSE [N]", "bias [N]", "95th percentile [N]", "MAE, % of mean |F|"]
     head += ["95 % interval", "fit [%]", "RMSE, % of range", "lag [ms]"]
     rows = []
@@ -143,7 +143,7 @@ def detail_table(scores: Scores, condition: str) -> Table:
 
 
 def session_table(scores: Scores, conditions: Sequence[str]) -> Table:
-    """Return the error in each held-out session [%], and the mean over the conditions with its 95 % interval."""
+    """Tabulate the error in each held-out session [%], and the conditions' mean with its 95 % interval."""
     head: list[str | Cell] = ["Estimator"]
     sessions = next(iter(scores.values()))
     head += [
@@ -161,7 +161,7 @@ def session_table(scores: Scores, conditions: Sequence[str]) -> Table:
 
 
 def hyperparameter_table(searched: Mapping[str, Any], best: Mapping[str, Any], chosen: Mapping[str, Any]) -> Table:
-    """Return Table I: the range searched, the value found there and the value used, beside the published ones."""
+    """Tabulate Table I: the searched range, the found value and the used one, beside the published values."""
     return Table.of(
         HYPERPARAMETERS.items(),
         {
@@ -176,7 +176,7 @@ def hyperparameter_table(searched: Mapping[str, Any], best: Mapping[str, Any], c
 
 
 def finals_table(finals: Sequence[Mapping[str, Any]]) -> Table:
-    """Return the candidates of the search's finals, the best first, and how far their trainings differ."""
+    """Tabulate the candidates of the search's finals, the best first, and the spread of their trainings."""
     return Table.of(
         sorted(finals, key=lambda final: fmean(final["errors_n"])),
         {
@@ -190,7 +190,7 @@ def finals_table(finals: Sequence[Mapping[str, Any]]) -> Table:
 
 
 def cost_table(comparison: Comparison, times: Mapping[str, StepTime]) -> Table:
-    """Return Table III: the cost of one estimate."""
+    """Tabulate Table III: the cost of one estimate."""
     published = {"lugre": f"{1e6 * STEP_SECONDS['lugre']:.0f}", "paper_hybrid": f"{1e6 * STEP_SECONDS['hybrid']:.0f}"}
     rows = []
     for name in comparison.estimators:
@@ -205,7 +205,7 @@ def cost_table(comparison: Comparison, times: Mapping[str, StepTime]) -> Table:
 
 
 def residual_shape_table(analysis: Analysis) -> Table:
-    """Return the distribution of every estimator's residuals over all conditions."""
+    """Tabulate the distribution of every estimator's residuals over all conditions."""
     found = analysis.residuals
     return Table.of(
         ranked(analysis.comparison.label),
@@ -222,7 +222,7 @@ def residual_shape_table(analysis: Analysis) -> Table:
 
 
 def residual_memory_table(analysis: Analysis) -> Table:
-    """Return the memory of every estimator's residuals, and what they still depend on, over all conditions."""
+    """Tabulate the autocorrelation of every estimator's residuals, and what they still depend on."""
     found, dependences = analysis.residuals, analysis.dependences
 
     def dependence(key: str, name: str) -> str:
@@ -242,7 +242,7 @@ def residual_memory_table(analysis: Analysis) -> Table:
 
 
 def data_table(comparison: Comparison) -> Table:
-    """Return what was compared on."""
+    """Tabulate the compared recordings."""
     head = ["Condition", "Held-out recordings", "Minutes", "Usable rows", "Mean |label| [N]"]
     head += ["Mean |true friction| [N]", "Mean speed [mm/s]"]
     rows = []
@@ -261,7 +261,7 @@ def data_table(comparison: Comparison) -> Table:
 
 
 def audit_table(groups: Mapping[tuple[str, ...], Mapping[str, Any]]) -> Table:
-    """Return a row for each group of the label audit's numbers, named by its keys."""
+    """Tabulate the label audit, one row for each group of numbers, named by its keys."""
     columns = list(dict.fromkeys(key for numbers in groups.values() for key in numbers))
     head = ("", *(AUDIT_HEADS.get(column, column.replace("_", " ")) for column in columns))
     names = [", ".join(keys).replace("_", " ") for keys in groups]
@@ -270,7 +270,7 @@ def audit_table(groups: Mapping[tuple[str, ...], Mapping[str, Any]]) -> Table:
 
 
 def markdown_tables(comparison: Comparison, published: bool = False) -> str:
-    """Return Table II against true friction, if it is known, and against the label, as Markdown.
+    """Write Table II as Markdown, against true friction if it is known, and against the label.
 
     With ``published`` the paper's own rows stand below the latter, which they were measured against too.
     """
@@ -294,7 +294,7 @@ def markdown_tables(comparison: Comparison, published: bool = False) -> str:
 
 
 def label_warning(comparison: Comparison) -> str:
-    """Return what an error against the label means if an estimator equals it, and nothing if none does."""
+    """Explain an error against the label if an estimator equals the label; empty if none does."""
     if not comparison.equal_to_label:
         return ""
     equal = " and ".join(map(phrase, comparison.equal_to_label))

@@ -55,7 +55,7 @@ TRACE_COLOURS = {"estimate": BLUE, "label": PALE, "truth": BLACK, "hybrid": BLUE
 
 
 def naming(estimator: str) -> Naming:
-    """Return how an estimator is shown; one the project does not know keeps its own name."""
+    """Look up how an estimator is shown; an unknown one keeps its own name."""
     words = estimator.replace("_", " ")
     return _KNOWN.get(estimator, Naming(words, words, "other"))
 

@@ -64,12 +64,12 @@ class BoundedEstimate(Protocol):
 
 
 def plot(recording: Recording, estimate: Array | BoundedEstimate | None = None, truth_n: Array | None = None) -> Figure:
-    """Return friction over time: the label if there is one, the truth if it is known, the estimate and its bounds.
+    """Draw friction over time: label and truth if there are any, the estimate and its bounds.
 
     The scale is that of the usable rows: at end stops an estimate may be many times as large.
 
     Args:
-        recording: What was estimated; its column ``friction_n`` is the label, drawn where it is usable.
+        recording: What was estimated; its column ``friction_n`` is the label, drawn in usable rows.
         estimate: Estimated friction [N], shape ``(n,)``, alone or with its bounds.
         truth_n: True friction [N], shape ``(n,)``.
 
@@ -127,7 +127,7 @@ def _friction_lines(axis: Axes, time_s: Array, lines_n: Mapping[str, Array]) -> 
 
 
 def all_figures(analysis: Analysis) -> dict[str, Figure]:
-    """Return every figure; its key is its file's name without ``.png``.
+    """Collect every figure; its key is its file's name without ``.png``.
 
     ``errors_by_condition_truth`` is there only where true friction is known.
     """
@@ -152,7 +152,7 @@ def all_figures(analysis: Analysis) -> dict[str, Figure]:
 
 
 def friction_over_time(excerpts: Sequence[Excerpt], width: float = PANEL[0]) -> Figure:
-    """Return two panels per condition: friction (label, truth where known, estimates), and label minus estimate."""
+    """Draw two panels per condition: friction (label, known truth, estimates), and label minus estimate."""
     figure, axes = panels(2 * len(excerpts), 1, width, 2.4 * len(excerpts) + 0.3, [3.0, 1.3] * len(excerpts))
     for part, force, residual in zip(excerpts, axes[::2], axes[1::2], strict=True):
         _friction_lines(force, part.time_s, part.lines_n)
@@ -170,7 +170,7 @@ def friction_over_time(excerpts: Sequence[Excerpt], width: float = PANEL[0]) -> 
 
 
 def errors_by_condition(scores: Scores, conditions: Sequence[str], against: str, main: str) -> Figure:
-    """Return one row per estimator, on a log scale: each condition's error, interval and sessions.
+    """Draw one row per estimator, on a log scale: each condition's error, interval and sessions.
 
     A mark is the error of a condition, the line through it its 95 % interval, each stroke one session; ``main`` is
     shaded. An estimator that equals the label by construction has no marks.
@@ -221,7 +221,7 @@ def _denominator_n(scores: Scores, condition: str) -> float:
 
 
 def errors_by_stratum(comparison: Comparison, conditions: Sequence[str]) -> Figure:
-    """Return one panel per condition: the mean absolute error [N] of some estimators within each stratum."""
+    """Draw one panel per condition: the mean absolute error [N] of some estimators within each stratum."""
     shown = [name for name in STRATA_SHADES if name in comparison.estimators] or list(comparison.estimators)
     figure, axes = grid_of(len(conditions), *PANEL)
     width = 0.8 / len(shown)
@@ -241,7 +241,7 @@ def errors_by_stratum(comparison: Comparison, conditions: Sequence[str]) -> Figu
 
 
 def estimated_against_calculated(name: str, found: Mapping[str, Agreement]) -> Figure:
-    """Return one panel per condition: estimate over label, the line y = x, and R²."""
+    """Draw one panel per condition: estimate over label, the line y = x, and R²."""
     figure, axes = grid_of(len(found), *PANEL)
     for axis, (condition, points) in zip(axes, found.items(), strict=True):
         ends = [float(points.label_n.min()), float(points.label_n.max())]
@@ -255,7 +255,7 @@ def estimated_against_calculated(name: str, found: Mapping[str, Agreement]) -> F
 
 
 def friction_against_velocity(profiles: Mapping[str, VelocityProfile]) -> Figure:
-    """Return one panel per condition: the median friction at each velocity, with the label's middle half shaded."""
+    """Draw one panel per condition: the median friction at each velocity, the label's middle half shaded."""
     figure, axes = grid_of(len(profiles), *PANEL)
     for axis, (condition, profile) in zip(axes, profiles.items(), strict=True):
         velocity = 1e3 * profile.velocity_m_s
@@ -275,7 +275,7 @@ def friction_against_velocity(profiles: Mapping[str, VelocityProfile]) -> Figure
 
 
 def learning_curves(curves: Mapping[str, LearningCurve]) -> Figure:
-    """Return one panel per hybrid: training and validation error per epoch, the gap between them, the epoch kept."""
+    """Draw one panel per hybrid: training and validation error per epoch, their gap, and the chosen epoch."""
     figure, axes = grid_of(len(curves), *PANEL)
     for axis, (name, curve) in zip(axes, curves.items(), strict=True):
         epochs, train = np.array(curve.epoch), np.array(curve.train_mae_n)
@@ -298,7 +298,7 @@ def learning_curves(curves: Mapping[str, LearningCurve]) -> Figure:
 
 
 def residual_histogram(name: str, counted: Histogram) -> Figure:
-    """Return the histogram of one estimator's residuals with the normal curve and the quartiles."""
+    """Draw the histogram of one estimator's residuals with the normal curve and the quartiles."""
     figure, (axis,) = panels(1, 1, *PANEL)
     axis.bar(counted.centres_n, counted.density, width=counted.width_n, color=colour(name), alpha=0.55, linewidth=0)
     axis.plot(counted.centres_n, counted.normal_density, color=BLACK, label="normal, same mean and deviation")
@@ -317,7 +317,7 @@ def residual_histogram(name: str, counted: Histogram) -> Figure:
 
 
 def quantile_plot(points: Mapping[str, tuple[Array, Array]]) -> Figure:
-    """Return one Q-Q panel per estimator: residual quantiles against those of a normal distribution."""
+    """Draw one Q-Q panel per estimator: residual quantiles against those of a normal distribution."""
     figure, axes = grid_of(len(points), *PANEL)
     for axis, (name, (normal, found)) in zip(axes, points.items(), strict=True):
         ends = [float(normal.min()), float(normal.max())]
@@ -329,7 +329,7 @@ def quantile_plot(points: Mapping[str, tuple[Array, Array]]) -> Figure:
 
 
 def autocorrelation_plot(memories: Mapping[str, tuple[Array, float]], sample_time_s: float) -> Figure:
-    """Return the residuals' autocorrelation; each entry holds its values from lag 0 and the 95 % band's half width."""
+    """Draw the residuals' autocorrelation; an entry holds the values from lag 0 and the 95 % band's half width."""
     figure, axes = grid_of(len(memories), *PANEL)
     for axis, (name, (memory, band)) in zip(axes, memories.items(), strict=True):
         axis.axhspan(-band, band, color=PALE, alpha=0.6, linewidth=0, label="independent, 95 %")
@@ -349,7 +349,7 @@ def line_colour(name: str) -> str:
 
 
 def session_offsets(sessions: Sequence[Mapping[str, Any]]) -> Figure:
-    """Return the sensors' offset of each session with two standard uncertainties, beside their stated zeros."""
+    """Draw the sensors' offset of each session with two standard uncertainties, beside the stated zeros."""
     figure, (axis,) = panels(1, 1, PANEL[0], 1.2 * PANEL[1])
     ordered = sorted(sessions, key=lambda each: (each["condition"], each["session"]))
     stated_n = 2.0 * max(each["prior_n"] for each in ordered)

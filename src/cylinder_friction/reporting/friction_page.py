@@ -27,12 +27,12 @@ POINTS = 1000
 
 
 def pane_file(name: str) -> str:
-    """Return the path of a recording's pane beside the page, which loads it once it is chosen."""
+    """Name the file of a recording's pane; the page loads it once it is chosen."""
     return f"panes/{name}.js"
 
 
 def friction_pane(recording: Recording, view: FrictionView | None) -> str:
-    """Return the pane of a recording, a script that hands it to the page; equal input makes equal text.
+    """Write the pane of a recording as a script that passes it to the page; equal input makes equal text.
 
     The recording has raw columns beside ``velocity_m_s``, ``friction_n``, ``lower_n`` and ``upper_n`` [N], and
     ``label_n`` where friction is an estimator's. Without a view the pane shows friction over time alone.
@@ -109,7 +109,7 @@ def write_friction_page(
 
 
 def _origin(about: RecordingMetadata) -> list[tuple[str, str]]:
-    """Return what is known of a recording's origin: a name and its value."""
+    """List the facts about a recording's origin: a name and its value."""
     start = f"{about.start} ({about.start_source})" if about.start else "not known"
     sensors = [
         (f"sensor of {column}", ", ".join(f"{name} {value}" for name, value in known.items()))
@@ -126,7 +126,7 @@ def _origin(about: RecordingMetadata) -> list[tuple[str, str]]:
 
 
 def guess_table(guessed: Mapping[str, Any]) -> Table:
-    """Return one row per column whose channel and unit were guessed."""
+    """Tabulate the columns whose channel and unit were guessed."""
     rows: list[list[str | Cell]] = [
         [column, each["channel"], each["unit"] or "–"]
         + [Cell("; ".join(each[key]), style="words") for key in ("reasons", "check")]

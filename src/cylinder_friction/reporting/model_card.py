@@ -31,7 +31,7 @@ def model_card(
     conditions: Mapping[str, Mapping[str, float]],
     held: Sequence[Mapping[str, Any]],
 ) -> str:
-    """Return the card of an estimator.
+    """Write the card of an estimator.
 
     ``description`` is the content of its ``estimator.json``, ``recordings`` how many it was trained on by role,
     ``conditions`` and ``held`` are as in ``reports/metrics.json`` and ``reports/coverage.json``.
@@ -92,7 +92,7 @@ def _rounded(value: float | None, decimals: int) -> str:
 
 
 def _range_rows(description: Mapping[str, Any]) -> list[str]:
-    """Return a row per input: between which values no flag is raised, and which ones training had."""
+    """List a row per input: the range without a flag, and the range of training."""
     trained = {column: description["training_range"][column] for column in description["input"]}
     valid = TrainingRange(tuple(trained), *zip(*trained.values(), strict=True)).widened()
     lower, upper = valid.lower, valid.upper

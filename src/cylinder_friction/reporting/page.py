@@ -53,7 +53,7 @@ NONE = Cell("–", style="none")
 
 
 def number_cell(value: float | None, digits: str = ".0f") -> Cell:
-    """Return a number as a cell that its column is sorted by; ``NONE`` if there is no finite one."""
+    """Render a number as a cell that its column is sorted by; ``NONE`` if it is not finite."""
     return NONE if value is None or not math.isfinite(value) else Cell(f"{value:{digits}}", value=value)
 
 
@@ -71,7 +71,7 @@ class Table:
 
     @classmethod
     def of(cls, items: Iterable[Any], columns: Mapping[str | Cell, Callable[[Any], str | Cell]], **look: Any) -> Table:
-        """Return a row per item; each column's head with what the column shows of an item, and further fields."""
+        """Make a table with one row per item, from each column's head and function of an item, and more fields."""
         return cls(tuple(columns), [tuple(show(item) for show in columns.values()) for item in items], **look)
 
     @property
@@ -93,7 +93,7 @@ class Table:
         ]
 
     def markdown(self) -> str:
-        """Return the table as Markdown; the best cells are bold."""
+        """Write the table as Markdown; the best cells are bold."""
 
         def line(row: Sequence[Cell]) -> str:
             words = [f"{cell.words} {cell.small}".rstrip() for cell in row]
@@ -105,7 +105,7 @@ class Table:
 
 
 def page_html(template: str, package: str = __package__, **context: Any) -> str:
-    """Return a page.
+    """Render a page.
 
     The template is a path in the package, ``templates/...``, and may use what lies in ``templates/frame`` here. The
     context holds ``title`` at least.
@@ -137,12 +137,12 @@ def _svg(figure: Figure, words: str) -> Markup:
 
 
 def packed(html: str, level: int = 9) -> str:
-    """Return a part of a page as text that ``page.js`` unpacks once its section is chosen: deflated, in base64."""
+    """Pack a part of a page as text that ``page.js`` unpacks once its section is chosen: deflated, in base64."""
     return base64.b64encode(zlib.compress(html.encode(), level)).decode()
 
 
 def static(name: str) -> Markup:
-    """Return a file of the folder ``static`` as it is."""
+    """Read a file of the folder ``static``, unchanged."""
     return Markup((files(__package__) / "static" / name).read_text(encoding="utf-8"))  # noqa: S704 - our own file
 
 
@@ -151,5 +151,5 @@ def _data(figure: PageFigure) -> Markup:
 
 
 def _breakable(words: str) -> Markup:
-    """Return words that may be broken into lines behind the separators of a path."""
+    """Allow line breaks behind the separators of a path."""
     return Markup(re.sub(r"(?<=\w)([/_-])(?=\w)", r"\1<wbr>", str(escape(words))))  # noqa: S704

@@ -57,7 +57,7 @@ class PageFigure:
 
     @classmethod
     def of(cls, figure: Any) -> Self:
-        """Return what a figure of Plotly's own library draws, without its look."""
+        """Convert a figure of Plotly's own library, without its look."""
         drawn, plain = cls(), json.loads(figure.to_json())
         own = {name: value for name, value in plain["layout"].items() if name not in ("template", "title")}
         drawn.data, drawn.layout = plain["data"], {"annotations": [], **own}
@@ -70,7 +70,7 @@ class PageFigure:
         self.data.append({"type": "scatter", **trace, "xaxis": f"x{_of(panel)}", "yaxis": f"y{_of(panel)}"})
 
     def shows(self, name: str) -> bool:
-        """Return whether a trace of this name is there already."""
+        """Check whether the figure has a trace of this name."""
         return any(trace.get("name") == name for trace in self.data)
 
     def x_axis(self, panel: int = 1, title: str = "", **settings: Any) -> None:
@@ -91,7 +91,7 @@ class PageFigure:
         self.layout["shapes"].append({"type": "line", **ends, "line": dict(line)})
 
     def look(self, height: int, legend_rows: int = 1, **layout: Any) -> Self:
-        """Return this figure in the look that all share; ``legend_rows`` are kept free above it."""
+        """Give this figure the common look; ``legend_rows`` are kept free above it."""
         self.layout |= {
             "height": height,
             "font": {"family": FONT, "size": 13, "color": INK},
@@ -106,7 +106,7 @@ class PageFigure:
         return self
 
     def to_json(self) -> str:
-        """Return the figure as JSON that cannot end the script element it stands in."""
+        """Write the figure as JSON that cannot end the script element around it."""
         figure = {"data": self.data, "layout": self.layout}
         text = json.dumps(figure, separators=(",", ":"), default=_packed, allow_nan=False, ensure_ascii=False)
         return text.replace("<", "\\u003c")
@@ -117,14 +117,14 @@ class PageFigure:
 
 
 def speed_ticks(velocities_m_s: Sequence[float]) -> list[float]:
-    """Return the numbers on a logarithmic axis of speeds [mm/s], so many that a narrow span has several."""
+    """Choose the ticks of a logarithmic axis of speeds [mm/s], so that a narrow span has several."""
     speeds = [abs(each) for each in velocities_m_s] or [1.0]
     steps = (1, 2, 5) if max(speeds) >= WIDE_SPAN * min(speeds) else (1, 2, 3, 4, 5, 6, 8)
     return [step * 10.0**power for power in range(-3, 5) for step in steps]
 
 
 def compact(values: Array) -> Array:
-    """Return values to a thousandth of their span or better, finer than a pixel, so that they deflate well.
+    """Round values to a thousandth of their span or better, finer than a pixel, so that they deflate well.
 
     They are multiples of a power of two, and end in zeros as the single-precision numbers that a page holds.
     """
@@ -139,7 +139,7 @@ def _of(panel: int) -> str:
 
 
 def _packed(values: Any) -> Any:
-    """Return an array as the bytes of single precision, which is finer than a pixel.
+    """Pack an array as bytes in single precision, which is finer than a pixel.
 
     First stands the first byte of each number, then the second, and so on: so they deflate to less in less time, and
     ``page.js`` puts them back.

@@ -59,7 +59,7 @@ class StyledFigure(Figure):
 
 
 def draw(build: Callable[..., Figure], *arguments: Any, **options: Any) -> Figure:
-    """Return ``build(*arguments, **options)`` in the shared style, whatever style the caller's Matplotlib has."""
+    """Call ``build(*arguments, **options)`` in the common style, whatever style the caller's Matplotlib has."""
     with mpl.rc_context({**mpl.rcParamsDefault, **STYLE}):
         return build(*arguments, **options)
 
@@ -67,7 +67,7 @@ def draw(build: Callable[..., Figure], *arguments: Any, **options: Any) -> Figur
 def panels(
     rows: int, columns: int, width: float, height: float, heights: Sequence[float] | None = None
 ) -> tuple[Figure, list[Axes]]:
-    """Return a figure of ``width`` by ``height`` inches and its axes row by row.
+    """Make a figure of ``width`` by ``height`` inches, and its axes row by row.
 
     ``heights`` gives each row's share of the height; equal if it is None.
     """
@@ -78,7 +78,7 @@ def panels(
 
 
 def grid_of(count: int, width: float, height: float) -> tuple[Figure, list[Axes]]:
-    """Return a figure with ``count`` panels of ``width`` by ``height`` inches, two side by side."""
+    """Make a figure with ``count`` panels of ``width`` by ``height`` inches, two side by side."""
     columns = min(2, max(1, count))
     rows = -(-max(1, count) // columns)
     figure, axes = panels(rows, columns, width * columns, height * rows)
@@ -88,12 +88,12 @@ def grid_of(count: int, width: float, height: float) -> tuple[Figure, list[Axes]
 
 
 def png_bytes(figure: Figure) -> bytes:
-    """Return the figure as PNG; equal data give equal bytes."""
+    """Write the figure as PNG; equal data give equal bytes."""
     return _saved(figure, format="png", metadata={"Software": None})
 
 
 def svg_text(figure: Figure, name: str, words: str) -> str:
-    """Return the figure as an SVG element that fills the width it is given; equal data give equal text.
+    """Write the figure as an SVG element that fills the width it is given; equal data give equal text.
 
     ``name`` makes identifiers within the element unique in the page; ``words`` state what it shows, for screen readers.
     """

@@ -60,7 +60,7 @@ class ReportInputs:
 
 
 def report_html(analysis: Analysis, inputs: ReportInputs) -> str:
-    """Return the whole page; it loads nothing from outside."""
+    """Render the whole page; it loads nothing from outside."""
     comparison, main = analysis.comparison, analysis.main
     audit = inputs.audit
     there = {"audit": audit is not None, "offsets": bool(inputs.offsets), "bounds": bool(inputs.held)}
@@ -103,7 +103,7 @@ def report_html(analysis: Analysis, inputs: ReportInputs) -> str:
 
 
 def _opening(analysis: Analysis) -> tuple[Figure, Figure]:
-    """Return the report's first picture: friction over time in the first and the last condition, and all errors."""
+    """Draw the report's first picture: friction over time in the first and the last condition, and all errors."""
     comparison, shown = analysis.comparison, analysis.excerpts
     excerpts = shown if len(shown) < 2 else [shown[0], shown[-1]]
     scores, known = best_reference(comparison)
@@ -116,7 +116,7 @@ def _name(comparison: Comparison, scores: Scores) -> str:
 
 
 def _against(analysis: Analysis) -> dict[str, tuple[Table, dict[str, Table], Figure | None]]:
-    """Return by reference: Table II, tables to unfold by title, and the chart unless the page opens with it."""
+    """Collect by reference: Table II, folded tables by title, and the chart unless the page opens with it."""
     comparison = analysis.comparison
     opens, _ = best_reference(comparison)
     both = {
@@ -140,7 +140,7 @@ def _details(scores: Scores, conditions: Sequence[str]) -> dict[str, Table]:
 
 
 def _over_time(part: Excerpt) -> PageFigure:
-    """Return friction and, below it, label minus estimate, to be zoomed into."""
+    """Draw friction and, below it, label minus estimate, to be zoomed into."""
 
     def lines(values: Mapping[str, Any], in_legend: bool) -> list[Line]:
         return [
@@ -162,7 +162,7 @@ def _over_time(part: Excerpt) -> PageFigure:
 
 
 def _panels(analysis: Analysis) -> dict[str, list[Figure]]:
-    """Return the small pictures of each section, one per condition or estimator."""
+    """Collect the small pictures of each section, one per condition or estimator."""
     comparison = analysis.comparison
     each_condition = comparison.conditions
     return {
@@ -183,7 +183,7 @@ def _panels(analysis: Analysis) -> dict[str, list[Figure]]:
 
 
 def _audit(audit: dict[str, Any] | None) -> tuple[Table, ...]:
-    """Return the audit over all conditions and, below it, by condition."""
+    """Tabulate the audit over all conditions and, below it, by condition."""
     if audit is None or "note" in audit:
         return ()
     groups: dict[tuple[str, ...], Mapping[str, Any]] = {

@@ -17,7 +17,7 @@ from cylinder_friction.reporting.page import NONE, Cell, Table, number_cell
 def level_tables(
     found: Sequence[RecordingDifference], levels: Mapping[str, Sequence[FrictionLevel]]
 ) -> list[tuple[str, str, Table]]:
-    """Return title, explanation and rows of each table; none where nothing slides steadily."""
+    """List title, explanation and rows of each table; none if nothing slides steadily."""
     tables = []
     if found:
         words = (
@@ -55,7 +55,7 @@ def level_tables(
 
 
 def _at(levels: Sequence[FrictionLevel], pressure_bar: float) -> Cell:
-    """Return the mean friction extending and retracting at one level of pressure."""
+    """Compute the mean friction extending and retracting at one level of pressure."""
     both = []
     for direction in (1, -1):
         own = [each for each in levels if each.pressure_bar == pressure_bar and each.direction == direction]
@@ -65,14 +65,14 @@ def _at(levels: Sequence[FrictionLevel], pressure_bar: float) -> Cell:
 
 
 def offset_lines(offsets: Sequence[KnownOffset]) -> list[str]:
-    """Return the lines of the printed report, one per session below a head."""
+    """List the lines of the printed report, one per session below a head."""
     width, space = (max(len(getattr(each, name)) for each in offsets) for name in ("session", "value"))
     lines = [f"  {each.session:<{width}}  {each.value:<{space}}  {each.source}: {each.words}" for each in offsets]
     return ["offset of the sensors' zeros by session, as friction (k = 2)", *lines]
 
 
 def offset_table(offsets: Sequence[KnownOffset]) -> Table:
-    """Return one row per session."""
+    """Tabulate the sessions."""
     rows: list[list[str | Cell]] = [
         [
             each.session,

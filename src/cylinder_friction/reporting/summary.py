@@ -14,20 +14,20 @@ The promotion gate tolerates as much (``register.tolerance_percent``).
 
 
 def ranked(scores: Scores) -> list[str]:
-    """Return the estimators, less those that equal the label by construction if that is the reference."""
+    """Rank the estimators, without those that equal the label by construction if the label is the reference."""
     return [name for name in scores if name not in (LABEL_ITSELF, *equal_to_label(scores))]
 
 
 def winner(scores: Scores, condition: str) -> str:
-    """Return the estimator with the smallest percentage in a condition; the first by name among equals."""
+    """Find the estimator with the smallest percentage in a condition; of equals the first by name."""
     names = [name for name in ranked(scores) if condition in scores[name]]
     return min(names, key=lambda name: (scores[name][condition].errors.percent, name))
 
 
 def verdict(scores: Scores, one: str, other: str, condition: str) -> str:
-    """Return ``better``, ``worse`` or ``level``: within chance, or with less than ``CLEAR_POINTS`` between them.
+    """Judge a difference as ``better``, ``worse`` or ``level``: within chance, or below ``CLEAR_POINTS``.
 
-    Where no condition has two sessions, chance is not known and everything is level.
+    If no condition has two sessions, chance is not known and all estimators count as level.
     """
     ahead, low, high = points_ahead(scores, one, other, condition)
     if not (low > 0.0 or high < 0.0) or abs(ahead) < CLEAR_POINTS:  # an interval that is not known leaves out nothing
@@ -36,7 +36,7 @@ def verdict(scores: Scores, one: str, other: str, condition: str) -> str:
 
 
 def leaders(scores: Scores, condition: str) -> list[str]:
-    """Return the best estimator of a condition and those that it is not clearly better than, if chance is known."""
+    """List the best estimator of a condition and those that it is not clearly better than, if chance is known."""
     best = winner(scores, condition)
     if not math.isfinite(points_ahead(scores, best, best, condition)[2]):  # of one session each
         return [best]
@@ -45,14 +45,14 @@ def leaders(scores: Scores, condition: str) -> list[str]:
 
 
 def best_reference(comparison: Comparison) -> tuple[Scores, tuple[str, ...]]:
-    """Return the scores that are nearest to friction, and their conditions: against the truth, else the label."""
+    """Choose the scores against the best reference, with their conditions: the truth, else the label."""
     if comparison.truth:
         return comparison.truth, comparison.truth_conditions
     return comparison.label, comparison.conditions
 
 
 def summary(comparison: Comparison, main: str) -> list[str]:
-    """Return three sentences: how far ``main`` is off, which estimators it does not beat, how far the label is."""
+    """Write three sentences: the error of ``main``, the estimators that it does not beat, the error of the label."""
     return [_errors(comparison, main), _rivals(comparison, main), _label(comparison, main)]
 
 
@@ -117,7 +117,7 @@ def _label(comparison: Comparison, main: str) -> str:
 
 
 def conditions_in_words(conditions: Sequence[str]) -> str:
-    """Return ``condition 1`` or ``conditions 1, 2 and 3``."""
+    """Write ``condition 1`` or ``conditions 1, 2 and 3``."""
     return f"condition{'s' if len(conditions) > 1 else ''} {_listed(conditions)}"
 
 

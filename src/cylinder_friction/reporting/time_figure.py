@@ -34,7 +34,7 @@ class Panel:
 
 
 def over_time(time_s: Array, panels: Sequence[Panel], legend_rows: int = 1, points: int = LINE_POINTS) -> PageFigure:
-    """Return the figure over evenly spaced times; lines of more than ``points`` samples keep their extremes alone."""
+    """Draw the figure over evenly spaced times; lines of more than ``points`` samples keep only their extremes."""
     shares = [panel.share for panel in panels]
     figure = PageFigure(shares, 0.14 / len(panels), below=True)
     step_s = float(time_s[-1] - time_s[0]) / max(1, len(time_s) - 1)
@@ -59,7 +59,7 @@ def over_time(time_s: Array, panels: Sequence[Panel], legend_rows: int = 1, poin
 
 
 def extremes(values: Array, points: int) -> tuple[Array, float]:
-    """Return the least and the greatest value of every stretch in their order, and for how many samples each stands.
+    """Find the least and the greatest value of every stretch in their order, and for how many samples each stands.
 
     A line through them looks like the line through all samples: no peak is lost. Values that are not finite are chosen
     only in a stretch that holds nothing else.
@@ -81,7 +81,7 @@ def extremes(values: Array, points: int) -> tuple[Array, float]:
 
 
 def spread_evenly(rows: NDArray[np.intp], points: int) -> NDArray[np.intp]:
-    """Return at most ``points`` of ``rows``, evenly spaced: for clouds of points, in which no row is special."""
+    """Choose at most ``points`` of ``rows``, evenly spaced: for clouds of points, in which no row is special."""
     if len(rows) <= points:
         return rows
     return rows[np.linspace(0, len(rows) - 1, points).round().astype(np.intp)]

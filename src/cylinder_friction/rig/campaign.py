@@ -63,7 +63,11 @@ LOAD_SEED = 1
 
 @dataclass(frozen=True)
 class RigRecording:
-    """One recording as the logger wrote it, and the truth that no logger sees."""
+    """One recording as the logger wrote it, and the truth that no logger measures.
+
+    ``campaign`` yields them. Use ``logger`` as you would a real log, in its own units, and ``truth`` only to judge
+    estimates: friction is positive when it opposes extension.
+    """
 
     metadata: RecordingMetadata  # Who and when
     # Columns ``sensors.LOGGER_COLUMNS``: seconds, bar, bar, millimetres, °C; with an external load also
@@ -103,7 +107,7 @@ def campaign(cylinder: Cylinder, plan: CampaignPlan) -> Iterator[RigRecording]:
 
 
 def _sensors(plan: CampaignPlan, specimen: RigParameters) -> SensorParameters:
-    """Return the specimen's sensors with the logger of the plan, at the cylinder or at the valve."""
+    """Build the specimen's sensors with the logger of the plan, at the cylinder or at the valve."""
     flow_m3_s = LOSS_SPEED_M_S * specimen.hydraulics.piston_area_m2
     laminar_pa = plan.line_laminar_share * plan.line_loss_bar * BAR_PA
     return replace(
@@ -117,7 +121,7 @@ def _sensors(plan: CampaignPlan, specimen: RigParameters) -> SensorParameters:
 
 
 def _asymmetric(plan: CampaignPlan, specimen: RigParameters, condition: int) -> RigParameters:
-    """Return the specimen with the asymmetry of friction that a condition has."""
+    """Build the specimen with the asymmetry of friction that a condition has."""
     if not plan.asymmetry_by_condition:
         return specimen
     off = plan.asymmetry_by_condition * float(_generator(plan, condition, 0, 0).standard_normal())

@@ -13,7 +13,7 @@ EXPECTED_FRICTION_N = 350.0  # Friction that the operator allows for when choosi
 
 
 def lever_for_speed(rig: RigParameters, speed_m_s: float) -> float:
-    """Return the lever that moves the piston steadily at this speed, signed, as an operator finds it by eye.
+    """Choose the lever that moves the piston steadily at this speed, signed, as an operator does by eye.
 
     From the steady force balance with both metering edges and the throttle; full lever if that speed is out of
     reach.
@@ -33,7 +33,7 @@ def lever_for_speed(rig: RigParameters, speed_m_s: float) -> float:
 
 
 def hand_work(rig: RigParameters, generator: Generator, duration_s: float) -> list[Row]:
-    """Return about ``duration_s`` of free work: strokes at random speeds, corrections, inching and pauses."""
+    """Plan about ``duration_s`` of free work: strokes at random speeds, corrections, inching and pauses."""
     rows: list[Row] = []
     direction = float(generator.choice((-1.0, 1.0)))
     while sum(row[2] + row[3] for row in rows) < duration_s:
@@ -54,7 +54,7 @@ def hand_work(rig: RigParameters, generator: Generator, duration_s: float) -> li
 
 
 def staircase(rig: RigParameters, generator: Generator, steps: int = 6) -> list[Row]:
-    """Return strokes at constant speeds, about 1.5 to 45 mm/s, out and back, the lever held against a stop."""
+    """Plan strokes at constant speeds, about 1.5 to 45 mm/s, out and back, the lever held against a stop."""
     low, high = 0.05 * rig.hydraulics.stroke_m, 0.92 * rig.hydraulics.stroke_m
     rows: list[Row] = [
         (APPROACH, lever_for_speed(rig, -0.045), 0.3, 8.0, 0.0, 0.13 * rig.hydraulics.stroke_m, 9.0, 0.3, 0.0, 1.0),
@@ -70,7 +70,7 @@ def staircase(rig: RigParameters, generator: Generator, steps: int = 6) -> list[
 
 
 def sines(rig: RigParameters, generator: Generator, duration_s: float) -> list[Row]:
-    """Return two sines of the lever, each for half the time."""
+    """Plan two sines of the lever, each for half the time."""
     rows: list[Row] = []
     for _ in range(2):
         size = lever_for_speed(rig, generator.uniform(0.015, 0.06))
@@ -80,7 +80,7 @@ def sines(rig: RigParameters, generator: Generator, duration_s: float) -> list[R
 
 
 def breakaway_ramps(rig: RigParameters, generator: Generator, ramps: int = 3) -> list[Row]:
-    """Return slow openings of the valve after dwells of different length, each until well after breakaway."""
+    """Plan slow openings of the valve after dwells of different length, each until well after breakaway."""
     rows: list[Row] = []
     direction = float(generator.choice((-1.0, 1.0)))
     for _ in range(ramps):
@@ -92,7 +92,7 @@ def breakaway_ramps(rig: RigParameters, generator: Generator, ramps: int = 3) ->
 
 
 def duty_cycle(rig: RigParameters, generator: Generator, duration_s: float, turn: int = 0) -> DutyCycle:
-    """Return an operator's duty cycle of about ``duration_s``: free work around one or two set exercises.
+    """Plan an operator's duty cycle of about ``duration_s``: free work around one or two set exercises.
 
     ``turn`` rotates the exercises, so that a session of two recordings holds them all: even turns have a staircase,
     odd ones sines and breakaway ramps. Short recordings have the free work first.
@@ -121,7 +121,7 @@ def _row(
 
 
 def _limits(rig: RigParameters, generator: Generator) -> tuple[float, float]:
-    """Return where the operator means to reverse; now and then only at the end stop."""
+    """Choose the position at which the operator means to reverse; now and then the end stop."""
     stroke_m = rig.hydraulics.stroke_m
     if generator.random() < 0.08:
         return -1.0, 9.0
@@ -129,7 +129,7 @@ def _limits(rig: RigParameters, generator: Generator) -> tuple[float, float]:
 
 
 def _stroke(rig: RigParameters, generator: Generator, direction: float) -> list[Row]:
-    """Return a stroke: a quick move with overshoot, one or two corrections, each held for a while."""
+    """Plan a stroke: a quick move with overshoot, then one or two corrections, each held for a while."""
     if generator.random() < 0.4:
         target = direction * generator.uniform(0.75, 1.0)
     else:
@@ -155,7 +155,7 @@ def _stroke(rig: RigParameters, generator: Generator, direction: float) -> list[
 
 
 def _inching(rig: RigParameters, generator: Generator, direction: float) -> list[Row]:
-    """Return short pulls at the lever with stops between them."""
+    """Plan short pulls at the lever with stops between them."""
     low, high = 0.15 * rig.hydraulics.stroke_m, 0.85 * rig.hydraulics.stroke_m
     rows: list[Row] = []
     for _ in range(generator.integers(2, 6)):

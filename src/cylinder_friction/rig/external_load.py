@@ -52,32 +52,32 @@ class ExternalLoad:
 
     @classmethod
     def of_time(cls, force_n: Array) -> ExternalLoad:
-        """Return a load that depends on time alone, one value each millisecond [N]."""
+        """Make a load that depends on time alone, one value each millisecond [N]."""
         force_n = np.asarray(force_n, dtype=np.float64)
         return cls(force_n, np.zeros_like(force_n), np.zeros(2))
 
     def at_start(self, position_m: float, stroke_m: float) -> float:
-        """Return the load at time 0 [N]."""
+        """Compute the load at time 0 [N]."""
         return float(load_at(self.force_n, self.share, self.along_n, 0.0, position_m, stroke_m))
 
 
 @numba.njit(cache=True)
 def load_at(force_n: Any, share: Any, along_n: Any, time_s: float, position_m: float, stroke_m: float) -> float:
-    """Return the load at a time and a position [N], in straight lines between the values; held beyond the ends."""
+    """Interpolate the load linearly at a time and a position [N]; beyond the ends it is constant."""
     place = position_m / stroke_m * (len(along_n) - 1)
     return between(force_n, time_s / TICK_S) + between(share, time_s / TICK_S) * between(along_n, place)
 
 
 @numba.njit(cache=True)
 def between(values: Any, place: float) -> float:
-    """Return the value at a place counted in values, in a straight line between two; held beyond the ends."""
+    """Interpolate linearly at a place counted in values; beyond the ends the value is constant."""
     index = min(max(int(place), 0), len(values) - 2)
     part = min(max(place - index, 0.0), 1.0)
     return values[index] + (values[index + 1] - values[index]) * part
 
 
 def varied_load(generator: Generator, duration_s: float, stroke_m: float) -> ExternalLoad:
-    """Return a load drawn at random, to about ±3 kN, that changes within the recording.
+    """Make a load drawn at random, to about ±3 kN, that changes within the recording.
 
     A boom, a spring or neither, whose share wanders by some percent; and always weights that somebody puts on and off
     at random, or a slow sine, or both.
@@ -98,20 +98,20 @@ def varied_load(generator: Generator, duration_s: float, stroke_m: float) -> Ext
 
 
 def boom_n(generator: Generator, stroke_m: float) -> Array:
-    """Return the force of a weight on a boom that the cylinder lifts, or holds back, at each position [N]."""
+    """Compute the force of a weight on a boom that the cylinder lifts, or holds back, at each position [N]."""
     above_horizon = generator.uniform(math.radians(-40.0), math.radians(20.0))
     sign = 1.0 if generator.random() < 0.6 else -1.0
     return sign * weight_n(generator.uniform(12.0, 65.0), above_horizon, stroke_m)
 
 
 def crane_load(duration_s: float, stroke_m: float) -> ExternalLoad:
-    """Return the load of the crane, which depends on position alone and is the same in every recording."""
+    """Build the load of the crane, which depends on position alone and is the same in every recording."""
     ticks = round(duration_s / TICK_S) + 2
     return ExternalLoad(np.zeros(ticks), np.ones(ticks), weight_n(CRANE_MASS_KG, CRANE_ANGLE_RAD, stroke_m))
 
 
 def weight_n(mass_kg: float, angle_rad: float, stroke_m: float) -> Array:
-    """Return the force of a weight on a boom at each position, shape ``(PLACES,)`` [N].
+    """Compute the force of a weight on a boom at each position, shape ``(PLACES,)`` [N].
 
     The boom turns by some 45° over the stroke: the weight's lever changes with the cosine of the boom's angle, the
     cylinder's by the law of cosines in the triangle of frame, boom and cylinder.
@@ -126,7 +126,7 @@ def weight_n(mass_kg: float, angle_rad: float, stroke_m: float) -> Array:
 
 
 def spring_n(generator: Generator, stroke_m: float) -> Array:
-    """Return the force of a spring that the rod meets somewhere on its way, in either direction [N]."""
+    """Compute the force of a spring that the rod meets somewhere in its stroke, in either direction [N]."""
     along_m = np.linspace(0.0, stroke_m, PLACES)
     stiffness_n_m = generator.uniform(4e3, 15e3)
     free_m = generator.uniform(0.0, 0.5) * stroke_m
@@ -135,12 +135,12 @@ def spring_n(generator: Generator, stroke_m: float) -> Array:
 
 
 def nothing_n(_: Generator, stroke_m: float) -> Array:
-    """Return no force at each position [N]."""
+    """Give zero force at each position [N]."""
     return np.zeros(PLACES) * stroke_m
 
 
 def steps_n(generator: Generator, ticks: int) -> Array:
-    """Return what somebody does to the load: another force every 2 to 10 s, within a third of a second [N]."""
+    """Draw a load that somebody changes: another force every 2 to 10 s, reached within a third of a second [N]."""
     duration_s = ticks * TICK_S
     at_s, force_n = [0.0], [generator.uniform(-1000.0, 1000.0)]
     while at_s[-1] < duration_s:
@@ -151,7 +151,7 @@ def steps_n(generator: Generator, ticks: int) -> Array:
 
 
 def slow_sine_n(generator: Generator, ticks: int) -> Array:
-    """Return a sine of 0.05 to 0.3 Hz and 200 to 900 N [N]."""
+    """Compute a sine of 0.05 to 0.3 Hz and 200 to 900 N [N]."""
     rate = 2.0 * math.pi * generator.uniform(0.05, 0.3)
     phase = generator.uniform(0.0, 2.0 * math.pi)
     return np.asarray(generator.uniform(200.0, 900.0) * np.sin(rate * TICK_S * np.arange(ticks) + phase))

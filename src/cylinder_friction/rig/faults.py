@@ -7,7 +7,7 @@ from cylinder_friction.rig.parameters import BAR_PA, RigParameters, refuse_unkno
 
 
 def with_fault(rig: RigParameters, fault: str, severity: float = 1.0) -> RigParameters:
-    """Return a healthy rig with one of ``FAULTS``; severity 0 is healthy, 1 a fault that a mechanic would act on.
+    """Make a healthy rig with one of ``FAULTS``; severity 0 is healthy, 1 a fault that a mechanic would act on.
 
     Raises:
         ValueError: The fault is not known, or the severity is negative.

@@ -19,13 +19,13 @@ REFERENCE_C = 40.0
 
 @numba.njit(cache=True)
 def viscosity_ratio(f: Any, temperature_c: float) -> float:
-    """Return the oil's viscosity over that at 40 °C."""
+    """Compute the oil's viscosity over that at 40 °C."""
     return math.exp(-f.viscosity_temperature_1_k * (temperature_c - REFERENCE_C))
 
 
 @numba.njit(cache=True)
 def coulomb_friction(f: Any, pressure_1_pa: float, pressure_2_pa: float, place: float, temperature_c: float) -> float:
-    """Return Coulomb friction [N], the mean of both directions.
+    """Compute Coulomb friction [N], the mean of both directions.
 
     ``F_C = F0(T) + c_p max(p1, p2)^0.8 + c_r p2^0.7`` with pressures in bar, times ``place`` (ripple and drift).
     A rod on side 1 adds ``c_r p1^0.7``.
@@ -39,7 +39,7 @@ def coulomb_friction(f: Any, pressure_1_pa: float, pressure_2_pa: float, place: 
 
 @numba.njit(cache=True)
 def place_factor(f: Any, position_m: float, stroke_m: float, drift: float) -> float:
-    """Return the factor on Coulomb friction of this place in the bore at this time: ripple, bend and drift."""
+    """Compute the factor on Coulomb friction at this place in the bore and this time: ripple, bend and drift."""
     factor = drift + f.bend_n_per_n * (position_m / stroke_m) ** 2
     for wave in range(len(f.ripple)):
         angle = 2.0 * math.pi * position_m / f.ripple_length_m[wave] + f.ripple_phase_rad[wave]
@@ -49,7 +49,7 @@ def place_factor(f: Any, position_m: float, stroke_m: float, drift: float) -> fl
 
 @numba.njit(cache=True)
 def strength(f: Any, coulomb_n: float, velocity_m_s: float, film: float, viscosity: float) -> float:
-    """Return the Stribeck strength s [N], the mean of both directions.
+    """Compute the Stribeck strength s [N], the mean of both directions.
 
     ``s = F_C + [(1 - h) F_S - F_C] exp(-|v| / v_s)`` (Yanada and Sekikawa, 2008, with exponent 1); ``v_s`` grows as
     the viscosity falls.
@@ -60,20 +60,20 @@ def strength(f: Any, coulomb_n: float, velocity_m_s: float, film: float, viscosi
 
 @numba.njit(cache=True)
 def direction_factor(f: Any, direction: float) -> float:
-    """Return the factor on the strength: smaller in extension (``direction`` > 0) than in retraction."""
+    """Compute the factor on the strength: smaller in extension (``direction`` > 0) than in retraction."""
     return 1.0 - f.asymmetry if direction > 0.0 else 1.0 + f.asymmetry
 
 
 @numba.njit(cache=True)
 def steady_film(f: Any, velocity_m_s: float, viscosity: float) -> float:
-    """Return the film at constant speed, ``h_ss = K_f min(|v|, v_b)^(2/3)`` [-]."""
+    """Compute the film at constant speed, ``h_ss = K_f min(|v|, v_b)^(2/3)`` [-]."""
     part = min(abs(velocity_m_s) * viscosity / f.film_velocity_m_s, 1.0)
     return (1.0 - 1.0 / f.static_ratio) * part ** (2.0 / 3.0)
 
 
 @numba.njit(cache=True)
 def film_rate(f: Any, film: float, velocity_m_s: float, viscosity: float) -> tuple[float, float]:
-    """Return the film's limit [-] and rate [1/s]; it builds fast and thins slowly, slowest at rest."""
+    """Compute the film's limit [-] and rate [1/s]; it builds fast and thins slowly, slowest at rest."""
     target = steady_film(f, velocity_m_s, viscosity)
     if film <= target:
         return target, 1.0 / f.film_build_s
@@ -84,7 +84,7 @@ def film_rate(f: Any, film: float, velocity_m_s: float, viscosity: float) -> tup
 
 @numba.njit(cache=True)
 def damping(f: Any, velocity_m_s: float, viscosity: float) -> float:
-    """Return viscous plus presliding damping [N s/m]: what multiplies the velocity."""
+    """Compute viscous plus presliding damping [N s/m], the factor on the velocity."""
     ratio = velocity_m_s / f.damping_velocity_m_s
     presliding = f.damping_n_s_m * math.exp(-ratio * ratio) if abs(ratio) < 6.0 else 0.0
     return f.viscous_n_s_m * viscosity + presliding

@@ -11,7 +11,7 @@ import numba
 
 @numba.njit(cache=True)
 def bulk_modulus(y: Any, pressure_pa: float) -> float:
-    """Return the bulk modulus of oil with undissolved air [Pa] at gauge pressure.
+    """Compute the bulk modulus of oil with undissolved air [Pa] at gauge pressure.
 
     ``E (1 + α r^(1/n)) / (1 + α p_a^(1/n) E / [n (p_a + p)^((n+1)/n)])``, ``r = p_a / (p_a + p)``: the isothermal
     liquid and polytropic gas model of Simscape's hydraulic fluid.
@@ -28,7 +28,7 @@ def bulk_modulus(y: Any, pressure_pa: float) -> float:
 
 @numba.njit(cache=True)
 def orifice(y: Any, gain: float, drop_pa: float) -> tuple[float, float]:
-    """Return the flow [m³/s] and its slope [m³/(s Pa)]: ``K √Δp``, laminar below ``laminar_pressure_pa``."""
+    """Compute the flow [m³/s] and its slope [m³/(s Pa)]: ``K √Δp``, laminar below ``laminar_pressure_pa``."""
     squared = drop_pa * drop_pa
     smooth = squared + y.laminar_pressure_pa * y.laminar_pressure_pa
     root = math.sqrt(math.sqrt(smooth))
@@ -38,21 +38,21 @@ def orifice(y: Any, gain: float, drop_pa: float) -> tuple[float, float]:
 
 @numba.njit(cache=True)
 def valve_opening(y: Any, spool: float) -> float:
-    """Return the opening of the metering edges, 0 to 1; zero within the overlap of the closed centre."""
+    """Compute the opening of the metering edges, 0 to 1; zero within the overlap of the closed centre."""
     travel = (min(abs(spool), 1.0) - y.valve_overlap) / (1.0 - y.valve_overlap)
     return travel**y.metering_exponent if travel > 0.0 else 0.0
 
 
 @numba.njit(cache=True)
 def cushion_gain(y: Any, distance_m: float) -> float:
-    """Return the gain of a cushion for outflow, ``distance_m`` before its end stop [m³/s/√Pa]."""
+    """Compute the gain of a cushion for outflow, ``distance_m`` before its end stop [m³/s/√Pa]."""
     part = min(max(distance_m / y.cushion_length_m, 0.0), 1.0)
     return y.cushion_closed_gain + (y.cushion_open_gain - y.cushion_closed_gain) * part * part
 
 
 @numba.njit(cache=True)
 def in_series(first: float, second: float) -> float:
-    """Return the gain of two orifices in series, which spares a stiff volume between them."""
+    """Compute the gain of two orifices in series, so that no stiff volume between them must be simulated."""
     if first <= 0.0 or second <= 0.0:
         return 0.0
     return first * second / math.sqrt(first * first + second * second)
@@ -60,7 +60,7 @@ def in_series(first: float, second: float) -> float:
 
 @numba.njit(cache=True)
 def port_a(y: Any, spool: float, supply_pa: float, pressure_1_pa: float, position_m: float) -> tuple[float, float]:
-    """Return the flow into the piston side and minus its slope by pressure 1, ``(m³/s, m³/(s Pa))``."""
+    """Compute the flow into the piston side and minus its slope by pressure 1, ``(m³/s, m³/(s Pa))``."""
     opening = valve_opening(y, spool)
     if opening == 0.0:
         return 0.0, 0.0
@@ -75,7 +75,7 @@ def port_a(y: Any, spool: float, supply_pa: float, pressure_1_pa: float, positio
 
 @numba.njit(cache=True)
 def port_b(y: Any, spool: float, supply_pa: float, pressure_2_pa: float, position_m: float) -> tuple[float, float]:
-    """Return the flow into the rod side and minus its slope by pressure 2, ``(m³/s, m³/(s Pa))``.
+    """Compute the flow into the rod side and minus its slope by pressure 2, ``(m³/s, m³/(s Pa))``.
 
     Outflow passes cushion and throttle, inflow the check valve, either in series with the valve.
     """
@@ -97,7 +97,7 @@ def port_b(y: Any, spool: float, supply_pa: float, pressure_2_pa: float, positio
 
 @numba.njit(cache=True)
 def makeup_flow(y: Any, pressure_pa: float) -> tuple[float, float]:
-    """Return the flow of an anti-cavitation valve into its chamber and minus its slope by the chamber's pressure."""
+    """Compute the flow of an anti-cavitation valve into its chamber and minus its slope by the chamber's pressure."""
     drop = y.tank_pressure_pa - y.makeup_cracking_pa - pressure_pa
     if drop <= 0.0 or y.makeup_gain == 0.0:
         return 0.0, 0.0
@@ -106,7 +106,7 @@ def makeup_flow(y: Any, pressure_pa: float) -> tuple[float, float]:
 
 @numba.njit(cache=True)
 def pump_flow(y: Any, supply_pa: float) -> tuple[float, float]:
-    """Return the flow of the pressure-compensated pump less that of the relief valve, and minus its slope."""
+    """Compute the flow of the pressure-compensated pump less that of the relief valve, and minus its slope."""
     part = (y.pump_pressure_pa - supply_pa) / y.compensator_band_pa
     slope = 0.0
     if 0.0 < part < 1.0:
@@ -121,7 +121,7 @@ def pump_flow(y: Any, supply_pa: float) -> tuple[float, float]:
 
 @numba.njit(cache=True)
 def stop_force(y: Any, position_m: float, velocity_m_s: float) -> tuple[float, float]:
-    """Return the force of the end stops, positive in extension [N], and the stiffness of the one touched [N/m].
+    """Compute the force of the end stops, positive in extension [N], and the stiffness of the one touched [N/m].
 
     ``k δ (1 + c dδ/dt)`` and never a pull (Hunt and Crossley, 1975).
     """

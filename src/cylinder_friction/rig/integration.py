@@ -36,19 +36,19 @@ DRIFT_STEP_S = 1.0  # Between two values of the slow factor on Coulomb friction
 
 
 def compiled_run() -> Any:
-    """Return the compiled simulation; see ``_run`` for what it takes."""
+    """Load or compile the simulation; its arguments are those of ``_run``."""
     return _compiled(_sources())
 
 
 def _sources() -> int:
-    """Return a number that changes with the source of anything that ``_run`` calls."""
+    """Hash the source of everything that ``_run`` calls."""
     called = (friction, hydraulics, lever_module, load_module, sys.modules[__name__])
     return zlib.crc32("".join(inspect.getsource(module) for module in called).encode())
 
 
 @cache
 def _compiled(sources: int) -> Any:
-    """Return ``_run`` out of numba's cache on disk, which by itself would miss changes in other files.
+    """Load ``_run`` from Numba's cache on disk, which by itself would miss changes in other files.
 
     The cache's key has the values that a function closes over, so ``sources`` becomes part of it.
     """

@@ -42,7 +42,7 @@ class DutyCycle:
 
 @numba.njit(cache=True)
 def new_hand() -> Any:
-    """Return the hand's state before the first tick."""
+    """Make the hand's state before the first tick."""
     hand = np.zeros(6)
     hand[SIGN] = 1.0
     hand[NOTICED_S] = -1.0
@@ -51,7 +51,7 @@ def new_hand() -> Any:
 
 @numba.njit(cache=True)
 def hand_step(hand: Any, actions: Any, remnant: float, position_m: float, overlap: float, middle_m: float) -> float:
-    """Return the lever one tick on; changes ``hand``."""
+    """Move the lever by one tick; updates ``hand``."""
     row = actions[int(hand[ROW])]
     if hand[TIME_S] == 0.0 and row[CHAINED] == 0.0:
         hand[SIGN] = 1.0
@@ -72,7 +72,7 @@ def hand_step(hand: Any, actions: Any, remnant: float, position_m: float, overla
 
 @numba.njit(cache=True)
 def _intended(hand: Any, row: Any, position_m: float, middle_m: float) -> float:
-    """Return the lever position that the action intends."""
+    """Compute the lever position that the present action intends."""
     time_s = hand[TIME_S]
     if row[KIND] == SINE:
         grown = min(time_s / 0.5, 1.0, max((row[MOVE_S] + row[HOLD_S] - time_s) / 0.5, 0.0))
@@ -112,7 +112,7 @@ def _next_row(hand: Any, actions: Any, reverse: bool) -> None:
 
 
 def hand_remnant(generator: Generator, duration_s: float) -> Array:
-    """Return the hand's unintended motion, one value per tick: drift of about 1 %, tremor of 8 to 12 Hz and 0.5 %."""
+    """Compute the hand's unintended motion, one value per tick: drift of about 1 %, tremor of 8 to 12 Hz and 0.5 %."""
     ticks = round(duration_s / TICK_S) + 2
     drift = ornstein_uhlenbeck(generator, ticks, TICK_S, 1.5, 0.01)
     frequency_hz = np.clip(10.0 + ornstein_uhlenbeck(generator, ticks, TICK_S, 0.5, 1.0), 8.0, 12.0)
@@ -123,7 +123,7 @@ def hand_remnant(generator: Generator, duration_s: float) -> Array:
 def ornstein_uhlenbeck(
     generator: Generator, count: int, step_s: float, time_constant_s: float, deviation: float
 ) -> Array:
-    """Return a stationary Ornstein-Uhlenbeck process of this standard deviation, shape ``(count,)``."""
+    """Compute a stationary Ornstein-Uhlenbeck process of this standard deviation, shape ``(count,)``."""
     keep = math.exp(-step_s / time_constant_s)
     shocks = generator.normal(0.0, deviation * math.sqrt(1.0 - keep * keep), count)
     shocks[0] = generator.normal(0.0, deviation)

@@ -21,7 +21,11 @@ ELEMENTS = 4
 
 @dataclass(frozen=True)
 class FrictionParameters:
-    """The true friction: generalised Maxwell-slip, lubricant film, seal pressure, temperature, bore ripple."""
+    """The true friction of the rig: generalised Maxwell-slip, lubricant film, seal pressure, temperature, bore ripple.
+
+    It has more effects than any model in this package, so that no estimator can be right by construction. Defaults are
+    of a 63 mm cylinder with elastomer seals; ``default_rig`` scales what depends on the size.
+    """
 
     coulomb_n: float = 235.0  # Coulomb friction without pressure at 40 °C, mean of both directions [N]
     # Retraction has ``1 + asymmetry``, extension ``1 - asymmetry`` times the mean; 0.094 is a ratio of 290 to 240
@@ -33,7 +37,7 @@ class FrictionParameters:
     static_ratio: float = 1.5  # Breakaway over Coulomb friction after a long dwell [-]
     # Decay of the Stribeck curve at 40 °C [m/s]; grows as viscosity falls (Hersey)
     stribeck_velocity_m_s: float = 0.008
-    film_velocity_m_s: float = 0.04  # Where the film is full, the speed of least steady friction, at 40 °C [m/s]
+    film_velocity_m_s: float = 0.04  # Speed of a full film, with the least steady friction, at 40 °C [m/s]
     viscous_n_s_m: float = 1500.0  # Viscous coefficient at 40 °C [N s/m]
     viscosity_temperature_1_k: float = 0.033  # Exponential fall of the oil's viscosity [1/K]
     # Presliding stiffness of each element [N/m]
@@ -57,7 +61,11 @@ class FrictionParameters:
 
 @dataclass(frozen=True)
 class HydraulicParameters:
-    """Cylinder chambers, supply, valve, throttle, cushions, stops and oil."""
+    """Cylinder chambers, supply, valve, throttle, cushions, stops and oil of the rig.
+
+    Pressures are gauge [Pa], flows in m³/s, and gains of orifices in m³/s/√Pa. Make it by ``default_rig``, which
+    derives areas, volumes and flows from the cylinder, and change single values by ``dataclasses.replace``.
+    """
 
     piston_area_m2: float  # A1 [m²]; set from the cylinder, as are the next three
     annulus_area_m2: float  # A2 [m²]
@@ -71,7 +79,7 @@ class HydraulicParameters:
     atmosphere_pa: float = 101_325.0  # Absolute pressure of the surroundings [Pa]
     leakage_m3_s_pa: float = 1e-13  # Past the piston seal at 40 °C [m³/(s Pa)]; healthy 1e-14 to 1e-13
     pump_flow_m3_s: float = 10.0 / 60e3  # Largest flow of the pump [m³/s]
-    pump_pressure_pa: float = 60e5  # Where the compensator has closed the pump [Pa]
+    pump_pressure_pa: float = 60e5  # Pressure at which the compensator has closed the pump [Pa]
     compensator_band_pa: float = 3e5  # Pressure over which it closes [Pa]
     relief_factor: float = 1.08  # Relief valve opens at this multiple of ``pump_pressure_pa`` [-]
     relief_gain_m3_s_pa: float = 5e-10  # Flow of the relief valve above that [m³/(s Pa)]
@@ -93,7 +101,7 @@ class HydraulicParameters:
     makeup_cracking_pa: float = 0.2e5  # So far below the tank's pressure they open [Pa]
     laminar_pressure_pa: float = 0.3e5  # Below it an orifice turns laminar [Pa]
     cushion_length_m: float = 0.02  # At both ends [m]
-    cushion_open_gain: float = 1e-6  # Where the cushion begins [m³/s/√Pa]
+    cushion_open_gain: float = 1e-6  # Of the throttle where the cushion begins [m³/s/√Pa]
     cushion_closed_gain: float = 1e-8  # What remains at the end of the stroke [m³/s/√Pa]
     stop_stiffness_n_m: float = 1e8  # End stop [N/m]
     # Its damping relative to its spring force, per velocity (Hunt and Crossley, 1975) [s/m]
@@ -105,7 +113,11 @@ class HydraulicParameters:
 
 @dataclass(frozen=True)
 class SensorParameters:
-    """Two pressure transmitters, a potentiometer, a Pt100 in the oil, a load cell if there is a load, the logger."""
+    """Two pressure transmitters, a potentiometer, a Pt100 in the oil, a load cell if there is a load, the logger.
+
+    Noise, offsets, gains, hysteresis and resolution are those of the data sheets. Set noise and offsets to zero to see
+    how an estimator does on perfect sensors.
+    """
 
     sample_time_s: float = 0.005  # Logger [s]
     pressure_span_pa: float = 250e5  # Range of the transmitters [Pa]
@@ -137,7 +149,11 @@ class SensorParameters:
 
 @dataclass(frozen=True)
 class RigParameters:
-    """The whole rig."""
+    """The whole rig: cylinder, hydraulics, true friction and sensors.
+
+    ``default_rig`` makes the healthy one. Pass a changed copy to ``simulate`` to study other seals, valves or sensors;
+    ``with_fault`` in ``rig.faults`` makes a rig with a defect of stated severity.
+    """
 
     cylinder: Cylinder
     hydraulics: HydraulicParameters
@@ -145,7 +161,7 @@ class RigParameters:
     sensors: SensorParameters = field(default_factory=SensorParameters)
 
     def with_throttle(self, gain: float) -> RigParameters:
-        """Return the rig with another setting of the meter-out throttle [m³/s/√Pa]."""
+        """Build the rig with another setting of the meter-out throttle [m³/s/√Pa]."""
         return replace(self, hydraulics=replace(self.hydraulics, throttle_gain=gain))
 
 
@@ -157,7 +173,11 @@ PUMP_FLOWS_M3_S = {"didactic": 3.0 / 60e3, "industrial": 10.0 / 60e3}
 
 
 def default_rig(cylinder: Cylinder, supply: str = "industrial") -> RigParameters:
-    """Return the healthy rig with this cylinder and supply, the throttle wide open.
+    """Build the healthy rig with this cylinder and supply, the throttle wide open.
+
+    Start here to simulate a bench of your own size, and change single parameters by ``dataclasses.replace``. The
+    default cylinder has a 63 mm bore, a 28 mm rod and 250 mm of stroke; pressures are in Pa (gauge).
+
 
     Raises:
         ValueError: The supply is not known.
@@ -175,13 +195,13 @@ def default_rig(cylinder: Cylinder, supply: str = "industrial") -> RigParameters
 
 
 def refuse_unknown(key: str, name: str, known: Collection[str]) -> None:
-    """Raise ``ValueError`` unless the value of ``record.<key>`` is one of those known."""
+    """Raise ``ValueError`` unless ``name``, the value of the parameter ``record.<key>``, is one of the known ones."""
     if name not in known:
         raise ValueError(f"record.{key}: got {name!r}, but expected one of {sorted(known)}")
 
 
 def _tuple_class(name: str, parameters: type) -> Any:
-    """Return a class of named tuples with the parameters' fields; compiled code takes no dataclass."""
+    """Make a class of named tuples with the parameters' fields, since compiled code takes no dataclass."""
     return namedtuple(name, [entry.name for entry in fields(parameters)], module=__name__)
 
 
@@ -190,10 +210,10 @@ HydraulicConstants = _tuple_class("HydraulicConstants", HydraulicParameters)
 
 
 def friction_constants(parameters: FrictionParameters) -> Any:
-    """Return the same names and numbers as compiled code takes them."""
+    """Convert the parameters to the named tuple that compiled code takes: same names, numbers only."""
     return FrictionConstants(**vars(parameters))
 
 
 def hydraulic_constants(parameters: HydraulicParameters) -> Any:
-    """Return the same names and numbers as compiled code takes them."""
+    """Convert the parameters to the named tuple that compiled code takes: same names, numbers only."""
     return HydraulicConstants(*map(float, vars(parameters).values()))

@@ -29,7 +29,7 @@ def measure(
     *,
     load_cell: bool = False,
 ) -> pd.DataFrame:
-    """Return the logger's table, columns ``LOGGER_COLUMNS``, in seconds, bar, millimetres and degrees Celsius.
+    """Measure a trace as the logger does: columns ``LOGGER_COLUMNS``, in seconds, bar, millimetres and °C.
 
     Args:
         sensors: Their parameters.
@@ -72,7 +72,11 @@ def measure(
 
 
 def as_written(table: pd.DataFrame) -> pd.DataFrame:
-    """Return a logger's table as it reads from the logger's file, each number rounded to ``DECIMALS``."""
+    """Round a logger's table to the ``DECIMALS`` of its file, so that it equals the table read back from the file.
+
+    Use it to work on a simulated recording without writing it: the numbers are the same bits. Columns stay as they are,
+    in seconds, bar, millimetres, degrees Celsius and newtons.
+    """
     columns = {}
     for name in table.columns:
         # A converter gives few values, so that only these need be written out; rounding in binary would differ at ties.
@@ -87,7 +91,7 @@ def write_logger_csv(path: Path, table: pd.DataFrame) -> None:
 
 
 def _transmitted(sensors: SensorParameters, trace: pd.DataFrame, side: int, log_step_s: float) -> Array:
-    """Return the pressure that a transmitter follows [Pa]: that of its chamber and, at a valve, what the line loses.
+    """Compute the pressure that a transmitter follows [Pa]: that of its chamber and, at a valve, what the line loses.
 
     Oil that flows into the chamber makes the pressure at the valve higher than the chamber's, oil that flows out lower.
     """
@@ -100,7 +104,7 @@ def _transmitted(sensors: SensorParameters, trace: pd.DataFrame, side: int, log_
 
 
 def _late(values: Array, lag_s: float, step_s: float) -> Array:
-    """Return values behind a first-order lag, in its steady state at the first of them."""
+    """Pass values through a first-order lag, in its steady state at the first value."""
     keep = np.exp(-step_s / lag_s)
     late, _ = signal.lfilter([1.0 - keep], [1.0, -keep], values, zi=[keep * values[0]])
     return np.asarray(late)
@@ -109,7 +113,7 @@ def _late(values: Array, lag_s: float, step_s: float) -> Array:
 def _thermometer(
     sensors: SensorParameters, trace: pd.DataFrame, log_step_s: float, stride: int, generator: Generator
 ) -> Array:
-    """Return what the Pt100 in its well reads [°C]: late by its time constant, off by its offset."""
+    """Compute the reading of the Pt100 in its well [°C]: late by its time constant, wrong by its offset."""
     late_c = _late(trace["oil_temperature_c"].to_numpy(), sensors.temperature_lag_s, log_step_s)
     seen_c = late_c[::stride] + sensors.temperature_offset_c
     seen_c += generator.normal(0.0, sensors.temperature_noise_c, len(seen_c))
@@ -117,7 +121,7 @@ def _thermometer(
 
 
 def _potentiometer(sensors: SensorParameters, position_m: Array) -> Array:
-    """Return the wiper's reading: the backlash of the coupling, then the linearity error of the resistive element."""
+    """Compute the wiper's reading: the backlash of the coupling, then the linearity error of the resistive element."""
     wiper_m = np.asarray(_backlash(position_m, sensors.backlash_m))
     angle = np.pi * wiper_m / sensors.position_span_m
     first, second = sensors.linearity_m
@@ -135,7 +139,7 @@ def _backlash(position_m: Any, backlash_m: float) -> Any:
 
 
 def _anti_alias(values: Array, step_s: float, corner_hz: float) -> Array:
-    """Return the values behind a second-order Butterworth low-pass, in its steady state at the first of them."""
+    """Pass values through a second-order Butterworth low-pass, in its steady state at the first value."""
     sections = signal.butter(2, corner_hz, fs=1.0 / step_s, output="sos")
     start = signal.sosfilt_zi(sections) * values[0]
     filtered, _ = signal.sosfilt(sections, values, zi=start)

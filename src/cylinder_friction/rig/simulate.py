@@ -35,7 +35,7 @@ TRACE_COLUMNS = (
 
 @dataclass(frozen=True)
 class RigState:
-    """Where a simulation begins: at rest, all friction elements relaxed and sticking."""
+    """The start of a simulation: at rest, all friction elements relaxed and sticking."""
 
     position_m: float
     pressure_1_pa: float  # Piston side [Pa]
@@ -48,7 +48,7 @@ class RigState:
 def balanced_state(
     rig: RigParameters, position_m: float, pressure_2_pa: float, oil_temperature_c: float, load_force_n: float = 0.0
 ) -> RigState:
-    """Return a state at rest in which the oil pushes as hard as the load resists.
+    """Make a state at rest in which the oil pushes as hard as the load resists.
 
     A load that pulls the rod out raises the pressure on the rod side, so that no less than 2 bar is on the other.
     """
@@ -68,7 +68,7 @@ def simulate(
     time_step_s: float = DEFAULT_STEP_S,
     external_force: ExternalLoad | Array | None = None,
 ) -> pd.DataFrame:
-    """Return the trace of a simulation, one row each millisecond, columns ``TRACE_COLUMNS``.
+    """Simulate the rig; the trace has one row each millisecond and the columns ``TRACE_COLUMNS``.
 
     Args:
         rig: The rig; its sensors are not used here.
@@ -113,7 +113,7 @@ def simulate(
 
 
 def _load(external_force: ExternalLoad | Array | None, ticks: int, duration_s: float) -> tuple[Array, Array, Array]:
-    """Return the load's force, share and places as compiled code takes them."""
+    """Compute the load's force, share and places as compiled code takes them."""
     if external_force is None:
         return np.zeros(2), np.zeros(2), np.zeros(2)
     load = external_force if isinstance(external_force, ExternalLoad) else ExternalLoad.of_time(external_force)

@@ -39,13 +39,13 @@ class Session:
     drift: Array  # Slow factor on Coulomb friction through the session, one value each second
 
     def drift_from(self, time_s: float, duration_s: float) -> Array:
-        """Return the factor for a recording that begins ``time_s`` into the session."""
+        """Compute the factor for a recording that begins ``time_s`` into the session."""
         first = int(time_s / DRIFT_STEP_S)
         return self.drift[first : first + math.ceil(duration_s / DRIFT_STEP_S) + 2]
 
 
 def draw_rig(rig: RigParameters, generator: Generator) -> RigParameters:
-    """Return one specimen of the rig: its friction, bore, valve and potentiometer within their tolerances."""
+    """Draw one specimen of the rig: its friction, bore, valve and potentiometer within their tolerances."""
     friction, hydraulics = rig.friction, rig.hydraulics
     about = generator.uniform(0.95, 1.05, 7)
     friction = replace(
@@ -83,7 +83,7 @@ def draw_session(
     residual_offset_pa: float,
     asymmetry_sd: float = 0.0,
 ) -> Session:
-    """Return one session on this rig.
+    """Draw one session on this rig.
 
     Friction keeps within about ±5 % from run to run: a level for the day and a slow wander about it. Zeroing the
     transmitters on vented chambers leaves at most the residual offset; without it, their data sheet's ±0.5 % of the
@@ -104,7 +104,7 @@ def draw_session(
 
 
 def with_other_ratio(asymmetry: float, off: float) -> float:
-    """Return the asymmetry whose ratio of friction retracting to friction extending is larger by ``off``."""
+    """Compute the asymmetry whose ratio of friction retracting to friction extending is larger by ``off``."""
     ratio = (1.0 + asymmetry) / (1.0 - asymmetry) + off
     return (ratio - 1.0) / (ratio + 1.0)
 
@@ -120,7 +120,7 @@ def _calibrated(
 
 
 def draw_wide_rig(rig: RigParameters, generator: Generator) -> RigParameters:
-    """Return a rig of this size whose friction, hydraulics and sensors are drawn from their whole ranges."""
+    """Draw a rig of this size, with friction, hydraulics and sensors from their whole ranges."""
     return replace(
         rig,
         friction=_wide_friction(rig.friction, rig.hydraulics.mass_kg, generator),
@@ -130,7 +130,7 @@ def draw_wide_rig(rig: RigParameters, generator: Generator) -> RigParameters:
 
 
 def _log(generator: Generator, low: float, high: float) -> float:
-    """Return a number whose logarithm is uniform."""
+    """Draw a number whose logarithm is uniform."""
     return math.exp(generator.uniform(math.log(low), math.log(high)))
 
 

@@ -1,4 +1,4 @@
-"""A zero-phase filter whose windows are as wide as the signal allows: for labels, never for estimates."""
+"""A zero-phase filter with windows as wide as the signal allows: for labels, never for estimates."""
 
 from __future__ import annotations
 
@@ -27,16 +27,15 @@ class AdaptiveWindow(SignalFilter):
 
     For every sample, one mean over the samples before it and one over those after it, each with the longest window
     whose mean agrees with those of all shorter windows within their confidence intervals (Goldenshluger and Nemirovski
-    1997; Katkovnik 1999); both are averaged with the inverse of their variances as weights. Where friction is constant,
-    windows are long; towards a step, they end before it, but for the shortest, which is always taken: the few samples
-    beside a step are smoothed over it. The noise that the intervals need is
-    estimated from the recording. Windows of the pressures are those of the force P1·A1 - P2·A2, in which changes that
-    both pressures share have no part.
+    1997; Katkovnik 1999); both are averaged with the inverse of their variances as weights. Windows are long while
+    friction is constant, and end before a step. Only the shortest window is always used, so the few samples beside a
+    step are smoothed over it. The noise for the intervals is estimated from the recording. Windows of the pressures are
+    those of the force P1·A1 - P2·A2, which ignores changes that both pressures share.
 
     Args:
         piston_area_m2, annulus_area_m2: Areas A1 and A2 that turn pressures into the force.
         shortest_s: Shortest window on one side.
-        longest_s: Longest one.
+        longest_s: Longest window on one side.
         confidence: Half-width of the intervals in standard deviations; larger ones give longer windows.
         derivatives: Differentiates the position.
 
@@ -72,10 +71,10 @@ class AdaptiveWindow(SignalFilter):
         return self.windows(force_n, sample_time_s).mean(force_n)
 
     def deviation(self, force_n: Array, sample_time_s: float) -> Array:
-        """Return the standard deviation of a smoothed force about the true one [N], shape ``(n,)``.
+        """Estimate the standard deviation of a smoothed force about the true one [N], shape ``(n,)``.
 
-        What noise leaves in the mean, and in quadrature half of the difference between the means of both sides: where
-        they differ, the signal changes within the windows, and the smoothing error is as large as that.
+        It combines, in quadrature, the noise left in the mean and half of the difference between the means of both
+        sides. If these differ, the signal changes within the windows, and the smoothing error is about as large.
         """
         windows = self.windows(force_n, sample_time_s)
         before, after = windows.means(force_n)
@@ -89,7 +88,7 @@ class AdaptiveWindow(SignalFilter):
         return Support(half, half)
 
     def windows(self, force_n: Array, sample_time_s: float) -> Windows:
-        """Return the windows of a force, shape ``(n,)``."""
+        """Find the windows of a force, shape ``(n,)``."""
         return _windows_once(self, np.asarray(force_n, dtype=np.float64).tobytes(), sample_time_s)
 
     def _chosen(self, force_n: Array, sample_time_s: float) -> Windows:
@@ -110,41 +109,45 @@ class AdaptiveWindow(SignalFilter):
 
 @lru_cache(maxsize=1)
 def _windows_once(chosen_by: AdaptiveWindow, force: bytes, sample_time_s: float) -> Windows:
-    """Return the windows of a force, which a recording's smoothing and then its label's uncertainty ask for."""
+    """Find the windows of a force; kept, because a recording's smoothing and its label's uncertainty need the same."""
     return chosen_by._chosen(np.frombuffer(force), sample_time_s)
 
 
 @dataclass(frozen=True)
 class Windows:
-    """The windows before and after each sample, which is part of both; each of shape ``(n,)``."""
+    """The windows before and after each sample, which is part of both; each of shape ``(n,)``.
 
-    first: NDArray[np.int64]  # Row where that before it begins
-    end: NDArray[np.int64]  # Row behind that after it
-    # How many samples each holds
+    ``AdaptiveWindow.windows`` finds them in a force. ``mean`` then smooths any signal of the same recording over them,
+    and ``residual_noise`` states how much noise is left.
+    """
+
+    first: NDArray[np.int64]  # First row of the window before it
+    end: NDArray[np.int64]  # Row behind the window after it
+    # Number of samples of each
     before: Array
     after: Array
     noise: float  # Standard deviation of the white noise of the force [N]
 
     def mean(self, values: Array) -> Array:
-        """Return the means of values over both windows, shape ``(n,)``; the sample itself counts on both sides."""
+        """Average values over both windows, shape ``(n,)``; the sample itself counts on both sides."""
         before, after = self.means(values)
         return before + (after - before) * self.after / (self.before + self.after)
 
     def means(self, values: Array) -> tuple[Array, Array]:
-        """Return the means over the windows before and after each sample, which is part of both; each ``(n,)``."""
+        """Average values over the windows before and after each sample, which is part of both; each ``(n,)``."""
         sums = np.concatenate([[0.0], np.cumsum(values - values[0])])
         before = (sums[1:] - sums[self.first]) / self.before
         after = (sums[self.end] - sums[:-1]) / self.after
         return values[0] + before, values[0] + after
 
     def residual_noise(self) -> Array:
-        """Return the standard deviation that the noise leaves in the means, shape ``(n,)``."""
+        """Compute the standard deviation that the noise leaves in the means, shape ``(n,)``."""
         counted = self.before + self.after
         return self.noise * np.sqrt(counted + 2.0) / counted
 
 
 def _one_side(values: Array, lengths: NDArray[np.int64], half_width: float) -> NDArray[np.int64]:
-    """Return for each sample the longest agreeing window after it, in samples, shape ``(n,)``, integers."""
+    """Find for each sample the longest agreeing window after it, in samples, shape ``(n,)``, integers."""
     rows, widths = len(values), half_width / np.sqrt(lengths + 1.0)
     sums = np.cumsum(np.concatenate([[0.0], values]))
     longer = np.zeros(rows, dtype=np.uint8)

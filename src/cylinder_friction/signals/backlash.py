@@ -10,12 +10,12 @@ import numpy as np
 from cylinder_friction.arrays import Array
 
 CENTRE, DIRECTION, AGE = 0, 1, 2
-"""Elements of the operator's state."""
+"""Places in the operator's state."""
 
 
 def new_backlash() -> Array:
-    """Return the state before the first position, shape ``(3,)``: centre of the gap, direction of the last push (-1 or
-    1; 0 before the first) and its age. The first position becomes the centre."""
+    """Make the state before the first position, shape ``(3,)``: centre of the gap, direction of the last push (-1 or 1;
+    0 before the first) and its age. The first position becomes the centre."""
     return np.array([np.nan, 0.0, np.inf])
 
 
@@ -27,9 +27,9 @@ def push(position: float, state: Array, half_width: float, centring: float, elap
         position: In any unit.
         state: From ``new_backlash``, changed in place.
         half_width: Half the width of the gap, in the position's unit.
-        centring: Fraction of its distance from the position by which the gap recentres first: at its edge the least
-            noise pushes, in its middle none does. 0: it stays where it was pushed.
-        elapsed: Since the last position, in the unit of the age.
+        centring: Fraction of its distance from the position by which the gap recentres first. Noise pushes a gap that
+            is at its edge, and not a centred one. 0: the gap does not recentre.
+        elapsed: Time since the last position, in the unit of the age.
     """
     if np.isnan(state[CENTRE]):
         state[CENTRE] = position
@@ -49,12 +49,12 @@ def push(position: float, state: Array, half_width: float, centring: float, elap
 def pushing_velocity(
     velocity: float, position: float, state: Array, half_width: float, lasting: float, centring: float, elapsed: float
 ) -> float:
-    """Return the velocity while the position has lately pushed the gap in its direction, else 0.
+    """Gate a velocity: it counts while the position has recently pushed the gap in its direction, else it is 0.
 
     Args:
-        velocity: Filtered.
-        position: Filtered; the other arguments as in ``push``, which this calls.
-        lasting: Age of the last push from which the velocity counts as zero.
+        velocity: Filtered velocity.
+        position: Filtered position; the other arguments are those of ``push``, which this calls.
+        lasting: Age of the last push at which the velocity becomes zero.
     """
     push(position, state, half_width, centring, elapsed)
     return velocity if state[AGE] < lasting and velocity * state[DIRECTION] > 0.0 else 0.0

@@ -25,18 +25,26 @@ def _loops() -> ModuleType:
 
 
 class CausalBlock(Protocol):
-    """Something that turns samples into samples, one row in, one row out, without looking ahead."""
+    """The protocol of causal filters: one row in, one row out, without looking ahead.
+
+    Implement it to use a filter of your own in a chain: ``advance`` must give the same bits however the input is cut
+    into pieces, and must not change anything but ``state``.
+    """
 
     def new_state(self) -> Any:
         """Return the state before the first sample; ``advance`` changes it in place."""
 
     def advance(self, state: Any, inputs: Array) -> Array:
-        """Return the outputs, shape ``(n, m)``, for the next ``n`` inputs, shape ``(n, k)``."""
+        """Filter the next ``n`` inputs, shape ``(n, k)``; outputs have shape ``(n, m)``."""
 
 
 @dataclass
 class FirState:
-    """The last inputs of an ``FirFilter``, oldest first, shape ``(taps - 1, k)``; None before the first sample."""
+    """The last inputs of an ``FirFilter``, oldest first, shape ``(taps - 1, k)``; None before the first sample.
+
+    ``FirFilter.new_state`` makes it, and ``advance`` updates it. Keep one per stream; the filter itself holds no state,
+    so one filter serves any number of streams.
+    """
 
     history: Array | None = None
 
@@ -91,7 +99,10 @@ class FirFilter:
 
 @dataclass
 class LowPassState:
-    """The last output of an ``ExponentialLowPass``, shape ``(k,)``; None before the first sample."""
+    """The last output of an ``ExponentialLowPass``, shape ``(k,)``; None before the first sample.
+
+    ``ExponentialLowPass.new_state`` makes it, and ``advance`` updates it. Keep one per stream.
+    """
 
     output: Array | None = None
 
@@ -133,7 +144,10 @@ class ExponentialLowPass:
 
 
 def moving_average_taps(window: int) -> Array:
-    """Return the ``window`` equal taps of a causal moving average; its delay is ``(window - 1) / 2`` samples.
+    """Build the ``window`` equal taps of a causal moving average; its delay is ``(window - 1) / 2`` samples.
+
+    Use them in an ``FirFilter`` to smooth a signal, and in ``cascade_taps`` to smooth and differentiate in one filter.
+    White noise shrinks by ``sqrt(window)``.
 
     Raises:
         ValueError: The window has no sample.
@@ -149,9 +163,10 @@ def moving_average_taps(window: int) -> Array:
 
 
 def difference_taps(sample_time_s: float) -> Array:
-    """Return the taps of the backward difference, per second.
+    """Build the taps of the backward difference, per second.
 
-    It turns positions into velocities half a sample late, and noise of 1 into ``1.4 / sample_time_s``: smooth too.
+    It turns positions [m] into velocities [m/s] half a sample late, and amplifies noise by ``1.4 / sample_time_s``:
+    combine it with a moving average, by ``cascade_taps``, unless the position is free of noise.
 
     Example:
         >>> from cylinder_friction.signals.causal import difference_taps
@@ -162,7 +177,7 @@ def difference_taps(sample_time_s: float) -> Array:
 
 
 def window_samples(window_s: float, order: int, sample_time_s: float) -> int:
-    """Return the odd number of samples that lasts nearest to ``window_s``, at least two more than a polynomial's order.
+    """Choose the odd number of samples that lasts nearest to ``window_s``, at least two more than a polynomial's order.
 
     ``window_s`` is the time between the first and the last sample of the window [s].
 
@@ -176,7 +191,7 @@ def window_samples(window_s: float, order: int, sample_time_s: float) -> int:
 
 
 def one_sided_savitzky_golay_taps(window: int, order: int, derivative: int, sample_time_s: float) -> Array:
-    """Return taps that fit a polynomial to the last ``window`` samples and evaluate it at the present one.
+    """Build taps that fit a polynomial to the last ``window`` samples and evaluate it at the present one.
 
     Args:
         window: Number of samples of the fit, greater than ``order``.
@@ -201,7 +216,7 @@ def one_sided_savitzky_golay_taps(window: int, order: int, derivative: int, samp
 
 @lru_cache
 def _end_point_fit(window: int, order: int, derivative: int) -> tuple[float, ...]:
-    """Return the taps for a sample time of 1; exact fractions take milliseconds, so that each fit is made once."""
+    """Fit the taps for a sample time of 1. Exact fractions take milliseconds, so each fit is made once."""
     powers = [[Fraction((-lag) ** power) for power in range(order + 1)] for lag in range(window)]
     unit = [Fraction(int(power == derivative)) for power in range(order + 1)]
     gram = [[sum((row[i] * row[j] for row in powers), Fraction()) for j in range(order + 1)] for i in range(order + 1)]
@@ -211,7 +226,7 @@ def _end_point_fit(window: int, order: int, derivative: int) -> tuple[float, ...
 
 
 def _solved(matrix: list[list[Fraction]], right: list[Fraction]) -> list[Fraction]:
-    """Return the exact solution of a few linear equations (Gauss and Jordan), the same on every processor."""
+    """Solve a few linear equations exactly (Gauss and Jordan), with the same result on every processor."""
     rows = [[*row, value] for row, value in zip(matrix, right, strict=True)]
     for pivot in range(len(rows)):
         rows[pivot] = [value / rows[pivot][pivot] for value in rows[pivot]]
@@ -223,9 +238,10 @@ def _solved(matrix: list[list[Fraction]], right: list[Fraction]) -> list[Fractio
 
 
 def cascade_taps(*stages: Array) -> Array:
-    """Return the taps of one-input filters run one after the other.
+    """Combine one-input filters that run one after the other into the taps of a single filter.
 
-    One filter with these taps gives the same output as the chain, with a single state.
+    The single filter gives the chain's output up to rounding, with one state, and costs one multiplication per tap. Its
+    length is the sum of the lengths less the number of stages, plus one.
 
     Example:
         >>> from cylinder_friction.signals.causal import cascade_taps, difference_taps, moving_average_taps

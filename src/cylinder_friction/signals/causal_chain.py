@@ -27,7 +27,7 @@ class CausalFilter(SignalFilter):
 
     @abstractmethod
     def block(self, sample_time_s: float) -> CausalBlock:
-        """Return the filter for streaming."""
+        """Make the filter's block for streaming."""
 
     def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
         block = self.block(sample_time_s)
@@ -48,7 +48,7 @@ class CausalFir(CausalFilter):
 
     @abstractmethod
     def taps(self, sample_time_s: float) -> tuple[Array, Array, Array]:
-        """Return the taps of either pressure, of velocity from position, and of acceleration from position."""
+        """Build the taps of each pressure, of velocity from position, and of acceleration from position."""
 
     def block(self, sample_time_s: float) -> FirFilter:
         pressure, velocity, acceleration = self.taps(sample_time_s)
@@ -70,8 +70,8 @@ class MovingAverage(CausalFir):
     200 Hz pressures are delayed by 22.5 ms, velocity by 25 ms and acceleration by 100 ms.
     """
 
-    window: int = 10  # Of pressures and position, in samples
-    acceleration_window: int = 30  # In samples
+    window: int = 10  # Window of pressures and position [samples]
+    acceleration_window: int = 30  # Window of the acceleration [samples]
 
     def taps(self, sample_time_s: float) -> tuple[Array, Array, Array]:
         average, difference = moving_average_taps(self.window), difference_taps(sample_time_s)
@@ -83,8 +83,8 @@ class MovingAverage(CausalFir):
 class OneSidedSavitzkyGolay(CausalFir):
     """Polynomials fitted to the last samples and evaluated at the present one: the causal form of ``SavitzkyGolay``."""
 
-    pressure_window_s: float = 0.05  # Between the first and the last sample of a window [s]
-    pressure_order: int = 2  # Of the polynomial
+    pressure_window_s: float = 0.05  # Time from the first to the last sample of a window [s]
+    pressure_order: int = 2  # Order of the polynomial
     velocity_window_s: float = 0.1
     velocity_order: int = 3
     acceleration_window_s: float = 0.2

@@ -6,12 +6,12 @@ import numpy as np
 from cylinder_friction.arrays import Array
 
 FEW_ROWS = 16
-"""Fewer than this are filtered row by row: a stream's step has nothing to gain from going tap by tap."""
+"""Fewer rows than this are filtered row by row: a stream's single step gains nothing from going tap by tap."""
 
 
 @numba.njit(cache=True)
 def fir(taps: Array, padded: Array) -> Array:
-    """Return the outputs of an ``FirFilter``, shape ``(n, m)``, of ``length - 1`` earlier inputs and ``n`` more."""
+    """Compute the outputs of an ``FirFilter``, shape ``(n, m)``, from ``length - 1`` earlier inputs and ``n`` more."""
     outputs, inputs, length = taps.shape
     rows = padded.shape[0] - length + 1
     result = np.zeros((rows, outputs))
@@ -29,7 +29,7 @@ def fir(taps: Array, padded: Array) -> Array:
     columns, line = np.ascontiguousarray(padded.T), np.empty(rows)
     for output in range(outputs):
         line[:] = 0.0
-        # Tap after tap over all rows, which a compiler does several at a time; each row still sums in the same order.
+        # Tap by tap over all rows, so that the compiler vectorises over rows; each row still sums in the same order.
         for source in range(inputs):
             for lag in range(length):
                 tap = taps[output, source, lag]
@@ -43,7 +43,7 @@ def fir(taps: Array, padded: Array) -> Array:
 
 @numba.njit(cache=True)
 def low_pass(weight: float, last: Array, inputs: Array) -> Array:
-    """Return the outputs of an ``ExponentialLowPass``, of the inputs' shape; ``last`` becomes the last of them."""
+    """Compute the outputs of an ``ExponentialLowPass``, of the inputs' shape; ``last`` becomes the last output."""
     result = np.empty_like(inputs)
     for row in range(inputs.shape[0]):
         for column in range(inputs.shape[1]):

@@ -1,7 +1,7 @@
 """Causal velocity from raw position that is exactly zero at standstill and keeps slow creep.
 
 A velocity dead band cannot distinguish creep at 1 mm/s from the noise of a 12-bit potentiometer. Travel can: creep
-adds up, noise does not. So velocity counts only while the smoothed position has lately pushed against a backlash of
+adds up, noise does not. So velocity counts only while the smoothed position has recently pushed against a backlash of
 some tens of micrometres, and only in the direction of the push.
 """
 
@@ -19,17 +19,17 @@ from cylinder_friction.signals.causal import FirFilter, FirState, one_sided_savi
 
 @dataclass(frozen=True)
 class CausalVelocity:
-    """How velocity is made from raw position."""
+    """Settings of the filter from raw position to causal velocity."""
 
-    # Samples of the one-sided Savitzky-Golay filter that gives smooth position and velocity; also how long velocity
-    # counts after the last push against the backlash
+    # Samples of the one-sided Savitzky-Golay filter for position and velocity; velocity also counts for this long after
+    # the last push against the backlash
     window: int
     order: int  # Order of its polynomial
     backlash_m: float  # Half-width of the backlash; 0 lets everything through [m]
-    dead_band_m_s: float  # Slower is zero, whatever the backlash [m/s]
+    dead_band_m_s: float  # Velocities below this are zero, whatever the backlash [m/s]
 
     def block(self, sample_time_s: float) -> VelocityBlock:
-        """Return the causal block at a sample time."""
+        """Build the causal block at a sample time."""
         return VelocityBlock(self, sample_time_s)
 
 

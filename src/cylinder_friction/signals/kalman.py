@@ -10,11 +10,11 @@ import numpy as np
 from cylinder_friction.arrays import Array
 
 MAXIMUM_ROWS = 20_000
-"""Gains that have not settled by then never will."""
+"""Rows after which unsettled gains are refused."""
 
 
 class Gains(NamedTuple):
-    """Gains row by row until they have settled; from there on the last one holds."""
+    """Gains row by row until they have settled; the last one holds for all later rows."""
 
     filter: Array  # Kalman gains, shape ``(rows, k)``
     smoother: Array  # Gains that carry the next row's smoothed state back, shape ``(rows, k, k)``
@@ -25,13 +25,13 @@ class KalmanModel:
     """``state[t+1] = transition @ state[t] + noise``; the first state is measured, with noise."""
 
     transition: Array  # Shape ``(k, k)``
-    process_noise: Array  # Covariance a step, shape ``(k, k)``
+    process_noise: Array  # Covariance per step, shape ``(k, k)``
     measurement_noise: float  # Variance of the measurement
-    first_covariance: Array  # Of the state at the first row, before its measurement, shape ``(k, k)``
+    first_covariance: Array  # Covariance of the state at the first row, before its measurement, shape ``(k, k)``
 
     @cached_property
     def gains(self) -> Gains:
-        """The gains, which do not depend on what is measured (Rauch, Tung and Striebel 1965).
+        """The gains, which do not depend on the measurements (Rauch, Tung and Striebel 1965).
 
         Raises:
             ValueError: The gains do not settle: no noise moves the state.
@@ -53,7 +53,7 @@ class KalmanModel:
         raise ValueError(f"the Kalman gains have not settled after {MAXIMUM_ROWS} rows; raise the process noise")
 
     def memory_rows(self) -> int:
-        """Return after how many rows the slowest part of a disturbance has faded to a thousandth of what it was."""
+        """Count the rows after which the slowest part of a disturbance has decayed to a thousandth."""
         gain = self.gains.filter[-1]
         corrected = self.transition - np.outer(gain, self.transition[0])
         slowest = float(np.abs(np.linalg.eigvals(corrected)).max())
@@ -61,15 +61,15 @@ class KalmanModel:
 
 
 def random_walk(step_std: float, noise_std: float) -> KalmanModel:
-    """Return a quantity that wanders: each step adds white noise of ``step_std``, measured with ``noise_std``."""
+    """Model a random walk: each step adds white noise of ``step_std``; measurements have noise of ``noise_std``."""
     one = np.ones((1, 1))
     return KalmanModel(one, step_std**2 * one, noise_std**2, 1e6 * (step_std**2 + noise_std**2) * one)
 
 
 def constant_jerk(jerk_std_m_s3: float, noise_std_m: float, sample_time_s: float) -> KalmanModel:
-    """Return position, velocity and acceleration under a jerk that is constant within a step and white between steps.
+    """Model position, velocity and acceleration under a jerk that is constant within a step and white between steps.
 
-    The standard deviation of the jerk belongs to one sample time.
+    The standard deviation of the jerk holds for this sample time only.
 
     Source: Bar-Shalom, Li and Kirubarajan 2001, section 6.3 (piecewise constant white acceleration), one order up.
     """
@@ -77,7 +77,7 @@ def constant_jerk(jerk_std_m_s3: float, noise_std_m: float, sample_time_s: float
     transition = np.array([[1.0, step, 0.5 * step**2], [0.0, 1.0, step], [0.0, 0.0, 1.0]])
     effect = np.array([step**3 / 6.0, step**2 / 2.0, step])
     jerk_noise = jerk_std_m_s3**2 * np.outer(effect, effect)
-    # One jerk a step leaves the covariance singular; a trace of independent noise keeps the smoother's inverse exact.
+    # With one jerk per step the covariance is singular; a little independent noise keeps the smoother's inverse exact.
     jerk_noise += 1e-6 * np.diag(np.diag(jerk_noise))
     time_s = (noise_std_m / jerk_std_m_s3) ** (1.0 / 3.0)
     first = np.diag((1e3 * noise_std_m / time_s ** np.arange(3.0)) ** 2)

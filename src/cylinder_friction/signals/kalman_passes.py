@@ -19,8 +19,8 @@ class KalmanState:
 class SteadyKalman:
     """The Kalman filter with its steady gains, as a causal block: the causal form of ``RtsSmoother``.
 
-    Before the first sample everything stood still at that sample. The pressure's model is a random walk, the
-    position's has position, velocity and acceleration.
+    It assumes that everything stood still at the first sample before it. A pressure is a random walk; the position's
+    model has position, velocity and acceleration.
     """
 
     def __init__(self, pressure: KalmanModel, position: KalmanModel) -> None:
@@ -48,9 +48,9 @@ class SteadyKalman:
 
 
 def smooth_states(model: KalmanModel, measured: Array) -> Array:
-    """Return the smoothed states, shape ``(n, k)``, from measurements of the first state, shape ``(n,)``."""
+    """Smooth the states, shape ``(n, k)``, from measurements of the first state, shape ``(n,)``."""
     gains = model.gains
-    # Relative to the first value numbers stay small; the first state of the model then has zero mean.
+    # Subtracting the first value keeps numbers small, and gives the model's first state zero mean.
     first, state = measured[0], np.zeros(len(model.transition))
     forward = _filter(model.transition, gains.filter, state, np.ascontiguousarray(measured - first))
     states = _smooth(gains.smoother, *forward)
@@ -60,9 +60,9 @@ def smooth_states(model: KalmanModel, measured: Array) -> Array:
 
 @numba.njit(cache=True)
 def _filter(transition: Array, gains: Array, state: Array, measured: Array) -> tuple[Array, Array]:
-    """Return the predicted and the updated states, shape ``(n, k)``; ``state`` becomes the last one.
+    """Compute the predicted and the updated states, shape ``(n, k)``; ``state`` becomes the last one.
 
-    Before the first row ``state`` is that of the row before; the last of the gains holds from its row on.
+    At the start ``state`` is the state of the row before. The last gain holds for all later rows.
     """
     rows, size = measured.shape[0], transition.shape[0]
     predicted, updated = np.zeros((rows, size)), np.zeros((rows, size))
@@ -82,7 +82,7 @@ def _filter(transition: Array, gains: Array, state: Array, measured: Array) -> t
 
 @numba.njit(cache=True)
 def _smooth(gains: Array, predicted: Array, updated: Array) -> Array:
-    """Carry what later rows measured back into the updated states."""
+    """Correct the updated states by the measurements of later rows."""
     rows, size = updated.shape
     for row in range(rows - 2, -1, -1):
         gain = gains[min(row, gains.shape[0] - 1)]

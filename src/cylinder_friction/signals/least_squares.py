@@ -1,7 +1,7 @@
-"""Least squares whose digits do not depend on the processor: sums in a fixed order, without BLAS and LAPACK.
+"""Least squares with the same digits on every processor: sums in a fixed order, without BLAS and LAPACK.
 
-BLAS picks its kernel by the processor, and each kernel adds in an order of its own, so that two machines of one kind
-can store coefficients with different last digits.
+BLAS picks a kernel by the processor, and each kernel adds in its own order, so coefficients from two machines can
+differ in their last digits.
 """
 
 import numba
@@ -10,11 +10,11 @@ import numpy as np
 from cylinder_friction.arrays import Array
 
 NEGLIGIBLE = 1e-13
-"""A column of which the columns before it leave a smaller share of its square is taken as their combination."""
+"""A column is a combination of the columns before it if they leave a smaller share of its square than this."""
 
 
 def least_squares(rows: Array, target: Array, penalty: float = 0.0) -> Array:
-    """Return the coefficients, shape ``(k,)``, that minimise ``|target - rows c|² + penalty |c|²``.
+    """Find the coefficients, shape ``(k,)``, that minimise ``|target - rows c|² + penalty |c|²``.
 
     A column that is a combination of those before it gets the coefficient 0.
     ``rows`` has shape ``(n, k)``, ``target`` ``(n,)``. A penalty is ridge regression (Hoerl and Kennard 1970).
@@ -40,7 +40,7 @@ def _normal_equations(rows: Array, target: Array) -> tuple[Array, Array]:
 
 @numba.njit(cache=True)
 def _solve(gram: Array, moment: Array) -> Array:
-    """Solve by Cholesky's factors, which overwrite the lower triangle of ``gram``; ``moment`` becomes the solution."""
+    """Solve by Cholesky factors, which overwrite the lower triangle of ``gram``; ``moment`` becomes the solution."""
     count = gram.shape[0]
     for column in range(count):
         square = gram[column, column]

@@ -1,4 +1,4 @@
-"""Every filter for whole recordings, by the name of its method."""
+"""All filters for whole recordings, by the name of their method."""
 
 import warnings
 from collections.abc import Iterable, Mapping
@@ -13,11 +13,20 @@ from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyG
 
 WINDOWS_FOR_HZ = 200.0
 """Rate that the published windows in samples were chosen for."""
-SAME_RATE = 0.1  # a rate within this share of another makes no difference to windows
+SAME_RATE = 0.1  # Share by which a rate may differ without changing the windows
 
 
 def default_filter(cylinder: Cylinder) -> AdaptiveWindow:
-    """Return the filter whose labels are nearest to true friction."""
+    """Make the filter whose labels are nearest to true friction on the simulated rig: ``AdaptiveWindow``.
+
+    ``label`` uses it unless you pass another one. Its windows are in seconds, so any sample rate will do. The
+    cylinder's areas weight both pressures. It looks ahead: use it for labels, never in real time.
+
+    Example:
+        >>> from cylinder_friction.signals.methods import default_filter
+        >>> default_filter(cylinder).piston_area_m2 == cylinder.piston_area_m2
+        True
+    """
     return AdaptiveWindow(cylinder.piston_area_m2, cylinder.annulus_area_m2)
 
 
@@ -28,9 +37,10 @@ def filters_by_method(
     savitzky_golay: Mapping[str, Any],
     rts: Mapping[str, Any],
 ) -> dict[str, SignalFilter]:
-    """Return the filters from the parameters of each; both moving averages share theirs.
+    """Make all filters from their parameters, as ``params.yaml`` states them under ``filter``, by method.
 
-    The adaptive one differentiates the position as ``savitzky_golay`` does.
+    Use it to compare methods on the same recordings. Both moving averages share their parameters, and the adaptive
+    window differentiates the position as ``savitzky_golay`` does. Impossible parameters raise ``ValueError``.
     """
     polynomials = SavitzkyGolay(**savitzky_golay)
     return {
@@ -45,17 +55,21 @@ def filters_by_method(
 
 
 def warn_of_rates(signal_filter: SignalFilter, sample_times_s: Iterable[float], *, in_pipeline: bool = False) -> None:
-    """Warn (``UserWarning``) once of each rate for which the filter's windows in samples were not chosen."""
+    """Warn (``UserWarning``) once of each sample rate for which the filter's windows in samples were not chosen.
+
+    Only the published moving averages have windows in samples; all other filters pass silently. ``in_pipeline`` decides
+    whether the advice names a parameter of the pipeline or an entry of the mapping.
+    """
     for sample_time_s in sorted(set(sample_times_s)):
         if text := windows_at(signal_filter, sample_time_s, in_pipeline=in_pipeline):
             warnings.warn(text, stacklevel=3)
 
 
 def windows_at(signal_filter: SignalFilter, sample_time_s: float, *, in_pipeline: bool = False) -> str:
-    """State how long the published windows last at a rate that they were not chosen for; empty if all is well.
+    """State how long the published windows last at another rate than theirs; empty if nothing is wrong.
 
-    Windows other than the published ones were chosen for the recordings; other filters' windows are in seconds. The
-    advice is for the pipeline, whose parameters are at hand, or for commands on logs, where the mapping is.
+    Other windows in samples are assumed to be chosen for the recordings, and other filters' windows are in seconds. The
+    advice names a parameter in the pipeline, and an entry of the mapping in commands on logs.
     """
     if not isinstance(signal_filter, MovingAverage | CentredMovingAverage):
         return ""

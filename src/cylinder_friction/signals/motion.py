@@ -8,18 +8,18 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array, Mask, sliding_extremes, true_runs
 
 MOVING_M_S = 1e-3
-"""A true, noise-free velocity below this counts as standstill."""
+"""A noise-free velocity below this counts as standstill."""
 EVENTS = ("start", "stop", "reversal")
 
 STEADY_DURATION_S = 0.2
-"""Sliding is steady where velocity varies little for this long around a row."""
+"""Sliding is steady if velocity varies little for this long around a row."""
 
 STANDSTILL_DURATION_S = 0.5
-"""A shorter rest is too short to distinguish noise from motion."""
+"""Shortest rest [s]; a shorter one cannot be told from noise."""
 CREEP_M_S = 2e-4
-"""Slower than this over that time counts as standstill."""
+"""A mean velocity below this over that time counts as standstill."""
 LEAST_STANDSTILL_S = 1.0
-"""Less standstill than this in total is too little to determine noise from."""
+"""Least total standstill from which noise is determined [s]."""
 
 
 def direction_of_motion(velocity_m_s: Array, slowest_m_s: float) -> Array:
@@ -29,31 +29,31 @@ def direction_of_motion(velocity_m_s: Array, slowest_m_s: float) -> Array:
 
 @dataclass(frozen=True)
 class StrokePieces:
-    """Which rows of a recording belong to which short piece of a stroke."""
+    """Short pieces of strokes, and the rows of a recording that belong to each."""
 
     rows: NDArray[np.int64]  # Rows of all pieces, ascending
-    # Where each piece begins in ``rows``, how many it has, and its stroke, counted from 0; shape ``(pieces,)``
+    # First place of each piece in ``rows``, its number of rows, and its stroke, counted from 0; shape ``(pieces,)``
     begins: NDArray[np.int64]
     counts: NDArray[np.int64]
     stroke: NDArray[np.int64]
 
     def mean(self, values: Array) -> Array:
-        """Return the mean over each piece of values of shape ``(n,)``, shape ``(pieces,)``."""
+        """Average values of shape ``(n,)`` over each piece, shape ``(pieces,)``."""
         if not len(self.rows):
             return np.zeros(0)
         return np.asarray(np.add.reduceat(values[self.rows], self.begins) / self.counts)
 
 
 def stroke_pieces(direction: Array, progress: Array, settling: float, piece_rows: int) -> StrokePieces:
-    """Return the pieces of at most ``piece_rows`` rows of each unbroken run of one direction.
+    """Cut each unbroken run of one direction into pieces of at most ``piece_rows`` rows.
 
-    ``direction`` is 1, -1, or 0 where nothing counts; rows within ``settling`` of their run's first one by
-    ``progress``, time or path, are left out. Both have shape ``(n,)``.
+    ``direction`` is 1, -1, or 0 in rows that do not count. ``progress`` is time or path; rows within ``settling`` of
+    their run's first row are left out. Both have shape ``(n,)``.
     """
     starts = np.flatnonzero(np.concatenate([[len(direction) > 0], direction[1:] != direction[:-1]]))
     lengths = np.diff(starts, append=len(direction))
     rows = np.flatnonzero((direction != 0.0) & (progress - np.repeat(progress[starts], lengths) >= settling))
-    firsts = np.unique(np.searchsorted(rows, starts))  # of each run that has rows left, in ``rows``
+    firsts = np.unique(np.searchsorted(rows, starts))  # first place in ``rows`` of each run that has rows left
     firsts = firsts[firsts < len(rows)]
     pieces = -(-np.diff(firsts, append=len(rows)) // piece_rows)
     stroke = np.repeat(np.arange(len(firsts)), pieces)
@@ -62,14 +62,14 @@ def stroke_pieces(direction: Array, progress: Array, settling: float, piece_rows
 
 
 def last_direction(velocity_m_s: Array) -> Array:
-    """Return +1 or -1, shape ``(n,)``: the sign of velocity, at standstill the last one, +1 before any motion."""
+    """Find the direction of motion, +1 or -1, shape ``(n,)``; at standstill the last one, +1 before any motion."""
     signs = np.sign(velocity_m_s)
     latest = np.maximum.accumulate(np.where(signs != 0.0, np.arange(len(signs)), -1))
     return np.where(latest >= 0, signs[np.maximum(latest, 0)], 1.0)
 
 
 def travel_since_stop(velocity_m_s: Array, slowest_m_s: float, sample_time_s: float) -> Array:
-    """Return the travel since the last row that was slow or went the other way [m], shape ``(n,)``."""
+    """Measure the travel since the last slow row or reversal [m], shape ``(n,)``."""
     speed_m_s, total_m_s = np.abs(velocity_m_s), np.zeros(len(velocity_m_s))
     onwards = (speed_m_s > slowest_m_s) & (velocity_m_s * np.roll(velocity_m_s, 1) > 0.0)
     onwards[:1] = False
@@ -79,9 +79,9 @@ def travel_since_stop(velocity_m_s: Array, slowest_m_s: float, sample_time_s: fl
 
 
 def steady_rows(velocity_m_s: Array, sample_time_s: float, slowest_m_s: float, variation: float) -> Mask:
-    """Return the rows inside a stroke at constant velocity, shape ``(n,)``.
+    """Mark the rows inside a stroke at constant velocity, shape ``(n,)``.
 
-    ``variation`` is how much velocity may vary within ``STEADY_DURATION_S``, over its mean.
+    ``variation`` is the greatest change of velocity within ``STEADY_DURATION_S``, over its mean.
     """
     least, greatest = sliding_extremes(velocity_m_s, max(3, round(STEADY_DURATION_S / sample_time_s) | 1))
     one_way = (least > slowest_m_s) | (greatest < -slowest_m_s)
@@ -89,11 +89,11 @@ def steady_rows(velocity_m_s: Array, sample_time_s: float, slowest_m_s: float, v
 
 
 def standstill_rows(position_m: Array, sample_time_s: float, around_rows: int = 0) -> Mask:
-    """Return the rows at rest, shape ``(n,)``.
+    """Mark the rows at rest, shape ``(n,)``, from the raw position.
 
-    At rest are rows around which mean position, over half of ``STANDSTILL_DURATION_S`` before and after, differs by
-    less than ``CREEP_M_S`` would make it, for as long as that and ``around_rows`` to either side, a filter's support:
-    rows whose filter saw motion are not at rest for it. The position is raw, shape ``(n,)``.
+    A row is at rest if the mean positions over half of ``STANDSTILL_DURATION_S`` before and after it differ by less
+    than motion at ``CREEP_M_S`` would cause. This must hold for that time and for ``around_rows`` on either side: give
+    a filter's support there, so that no row at rest has motion in its filter.
     """
     half = max(2, round(0.5 * STANDSTILL_DURATION_S / sample_time_s))
     if len(position_m) < 4 * half:
@@ -107,7 +107,7 @@ def standstill_rows(position_m: Array, sample_time_s: float, around_rows: int = 
 
 
 def noise_rms(values: Array, rest: Mask) -> float:
-    """Return the root mean square of values about their own mean in each rest, NaN where nothing rests."""
+    """Compute the root mean square of values about their mean in each rest; NaN without any rest."""
     if not rest.any():
         return float("nan")
     rows = np.flatnonzero(rest)
@@ -117,15 +117,15 @@ def noise_rms(values: Array, rest: Mask) -> float:
 
 
 def near_events(velocity_m_s: Array, window: int) -> Mask:
-    """Return the rows within ``window`` rows of a start, stop or reversal, shape ``(n,)``; see ``event_masks``."""
+    """Mark the rows within ``window`` rows of a start, stop or reversal, shape ``(n,)``; see ``event_masks``."""
     return np.asarray(np.logical_or.reduce(list(event_masks(velocity_m_s, window).values())))
 
 
 def event_masks(velocity_m_s: Array, window: int) -> dict[str, Mask]:
-    """Return the rows within ``window`` rows of each kind of event, each mask of shape ``(n,)``.
+    """Mark the rows within ``window`` rows of each kind of event; each mask has shape ``(n,)``.
 
-    A reversal goes from one direction to the other with at most ``window`` rows of rest between; with a longer rest
-    it is a stop and a start. The velocity is without noise, shape ``(n,)``.
+    A reversal goes from one direction to the other with at most ``window`` rows of rest between; a longer rest makes it
+    a stop and a start. The velocity has no noise, shape ``(n,)``.
     """
     direction = direction_of_motion(velocity_m_s, MOVING_M_S).astype(np.int64)
     changes = np.flatnonzero(np.diff(direction)) + 1
@@ -146,7 +146,7 @@ def event_masks(velocity_m_s: Array, window: int) -> dict[str, Mask]:
 
 
 def widened(mask: Mask, before: int, after: int) -> Mask:
-    """Return a mask that is also true ``before`` rows ahead of and ``after`` rows behind every true row."""
+    """Widen a mask: true also ``before`` rows ahead of and ``after`` rows behind every true row."""
     rows = len(mask)
     first, end = true_runs(mask).T
     change = np.zeros(rows + 1, dtype=np.int32)

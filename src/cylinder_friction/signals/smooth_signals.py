@@ -1,4 +1,4 @@
-"""Smooth pressures, velocity and acceleration: what every off-line filter returns, and as columns of a recording."""
+"""Smooth pressures, velocity and acceleration: the output of every off-line filter, also as columns of a recording."""
 
 from __future__ import annotations
 
@@ -51,25 +51,25 @@ class SignalFilter(ABC):
     """Smooths pressures and differentiates position, over a whole recording."""
 
     linear: ClassVar[bool] = True
-    """Whether what it does to a signal does not depend on the signal, so that it has a frequency response."""
+    """Whether the filter is linear, and so has a frequency response."""
 
     @abstractmethod
     def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
-        """Return a force, shape ``(n,)``, smoothed as pressures are: with the same delay and bandwidth."""
+        """Smooth a force, shape ``(n,)``, as pressures are: with the same delay and bandwidth."""
 
     @abstractmethod
     def motion(self, position_m: Array, sample_time_s: float) -> tuple[Array, Array]:
-        """Return velocity [m/s] and acceleration [m/s²] of a position, each of shape ``(n,)``."""
+        """Differentiate a position to velocity [m/s] and acceleration [m/s²], each of shape ``(n,)``."""
 
     @abstractmethod
     def support(self, sample_time_s: float) -> Support:
-        """Return the support of the filter, the longest of its four outputs."""
+        """State the support of the filter, the longest of its four outputs."""
 
     def deviation(self, force_n: Array, sample_time_s: float) -> Array:
-        """Return the standard deviation that noise leaves in a smoothed force [N], shape ``(n,)``.
+        """Estimate the standard deviation that noise leaves in a smoothed force [N], shape ``(n,)``.
 
-        The noise, taken as white, is estimated from the force. What smoothing takes away from the force itself, next to
-        steps above all, is not included.
+        The noise is assumed white and estimated from the force. The error of smoothing the force itself, which is
+        largest next to steps, is not included.
         """
         support = self.support(sample_time_s)
         middle = 2 * max(support.before, support.after) + 1
@@ -79,18 +79,18 @@ class SignalFilter(ABC):
         return np.full(len(force_n), gain * noise_deviation(force_n))
 
     def smooth(self, samples: Array, sample_time_s: float) -> SmoothSignals:
-        """Return the smooth signals of raw samples, shape ``(n, 3)``, taken every ``sample_time_s``."""
+        """Smooth raw samples, shape ``(n, 3)``, taken every ``sample_time_s``."""
         p1, p2 = (self.smooth_force(samples[:, side], sample_time_s) for side in (P1, P2))
         return SmoothSignals(p1, p2, *self.motion(samples[:, X], sample_time_s))
 
 
 def has_pressures(recording: Recording) -> bool:
-    """Return whether both pressures were measured; if so, a drive force beside them is ignored."""
+    """Check whether both pressures were measured; if so, a drive force beside them is ignored."""
     return all(column in recording.columns for column in SAMPLE_COLUMNS)
 
 
 def at_cylinder(recording: Recording, signal_filter: SignalFilter) -> Recording:
-    """Return a recording with the pressures of the chambers: those of the sensors less what lines are stated to lose.
+    """Correct the pressures from the sensors to the chambers, by the stated loss of the lines.
 
     While the piston extends, oil flows towards the piston side and away from the rod side.
     """
@@ -104,7 +104,7 @@ def at_cylinder(recording: Recording, signal_filter: SignalFilter) -> Recording:
 
 
 def smooth_recording(recording: Recording, signal_filter: SignalFilter) -> SmoothSignals | SmoothDrive:
-    """Return the smooth signals of a recording: of its pressures, or of its drive force if it has no pressures."""
+    """Smooth a recording: its pressures, or its drive force if it has no pressures."""
     recording = at_cylinder(recording, signal_filter)
     if has_pressures(recording):
         samples = np.stack([recording.column(column) for column in SAMPLE_COLUMNS]).T  # each signal contiguous
@@ -114,33 +114,33 @@ def smooth_recording(recording: Recording, signal_filter: SignalFilter) -> Smoot
 
 
 def smooth_load(recording: Recording, signal_filter: SignalFilter) -> Array | None:
-    """Return the measured load [N], shape ``(n,)``, smoothed as pressures are; None if none was measured."""
+    """Smooth the measured load [N], shape ``(n,)``, as pressures are; None if none was measured."""
     if LOAD_FORCE not in recording.columns:
         return None
     return signal_filter.smooth_force(recording.column(LOAD_FORCE), recording.sample_time_s)
 
 
 def smooth_columns(recording: Recording, signal_filter: SignalFilter) -> dict[str, Array]:
-    """Return every column that the filter adds to a recording, by name."""
+    """Compute the columns that the filter adds to a recording, by name."""
     columns: dict[str, Array] = dict(vars(smooth_recording(recording, signal_filter)))
     load_n = smooth_load(recording, signal_filter)
     return columns if load_n is None else columns | {SMOOTH_LOAD: load_n}
 
 
 def filtered(recording: Recording, signal_filter: SignalFilter) -> Recording:
-    """Return a recording with the filter's columns beside its raw ones.
+    """Add the filter's columns to a recording, beside its raw ones.
 
-    They are in single precision, as they are stored: thousands of times finer than any sensor's resolution.
+    They have the single precision in which they are stored, thousands of times finer than any sensor's resolution.
     """
     smooth = smooth_columns(recording, signal_filter)
     return recording.with_columns(**{name: values.astype(np.float32) for name, values in smooth.items()})
 
 
 def signals_of(recording: Recording) -> SmoothSignals | SmoothDrive:
-    """Return the smooth signals of a recording that has been filtered.
+    """Read the smooth signals of a filtered recording.
 
     Raises:
-        RecordingError: It has not.
+        RecordingError: The recording was not filtered.
     """
     if has_pressures(recording):
         return SmoothSignals(*(recording.column(field.name) for field in fields(SmoothSignals)))

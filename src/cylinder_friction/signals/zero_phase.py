@@ -16,12 +16,12 @@ from cylinder_friction.signals.smooth_signals import SignalFilter, Support
 class CentredMovingAverage(SignalFilter):
     """The paper's chain with each of its filters moved back by its own delay.
 
-    A filter with an even number of taps has no middle sample; it is averaged with itself one sample later, so that
-    a window of 10 becomes 11 samples whose outer two count half.
+    A filter with an even number of taps has no middle sample. It is averaged with itself one sample later, so a window
+    of 10 samples becomes one of 11 whose outer two count half.
     """
 
-    window: int = 10  # Of pressures and position, in samples
-    acceleration_window: int = 30  # In samples
+    window: int = 10  # Window of pressures and position [samples]
+    acceleration_window: int = 30  # Window of the acceleration [samples]
 
     def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
         return run_centred(self._taps(sample_time_s)[0], force_n)
@@ -49,8 +49,8 @@ class SavitzkyGolay(SignalFilter):
         ValueError: A window is not positive, or an order is too low to differentiate.
     """
 
-    pressure_window_s: float = 0.05  # Between the first and the last sample of a window [s]
-    pressure_order: int = 2  # Of the polynomial
+    pressure_window_s: float = 0.05  # Time from the first to the last sample of a window [s]
+    pressure_order: int = 2  # Order of the polynomial
     velocity_window_s: float = 0.1
     velocity_order: int = 3
     acceleration_window_s: float = 0.2
@@ -66,7 +66,7 @@ class SavitzkyGolay(SignalFilter):
                 )
 
     def causal(self) -> OneSidedSavitzkyGolay:
-        """Return the causal filter with the same windows and orders."""
+        """Build the causal filter with the same windows and orders."""
         return OneSidedSavitzkyGolay(**vars(self))
 
     def smooth_force(self, force_n: Array, sample_time_s: float) -> Array:
@@ -93,9 +93,9 @@ class SavitzkyGolay(SignalFilter):
 
 
 def _fitted(values: Array, window: int, order: int, derivative: int = 0, sample_time_s: float = 1.0) -> Array:
-    """Return a derivative of the polynomial around each sample, at the edges of that of the first or last window.
+    """Evaluate a derivative of the polynomial around each sample; edge samples use the first or last window.
 
-    SciPy has the same in ``scipy.signal``, which takes longer to load than most logs take to label.
+    ``scipy.signal`` has the same function, but takes longer to import than most logs take to label.
 
     Raises:
         ValueError: There are fewer values than the window holds.
@@ -103,7 +103,7 @@ def _fitted(values: Array, window: int, order: int, derivative: int = 0, sample_
     if len(values) < window:
         raise ValueError(f"got {len(values)} samples, but Savitzky-Golay needs at least its window of {window}")
     at, half = _derivatives(window, order, derivative), window // 2
-    rest, level = values - values[0], 0.0 if derivative else values[0]  # of a large constant, digits would be lost
+    rest, level = values - values[0], 0.0 if derivative else values[0]  # a large constant would cost digits
     inner = np.convolve(rest, at[half, ::-1], mode="valid")
     fitted = [at[:half] @ rest[:window], inner, at[half + 1 :] @ rest[-window:]]
     return level + np.concatenate(fitted) / sample_time_s**derivative
@@ -111,7 +111,7 @@ def _fitted(values: Array, window: int, order: int, derivative: int = 0, sample_
 
 @cache
 def _derivatives(window: int, order: int, derivative: int) -> Array:
-    """Return what gives the derivative at each sample of a window from its values, shape ``(window, window)``."""
+    """Build the matrix from a window's values to the derivative at each of its samples, shape ``(window, window)``."""
     half = max(window // 2, 1)
     x = (np.arange(window) - window // 2) / half  # in halves of a window, for exactness
     fit = np.linalg.pinv(np.vander(x, order + 1, increasing=True))
@@ -121,12 +121,12 @@ def _derivatives(window: int, order: int, derivative: int) -> Array:
 
 
 def centred_taps(taps: Array) -> Array:
-    """Return an odd number of taps with the same delay in the middle; taps must be (anti)symmetric."""
+    """Make the number of (anti)symmetric taps odd, with the same delay in the middle."""
     return taps if len(taps) % 2 else cascade_taps(taps, np.array([0.5, 0.5]))
 
 
 def run_centred(taps: Array, values: Array) -> Array:
-    """Return the filtered values, shape ``(n,)``, with no delay; at the edges the signal goes on in point symmetry."""
+    """Filter values without delay, shape ``(n,)``; at the edges the signal is continued in point symmetry."""
     half = len(taps) // 2
     if half == 0:
         return taps[0] * values

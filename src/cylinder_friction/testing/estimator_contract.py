@@ -1,6 +1,6 @@
 """The promises that every estimator keeps, as checks to run on an estimator of your own.
 
-All at once, if the recordings are labelled ones:
+All at once, with labelled recordings:
 
     check_estimator(lambda: MyEstimator(cylinder), recordings)
 
@@ -32,7 +32,11 @@ SEED = 0
 
 
 class ContractError(AssertionError):
-    """A promise is broken; the message states by what, which, where, what was given and what was expected."""
+    """An estimator or friction model breaks a promise of its contract.
+
+    The message names the check, the place, what was given and what was expected, so that it reads well in a test's
+    output. It is an ``AssertionError``: pytest shows it as a failure, not as an error.
+    """
 
 
 @dataclass(frozen=True)
@@ -40,8 +44,8 @@ class Case:
     """An estimator under test, fitted once for all checks.
 
     Args:
-        make: Returns the estimator, not yet fitted, and the same one at each call.
-        recordings: Labelled, of one sample time, with the estimator's inputs; fitted on, and estimated.
+        make: Makes the estimator, not yet fitted; equal at each call.
+        recordings: Labelled recordings of one sample time, with the estimator's inputs, to fit on and to estimate.
     """
 
     make: Callable[[], FrictionEstimator]
@@ -76,7 +80,7 @@ class Case:
         return np.asarray(found)
 
     def streamed(self, count: int) -> list[float]:
-        """Return the first outputs of a fresh stream [N]."""
+        """Compute the first outputs of a fresh stream [N]."""
         stream = self.estimator.stream()
         return [stream.step(*sample) for sample in self.samples[:count]]
 
@@ -247,8 +251,8 @@ def check_estimator(make: Callable[[], FrictionEstimator], recordings: Sequence[
     """Check all promises of an estimator.
 
     Args:
-        make: Returns the estimator, not yet fitted, and the same one at each call.
-        recordings: Labelled, of one sample time, with the estimator's inputs; at least one.
+        make: Makes the estimator, not yet fitted; equal at each call.
+        recordings: At least one labelled recording, all of one sample time, with the estimator's inputs.
 
     Raises:
         ContractError: A promise is broken.
@@ -264,6 +268,6 @@ def check_estimator(make: Callable[[], FrictionEstimator], recordings: Sequence[
 
 
 def _saved(estimator: FrictionEstimator, folder: Path) -> dict[str, bytes]:
-    """Return the content of each file that the estimator writes."""
+    """Read each file that the estimator writes."""
     estimator.save(folder)
     return {path.name: path.read_bytes() for path in folder.iterdir()}

@@ -21,7 +21,7 @@ from cylinder_friction.testing.estimator_contract import ContractError
 
 STEP_S = 5e-3
 RATIO, SLOPE_SHARE = 1.2, 0.5
-"""Friction retracting over extending, and its relative growth at ``PRESSURE_PA``, where a check looks at them."""
+"""Ratio of friction retracting to extending, and relative growth at ``PRESSURE_PA``, in the checks."""
 PRESSURE_PA = 3e6
 RATE_DEPENDENT = ("viscous_n_s_m", "bristle_damping_n_s_m")
 SEED, PATHS = 0, 40
@@ -29,11 +29,11 @@ SEED, PATHS = 0, 40
 
 @dataclass(frozen=True)
 class FrictionModelCase:
-    """A friction model under test, with numbers that are physical.
+    """A friction model under test, with physical parameters.
 
     Args:
-        kind: Its class.
-        parameters: Its numbers, with a ``retract_ratio`` of 1 and a ``pressure_slope_n_pa`` of 0.
+        kind: Class of the model.
+        parameters: Its parameters, with a ``retract_ratio`` of 1 and a ``pressure_slope_n_pa`` of 0.
         steady_n: Dry friction [N] of steady sliding at a speed [m/s] while extending, without pressure; None: the
             Stribeck curve of the numbers, or ``coulomb_n`` if they have none.
     """
@@ -44,7 +44,8 @@ class FrictionModelCase:
 
     @property
     def sided(self) -> ModelParameters:
-        """The numbers with friction that differs by direction and pressure."""
+        """The parameters with friction that differs by direction and pressure."""
+
         slope = SLOPE_SHARE * self.parameters.value("coulomb_n") / PRESSURE_PA
         return replace(self.parameters, retract_ratio=RATIO, pressure_slope_n_pa=slope)  # type: ignore[call-arg]
 
@@ -56,7 +57,7 @@ class FrictionModelCase:
     def friction(
         self, parameters: ModelParameters, velocity_m_s: Sequence[float] | Array, pressure_pa: float | Array = 0.0
     ) -> Array:
-        """Return friction [N] from a fresh state, shape ``(n,)``."""
+        """Simulate friction [N] from a fresh state, shape ``(n,)``."""
         model, velocity = self.kind(pressure_scaled=True), np.asarray(velocity_m_s, dtype=np.float64)
         pressure = np.broadcast_to(pressure_pa, velocity.shape)
         return model.simulate(parameters.packed(), velocity, STEP_S, model.new_state(), pressure)
@@ -68,13 +69,13 @@ class FrictionModelCase:
 
 
 def without_rates(parameters: ModelParameters) -> ModelParameters:
-    """Return the numbers without viscous friction and bristle damping, so that what is left is dry."""
+    """Set viscous friction and bristle damping to zero, so that only dry friction is left."""
     own = {field.name for field in fields(parameters)}
     return replace(parameters, **dict.fromkeys(own.intersection(RATE_DEPENDENT), 0.0))
 
 
 def random_paths() -> list[Array]:
-    """Return velocities with rest, creep, sliding and reversals [m/s]."""
+    """Draw velocities with rest, creep, sliding and reversals [m/s]."""
     generator = np.random.default_rng(SEED)
     paths = []
     for _ in range(PATHS):
@@ -188,7 +189,7 @@ def _own(case: FrictionModelCase, name: str) -> list[str]:
 
 
 def _curve(numbers: ModelParameters, speed_m_s: float) -> float:
-    """Return dry friction of steady sliding while extending [N]."""
+    """Compute dry friction of steady sliding while extending [N]."""
     coulomb = numbers.value("coulomb_n")
     if not hasattr(numbers, "static_n"):
         return coulomb

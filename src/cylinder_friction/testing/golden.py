@@ -42,7 +42,10 @@ class Trajectory:
 
 
 def trace(model: StepModel, samples: Array) -> Trajectory:
-    """Return the outputs of the compiled step for samples, shape ``(n, inputs)``.
+    """Record the outputs of the compiled step for samples, shape ``(n, inputs)``: newtons and flags of every sample.
+
+    Use it to make the expected outputs of a runtime of your own. Samples may hold NaN and infinity, which the guard
+    flags. It starts from a fresh state.
 
     Example:
         >>> from cylinder_friction.testing.golden import trace
@@ -53,7 +56,11 @@ def trace(model: StepModel, samples: Array) -> Trajectory:
 
 
 def write_trajectory(folder: Path, name: str, trajectory: Trajectory) -> None:
-    """Write ``<name>.npz``; equal trajectories make equal bytes."""
+    """Write a trajectory as ``<name>.npz`` into a folder, which is made if necessary; equal ones make equal bytes.
+
+    Commit the file: a later test reads it back by ``read_trajectories`` and compares a runtime's outputs with it, bit
+    for bit in double precision, within a tolerance in single.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     np.savez_compressed(
         folder / f"{name}.npz",
@@ -64,7 +71,9 @@ def write_trajectory(folder: Path, name: str, trajectory: Trajectory) -> None:
 
 
 def read_trajectories(folder: Path) -> dict[str, Trajectory]:
-    """Return the trajectories of a folder by name.
+    """Read the trajectories of a folder, as ``write_trajectory`` wrote them, by the names of their files.
+
+    Run your runtime on ``samples`` and compare with ``newtons`` and ``flags``. Files other than ``.npz`` are ignored.
 
     Raises:
         FileNotFoundError: There is none.
@@ -79,7 +88,7 @@ def read_trajectories(folder: Path) -> dict[str, Trajectory]:
 
 
 def golden_samples(recordings: list[Recording], inputs: Sequence[str] = SAMPLE_COLUMNS) -> dict[str, Array]:
-    """Return the raw samples of every trajectory by name, each of shape ``(n, inputs)``.
+    """Compute the raw samples of every trajectory by name, each of shape ``(n, inputs)``.
 
     Args:
         recordings: Labelled; at least one of ``2 * ROWS`` rows.
@@ -117,7 +126,7 @@ def golden_samples(recordings: list[Recording], inputs: Sequence[str] = SAMPLE_C
 
 
 def _turns(recording: Recording, moving: NDArray[np.bool_]) -> Array:
-    """Return 1 if the piston first moves against its last motion, else 0."""
+    """Mark with 1 that the piston first moves against its last motion, else 0."""
     rows = np.flatnonzero(moving)
     direction = np.sign(recording.column("velocity_m_s")[rows])
     result = np.zeros(len(moving))
@@ -126,7 +135,7 @@ def _turns(recording: Recording, moving: NDArray[np.bool_]) -> Array:
 
 
 def _busiest(recordings: list[Recording], measures: list[Array], rows: int, inputs: Sequence[str]) -> Array:
-    """Return the samples of the window in which a measure, one value per row, has the largest sum."""
+    """Cut out the samples of the window in which a measure, one value per row, has the largest sum."""
     best, chosen = -1.0, np.empty((0, len(inputs)))
     for recording, measure in zip(recordings, measures, strict=True):
         sums = np.convolve(measure, np.ones(rows), "valid")
@@ -137,7 +146,7 @@ def _busiest(recordings: list[Recording], measures: list[Array], rows: int, inpu
 
 
 def _stepped(samples: Array) -> Array:
-    """Return pressure steps on a resting piston: one chamber, then both."""
+    """Make pressure steps on a resting piston: one chamber, then both."""
     result = samples.copy()
     result[700:760, 0] += 2e6
     result[800:900, :2] += 1e6
@@ -145,14 +154,14 @@ def _stepped(samples: Array) -> Array:
 
 
 def _saturated(samples: Array) -> Array:
-    """Return pressure transducers at the end of their range while the piston moves."""
+    """Saturate pressure transducers while the piston moves."""
     result = samples.copy()
     result[:, :2] = np.minimum(4.0 * result[:, :2], SATURATED_PA)
     return result
 
 
 def _stopped(recordings: list[Recording]) -> Array:
-    """Return a motion up to the largest position, then a pressure that rises while the position cannot change."""
+    """Make a motion up to the largest position, then a pressure that rises while the position cannot change."""
     recording = max(recordings[:4], key=lambda each: float(each.samples()[ROWS // 2 : -1, 2].max()))
     samples = recording.samples()
     end = ROWS // 2 + int(samples[ROWS // 2 : -1, 2].argmax())
@@ -163,7 +172,7 @@ def _stopped(recordings: list[Recording]) -> Array:
 
 
 def _corrupted(samples: Array) -> Array:
-    """Return invalid values from the first row on: in the first input, in the last, in several, in all."""
+    """Put invalid values in from the first row on: in the first input, the last, several, and all."""
     result, last = samples.copy(), samples.shape[1] - 1
     result[0, 0], result[1, last], result[2:4] = np.nan, -np.inf, np.nan
     result[650, 0] = np.nan
@@ -176,7 +185,7 @@ def _corrupted(samples: Array) -> Array:
 
 
 def _frozen(samples: Array) -> Array:
-    """Return a pressure that stays constant while the piston moves, then the other, then both."""
+    """Freeze one pressure while the piston moves, then the other, then both."""
     result = samples.copy()
     result[200:400, 0] = result[200, 0]
     result[500:600, 1] = result[500, 1]

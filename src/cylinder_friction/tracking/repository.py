@@ -3,8 +3,10 @@
 import subprocess
 from pathlib import Path
 
+from cylinder_friction.refusal import RefusalError
 
-class TrackingError(RuntimeError):
+
+class TrackingError(RefusalError, RuntimeError):
     """The tracking store cannot be reached, or what is to be logged is not there."""
 
 

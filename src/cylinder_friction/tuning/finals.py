@@ -1,4 +1,4 @@
-"""The finals of a search: the best of each size of network, trained longer and from several seeds, decides."""
+"""The finals of a search: the best trials of each size of network are trained longer, from several seeds."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -21,14 +21,14 @@ class Final:
         return sum(self.errors_n) / len(self.errors_n)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content as JSON-compatible values."""
+        """Collect the content as JSON-compatible values."""
         return asdict(self)
 
 
 def finalists(trials: Sequence[Trial], count: int) -> list[Trial]:
-    """Return the best complete trial of each size of network, at most ``count``, best first.
+    """Choose the best complete trial of each size of network, at most ``count``, best first.
 
-    A search trains so briefly that small networks, which learn faster, look as good as larger ones.
+    A search trains briefly, so that small networks, which learn faster, look as good as larger ones.
 
     Raises:
         ValueError: No trial was completed.
@@ -47,5 +47,5 @@ def finalists(trials: Sequence[Trial], count: int) -> list[Trial]:
 
 
 def best_final(finals: Sequence[Final]) -> Final:
-    """Return the final with the smallest error, the earliest of equals."""
+    """Choose the final with the smallest error, the earliest of equals."""
     return min(finals, key=lambda final: final.error_n)

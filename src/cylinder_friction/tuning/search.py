@@ -1,8 +1,8 @@
-"""The search for the hybrid's hyperparameters with Optuna: under a bound on the cost of a step, and it survives a kill.
+"""The search for the hybrid's hyperparameters with Optuna, with a bound on the cost of a step; it survives a kill.
 
 Finished trials are kept in a journal. Each proposal depends only on the seed, its number and the batches of trials
-before its own, so a search that is resumed from its journal, or run by any number of workers, ends bit for bit where an
-undisturbed one does. A trial that a kill left running is tried again.
+before its own. A search that is resumed from its journal, or run by any number of workers, therefore gives the same
+bits as an uninterrupted one. A trial that was running during a kill is repeated.
 """
 
 import time
@@ -16,7 +16,7 @@ from optuna.distributions import BaseDistribution, CategoricalDistribution, Floa
 from optuna.samplers import BaseSampler
 from optuna.trial import FrozenTrial, TrialState, create_trial
 
-from cylinder_friction.execution.workers import Died, Workers
+from cylinder_friction.execution.workers import LostPiece, Workers
 from cylinder_friction.tuning.space import RANGES, SearchSpace
 from cylinder_friction.tuning.study_store import study_storage
 
@@ -28,9 +28,9 @@ Report = Callable[[float], None]
 Objective = Callable[[Values, Report], float]
 """Trains with hyperparameters, calls back with each epoch's validation error, returns the final one [N]."""
 
-_REASON = "reason"  # User attribute of a trial without a value: why
-_NUMBER = "number"  # User attribute: which trial of the plan it is
-_REPORTED_S = "reported_s"  # User attribute: when each intermediate error was reported
+_REASON = "reason"  # User attribute: why a trial has no value
+_NUMBER = "number"  # User attribute: number of the trial in the plan
+_REPORTED_S = "reported_s"  # User attribute: time of each intermediate error
 
 
 class DiscardedTrial(Exception):  # noqa: N818 - not an error: it ends a trial that is not worth going on with
@@ -42,32 +42,32 @@ class Trial:
     """One finished trial."""
 
     params: Values  # The hyperparameters
-    # ``complete``, ``pruned`` (stopped early as worse than most), ``too_costly`` (over the bound, not run), or
-    # ``lost: ...`` (why no worker survived it)
+    # ``complete``, ``pruned`` (stopped early, worse than most), ``too_costly`` (above the bound, not run), or
+    # ``lost: ...`` (with the reason why no worker survived it)
     state: str
     value: float | None  # Validation mean absolute error of the whole hybrid [N]; None unless complete
-    multiply_adds: int  # Of one step
+    multiply_adds: int  # Operations of one step
     reported: list[float] = field(default_factory=list)  # Validation error of the network alone after each epoch [N]
-    # When it began and ended, and when each of ``reported`` was known [s since 1970]; no part of what it found
+    # Times at which it began and ended, and of each of ``reported`` [s since 1970]; not part of the result
     when_s: tuple[float, ...] = field(default=(), compare=False)
 
     def to_dict(self) -> dict[str, object]:
-        """Return what it found."""
+        """List the result as JSON-compatible values."""
         return {key: value for key, value in asdict(self).items() if key != "when_s"}
 
 
 @dataclass(frozen=True)
 class SearchPlan:
-    """How a search goes.
+    """Plan of a search.
 
-    ``batch`` trials are proposed at a time, none of which knows of the others: so many can run side by side, and the
-    sampler learns later. It shapes what is found; the number of workers does not.
+    ``batch`` trials are proposed at a time, independently of each other: this many can run side by side, and the
+    sampler learns after each batch. The size of the batch changes the result; the number of workers does not.
     """
 
     trials: int
-    startup_trials: int  # Drawn at random before the sampler learns
+    startup_trials: int  # Trials drawn at random before the sampler learns
     seed: int
-    maximum_multiply_adds: int  # Of a step; trials above are not run
+    maximum_multiply_adds: int  # Most operations of a step; trials above are not run
     batch: int = 1
 
 
@@ -80,14 +80,14 @@ def run_search(
     after_trial: Callable[[], object] = lambda: None,
     workers: Workers | None = None,
 ) -> list[Trial]:
-    """Run what is left of the plan and return all trials in order.
+    """Run the remaining trials of the plan and return all trials in order.
 
-    Hyperparameters are proposed by a tree-structured Parzen estimator (Bergstra et al. 2011); a trial whose
-    intermediate error is worse than the median is ``pruned``. Both look at the batches before its own.
+    A tree-structured Parzen estimator (Bergstra et al. 2011) proposes hyperparameters, and a trial whose intermediate
+    error is worse than the median is ``pruned``. Both use the batches before the trial's own.
 
-    ``journal`` is the file of the finished trials, read at the start and appended to, or what ``study_storage`` takes
-    in its place. ``after_trial`` is called as each trial finishes, and for each one of an earlier run. ``workers`` run
-    the trials of a batch side by side; ``cost`` and ``objective`` can then be pickled.
+    ``journal`` is the file of finished trials, read at the start and appended to; ``study_storage`` may replace it by a
+    database. ``after_trial`` is called after each trial, and for each one of an earlier run. ``workers`` run the trials
+    of a batch side by side; ``cost`` and ``objective`` must then be picklable.
     """
     workers = workers or Workers()
     search = _Search(_distributions(space), plan, cost, objective)
@@ -103,7 +103,7 @@ def run_search(
         proposed = [search.proposed(number, earlier) for number in following]
         results = workers.in_order([partial(search.tried, values, earlier) for values in proposed])
         for values, result in zip(proposed, results, strict=True):
-            trial = search.lost(values, result.reason) if isinstance(result, Died) else result
+            trial = search.lost(values, result.reason) if isinstance(result, LostPiece) else result
             trial.set_user_attr(_NUMBER, len(finished))
             study.add_trial(trial)
             finished.append(trial)
@@ -112,14 +112,14 @@ def run_search(
 
 
 def _finished(study: optuna.Study) -> list[FrozenTrial]:
-    """Return the finished trials in order; of a number that two processes finished side by side, one of two equals."""
+    """List the finished trials in order; if two processes finished the same number, one of the equal results."""
     found = {trial.user_attrs[_NUMBER]: trial for trial in study.get_trials(deepcopy=False)}
     return [found[number] for number in range(len(found))]
 
 
 @dataclass(frozen=True)
 class _Search:
-    """One search, as workers elsewhere get it."""
+    """One search, as it is sent to workers."""
 
     distributions: dict[str, BaseDistribution]
     plan: SearchPlan
@@ -127,7 +127,7 @@ class _Search:
     objective: Objective
 
     def study(self, trials: Sequence[FrozenTrial], sampler: BaseSampler | None = None) -> optuna.Study:
-        """Return a study in memory that knows these trials."""
+        """Make a study in memory that knows these trials."""
         optuna.logging.set_verbosity(optuna.logging.WARNING)
         pruner = optuna.pruners.MedianPruner(n_startup_trials=self.plan.startup_trials, n_warmup_steps=2)
         study = optuna.create_study(sampler=sampler, pruner=pruner)
@@ -135,14 +135,14 @@ class _Search:
         return study
 
     def proposed(self, number: int, earlier: Sequence[FrozenTrial]) -> Values:
-        """Return the values of a trial, from the seed, its number and the trials before its batch."""
+        """Propose the values of a trial, from the seed, its number and the trials before its batch."""
         sampler = optuna.samplers.TPESampler(
             seed=self.plan.seed * 10_007 + number, n_startup_trials=self.plan.startup_trials
         )
         return dict(self.study(earlier, sampler).ask(self.distributions).params)
 
     def tried(self, values: Values, earlier: Sequence[FrozenTrial]) -> FrozenTrial:
-        """Return the finished trial of these values."""
+        """Build the finished trial of these values."""
         study = self.study(earlier)
         study.enqueue_trial(values)
         trial = study.ask(self.distributions)
@@ -166,14 +166,14 @@ class _Search:
         return study.tell(trial, value, state)
 
     def lost(self, values: Values, reason: str) -> FrozenTrial:
-        """Return the trial of values that no worker survived."""
+        """Build the trial of values that no worker survived."""
         attributes = {_REASON: f"lost: {reason}"}
         return create_trial(
             state=TrialState.FAIL, params=values, distributions=self.distributions, user_attrs=attributes
         )
 
     def trial(self, found: FrozenTrial) -> Trial:
-        """Return a finished trial without Optuna."""
+        """Make a finished trial without Optuna."""
         reported = [value for _, value in sorted(found.intermediate_values.items())]
         value = found.value if found.state == TrialState.COMPLETE else None
         moments = [each.timestamp() for each in (found.datetime_start, found.datetime_complete) if each]
@@ -183,7 +183,7 @@ class _Search:
 
 
 def study_of(trials: Sequence[Trial], space: SearchSpace) -> optuna.Study:
-    """Return an in-memory Optuna study that holds these trials, for Optuna's plots."""
+    """Make an in-memory Optuna study that holds these trials, for Optuna's plots."""
     study = optuna.create_study(study_name="search", direction="minimize")
     for trial in trials:
         study.add_trial(

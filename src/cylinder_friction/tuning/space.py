@@ -1,4 +1,4 @@
-"""Where the search for the hybrid's hyperparameters looks."""
+"""The space in which the hybrid's hyperparameters are searched."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Annotated
 from pydantic import Field
 
 RANGES = ("learning_rate", "forest_trees", "forest_depth")
-"""What is searched between a lowest and a highest value; of everything else, choices are listed."""
+"""Hyperparameters searched between a lowest and a highest value; all others have a list of choices."""
 
 _Count = Annotated[int, Field(ge=1)]
 _Some = Field(min_length=1)

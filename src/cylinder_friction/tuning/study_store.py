@@ -1,21 +1,20 @@
-"""Where a study's finished trials are kept: a journal in the repository, or a team's PostgreSQL database.
+"""The storage of a study's finished trials: a journal in the repository, or a team's PostgreSQL database.
 
-The environment chooses, not a parameter: trials are the same bit for bit wherever they are kept, so that another place
-makes no stage run again.
+An environment variable chooses the storage, not a parameter: trials are the same bit for bit in both, so another
+storage must make no stage run again.
 """
-
-from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+
+from optuna.storages import BaseStorage, JournalStorage, RDBStorage
+from optuna.storages.journal import JournalFileBackend
+from sqlalchemy import make_url
+from sqlalchemy.exc import ArgumentError, OperationalError
 
 from cylinder_friction.extras import not_installed
+from cylinder_friction.refusal import RefusalError
 from cylinder_friction.wording import in_brief
-
-if TYPE_CHECKING:
-    from optuna.storages import BaseStorage
-    from optuna.storages.journal import JournalStorage
 
 STUDY_STORE = "CYLINDER_FRICTION_STUDY_STORE"
 """Environment variable: URL of the database, ``postgresql+psycopg2://...``; without it the journal is used."""
@@ -23,15 +22,15 @@ _FORM = "postgresql+psycopg2://USER@HOST/DATABASE"
 _CONNECT_TIMEOUT_S = 5
 
 
-class StudyStoreError(Exception):
-    """The database that is to keep the trials cannot be used."""
+class StudyStoreError(RefusalError):
+    """The database for the trials cannot be used."""
 
 
 def study_storage(journal: Path) -> tuple[BaseStorage, str]:
-    """Open the storage of the study whose journal would be that file; return it with the study's name.
+    """Open the storage of a study: its journal, or the database in its place; return it with the study's name.
 
-    In a database the study has the name of the journal's folder, which states what the trials depend on: clones that
-    search the same thing share its trials.
+    In a database the study has the name of the journal's folder, a hash of what the trials depend on: clones that run
+    the same search share its trials.
 
     Raises:
         StudyStoreError: The database cannot be used.
@@ -41,10 +40,6 @@ def study_storage(journal: Path) -> tuple[BaseStorage, str]:
 
 
 def _database(url: str) -> BaseStorage:
-    from optuna.storages import RDBStorage
-    from sqlalchemy import make_url
-    from sqlalchemy.exc import ArgumentError, OperationalError
-
     try:
         if (kind := make_url(url).get_backend_name()) != "postgresql":
             raise StudyStoreError(f"{STUDY_STORE} names a database of {kind}; expected {_FORM}")
@@ -63,11 +58,8 @@ def _database(url: str) -> BaseStorage:
 
 
 def _journal_storage(journal: Path) -> JournalStorage:
-    from optuna.storages import JournalStorage
-    from optuna.storages.journal import JournalFileBackend
-
     journal.parent.mkdir(parents=True, exist_ok=True)
-    Path(f"{journal}.lock").unlink(missing_ok=True)  # a kill while it was written left it, and Optuna would wait for it
+    Path(f"{journal}.lock").unlink(missing_ok=True)  # left by a kill during a write; Optuna would wait for it
     if journal.is_file():
         content = journal.read_bytes()
         whole = content[: content.rfind(b"\n") + 1]

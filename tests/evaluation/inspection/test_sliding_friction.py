@@ -76,7 +76,7 @@ FINDINGS: dict[str, tuple[Callable[[Cylinder], Recording], str, str]] = {
     "a load below friction": (
         lambda cylinder: stated(made_strokes(cylinder, load_n=170.0), 1000.0),
         "refused",
-        "where the stated zeros and an asymmetry of friction explain",
+        "while the stated zeros and an asymmetry of friction explain",
     ),
     "a sensor the other way round": (lambda cylinder: turned(made_strokes(cylinder, sign=-1.0)), "refused", BACKWARDS),
     "a force the other way round": (lambda cylinder: one_way(cylinder, -300.0), "refused", BACKWARDS),

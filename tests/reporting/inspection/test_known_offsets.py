@@ -82,7 +82,7 @@ def test_a_load_that_nobody_stated_is_not_taken_for_an_offset(cylinder: Cylinder
     *others, loaded = known([stated(made_strokes(cylinder, load), f"s{load:g}") for load in loads], cylinder, filters)
     assert [each.source for each in others] == ["strokes in both directions"] * 12
     assert math.isnan(loaded.offset_n)
-    assert "N does not turn with the direction, where the stated zeros and an asymmetry of friction" in loaded.words
+    assert "N does not turn with the direction, while the stated zeros and an asymmetry of friction" in loaded.words
 
 
 def test_where_nothing_is_stated_nothing_is_known(cylinder: Cylinder, filters: Filters) -> None:

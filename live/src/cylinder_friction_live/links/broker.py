@@ -1,4 +1,4 @@
-"""One connection to an MQTT 5 broker on the event loop, made again when it breaks."""
+"""A connection to an MQTT 5 broker on the event loop, renewed after a break."""
 
 import asyncio
 import logging
@@ -21,7 +21,7 @@ from cylinder_friction_live.settings import BrokerSettings
 RETRY_S, LONGEST_RETRY_S = 0.2, 5.0
 KEEPALIVE_S = 20
 RECEIVE_MAXIMUM = 1000
-"""So many messages the broker sends before the first of them is acknowledged."""
+"""Most messages that the broker sends before the first of them is acknowledged."""
 UNSENT_MESSAGES = 100
 _MISC_S = 1.0
 _log = logging.getLogger(__name__)
@@ -29,7 +29,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Message:
-    """What is published."""
+    """A message to publish."""
 
     topic: str
     payload: bytes | str
@@ -38,19 +38,19 @@ class Message:
 
 
 class Broker:
-    """A client of a broker; the functions that it is given are called on the event loop.
+    """A client of a broker; its callbacks run on the event loop.
 
     Args:
-        settings: Where the broker is, and how to log in.
-        client_id: Of this client, unique at the broker.
-        on_connect: Called after each connection, with whether the broker has kept what came meanwhile.
-        on_message: Called with each message; it, or what it hands the message to, calls ``done``.
-        will: Called before each connection; what the broker publishes when it is lost.
-        session_s: How long the broker keeps messages for this client after a break [s]; none of an earlier process.
-        largest_bytes: Greater messages the broker does not send here.
+        settings: The broker's address, and how to log in.
+        client_id: Name of this client, unique at the broker.
+        on_connect: Called after each connection, with whether the broker kept the messages of the break.
+        on_message: Called with each message; the callback, or a later owner of the message, calls ``done``.
+        will: Called before each connection; makes the message that the broker publishes if the connection is lost.
+        session_s: Time for which the broker keeps messages after a break [s]; not those of an earlier process.
+        largest_bytes: Size above which the broker keeps messages back.
 
     Attributes:
-        connected: Whether it is.
+        connected: Whether the client is connected.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class Broker:
 
     @asynccontextmanager
     async def running(self, goodbye: Callable[[], Message]) -> AsyncIterator[None]:
-        """Be connected whenever the broker is there; at the end ``goodbye`` is published in the will's place."""
+        """Stay connected whenever the broker is reachable; at the end publish ``goodbye`` in place of the will."""
         async with in_background(self._run()):
             try:
                 yield
@@ -98,20 +98,20 @@ class Broker:
                             await self._lost.wait()
 
     def publish(self, message: Message) -> None:
-        """Publish without waiting: QoS 0 is lost while there is no connection."""
+        """Publish without waiting; messages of QoS 0 are lost without a connection."""
         self._client.publish(message.topic, message.payload, message.qos, message.retain)
 
     async def send(self, topic: str, payload: bytes | str) -> None:
-        """Publish with QoS 1; returns when more can be taken, which waits for a broker that is away."""
+        """Publish with QoS 1; return once more can be sent, which waits while the broker is unreachable."""
         await self._room.acquire()
         self._unsent.add(self._client.publish(topic, payload, qos=1).mid)
 
     def subscribe(self, topic: str) -> None:
-        """Ask for a topic's messages with QoS 1, not for what is retained there."""
+        """Subscribe to a topic with QoS 1, without its retained message."""
         self._client.subscribe(topic, options=SubscribeOptions(qos=1, retainHandling=2))
 
     def done(self, message: MQTTMessage) -> None:
-        """Let the broker send one message more."""
+        """Allow the broker to send one more message."""
         if self.connected:
             self._client.ack(message.mid, message.qos)
 
@@ -136,7 +136,7 @@ class Broker:
             self._drop()
 
     def _drop(self) -> None:
-        """Leave what is left of a connection; the broker then publishes the will."""
+        """Drop a broken connection; the broker then publishes the will."""
         self.connected = False
         socket = self._client.socket()
         if socket is not None:
@@ -144,7 +144,7 @@ class Broker:
             socket.close()
 
     async def _connect(self) -> None:
-        """Connect in a thread, for names and TLS are slow; then the event loop takes over."""
+        """Connect in a thread, as name lookup and TLS are slow; then the event loop takes over."""
         self._lost.clear()
         properties = Properties(PacketTypes.CONNECT)
         properties.SessionExpiryInterval, properties.ReceiveMaximum = self._session_s, RECEIVE_MAXIMUM
@@ -160,7 +160,7 @@ class Broker:
         finally:
             self._connecting = False
         socket: Any = self._client.socket()
-        socket.setsockopt(IPPROTO_TCP, TCP_NODELAY, 1)  # or small messages wait for each other
+        socket.setsockopt(IPPROTO_TCP, TCP_NODELAY, 1)  # otherwise small messages wait for each other
         self._loop.add_reader(socket, self._read)
         if self._client.want_write():
             self._loop.add_writer(socket, self._client.loop_write)
@@ -168,7 +168,7 @@ class Broker:
     def _read(self) -> None:
         self._client.loop_read()
         while isinstance(socket := self._client.socket(), ssl.SSLSocket) and socket.pending():
-            self._client.loop_read()  # what TLS has read already wakes no event loop
+            self._client.loop_read()  # bytes that TLS has read already do not wake the event loop
 
     def _watch_writing(self, socket: Any) -> None:
         if not self._connecting:

@@ -1,4 +1,4 @@
-"""Ways into and out of the service beside its own port: started and ended with it, and given every estimate."""
+"""Links: further ways into and out of the service, which start and end with it and get every estimate."""
 
 import asyncio
 import logging
@@ -16,12 +16,12 @@ _log = logging.getLogger(__name__)
 
 
 class Link(ABC):
-    """One way in, out or both.
+    """A way into the service, out of it, or both.
 
     Attributes:
-        name: In ``/metrics``.
-        address: Where it is, for people; final once it runs.
-        counts: What it refused, dropped or did again, by name.
+        name: Name in ``/metrics``.
+        address: Address for people; final once the link runs.
+        counts: Counts of refused, dropped and repeated messages, by name.
     """
 
     name: ClassVar[str]
@@ -32,16 +32,16 @@ class Link(ABC):
 
     @abstractmethod
     def running(self, service: LiveService, peers: Peers) -> AbstractAsyncContextManager[None]:
-        """Return the context within which the link works; entering it raises what keeps it from starting."""
+        """Open the context in which the link works; entering it raises what keeps the link from starting."""
 
     @abstractmethod
     def note(self, session: LiveSession, block: EstimateBlock) -> None:
-        """Take successive estimates of a session, on the service's event loop; must return at once."""
+        """Take successive estimates of a session; it runs on the service's event loop and must return at once."""
 
 
 @asynccontextmanager
 async def in_background(*jobs: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
-    """Run jobs beside what stands within, and cancel them after it; a job that fails is logged."""
+    """Run jobs during the block, and cancel them after it; a failing job is logged."""
     tasks = [asyncio.create_task(job) for job in jobs]
     for task in tasks:
         task.add_done_callback(_log_failure)

@@ -1,15 +1,15 @@
-"""The same frames and JSON by an MQTT 5 broker, and the latest newtons of every session for whoever subscribes.
+"""The MQTT link: frames and JSON through an MQTT 5 broker, and the latest newtons of every session for subscribers.
 
 ========================  =========================================================================================
 topic                     content
 ========================  =========================================================================================
-PREFIX/CLIENT/in          of a client: frames, or JSON (what begins with a brace)
-PREFIX/CLIENT/out         to it: estimates, acknowledgements and replies
-PREFIX/state              retained: whether the service is there, and since when no message was lost on the way to it
-PREFIX/results/SESSION    retained: the latest newtons as JSON, some times a second
+PREFIX/CLIENT/in          from a client: frames, or JSON (begins with a brace)
+PREFIX/CLIENT/out         to the client: estimates, acknowledgements and replies
+PREFIX/state              retained: whether the service runs, and since when no message to it was lost
+PREFIX/results/SESSION    retained: the latest newtons as JSON, a few times a second
 ========================  =========================================================================================
 
-That the broker has taken a message (PUBACK) does not mean that its samples are kept: a frame that acknowledges does.
+A broker's PUBACK does not mean that samples are in the journal; an acknowledgement frame does.
 """
 
 import asyncio
@@ -33,7 +33,7 @@ from cylinder_friction_live.settings import MqttSettings
 AT_ONCE = 20
 """Number of sessions whose results are published before samples have their turn."""
 _BEYOND = 4
-"""Messages up to so many times the limit are refused by name; greater ones the broker keeps to itself."""
+"""Multiple of the size limit up to which messages are refused with a reply; the broker keeps larger ones back."""
 
 
 class MqttTransport:
@@ -44,7 +44,7 @@ class MqttTransport:
         self.waiting: asyncio.Queue[MQTTMessage] = asyncio.Queue()
 
     async def receive(self) -> bytes | str:
-        """Return the next message; raises ``ClientGoneError`` when there was none for long."""
+        """Wait for the next message; raises ``ClientGoneError`` after a long silence."""
         try:
             async with asyncio.timeout(self._idle_s):
                 message = await self.waiting.get()
@@ -55,16 +55,16 @@ class MqttTransport:
         return payload.decode(errors="replace") if payload.startswith(b"{") else payload
 
     def forget(self) -> list[MQTTMessage]:
-        """Return what waits, and leave nothing of it."""
+        """Take all waiting messages."""
         return [self.waiting.get_nowait() for _ in range(self.waiting.qsize())]
 
     async def send(self, message: bytes | str) -> None:
-        """Send a message; returns when more can be taken."""
+        """Send a message; return once more can be sent."""
         await self._broker.send(f"{self._topic}/out", message)
 
 
 class MqttLink(Link):
-    """Each CLIENT of the topics is a connection as any other; it begins with a text that opens a session."""
+    """Treats each CLIENT of the topics as a connection, which begins with a text that opens a session."""
 
     name: ClassVar[str] = "mqtt"
 
@@ -77,13 +77,13 @@ class MqttLink(Link):
         self._changed: set[str] = set()  # Sessions with new estimates
 
     def note(self, session: LiveSession, block: EstimateBlock) -> None:
-        """Remember that a session has new estimates."""
+        """Mark a session as having new estimates."""
         del block
         self._changed.add(session.name)
 
     @asynccontextmanager
     async def running(self, service: LiveService, peers: Peers) -> AsyncIterator[None]:
-        """Serve the broker's clients, whenever it is there."""
+        """Serve the broker's clients whenever it is reachable."""
         self._service, self._peers = service, peers
         settings = self._settings
         self._broker = broker = Broker(
@@ -105,16 +105,16 @@ class MqttLink(Link):
         self.counts["connected"] += 1
         if nothing_lost:
             for transport, _ in self._clients.values():
-                transport.forget()  # the broker sends again what it has no acknowledgement of
+                transport.forget()  # the broker repeats messages without acknowledgement
         else:
             self._since = f"{time.time():.6f}"
             self._broker.subscribe(f"{self._settings.prefix}/+/in")
         self._broker.publish(self._state(True))
 
     def _take(self, message: MQTTMessage) -> None:
-        """Hand a message to its client's connection, or refuse it; whatever it is, the link goes on."""
+        """Pass a message to its client's connection, or refuse it; the link survives any message."""
         topic = message.topic.removesuffix("/in")
-        if topic == f"{self._settings.prefix}/results":  # what is given of a session called "in"
+        if topic == f"{self._settings.prefix}/results":  # the results of a session called "in"
             self._broker.done(message)
             return
         problem = self._problem(topic, message)
@@ -125,14 +125,14 @@ class MqttLink(Link):
         self.counts[problem] += 1
         if problem == "not open":
             if topic in self._advised:
-                return  # once is enough for a client that sends many such
+                return  # one reply is enough for many such messages
             if len(self._advised) >= self._service.limits.sessions:
                 self._advised.clear()
             self._advised.add(topic)
         self._broker.publish(Message(f"{topic}/out", json.dumps({"closed": self._advice(problem)}), qos=1))
 
     def _problem(self, topic: str, message: MQTTMessage) -> str:
-        """Return why a message is refused; empty where its client's connection is to have it."""
+        """State why a message is refused; empty if its client's connection receives it."""
         known = self._clients.get(topic)
         if len(message.payload) > self._service.limits.message_bytes:
             return "too large"
@@ -169,7 +169,7 @@ class MqttLink(Link):
             del self._clients[topic]
 
     def _end(self, topic: str) -> None:
-        """End a connection, so that no later sample can come before one that was refused."""
+        """End a connection, so that no sample passes a refused one."""
         transport, task = self._clients.pop(topic)
         task.cancel()
         for message in transport.forget():

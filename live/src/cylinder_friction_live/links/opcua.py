@@ -1,4 +1,4 @@
-"""Results by OPC UA: an object per session with friction, bounds, quality and the health of its sensors."""
+"""The OPC UA link: an object per session with friction, bounds, quality and the health of its sensors."""
 
 import asyncio
 import logging
@@ -33,9 +33,9 @@ ENCRYPTED = [
     ua.SecurityPolicyType.Aes256Sha256RsaPss_SignAndEncrypt,
 ]
 SILENT_S = 5.0
-"""Values of a session that gives nothing for so long become uncertain."""
+"""Time without estimates after which a session's values become uncertain [s]."""
 GONE_S = 60.0
-"""Time until the server drops a client that has gone without a word; the library's own limit is 600 s."""
+"""Time until the server drops a silent client [s]; the library's own limit is 600 s."""
 LARGEST_MESSAGE = 1 << 20
 _NEWTON, _SECOND = ("NEW", "N", "newton"), ("SEC", "s", "second [unit of time]")
 _FORCES = ("Friction", "LowerBound", "UpperBound")
@@ -44,20 +44,20 @@ _log = logging.getLogger(__name__)
 
 @dataclass
 class _Shown:
-    """One session's object."""
+    """The OPC UA object of one session."""
 
-    nodes: list[Node]  # Of ``_FORCES``, then flags, index, lag and health
+    nodes: list[Node]  # Nodes of ``_FORCES``, then flags, index, lag and health
     values: list[ua.Variant]
-    status: ua.StatusCode  # Of friction and bounds
-    moment: datetime | None  # Of the sample, in its sender's clock
+    status: ua.StatusCode  # Status of friction and bounds
+    moment: datetime | None  # Time of the sample, in its sender's clock
 
 
 class OpcUaLink(Link):
-    """An OPC UA server on the service's event loop; clients read, nobody writes.
+    """An OPC UA server on the service's event loop, read-only for clients.
 
     Args:
         settings: Address, rate and certificate.
-        tokens: File of the tokens, one of which is the password of each user; None: everybody may read.
+        tokens: File of the tokens, which are the users' passwords; None: everybody may read.
 
     Raises:
         AccessError: The tokens cannot be read.
@@ -69,17 +69,17 @@ class OpcUaLink(Link):
         super().__init__(f"opc.tcp://{settings.host}:{settings.port}/")
         self._settings = settings
         self._users = None if tokens is None else _Users(TokenFile(tokens))
-        self._flags: dict[str, int] = {}  # Of all samples of a session since its last update
+        self._flags: dict[str, int] = {}  # Flags of all samples of a session since its last update
         self._shown: dict[str, _Shown] = {}
 
     def note(self, session: LiveSession, block: EstimateBlock) -> None:
-        """Take flags for the next update."""
+        """Collect flags for the next update."""
         self._flags[session.name] = reduce(or_, block.flags.tolist(), self._flags.get(session.name, 0))
 
     @asynccontextmanager
     async def running(self, service: LiveService, peers: Peers) -> AsyncIterator[None]:  # noqa: ARG002 - nobody comes in
-        """Serve; raises ``OSError`` if the port is taken, and ``ValueError`` for a certificate that is none."""
-        logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # clients could fill the disk of the log
+        """Serve; raises ``OSError`` if the port is taken, and ``ValueError`` for an invalid certificate."""
+        logging.getLogger("asyncua").setLevel(logging.CRITICAL)  # otherwise clients could fill the disk with log lines
         self._shown.clear()
         self._flags = dict.fromkeys(service.sessions, 0)
         self._server = await self._configured()
@@ -110,7 +110,7 @@ class OpcUaLink(Link):
         return server
 
     async def _add_types(self) -> None:
-        """Add the folder of the sessions, and the one type that it takes from OPC 10000-100."""
+        """Add the folder of the sessions, and the one type from OPC 10000-100."""
         self._number = await self._server.register_namespace(NAMESPACE)
         self._devices = await self._server.register_namespace(DEVICES)
         kind = ua.NodeId(HEALTH_TYPE, self._devices)
@@ -122,7 +122,7 @@ class OpcUaLink(Link):
         self._folder = await self._server.nodes.objects.add_folder(place, f"{self._number}:CylinderFriction")
 
     async def _update(self, service: LiveService) -> None:
-        """Show what is new some times a second, again and again; samples have their turn after each session."""
+        """Update the values a few times a second; after each session, samples have their turn."""
         while True:
             begun_s = time.monotonic()
             if self._users is not None:
@@ -141,7 +141,7 @@ class OpcUaLink(Link):
             await asyncio.sleep(max(0.01, 1.0 / self._settings.update_hz - (time.monotonic() - begun_s)))
 
     async def _show(self, session: LiveSession, flags_since: int) -> None:
-        """Write the newest values of a session; one that is new gets an object while there is room."""
+        """Write the newest values of a session; a new session gets an object if the limit allows."""
         last, shown = session.latest, self._shown.get(session.name)
         if shown is None:
             if len(self._shown) >= self._settings.sessions:
@@ -160,7 +160,7 @@ class OpcUaLink(Link):
         await self._write(shown)
 
     async def _mark(self, shown: _Shown, status: ua.StatusCode) -> None:
-        """Write, once, that nothing comes any more."""
+        """Mark the values once as no longer updated."""
         if shown.status != status:
             shown.status, shown.moment = status, datetime.now(UTC)
             shown.values[-1] = ua.Variant(int(Health.CHECK_FUNCTION), ua.VariantType.Int32)
@@ -214,7 +214,7 @@ class _User(User):  # type: ignore[misc]  # the library states no types
 
 
 class _Users:
-    """Users by any name, whose password is a token of any role."""
+    """Users with any name and a token of any role as password."""
 
     def __init__(self, tokens: TokenFile) -> None:
         self._tokens = tokens
@@ -222,13 +222,13 @@ class _Users:
     def get_user(
         self, iserver: Any, username: str | None = None, password: str | None = None, certificate: Any = None
     ) -> User | None:
-        """Return a user, None for one that is refused."""
+        """Admit a user; None if the user is refused."""
         del iserver, certificate
         token = (password or "").encode()
         return _User(UserRole.User, username, token) if self._tokens.role_of(token) is not None else None
 
     async def refresh(self, server: Server) -> None:
-        """Read the tokens again if they have changed, and close the connections of those that are gone."""
+        """Read the tokens again if they have changed, and close the connections of removed tokens."""
         if not self._tokens.refresh():
             return
         for client in list(server.bserver.clients):
@@ -240,7 +240,7 @@ class _Users:
 
 
 def _unit(code: str, symbol: str, name: str) -> ua.EUInformation:
-    """Return a unit of UNECE recommendation 20; OPC 10000-8 reads its code as a number."""
+    """Make a unit of UNECE recommendation 20; OPC 10000-8 reads its code as a number."""
     number = int.from_bytes(code.encode(), "big")
     return ua.EUInformation(
         "http://www.opcfoundation.org/UA/units/un/cefact", number, ua.LocalizedText(symbol), ua.LocalizedText(name)

@@ -1,4 +1,4 @@
-"""What the flags of an estimate mean in OPC UA: a status code for friction and bounds, and a health of the device."""
+"""Translation of an estimate's flags to OPC UA: a status code of friction and bounds, and the health of the device."""
 
 from enum import IntEnum
 
@@ -7,7 +7,7 @@ from asyncua import ua
 from cylinder_friction.realtime.flags import Flag
 
 FAILED, UNSETTLED, OFF_RANGE = Flag.of_kind("sensor"), Flag.of_kind("settling"), Flag.of_kind("range")
-_STATUS = (  # The first that applies
+_STATUS = (  # The first match counts
     (Flag.NOT_READY, ua.StatusCodes.BadWaitingForInitialData),
     (FAILED, ua.StatusCodes.BadSensorFailure),
     (OFF_RANGE, ua.StatusCodes.UncertainEngineeringUnitsExceeded),
@@ -25,20 +25,20 @@ class Health(IntEnum):
     FAILURE = 1
     """A sensor has failed."""
     CHECK_FUNCTION = 2
-    """No valid friction for the time being: the estimate settles, or nothing comes."""
+    """No valid friction at present: the estimate settles, or no samples come."""
     OFF_SPEC = 3
-    """The cylinder works outside of what the model was trained on."""
+    """The cylinder works outside the model's training range."""
     MAINTENANCE_REQUIRED = 4
     """Part of the enumeration; the service never gives it."""
 
 
 def status_of(flags: int) -> ua.StatusCode:
-    """Return the status code of friction and bounds."""
+    """Choose the status code of friction and bounds."""
     return ua.StatusCode(next((code for mask, code in _STATUS if flags & mask), ua.StatusCodes.Good))
 
 
 def health_of(flags: int) -> Health:
-    """Return the health for all flags that were set since the last update."""
+    """Choose the health for all flags that were set since the last update."""
     if flags & FAILED:
         return Health.FAILURE
     if flags & UNSETTLED:

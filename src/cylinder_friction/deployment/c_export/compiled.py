@@ -23,11 +23,18 @@ OPTIMISED = ("-O3", "-march=native", "-ffp-contract=off")
 
 
 class NoCompilerError(OSError):
-    """There is no C compiler, or it refused the source."""
+    """There is no C compiler on the PATH, or it refused a source.
+
+    The message names the compilers that were looked for, or holds the compiler's own messages. Install gcc or clang;
+    only compiling needs it, exporting C does not.
+    """
 
 
 def find_compiler(names: Sequence[str] = COMPILERS) -> str:
-    """Return the path of the first compiler on the PATH; raises ``NoCompilerError`` if there is none."""
+    """Find the first C compiler on the PATH, by default of gcc, clang and cc.
+
+    Use it to find out beforehand whether ``CompiledEstimator`` can work. Raises ``NoCompilerError`` if there is none.
+    """
     for name in names:
         found = shutil.which(name)
         if found is not None:
@@ -36,7 +43,10 @@ def find_compiler(names: Sequence[str] = COMPILERS) -> str:
 
 
 def compiler_version() -> str:
-    """Return how the first compiler on the PATH names itself; raises ``NoCompilerError`` if there is none."""
+    """Read the first line in which the first compiler on the PATH names itself and its version.
+
+    Compiled code is only reused with the same compiler. Raises ``NoCompilerError`` if there is none.
+    """
     compiler = find_compiler()
     done = subprocess.run([compiler, "--version"], capture_output=True, text=True, check=False)  # noqa: S603
     return done.stdout.partition("\n")[0] or Path(compiler).name
@@ -54,7 +64,10 @@ def compile_library(exported: ExportedC, options: Sequence[str] = OPTIMISED) -> 
 
 
 def compile_shared(sources: Sequence[Path], library: Path, options: Sequence[str]) -> None:
-    """Compile sources into a shared library.
+    """Compile C sources into a shared library at the path ``library``, with these compiler options.
+
+    Use it if you link the exported source with sources of your own; for the export alone use ``compile_library``, which
+    makes every warning an error. An existing library is overwritten.
 
     Raises:
         NoCompilerError: There is no compiler, or it refused a source; its messages are included.
@@ -66,7 +79,11 @@ def compile_shared(sources: Sequence[Path], library: Path, options: Sequence[str
 
 
 class CompiledEstimator:
-    """A compiled library; ``stream`` returns as many instances as needed."""
+    """The exported C, compiled on this computer and called from Python; ``stream`` makes any number of instances.
+
+    Use it to check an export against Python, or to run it faster than ``RealTimeStream``. It compiles when it is made,
+    which takes seconds, and writes the library beside the source. Raises ``NoCompilerError``.
+    """
 
     def __init__(self, exported: ExportedC) -> None:
         self.exported = exported
@@ -85,7 +102,7 @@ class CompiledEstimator:
             self.offset_uncertainty_n = self._function("offset_uncertainty_n", state, returns=real)
 
     def stream(self) -> CompiledStream:
-        """Return a fresh instance."""
+        """Make a fresh instance."""
         return CompiledStream(self)
 
     def _function(self, name: str, *arguments: Any, returns: Any = None) -> Any:
@@ -95,7 +112,11 @@ class CompiledEstimator:
 
 
 class CompiledStream:
-    """One instance: samples go in one at a time, newtons come out."""
+    """One instance of the compiled C: samples go in one at a time, friction with bounds [N] and flags come out.
+
+    ``CompiledEstimator.stream`` makes it. It has the methods of ``RealTimeStream``. Instances are independent, but each
+    is for one thread. A call through ``ctypes`` costs about a microsecond on top of the step.
+    """
 
     def __init__(self, estimator: CompiledEstimator) -> None:
         self._c, size = estimator, estimator.exported.state_bytes
@@ -104,7 +125,7 @@ class CompiledStream:
         estimator.init(self._state)
 
     def reset(self, offset_n: float = 0.0, uncertainty_n: float | None = None) -> None:
-        """Forget everything; the next step is a first step, from this offset of the sensors (see ``RealTimeStream``).
+        """Return to the state before the first sample, with this offset of the sensors (see ``RealTimeStream``).
 
         Raises:
             ValueError: An offset is given, but this estimator learns none.
@@ -118,30 +139,30 @@ class CompiledStream:
 
     @property
     def offset(self) -> tuple[float, float]:
-        """Offset of the sensors' zeros in friction that the next step takes off, and its standard uncertainty [N]."""
+        """Offset of the sensors' zeros in friction that the next step subtracts, and its standard uncertainty [N]."""
         if not self._c.exported.learns_offset:
             return 0.0, 0.0
         return self._c.offset_n(self._state), self._c.offset_uncertainty_n(self._state)
 
     def warm_up(self, *sample: float, steps: int) -> None:
-        """Reset, then take ``steps`` steps on one and the same sample."""
+        """Reset, then take ``steps`` steps on the same sample."""
         self._c.warm_up(self._state, *sample, steps)
 
     def step(self, *sample: float) -> Estimate:
-        """Return the estimate at this sample, one number per input, whatever the sample is."""
+        """Estimate at this sample, one number per input; any reading is accepted."""
         self._c.step(self._state, *sample, self._output)
         out = self._output
         return Estimate(out.friction_n, out.lower_n, out.upper_n, out.flags)
 
     def run(self, samples: Array) -> tuple[Array, NDArray[np.uint32]]:
-        """Return friction, lower and upper bound, shape ``(n, 3)`` [N], and flags, ``(n,)``, for ``(n, inputs)``."""
+        """Run samples, shape ``(n, inputs)``: friction, lower and upper bound, ``(n, 3)`` [N], and flags, ``(n,)``."""
         estimates, flags = np.empty((len(samples), 3)), np.empty(len(samples), dtype=np.uint32)
         for row, sample in enumerate(samples.tolist()):
             *estimates[row], flags[row] = self.step(*sample)
         return estimates, flags
 
     def saved(self) -> bytes:
-        """Return the whole state."""
+        """Copy the whole state as bytes."""
         return self._state.raw
 
     def restore(self, saved: bytes) -> None:

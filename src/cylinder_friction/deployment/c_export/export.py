@@ -38,12 +38,16 @@ _IDENTIFIER = re.compile(r"[a-z][a-z0-9_]*")
 
 @dataclass(frozen=True)
 class ExportedC:
-    """One header and one source, and what they hold."""
+    """The header and source that ``export_c`` wrote, and what a controller needs to know of them.
+
+    Reserve ``state_bytes`` for each instance; the code allocates nothing and has no global state. ``operations`` bounds
+    the cost of a step: it does the same work at every sample.
+    """
 
     header: Path
     source: Path
     name: str  # Prefix of every public name
-    model: str  # SHA-256 of every number that a step uses
+    model: str  # SHA-256 of all numbers of the step
     inputs: tuple[str, ...]  # Columns that a step takes, in order
     real: Type  # Type of samples and estimates
     state_bytes: int  # Size of an instance
@@ -58,18 +62,21 @@ def export_c(
     precision: Precision = "double",
     part: Part = "whole",
 ) -> ExportedC:
-    """Write ``name.c`` and ``name.h`` into ``folder``.
+    """Write ``name.c`` and ``name.h`` into ``folder``: C99 without dependencies, for a controller.
+
+    The code makes the same step as ``RealTimeStream``, with guard, bounds and flags.
 
     Args:
-        estimator: Fitted; any that can run in real time.
+        estimator: A fitted estimator of any kind with a real-time step.
         folder: Created if it does not exist.
         name: Prefix of every public name: lower-case letters, digits and underscores.
-        precision: Of samples, filters and estimates. ``double`` gives the reference's numbers; ``float`` is for
+        precision: Precision of samples, filters and estimates. ``double`` gives the reference's numbers; ``float`` is
+        for
             processors without double. Network and forest are single in both, as they were trained.
         part: ``lstm`` leaves a hybrid's forest out, ``base`` its network too.
 
     Raises:
-        NotFittedError: There is nothing fitted or loaded yet.
+        NotFittedError: The estimator is neither fitted nor loaded.
         ValueError: The estimator cannot run in real time, or name, precision or part is not valid.
 
     Example:
@@ -92,7 +99,11 @@ def export_model(
     precision: Precision = "double",
     kind: str = "hybrid",
 ) -> ExportedC:
-    """Write ``name.c`` and ``name.h`` of a step model; arguments as for ``export_c``."""
+    """Write ``name.c`` and ``name.h`` of a step model, for a model that you have changed or made yourself.
+
+    Arguments and errors are those of ``export_c``; ``kind`` only appears in the comment at the head of the files. For a
+    fitted estimator use ``export_c``. Equal models give equal bytes.
+    """
     exported, texts = generate_c(model, folder, name, precision, kind)
     for path, text in texts.items():
         write_text(path, text)
@@ -100,19 +111,22 @@ def export_model(
 
 
 def c_model(estimator: FrictionEstimator) -> StepModel | LugreModel:
-    """Return what the C of a fitted estimator is made of.
+    """Describe the step from which the C of a fitted estimator is made: a step model, or that of LuGre.
+
+    Use it to inspect or change a model before ``export_model`` or ``export_model_fmu``. It copies no arrays.
 
     Raises:
-        NotFittedError: There is nothing fitted or loaded yet.
+        NotFittedError: The estimator is neither fitted nor loaded.
         ValueError: The estimator cannot run in real time.
     """
     return lugre_model(estimator) if isinstance(estimator, LugreEstimator) else estimator.step_model()
 
 
 def part_of(model: StepModel | LugreModel, part: Part) -> StepModel | LugreModel:
-    """Return a smaller model inside a hybrid: ``lstm`` leaves the forest out, ``base`` the network too.
+    """Cut a smaller model out of a hybrid: ``lstm`` leaves the forest out, ``base`` the network too.
 
-    Its bounds are as wide as can be, since they were calibrated on the whole.
+    Use it on a controller without memory for the whole model. Its bounds state nothing, since they were calibrated on
+    the whole model.
 
     Raises:
         ValueError: The model has no such part.
@@ -140,7 +154,11 @@ def part_of(model: StepModel | LugreModel, part: Part) -> StepModel | LugreModel
 def generate_c(
     model: StepModel | LugreModel, folder: Path, name: str, precision: Precision, kind: str
 ) -> tuple[ExportedC, dict[Path, str]]:
-    """Return what header and source of a step model hold, and their texts; arguments as for ``export_c``."""
+    """Generate header and source of a step model without writing them: their description, and their texts by path.
+
+    Use it to embed the code in files of your own, such as the FMU's. Arguments and errors are those of ``export_c``;
+    ``folder`` only decides the paths.
+    """
     if not _IDENTIFIER.fullmatch(name):
         raise ValueError(f"name must be lower-case letters, digits and underscores, a letter first, but got {name!r}")
     if precision not in ("double", "float"):
@@ -182,7 +200,11 @@ def generate_c(
 
 @dataclass(frozen=True)
 class StateField:
-    """One array of the state: C type, name, shape (empty for a single value) and meaning."""
+    """One array of an instance's state in C: type, name, shape (empty for a single value) and meaning.
+
+    ``bytes`` is its size. The fields stand in the struct in the order of ``state_fields``, so that a debugger or a
+    restored state can be read by name.
+    """
 
     type: str
     name: str
@@ -199,7 +221,11 @@ class StateField:
 
 
 def state_fields(exported: StepModel | LugreModel, real: Type) -> Sequence[StateField]:
-    """Return all that an instance remembers, zero after a reset; widest types first, so that none needs padding."""
+    """List the fields of an instance's state, widest types first, so that the struct needs no padding.
+
+    All of them are zero after a reset. Use the list to size, save or display an instance; ``real`` is the C type of
+    samples and estimates, ``double`` or ``float``.
+    """
     lugre = isinstance(exported, LugreModel)
     model = exported.step if isinstance(exported, LugreModel) else exported
     channels, pressures, lags = len(model.channels), len(model.pressures), FilterBank(model).rows.shape[2]
@@ -209,7 +235,7 @@ def state_fields(exported: StepModel | LugreModel, real: Type) -> Sequence[State
         StateField(real, "window", (channels, 2 * lags), "last samples of each channel, newest at cursor, kept twice"),
         StateField(real, "held", (channels,), "last valid value of each channel"),
         StateField(real, "constant_from_m", (pressures,), "position at which each pressure last changed"),
-        StateField("uint32_t", "cursor", (), "where the newest sample is"),
+        StateField("uint32_t", "cursor", (), "index of the newest sample"),
         StateField("uint32_t", "ready", (), "1 once a sample was valid in all inputs"),
         StateField("uint32_t", "frozen", (pressures,), "1 while a pressure is frozen"),
         StateField("uint32_t", "constant_samples", (), "for how many steps the position has been constant"),
@@ -252,7 +278,7 @@ def state_fields(exported: StepModel | LugreModel, real: Type) -> Sequence[State
 
 
 def _offset_fields(channels: int, real: Type) -> list[StateField]:
-    """Return what an instance remembers of the sensors' offset."""
+    """List the fields of an instance that hold the sensors' offset."""
     return [
         StateField(real, "own", (OWN,), "offset, asymmetry, scale, slope and the stroke's error of this session"),
         StateField(real, "own_covariance", (OWN, OWN), "their covariance"),

@@ -556,7 +556,7 @@ static void begin_offset(estimator_state *state, real offset_n, real uncertainty
     }
 }
 
-/* Whether friction is like that of training; where it is not, zeros cannot be separated from it and are left alone. */
+/* Whether friction is like that of training. If it is not, zeros cannot be separated from it and are left alone. */
 static int offset_supported(const estimator_state *state)
 {
     const real scale = state->own[2], slope = state->own[3];

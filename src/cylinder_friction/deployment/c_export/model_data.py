@@ -1,6 +1,6 @@
-"""The numbers of one model as ``friction.c`` takes them: macros and constant arrays by name, for the generated header.
+"""The numbers of one model for ``friction.c``: macros and constant arrays by name, for the generated header.
 
-Numbers that Python squares, sums or divides once are squared, summed or divided here, so that C rounds no more often.
+Numbers that Python squares, sums or divides once are computed here, so that C rounds no more often than Python.
 """
 
 import math
@@ -31,11 +31,11 @@ from cylinder_friction.signals.causal_velocity import CausalVelocity
 
 Data = dict[str, Any]
 AT_ONCE, ACROSS = 8, 16  # Sources and gates of a tile of weights, as in ``friction.c``
-ROUNDING = 1e-9  # Taps with a smaller sum give nothing for a constant: derivatives
-# Operations of a step at worst, beside those that depend on the model's size
+ROUNDING = 1e-9  # Taps with a smaller sum are derivatives: a constant input gives 0
+# Most operations of a step that do not depend on the model's size
 GUARD_OPERATIONS, FORCE_OPERATIONS, LIMIT_OPERATIONS, HISTORY_OPERATIONS = 40, 10, 3, 60
 LOAD_OPERATIONS, BLOCK_OPERATIONS = 10, 150
-ACTIVATION_OPERATIONS = 14  # Of one sigmoid or hyperbolic tangent, the division counted as one
+ACTIVATION_OPERATIONS = 14  # Operations of one sigmoid or hyperbolic tangent, with the division as one
 C_TYPES = {"int32": "int", "uint16": "uint16_t", "uint32": "uint32_t", "float32": "float"}
 
 
@@ -45,12 +45,12 @@ class LugreModel:
 
     step: StepModel  # Filters (smooth position and rate as its two features), guard and bounds; no network, no forest
     parameters: LugreParameters  # The model
-    velocity: CausalVelocity  # From position
-    pressures: tuple[int, ...]  # Places among the inputs of the two whose sum scales dry friction; () for none
+    velocity: CausalVelocity  # Filter from position to velocity
+    pressures: tuple[int, ...]  # Places of the two inputs whose sum scales dry friction; () for none
 
 
 def lugre_model(estimator: LugreEstimator) -> LugreModel:
-    """Return what one step of a fitted LuGre estimator needs; its bounds are as wide as can be unless calibrated."""
+    """Describe one step of a fitted LuGre estimator; its bounds state nothing unless calibrated."""
     estimator._refuse_unfitted()
     assert estimator.parameters is not None
     assert estimator.sample_time_s is not None
@@ -72,7 +72,7 @@ def lugre_model(estimator: LugreEstimator) -> LugreModel:
 
 
 class FilterBank:
-    """The distinct rows of all filters of a model: equal rows are computed once, zeros at a row's ends not at all.
+    """The distinct rows of all filters of a model: equal rows are computed once, and zeros at a row's ends never.
 
     Attributes:
         rows: Shape ``(rows, inputs, lags)``.
@@ -97,7 +97,7 @@ class FilterBank:
         self.base = chosen[-1] if base else None
 
     def terms(self) -> Iterator[tuple[int, int, int, Array]]:
-        """Yield row, channel, first lag and taps of each channel that a row takes."""
+        """Yield row, channel, first lag and taps of each channel of a row."""
         for row, channels in enumerate(self.rows):
             for channel, taps in enumerate(channels):
                 used = np.flatnonzero(taps)
@@ -105,12 +105,12 @@ class FilterBank:
                     yield row, channel, int(used[0]), taps[used[0] : used[-1] + 1]
 
     def operations(self) -> int:
-        """Return the multiply-adds of one step."""
+        """Count the multiply-adds of one step."""
         return sum(len(taps) for *_, taps in self.terms())
 
 
 def model_data(model: StepModel | LugreModel, forest: FlatForest | None, real: Type) -> Data:
-    """Return every macro and array of ``friction.c`` by name; those of guard and bounds are named like their fields."""
+    """Collect the macros and arrays of ``friction.c`` by name; guard and bounds have the names of their fields."""
     step = model.step if isinstance(model, LugreModel) else model
     bank, load, forces = FilterBank(step), step.position_load, force_limits(step)
     learned = step.network is not None or forest is not None
@@ -169,7 +169,7 @@ def model_data(model: StepModel | LugreModel, forest: FlatForest | None, real: T
 
 
 def _named(prefix: str, fields: Mapping[str, Any]) -> Data:
-    """Return the numbers among the fields of a dataclass by their names in capitals; tuples are arrays."""
+    """Collect the numbers among a dataclass's fields by their names in capitals; tuples are arrays."""
     numbers = {name: value for name, value in fields.items() if not isinstance(value, str)}
     return {
         f"{prefix}{name.upper()}": np.array(value, dtype=np.float64) if isinstance(value, tuple) else value
@@ -178,12 +178,12 @@ def _named(prefix: str, fields: Mapping[str, Any]) -> Data:
 
 
 def has_head(model: StepModel) -> bool:
-    """Return whether the network's linear head is computed."""
+    """Check whether the network's linear head is computed."""
     return model.network is not None and (model.head_counts or model.forest_sees == "hidden_head_features")
 
 
 def operations(model: StepModel | LugreModel, forest: FlatForest | None) -> int:
-    """Return multiply-adds, comparisons and the like of one step, at worst."""
+    """Count the operations of one step at worst: multiply-adds, comparisons and the like."""
     step = model.step if isinstance(model, LugreModel) else model
     bank, channels, network = FilterBank(step), len(step.channels), step.network
     total = GUARD_OPERATIONS + bank.operations()
@@ -203,7 +203,7 @@ def operations(model: StepModel | LugreModel, forest: FlatForest | None) -> int:
 
 
 def definitions(data: Mapping[str, Any], real: Type) -> list[str]:
-    """Return the C of macros and arrays: fractions in the model's precision, float32 arrays as such."""
+    """List the C of macros and arrays: fractions in the model's precision, float32 arrays as such."""
     lines = []
     for name, value in data.items():
         if isinstance(value, list):
@@ -246,7 +246,7 @@ def _load(load: PositionLoad, inputs: Sequence[str]) -> Data:
 
 
 def _filters(bank: FilterBank, real: Type) -> Data:
-    """Return all taps, one term after the other, and a macro that takes each term."""
+    """Build all taps, one term after the other, and a macro that takes each term."""
     taps: list[float] = []
     calls = []
     for row, channel, first, own in bank.terms():

@@ -32,20 +32,24 @@ INTERFACE_FILES = {
     3: ("fmi3.c", "fmi3_absent.h", "fmi3_types.h", "fmu_instance.h", "fmu_states.h"),
 }
 OPTIONS = ("-std=c99", "-O3", "-ffp-contract=off", "-fvisibility=hidden")
-"""The same numbers on every processor: none fuses a multiplication with an addition."""
+"""Compiler options that give the same numbers on every processor: no fused multiply-adds."""
 BITS_64 = {"x86_64": "x86_64", "amd64": "x86_64", "arm64": "aarch64", "aarch64": "aarch64"}
 SYSTEMS = {
     "Linux": ("linux", "linux64", ".so"),
     "Darwin": ("darwin", "darwin64", ".dylib"),
     "Windows": ("windows", "win64", ".dll"),
 }
-EARLIEST = (1980, 1, 1, 0, 0, 0)  # Time of every file in the archive, so that the same content gives the same bytes
+EARLIEST = (1980, 1, 1, 0, 0, 0)  # Time of every file in the archive, so that equal content gives equal bytes
 UNIX, READABLE = 3, 0o100644
 
 
 @dataclass(frozen=True)
 class ExportedFmu:
-    """The written file."""
+    """The FMU that ``export_fmu`` wrote, and what it contains.
+
+    Print ``note``: it states whether there is a binary for this computer, or sources only because no C compiler was
+    found. A simulator checks ``token`` when it loads the file; it changes with every number of the model.
+    """
 
     path: Path  # The file
     name: str  # Model identifier
@@ -60,13 +64,13 @@ def export_fmu(
     """Write the FMU of a fitted estimator: sources, and a binary for this computer if a C compiler is found.
 
     Args:
-        estimator: Of any kind that can be exported to C.
-        path: The file; its name without ending, made a C identifier, becomes the model identifier.
+        estimator: A fitted estimator of any kind that can be exported to C.
+        path: The file; its name becomes the model identifier (see ``model_identifier``).
         fmi: 2 for FMI 2.0, 3 for FMI 3.0.
         precision: As for ``export_c``.
 
     Raises:
-        NotFittedError: There is nothing fitted or loaded yet.
+        NotFittedError: The estimator is neither fitted nor loaded.
         ValueError: The estimator cannot run in real time, the file does not end in ``.fmu``, or version or precision
             is not valid.
         NoCompilerError: The compiler refused the sources.
@@ -81,7 +85,11 @@ def export_model_fmu(
     precision: Precision = "double",
     kind: str = "hybrid",
 ) -> ExportedFmu:
-    """Write the FMU of a step model; arguments and errors as for ``export_fmu``."""
+    """Write the FMU of a step model, for a model that you have changed or made yourself.
+
+    Arguments and errors are those of ``export_fmu``; ``kind`` only appears in the file's description. For a fitted
+    estimator use ``export_fmu``. The steps equal those of Python within the tolerance of ``precision``.
+    """
     if path.suffix != ".fmu":
         raise ValueError(f"expected a file whose name ends in .fmu, but got {path.name!r}")
     if fmi not in (2, 3):
@@ -109,9 +117,10 @@ def export_model_fmu(
 
 
 def model_identifier(stem: str) -> str:
-    """Return a file's name as a C identifier in lower case, ``friction_`` before it if it could not be one.
+    """Turn a file's name into a C identifier in lower case, with the prefix ``friction_`` if it could not be one.
 
-    Names that begin with fmi or fmu belong to the C around the estimator.
+    Names that begin with fmi or fmu get the prefix too, as they belong to the C around the estimator. ``export_fmu``
+    uses the result as the model identifier, which simulators show.
 
     Example:
         >>> from cylinder_friction.deployment.fmu.export import model_identifier
@@ -123,7 +132,7 @@ def model_identifier(stem: str) -> str:
 
 
 def _values(model: StepModel, name: str, kind: str, fmi: FmiVersion) -> dict[str, Any]:
-    """Return the values of the templates, the token excepted."""
+    """Collect the values of the templates, without the token."""
     variables = fmu_variables(model)
     inputs = [variable for variable in variables if variable.causality == "input"]
     references = {variable.name: reference for reference, variable in enumerate(variables)}
@@ -149,7 +158,7 @@ def _values(model: StepModel, name: str, kind: str, fmi: FmiVersion) -> dict[str
 
 
 def _token(description: str, sources: Mapping[str, bytes]) -> str:
-    """Return a hash of all that goes into the FMU but the binary, written as a GUID is."""
+    """Hash everything in the FMU except the binary, in the form of a GUID."""
     digest = hashlib.sha256(description.encode())
     for name in sorted(sources):
         digest.update(f"\0{name}\0{len(sources[name])}\0".encode() + sources[name])
@@ -157,7 +166,7 @@ def _token(description: str, sources: Mapping[str, bytes]) -> str:
 
 
 def _binary(name: str, sources: Mapping[str, bytes], fmi: FmiVersion) -> tuple[str | None, bytes, str]:
-    """Return path and bytes of the binary, and a sentence on it; None if this computer cannot make one."""
+    """Compile the binary: its path, its bytes, and a sentence on it; the path is None if there is none."""
     system, machine = SYSTEMS.get(platform.system()), BITS_64.get(platform.machine().lower())
     if system is None or machine is None:
         return None, b"", "sources only: FMI has no name for this computer; the host program must compile them"
@@ -167,7 +176,7 @@ def _binary(name: str, sources: Mapping[str, bytes], fmi: FmiVersion) -> tuple[s
         missing = f"no C compiler ({', '.join(COMPILERS)}) was found here; install one and export again"
         return None, b"", f"sources only: {missing}"
     own, fmi2, suffix = system
-    # FMI 2.0 has names for x86 alone; on other processors they are FMI 3.0's
+    # FMI 2.0 names only x86 platforms; for other processors the names of FMI 3.0 are used
     folder = fmi2 if fmi == 2 and machine == "x86_64" else f"{machine}-{own}"
     with tempfile.TemporaryDirectory() as scratch:
         for file, content in sources.items():
@@ -179,7 +188,7 @@ def _binary(name: str, sources: Mapping[str, bytes], fmi: FmiVersion) -> tuple[s
 
 
 def _packed(content: Mapping[str, bytes]) -> bytes:
-    """Return a zip file of ``content``, in alphabetical order of its paths, with no time of writing in it."""
+    """Zip ``content`` in alphabetical order of its paths, without times of writing."""
     buffer = io.BytesIO()
     with ZipFile(buffer, "w") as archive:
         for path in sorted(content):

@@ -1,4 +1,4 @@
-"""The variables of the FMU: one list, from which modelDescription.xml and the C sources' value references are made."""
+"""The variables of the FMU: one list for modelDescription.xml and for the value references in C."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -16,7 +16,7 @@ class Unit:
     """A unit as FMI defines it."""
 
     base: dict[str, float]  # Exponents of the SI base units, and an offset to them
-    shown_as: tuple[str, float] | None = None  # Display unit and its factor: value in it = factor x value in this unit
+    shown_as: tuple[str, float] | None = None  # Display unit and its factor: displayed value = factor x value
 
 
 UNITS = {
@@ -34,19 +34,19 @@ UNITS = {
 class FmuVariable:
     """One scalar variable of the FMU."""
 
-    name: str  # As the host shows it
+    name: str  # Name that the host shows
     kind: Kind  # Real is Float64 in FMI 3, integer is Int32
-    # As FMI names them
+    # Causality and variability in FMI's words
     causality: Causality
     variability: Variability
     description: str  # One sentence
     unit: str | None = None  # A name from ``UNITS``, or None
-    start: float | int | None = None  # Value before anything is set, for inputs and parameters alone
-    minimum: int | None = None  # Smallest value, for the integer parameter alone
-    initial_from: str | None = None  # Parameter that an output depends on before the first step
+    start: float | int | None = None  # Start value of inputs and parameters; None for others
+    minimum: int | None = None  # Smallest value of the integer parameter; None for others
+    initial_from: str | None = None  # Parameter that decides an output before the first step
 
     def attributes(self, reference: int) -> dict[str, str | None]:
-        """Return the attributes of any variable; inputs and time may not state how they begin."""
+        """Collect the attributes of any variable; inputs and time must not state an initial value's kind."""
         calculated = self.causality in ("output", "calculatedParameter")
         return {
             "name": self.name,
@@ -58,7 +58,7 @@ class FmuVariable:
         }
 
     def typed_attributes(self) -> dict[str, str | None]:
-        """Return the attributes that depend on the variable's type."""
+        """Collect the attributes that depend on the variable's type."""
         shown_as = None if self.unit is None else UNITS[self.unit].shown_as
         return {
             "unit": self.unit,
@@ -69,7 +69,7 @@ class FmuVariable:
 
 
 def fmu_variables(model: StepModel) -> tuple[FmuVariable, ...]:
-    """Return the variables; a variable's place in the tuple is its value reference."""
+    """List the variables; a variable's place in the tuple is its value reference."""
     holds = model.bounds.in_words()
     earlier = f", {1e3 * model.lag_s:g} ms earlier" if model.lag_s > 0.0 else ""
     load = "" if model.position_load is None else f"; {model.position_load.in_words()}"
@@ -100,12 +100,12 @@ def fmu_variables(model: StepModel) -> tuple[FmuVariable, ...]:
 
 
 def _offset(model: StepModel) -> tuple[list[FmuVariable], list[FmuVariable]]:
-    """Return the parameters that state a known offset, and what has been learned of it; none if none is learned."""
+    """List the parameters of a known offset and the outputs of the learned one; none if no offset is learned."""
     if model.offset is None:
         return [], []
     stated = f"below 0: as stated for the sensors, {stated_uncertainty_n(model):.3g} N"
     starts = {
-        "start_offset": (0.0, "Offset of the sensors' zeros in friction to start from, where it is known"),
+        "start_offset": (0.0, "Offset of the sensors' zeros in friction to start from, if it is known"),
         "start_offset_uncertainty": (-1.0, f"Standard uncertainty of start_offset; {stated}"),
     }
     learned = {
@@ -122,7 +122,7 @@ def _offset(model: StepModel) -> tuple[list[FmuVariable], list[FmuVariable]]:
 
 
 def _inputs(model: StepModel) -> list[FmuVariable]:
-    """Return the raw samples; they start in the middle of the training range: a piston at rest that the model knows."""
+    """List the inputs; they start in the middle of the training range, as a piston at rest that the model knows."""
     result = []
     for each, lower, upper in zip(
         described_inputs(model.inputs), model.guard.trained_lower, model.guard.trained_upper, strict=True

@@ -1,1 +1,1 @@
-"""What every check and view finds in logger files before anything is trained on them."""
+"""Inspection of logger files: the findings of all checks and views, before anything is trained on them."""

@@ -1,4 +1,4 @@
-"""Files as ``ingest`` would take them, with every finding kept instead of the first refusal alone."""
+"""Files read as by ``ingest``, with all findings instead of the first refusal."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -17,7 +17,7 @@ from cylinder_friction.recordings.recording import Recording, RecordingError, Re
 def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspected]:
     """Yield what was found in each file, in their order; a file that a gap splits gives one entry per piece.
 
-    As in ``ingest``, a recording that is there already is refused.
+    As in ``ingest``, a duplicate of an earlier recording is refused.
     """
     duplicates = SeenRecordings()
     for name, path in shown(files.items(), "inspect", len(files), "file"):
@@ -29,14 +29,14 @@ def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspect
             try:
                 duplicates.refuse(recording.name, name, Samples.of(recording.metadata, piece.columns))
             except RecordingError as error:
-                subject = subject.found(Finding("duplicate", "refused", str(error)))
+                subject = subject.with_findings(Finding("duplicate", "refused", str(error)))
             yield subject
 
 
 def _inspect_file(name: str, path: Path, recipe: Recipe) -> Iterator[tuple[Recording | None, Inspected]]:
-    """Yield what was found in one file. A path without a session is noted, for it may lie elsewhere later.
+    """Yield what was found in one file. A path without a session is only noted, as the file may be moved later.
 
-    What is refused has its recording all the same wherever the signals can be read.
+    A refused file has its recording too if the signals can be read.
     """
     findings = []
     try:
@@ -49,7 +49,7 @@ def _inspect_file(name: str, path: Path, recipe: Recipe) -> Iterator[tuple[Recor
         pieces = pieces_of(path, recipe, about)
     except (RecordingError, OSError) as error:
         findings.append(Finding("file", "refused", str(error)))
-        pieces = _as_logged(path, recipe, about)
+        pieces = _read_unscreened(path, recipe, about)
         if not pieces:
             yield None, Inspected(name, findings)
     for number, piece in enumerate(pieces, start=1):
@@ -57,8 +57,8 @@ def _inspect_file(name: str, path: Path, recipe: Recipe) -> Iterator[tuple[Recor
         yield piece, Inspected(name, [*findings, *found], recording, number if len(pieces) > 1 else 0)
 
 
-def _as_logged(path: Path, recipe: Recipe, about: RecordingMetadata) -> list[Recording]:
-    """Return the pieces of a refused file with its bad samples in it, to be looked at; none if it is unreadable."""
+def _read_unscreened(path: Path, recipe: Recipe, about: RecordingMetadata) -> list[Recording]:
+    """Read the pieces of a refused file with its bad samples, to inspect them; none if the file is unreadable."""
     with suppress(RecordingError, OSError):
         return pieces_of(path, recipe, about, screened=False)
     return []

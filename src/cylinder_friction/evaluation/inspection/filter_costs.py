@@ -1,4 +1,4 @@
-"""What every filter costs: how late it is, what it lets through, and how much noise is left."""
+"""The cost of every filter: its delay, its gain, and the noise that it leaves."""
 
 import math
 from collections.abc import Mapping
@@ -20,10 +20,10 @@ HALF_POWER = 0.5**0.5
 """The gain of a filter at its -3 dB bandwidth."""
 
 LEAST_GAIN = 0.1
-"""Where less than this is left, how late it is no longer matters."""
+"""Gain below which the delay no longer matters."""
 
 MOTION_HZ = 3.0
-"""A filter that is exact for slow motion may still be late, or early, for motion as quick as this."""
+"""Frequency of brisk motion [Hz], for which a filter can be late or early although it is exact for slow motion."""
 
 FREQUENCIES = 150
 """Points of a drawn response."""
@@ -31,28 +31,28 @@ FREQUENCIES = 150
 
 @dataclass(frozen=True)
 class FilterCost:
-    """What one filter does at one sample rate."""
+    """Delay, gain and noise of one filter at one sample rate."""
 
-    name: str  # Of the filter
+    name: str  # Name of the filter
     causal: bool  # Whether it can run in real time; the others look ahead
-    # How late slow changes come out [s]
+    # Delay of slow changes [s]
     pressure_delay_s: float
     velocity_delay_s: float
     acceleration_delay_s: float
-    # How late velocity comes out at ``MOTION_HZ``, brisk motion of a hand or valve [s]
+    # Delay of velocity at ``MOTION_HZ``, brisk motion of a hand or valve [s]
     velocity_delay_in_motion_s: float
-    # Where half the power is left [Hz]; infinite if that is never
+    # Frequency at which half the power is left [Hz]; infinite without one
     pressure_bandwidth_hz: float
     velocity_bandwidth_hz: float
     velocity_noise_m_s: float  # Root mean square of the velocity at this recording's standstill [m/s]; NaN without one
-    velocity_noise_from_sensor_m_s: float  # What the position sensor's noise, taken as white, would make of it [m/s]
-    frequency_hz: Array  # Where the response was taken, shape ``(k,)`` [Hz]
+    velocity_noise_from_sensor_m_s: float  # The part from the position sensor's noise if that is white [m/s]
+    frequency_hz: Array  # Frequencies of the response, shape ``(k,)`` [Hz]
     velocity_gain: Array  # Velocity out over velocity in, shape ``(k,)``
-    velocity_lag_s: Array  # Its phase delay, shape ``(k,)`` [s]; NaN from where less than ``LEAST_GAIN`` is left
+    velocity_lag_s: Array  # Its phase delay, shape ``(k,)`` [s]; NaN from the first gain below ``LEAST_GAIN`` on
 
 
 def with_causal_twins(filters: Mapping[str, SignalFilter]) -> dict[str, tuple[SignalFilter, bool]]:
-    """Return every filter and, behind those that have one, its twin for real time; True marks what is causal."""
+    """Collect the filters, each followed by its causal twin if it has one; True marks a causal filter."""
     found: dict[str, tuple[SignalFilter, bool]] = {}
     for name, method in filters.items():
         found[name] = (method, isinstance(method, MovingAverage))
@@ -64,7 +64,7 @@ def with_causal_twins(filters: Mapping[str, SignalFilter]) -> dict[str, tuple[Si
 
 
 def filter_costs(filters: Mapping[str, SignalFilter], recording: Recording) -> tuple[list[FilterCost], list[str]]:
-    """Return the cost of every filter and of its causal twin, and why those that are left out are."""
+    """Measure the cost of every filter and of its causal twin; return also why others are left out."""
     costs, left_out = [], []
     for name, (method, causal) in with_causal_twins(filters).items():
         try:
@@ -105,7 +105,7 @@ def _cost(name: str, causal: bool, method: SignalFilter, recording: Recording) -
 
 
 def pulse_responses(method: SignalFilter, sample_time_s: float) -> tuple[Array, Array, Array]:
-    """Return what one sample of 1 becomes, each of shape ``(2 m + 1,)`` with the pulse at row ``m``.
+    """Compute a filter's responses to one sample of 1, each of shape ``(2 m + 1,)`` with the pulse at row ``m``.
 
     In this order: pressure from pressure, velocity from position [1/s], acceleration from position [1/s²].
     """
@@ -117,9 +117,9 @@ def pulse_responses(method: SignalFilter, sample_time_s: float) -> tuple[Array, 
 
 
 def _delay_s(pulse_response: Array, derivative: int, sample_time_s: float) -> float:
-    """Return how late a slow change of the ``derivative``-th derivative comes out [s].
+    """Compute the delay of a slow change of the ``derivative``-th derivative [s].
 
-    A ramp of that derivative, t^(k+1)/(k+1)!, comes out as the ramp less its delay; at t = 0 the ramp is 0.
+    The output for a ramp of that derivative, t^(k+1)/(k+1)!, is the ramp less its delay; at t = 0 the ramp is 0.
     """
     lag_s = sample_time_s * (np.arange(len(pulse_response)) - len(pulse_response) // 2)
     order = derivative + 1
@@ -131,7 +131,7 @@ def _delay_s(pulse_response: Array, derivative: int, sample_time_s: float) -> fl
 def _response(
     pulse_response: Array, derivative: int, frequency_hz: Array, sample_time_s: float
 ) -> NDArray[np.complex128]:
-    """Return output over the true ``derivative`` of the input at each frequency, shape ``(k,)``."""
+    """Compute output over the true ``derivative`` of the input at each frequency, shape ``(k,)``."""
     lag_s = sample_time_s * (np.arange(len(pulse_response)) - len(pulse_response) // 2)
     turning = 2j * math.pi * frequency_hz
     return np.asarray(np.exp(-np.outer(turning, lag_s)) @ pulse_response / turning**derivative)

@@ -1,4 +1,4 @@
-"""Friction of one recording as the inspection shows it: filtered, balanced, and gathered into a Stribeck curve."""
+"""Friction of one recording for the inspection: filtered, balanced, and summarised in a Stribeck curve."""
 
 import math
 from dataclasses import dataclass, replace
@@ -30,7 +30,7 @@ from cylinder_friction.signals.smooth_signals import (
 )
 
 NOISE_MULTIPLE = 4.0
-"""Slower than so many standard deviations of the velocity's noise is standstill."""
+"""Limit of standstill, in standard deviations of the velocity's noise."""
 
 PRESSURE_FORCE = "P1·A1 - P2·A2"
 MEASURED_FORCE = "drive force"
@@ -41,38 +41,38 @@ CONFIDENCE = 0.95  # Probability of the intervals of friction
 
 @dataclass(frozen=True)
 class FrictionView:
-    """Friction of one recording."""
+    """Friction of one recording, and what the inspection derives from it."""
 
-    signals: SmoothSignals | SmoothDrive  # Smooth signals that it comes from
-    force_name: str  # What ``force_n`` is, in words
-    labelled: Recording  # With friction, velocity and usable rows
+    signals: SmoothSignals | SmoothDrive  # Smooth signals from which friction is computed
+    force_name: str  # Name of ``force_n``
+    labelled: Recording  # The recording with friction, velocity and usable rows
     force_n: Array  # P1·A1 - P2·A2, or the measured drive force, smooth, shape ``(n,)`` [N]
     friction_n: Array  # Shape ``(n,)`` [N], positive when it opposes positive velocity
     usable: NDArray[np.bool_]  # Rows away from end stops and from the recording's edges, shape ``(n,)``
-    slowest_m_s: float  # Slower rows count as standstill [m/s]
+    slowest_m_s: float  # Velocity below which a row counts as standstill [m/s]
     points: tuple[StribeckPoint, ...]  # Steady sliding by speed and direction
     curve: StribeckCurve | None  # Fitted to them; None if they do not determine one, and ``no_curve`` states why
-    # Half the sum of friction up and down at equal position: what a load would have to be [N]; NaN if the piston
+    # Half the sum of friction in both directions at equal position, as a load would cause it [N]; NaN if the piston
     # does not pass the same positions in both directions
     load_n: float
-    half_difference_n: float  # Half the difference there: friction whatever the load is [N]
+    half_difference_n: float  # Half the difference there: friction, whatever the load is [N]
     no_curve: str  # Why there is no curve
-    assumed: tuple[str, ...]  # What the force balance takes for granted, one sentence each
-    load: str = ""  # The load that was taken off, in words
+    assumed: tuple[str, ...]  # Assumptions of the force balance, one sentence each
+    load: str = ""  # The subtracted load, in words
 
     @property
     def carries_load(self) -> bool:
-        """Whether ``friction_n`` holds a load; False where directions cannot be compared."""
+        """Whether ``friction_n`` contains a load; False if directions cannot be compared."""
         return holds_load(self.load_n, self.half_difference_n)
 
     @property
     def has_interval(self) -> bool:
-        """Whether it is stated how exact the sensors are."""
+        """Whether the sensors' uncertainty is stated, so that friction has an interval."""
         return UNCERTAINTY_COLUMN in self.labelled.columns
 
     @property
     def direction(self) -> Array:
-        """1 while extending, -1 while retracting, 0 at standstill and where not usable, shape ``(n,)``."""
+        """1 while extending, -1 while retracting, 0 at standstill and in unusable rows, shape ``(n,)``."""
         return np.where(self.usable, direction_of_motion(self.signals.velocity_m_s, self.slowest_m_s), 0.0)
 
     @property
@@ -89,7 +89,7 @@ class FrictionView:
 
 
 def friction_view(recording: Recording, labeller: Labeller, method: SignalFilter) -> FrictionView:
-    """Return a recording's friction as ``labeller`` labels it; load and mass are identified from it alone.
+    """Compute a recording's friction as ``labeller`` labels it; load and mass are identified from it alone.
 
     Raises:
         ValueError: The recording is shorter than the filter, its columns and the stated load contradict each other, or
@@ -112,10 +112,10 @@ def view_of_labelled(
     method: SignalFilter,
     assumed: tuple[str, ...] = (),
 ) -> FrictionView:
-    """Return the view of friction that is known already.
+    """Make the view of a recording whose friction is known already.
 
-    ``labelled`` has ``friction_n``, ``velocity_m_s`` and ``usable``; ``assumed`` is what the force balance takes for
-    granted.
+    ``labelled`` has ``friction_n``, ``velocity_m_s`` and ``usable``; ``assumed`` lists assumptions of the force
+    balance.
     """
     position_m, sample_time_s = labelled.column("position_m"), labelled.sample_time_s
     friction_n, usable, support = labelled.column("friction_n"), labelled.usable(), method.support(sample_time_s)
@@ -124,7 +124,7 @@ def view_of_labelled(
     slowest_m_s = NOISE_MULTIPLE * max(at_rest_m_s, _noise_of_sensor(position_m, sample_time_s, method))
     points = tuple(rows.point_with_interval(CONFIDENCE) for rows in steady_sliding_by_speed([labelled], slowest_m_s))
     curve, no_curve = known_curve(points)
-    # Of the rows that ``estimate`` takes, so that one log has one friction; of slower ones if it hardly moves
+    # The rows that ``estimate`` takes, so that a log has the same friction here; slower ones if it hardly moves
     halves = (
         up_and_down(position_m, signals.velocity_m_s, friction_n, usable, least_m_s)
         for least_m_s in (OffsetPlan().slowest_m_s, slowest_m_s)
@@ -148,7 +148,7 @@ def view_of_labelled(
 
 
 def _noise_of_sensor(position_m: Array, sample_time_s: float, method: SignalFilter) -> float:
-    """Return what the position sensor's noise leaves in the velocity [m/s]."""
+    """Compute the noise that the position sensor leaves in the velocity [m/s]."""
     return sensor_noise(position_m) * float(np.linalg.norm(pulse_responses(method, sample_time_s)[1]))
 
 

@@ -1,4 +1,4 @@
-"""Mean friction while the piston slides, in each direction, with an interval; and whether it is friction at all."""
+"""Mean friction in each direction of sliding, with an interval, and the check that it is friction at all."""
 
 import math
 from dataclasses import dataclass
@@ -20,10 +20,10 @@ WAYS = {"extending": 1.0, "retracting": -1.0}
 
 @dataclass(frozen=True)
 class MeanFriction:
-    """Friction against the motion, over all usable rows that slide one way."""
+    """Mean friction against the motion, over all usable rows that slide in one direction."""
 
     mean_n: float  # Positive if it opposes the motion [N]
-    half_width_n: float  # Half the 95 % interval [N]; NaN where nothing shows it
+    half_width_n: float  # Half the 95 % interval [N]; NaN if unknown
 
     def __str__(self) -> str:
         spread = f" ± {self.half_width_n:.0f}" if math.isfinite(self.half_width_n) else ""
@@ -31,10 +31,10 @@ class MeanFriction:
 
 
 def sliding_friction(view: FrictionView) -> dict[str, MeanFriction]:
-    """Return friction by direction, a key of ``WAYS``; nothing for a direction in which nothing slides.
+    """Average friction by direction, a key of ``WAYS``; a direction without sliding is left out.
 
-    The interval holds the uncertainty of the sensors and of an identified load, which no averaging reduces, and how
-    friction differs from stroke to stroke. Where the former is not stated there is none: unknown is not zero.
+    The interval combines the uncertainty of the sensors and of an identified load, which no averaging reduces, with the
+    scatter of friction between strokes. Without a stated uncertainty of the sensors there is no interval.
     """
     direction = view.direction
     stroke = np.cumsum(np.diff(direction, prepend=direction[:1]) != 0.0)
@@ -51,10 +51,10 @@ def sliding_friction(view: FrictionView) -> dict[str, MeanFriction]:
 
 
 def stroke_half_width(values: Array, stroke: NDArray[np.int64]) -> float:
-    """Return half the interval of the mean of rows, of which those of one stroke are not independent.
+    """Compute half the interval of the mean of rows; rows of one stroke are not independent.
 
-    A stroke counts by its rows, and Student's t by their number; 0 for a single stroke, which shows no difference. Both
-    arrays have shape ``(n,)``.
+    A stroke is weighted by its rows, and Student's t follows from the number of strokes. The result is 0 for a single
+    stroke, which shows no scatter. Both arrays have shape ``(n,)``.
 
     Source: Cochran 1977, Sampling Techniques, chapter 9A (clusters of unequal size).
     """
@@ -69,10 +69,11 @@ def stroke_half_width(values: Array, stroke: NDArray[np.int64]) -> float:
 def friction_finding(
     view: FrictionView, friction: dict[str, MeanFriction], zero_n: float | None, plan: OffsetPlan
 ) -> Finding:
-    """Return the friction of a recording, or why none is stated: a load is in it, or it drives the motion.
+    """State the friction of a recording, or why none is stated: it contains a load, or drives the motion.
 
-    ``zero_n`` is the stated standard uncertainty of the sensors' zeros as friction [N], None if it is not stated;
-    ``plan`` states how asymmetric friction may be.
+    ``zero_n`` is the stated standard uncertainty of the sensors' zeros as friction [N], or None; ``plan`` limits the
+    asymmetry of friction.
+
     """
     load_n, half_n = view.load_n, view.half_difference_n
     text = ", ".join(f"{each} N {way}" for way, each in friction.items())

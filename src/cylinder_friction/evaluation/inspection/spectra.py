@@ -32,7 +32,7 @@ class Spectrum:
 
 
 def signal_spectra(recording: Recording, velocity_m_s: Array) -> dict[str, Spectrum]:
-    """Return the spectra of a recording's signals in SI units, by column.
+    """Collect the spectra of a recording's signals in SI units, by column.
 
     These are its pressures, or its drive force if it has none, its position, its smooth velocity, shape ``(n,)``,
     and as ``raw_velocity_m_s`` differences of the raw position.
@@ -45,7 +45,7 @@ def signal_spectra(recording: Recording, velocity_m_s: Array) -> dict[str, Spect
 
 
 def spectrum(values: Array, sample_time_s: float) -> Spectrum:
-    """Return the spectrum of a signal, shape ``(n,)``, from averaged segments (Welch 1967)."""
+    """Compute the spectrum of a signal, shape ``(n,)``, from averaged segments (Welch 1967)."""
     from scipy.signal import detrend, welch  # half a second that most commands need not wait for
 
     rate_hz = 1.0 / sample_time_s

@@ -33,8 +33,8 @@ class Inspected:
     def title(self) -> str:
         return f"{self.file} (part {self.part})" if self.part else self.file
 
-    def found(self, *findings: Finding) -> Self:
-        """Return the same with further findings, ahead of the others."""
+    def with_findings(self, *findings: Finding) -> Self:
+        """Add further findings ahead of the others."""
         return replace(self, findings=[*findings, *self.findings])
 
     @property
@@ -54,17 +54,17 @@ class Inspected:
 
 
 def worst(outcomes: Iterable[Outcome]) -> Outcome:
-    """Return the worst of several outcomes, ``ok`` if there is none."""
+    """Choose the worst of several outcomes, ``ok`` without any."""
     return max(outcomes, key=OUTCOMES.index, default="ok")
 
 
 def worst_first(findings: Iterable[Finding]) -> list[Finding]:
-    """Return findings by their outcomes, in their order among equals."""
+    """Sort findings by outcome, the worst first; equals keep their order."""
     return sorted(findings, key=lambda finding: -OUTCOMES.index(finding.outcome))
 
 
 def count_outcomes(subjects: Sequence[Inspected]) -> dict[Outcome, int]:
-    """Return how many files had which outcome; the pieces of one file count once, by the worst of them."""
+    """Count files by outcome; the pieces of one file count once, by their worst outcome."""
     by_file: dict[str, list[Outcome]] = {}
     for subject in subjects:
         by_file.setdefault(subject.file, []).append(subject.outcome)

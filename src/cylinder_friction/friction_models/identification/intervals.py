@@ -20,7 +20,7 @@ _GREATEST_LOG = math.log(1e3)
 def confidence_intervals(
     motions: Motions, parameters: ModelParameters, names: tuple[str, ...], confidence: float
 ) -> dict[str, tuple[float, float]]:
-    """Return the interval of each named parameter, in its own unit.
+    """Compute the interval of each named parameter, in its own unit.
 
     With residuals ``r`` and sensitivities ``J`` of friction to the logarithm of each parameter, the estimate
     scatters with covariance ``H^-1 S H^-1``: ``H = 2 f(0) J'J`` with the density ``f`` of residuals at zero,
@@ -50,7 +50,7 @@ def confidence_intervals(
 
 
 def _sensitivity(motions: Motions, parameters: ModelParameters, name: str) -> Array:
-    """Return the change of friction with the logarithm of one parameter [N], shape ``(rows,)``.
+    """Compute the change of friction with the logarithm of one parameter [N], shape ``(rows,)``.
 
     Coulomb friction may meet static friction on its way up and takes it along; static friction stops at Coulomb's.
     """
@@ -84,7 +84,7 @@ def _block_sums(motions: Motions, scores: Array) -> Array:
 
 
 def _density_at_zero(residual: Array) -> float:
-    """Return the density of residuals at zero [1/N]: their share within a bandwidth that narrows as ``n**(-1/5)``."""
+    """Compute the density of residuals at zero [1/N]: their share within a bandwidth that narrows as ``n**(-1/5)``."""
     spread = max(1.4826 * float(np.median(np.abs(residual))), 1e-9)
     half_width = spread * len(residual) ** (-1.0 / 5.0)
     inside = float(np.mean(np.abs(residual) <= half_width))

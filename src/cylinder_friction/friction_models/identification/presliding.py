@@ -14,11 +14,11 @@ _PASSIVE_MARGIN = 0.9
 
 
 def bristle_stiffness(recordings: Sequence[Recording], coulomb_n: float, slowest_m_s: float) -> float:
-    """Return the median rise of friction over travel, dF/dx, of the reversals in labelled recordings [N/m].
+    """Measure the median rise of friction over travel, dF/dx, in the reversals of labelled recordings [N/m].
 
-    Between sliding one way and the other, friction rises almost linearly with travel until the bristles slip.
-    At a few hundred samples a second and tens of micrometres of position resolution this is a start for the
-    search and no more; if there is no clean reversal, ``coulomb_n`` over 50 micrometres stands in.
+    At a reversal, friction rises almost linearly with travel until the bristles slip. With a few hundred samples per
+    second and a position resolution of tens of micrometres, the result is only a start for the search. Without a clean
+    reversal it is ``coulomb_n`` over 50 micrometres.
     Rises are measured while friction is below 0.8 ``coulomb_n``; rows slower than ``slowest_m_s`` are at standstill.
     """
     slopes = [slope for recording in recordings for slope in _reversal_slopes(recording, 0.8 * coulomb_n, slowest_m_s)]
@@ -48,7 +48,7 @@ def _reversal_slopes(recording: Recording, level_n: float, slowest_m_s: float) -
 
 
 def bristle_damping(damping_ratio: float, bristle_stiffness_n_m: float, mass_kg: float, viscous_n_s_m: float) -> float:
-    """Return ``2 zeta sqrt(s0 m) - s2``, at least 0 [N s/m]: the mass on its bristles then rings with that ratio.
+    """Compute ``2 zeta sqrt(s0 m) - s2``, at least 0 [N s/m]: the mass on its bristles then has this damping ratio.
 
     Source: Canudas de Wit et al. 1995, section III.
     """
@@ -56,6 +56,6 @@ def bristle_damping(damping_ratio: float, bristle_stiffness_n_m: float, mass_kg:
 
 
 def damping_velocity(stribeck_velocity_m_s: float, least_dry_friction_n: float, bristle_damping_n_s_m: float) -> float:
-    """Return the speed over which bristle damping fades [m/s]: the Stribeck velocity, or less where passivity asks."""
+    """Compute the speed over which bristle damping fades [m/s]: the Stribeck velocity, or less where passivity asks."""
     limit = passive_damping_velocity(least_dry_friction_n, bristle_damping_n_s_m)
     return min(stribeck_velocity_m_s, _PASSIVE_MARGIN * limit)

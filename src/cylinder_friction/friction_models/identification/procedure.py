@@ -20,13 +20,14 @@ from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.recordings.recording import Recording
 
 STIFFNESS_FACTORS = (1.0, 10.0)
-"""Starts of the first local searches, in measured stiffnesses: the error has a minimum with soft bristles, which bend
-with the noise of the position, and one with stiff bristles, which switch; which is lower depends on the noise."""
+"""Starts of the first local searches, as multiples of the measured stiffness. The error has a minimum with soft
+bristles, which bend with the position's noise, and another with stiff ones, which switch; noise decides which is
+lower."""
 
 _GOLDEN_RATIO = (math.sqrt(5.0) - 1.0) / 2.0
 
 PIECE_LEAD_S = 0.5
-"""Start of a piece cut from a recording that does not count, because the model begins it in a fresh state."""
+"""Duration at the start of a piece that does not count, because the model begins the piece in a fresh state."""
 
 
 @dataclass(frozen=True)
@@ -39,11 +40,11 @@ class SearchEffort:
     # Number of recordings, evenly spaced, that the first local searches and differential evolution simulate
     simulated_recordings: int
     restarts: int = 1  # Number of runs of the whole search; the best result is kept
-    first_look_evaluations: int = 150  # Simulations of each first local search: one candidate velocity from one start
+    first_look_evaluations: int = 150  # Simulations of each first local search, per candidate velocity and start
     polish_evaluations: int = 600  # Simulations of each Nelder-Mead search at the end
     repolishes: int = 0  # Number of further searches from the best result, with a fresh simplex
-    # Duration simulated of each recording in first searches and differential evolution, from a different place in each
-    # [s]; 0 for all of it
+    # Duration of the piece of each recording that the first searches and differential evolution simulate, from a
+    # different place in each [s]; 0: the whole recording
     piece_s: float = 0.0
     polished_piece_s: float = 0.0  # The same for the Nelder-Mead search at the end
 
@@ -90,7 +91,7 @@ def identify(
     one. A short local search with each candidate velocity decides which one that is.
 
     Args:
-        model: What is identified.
+        model: The friction model to identify.
         recordings: Labelled recordings (columns ``velocity_m_s``, ``friction_n``, ``usable``), one sample time.
         velocities: Candidates by name: functions from a recording to the velocity that drives the model, zero at
             standstill [m/s].
@@ -99,13 +100,12 @@ def identify(
         effort: Budget of the search.
         mass_kg: Moving mass [kg].
         damping_ratio: Damping ratio of that mass on the bristles.
-        dead_band_m_s: Slower is standstill, in the labels' velocity [m/s].
+        dead_band_m_s: Velocity of the labels below which the piston stands [m/s].
         confidence: Probability of the intervals.
         also_from: Further starts of the search, for example parameters identified elsewhere.
 
     Raises:
-        ValueError: The model is scaled by pressure and there is none, or the other way round; or too few points of
-            steady sliding.
+        ValueError: The model needs a pressure and there is none, or the reverse; or too few points of steady sliding.
     """
     if model.pressure_scaled != (pressure is not None):
         raise ValueError(
@@ -151,7 +151,7 @@ def identify(
 def _first_looks(
     offered: dict[str, Motions], coordinates: Coordinates, starts: Sequence[Array], evaluations: int
 ) -> tuple[str, list[Array]]:
-    """Return the velocity with the least error of a short local search from each start, and where they ended."""
+    """Search a little from each start; return the velocity with the least error, and the ends of the searches."""
     looks = {
         name: [search_locally(motions, coordinates, start, evaluations) for start in starts]
         for name, motions in offered.items()
@@ -166,7 +166,7 @@ def _first_looks(
 def _search(
     few: Motions, polished: Motions, coordinates: Coordinates, looks: Sequence[Array], effort: SearchEffort
 ) -> tuple[Array, list[float]]:
-    """Return the best point of all searches, and the history of the best differential evolution."""
+    """Search for the best point; return it with the history of the best differential evolution."""
     first = min(looks, key=lambda point: few.error_of(coordinates.values(point)))
     candidates, histories = list(looks), list[list[float]]()
     total = effort.restarts * effort.generations
@@ -196,7 +196,7 @@ def _motion(
 
 
 def _pieces(motions: Sequence[Motion], piece_s: float, sample_time_s: float) -> list[Motion]:
-    """Return a piece of each motion, from places spread evenly by steps of the golden ratio."""
+    """Cut one piece from each motion, at places spread evenly by steps of the golden ratio."""
     length, lead = round(piece_s / sample_time_s), round(PIECE_LEAD_S / sample_time_s)
     if length == 0:
         return list(motions)

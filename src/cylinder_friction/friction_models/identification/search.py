@@ -20,18 +20,18 @@ from cylinder_friction.friction_models.stribeck import StribeckCurve
 
 @dataclass(frozen=True)
 class Coordinates:
-    """Logarithms of what is positive, ratios of what belongs together: one coordinate a searched number.
+    """Coordinates of the search, one per searched parameter: logarithms of positive numbers, ratios of related ones.
 
-    In place of ``coulomb_n`` stands the logarithm of Coulomb friction at the reference pressure, in place of
-    ``static_n`` the excess ``Fs / Fc - 1``, and in place of ``pressure_slope_n_pa`` the share of that Coulomb friction
-    that is owed to pressure. Bristle damping is no coordinate: it follows from the damping ratio.
+    The logarithm of Coulomb friction at the reference pressure replaces ``coulomb_n``, the excess ``Fs / Fc - 1``
+    replaces ``static_n``, and the share of that Coulomb friction due to pressure replaces ``pressure_slope_n_pa``.
+    Bristle damping is no coordinate, as it follows from the damping ratio.
     """
 
-    model: FrictionModel  # What is searched
+    model: FrictionModel  # The model whose parameters are searched
     mass_kg: float  # Moving mass, for the damping ratio [kg]
     damping_ratio: float  # Damping ratio of the mass on its bristles
-    reference_pressure_pa: float  # Where the first coordinate holds; 0 for a model without pressure [Pa]
-    # Where the search may go, shape ``(coordinates,)``
+    reference_pressure_pa: float  # Pressure of the first coordinate; 0 for a model without pressure [Pa]
+    # Limits of the search, shape ``(coordinates,)``
     lower: Array
     upper: Array
 
@@ -44,13 +44,13 @@ class Coordinates:
         damping_ratio: float,
         reference_pressure_pa: float = 0.0,
     ) -> Coordinates:
-        """Return coordinates with the bounds of the model's specs, around a curve of steady sliding."""
+        """Set up coordinates with the bounds of the model's specs, around a curve of steady sliding."""
         level = math.log(curve.coulomb_n)
         bounds = np.array([_bounds(spec, level) for spec in model.searched])
         return cls(model, mass_kg, damping_ratio, reference_pressure_pa, bounds[:, 0].copy(), bounds[:, 1].copy())
 
     def values(self, point: Array) -> Array:
-        """Return the model's numbers at a point of the search, shape ``(k,)``, in the order of its specs."""
+        """Convert a point of the search to the model's numbers, shape ``(k,)``, in the order of its specs."""
         at = {
             spec.name: math.exp(number) if spec.logarithmic else float(number)
             for spec, number in zip(self.model.searched, point, strict=True)
@@ -72,11 +72,11 @@ class Coordinates:
         return np.array([at[spec.name] for spec in self.model.specs])
 
     def parameters(self, point: Array) -> ModelParameters:
-        """Return the model's numbers at a point of the search, by name."""
+        """Convert a point of the search to the model's parameters."""
         return self.model.parameters(self.values(point))
 
     def point(self, parameters: ModelParameters) -> Array:
-        """Return the point of given parameters, moved into the bounds; their damping is not looked at."""
+        """Convert parameters to a point, moved into the bounds; their damping is ignored."""
         coulomb = parameters.value("coulomb_n")
         owed_to_pressure = parameters.value("pressure_slope_n_pa") * self.reference_pressure_pa
         level = coulomb + owed_to_pressure
@@ -96,7 +96,7 @@ class Coordinates:
         return np.clip(np.array(numbers), self.lower + inside, self.upper - inside)
 
     def start(self, curve: StribeckCurve, stiffness_n_m: float) -> Array:
-        """Return the point of a steady curve and a stiffness; a first share of friction is owed to pressure."""
+        """Convert a steady curve and a stiffness to a point, with a first share of friction due to pressure."""
         return self.point(self.model.first_guess(curve, stiffness_n_m, self.reference_pressure_pa))
 
 
@@ -115,7 +115,7 @@ def search_globally(
     generations: int,
     each_generation: Callable[[], object],
 ) -> tuple[Array, list[float]]:
-    """Return the best point of differential evolution, and the least mean absolute error after each generation [N].
+    """Run differential evolution; return its best point and the least mean absolute error after each generation [N].
 
     ``start`` is one member of the first population, which has ``population`` members per coordinate.
 
@@ -148,7 +148,7 @@ def search_globally(
 
 
 def search_locally(motions: Motions, coordinates: Coordinates, start: Array, evaluations: int) -> Array:
-    """Return the best point of adaptive Nelder-Mead from ``start``.
+    """Run adaptive Nelder-Mead from ``start``; return its best point.
 
     The first simplex spans a twentieth of the bounds in each coordinate; SciPy's own spans a twentieth of the value,
     which is meaningless for a logarithm.

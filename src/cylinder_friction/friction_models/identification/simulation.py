@@ -17,7 +17,7 @@ from cylinder_friction.friction_models.parameters import ModelParameters
 
 @dataclass(frozen=True)
 class Motion:
-    """One recording as a friction model sees it."""
+    """The signals of one recording that a friction model reads, and its label."""
 
     velocity_m_s: Array  # The velocity that drives the model, dead band applied, shape ``(n,)``
     pressure_pa: Array  # The gauge pressure that scales dry friction, shape ``(n,)``
@@ -40,7 +40,7 @@ class Motions:
     friction_n: Array
     usable: Mask  # Rows whose label counts, shape ``(rows,)``
     starts: NDArray[np.int64]  # Row at which each motion begins, and the number of rows, shape ``(motions + 1,)``
-    model: FrictionModel  # What simulates them
+    model: FrictionModel  # The model that is simulated
     _buffer: Array = field(repr=False)
     _simulations: list[int] = field(repr=False)
 
@@ -78,15 +78,15 @@ class Motions:
 
     @property
     def mean_friction_n(self) -> float:
-        """Mean absolute label of the usable rows [N]; what percentages are of."""
+        """Mean absolute label of the usable rows [N], the base of percentages."""
         return float(np.mean(np.abs(self.friction_n[self.usable])))
 
     def mean_absolute_error(self, parameters: ModelParameters) -> float:
-        """Return the mean absolute difference between model and label over usable rows [N]."""
+        """Compute the mean absolute difference between model and label over usable rows [N]."""
         return self.error_of(parameters.packed())
 
     def error_of(self, values: Array) -> float:
-        """Return the same of the model's numbers in the order of its specs; each motion from a fresh state."""
+        """Compute ``mean_absolute_error`` from the model's numbers in the order of its specs."""
         kernel = self.model.kernel
         self._simulations[0] += 1
         for start, end in pairwise(self.starts):
@@ -102,7 +102,7 @@ class Motions:
         return float(_mean_absolute_difference(self._buffer, self.friction_n, self.usable))
 
     def simulated(self, parameters: ModelParameters) -> Array:
-        """Return the model's friction [N], shape ``(rows,)``, each motion from a fresh state."""
+        """Compute the model's friction [N], shape ``(rows,)``, each motion from a fresh state."""
         values = parameters.packed()
         pieces = [
             self.model.simulate(

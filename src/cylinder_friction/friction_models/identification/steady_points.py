@@ -1,4 +1,4 @@
-"""Strokes at constant velocity found in labelled recordings, gathered into points of the Stribeck curve."""
+"""Strokes at constant velocity in labelled recordings, collected into points of the Stribeck curve."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ PRESLIDING_TRAVEL_M = 1e-3
 """Travel since standstill or reversal after which bristles no longer bend; several times the deflection of seals."""
 
 LEAST_SPEED_M_S = 1e-4
-"""Lower edge of the bins, however small the dead band is."""
+"""Lower edge of the bins, even if the dead band is smaller [m/s]."""
 
 STEADY_VARIATIONS = (0.1, 0.2, 0.4, 0.8)
 """Tolerances of ``steady_rows``, of which the strictest that leaves enough rows is used."""
@@ -34,14 +34,14 @@ class SteadyPoint:
     # Quartiles of that friction [N]
     lower_quartile_n: float
     upper_quartile_n: float
-    rows: int  # How many samples the point stands for
+    rows: int  # Number of samples
 
 
 @dataclass(frozen=True)
 class StribeckPoint(SteadyPoint):
-    """Friction of steady sliding at one speed in one direction, and how well it is known."""
+    """Friction of steady sliding at one speed in one direction, with its confidence interval."""
 
-    strokes: int  # How many strokes its rows come from
+    strokes: int  # Number of strokes that its rows come from
     half_width_n: float  # Half the width of the confidence interval of ``friction_n`` [N]; NaN for a single stroke
 
     @property
@@ -60,15 +60,15 @@ class SteadySliding:
     stroke: NDArray[np.int64]  # Number of the stroke that each row belongs to, counted over all recordings
 
     def point(self) -> SteadyPoint:
-        """Return medians and quartiles."""
+        """Summarise the rows by medians and quartiles."""
         lower_n, middle_n, upper_n = np.quantile(self.friction_n, [0.25, 0.5, 0.75]).tolist()
         return SteadyPoint(float(np.median(self.velocity_m_s)), middle_n, lower_n, upper_n, len(self.velocity_m_s))
 
     def point_with_interval(self, confidence: float) -> StribeckPoint:
-        """Return the point, and how well it is known at this probability.
+        """Summarise the rows, with the confidence interval of friction at this probability.
 
-        What scatters is the median of a stroke, from stroke to stroke, with Student's t for their number; a stroke
-        counts by its rows. A single stroke shows no scatter, however many rows it has.
+        The interval comes from the scatter of the strokes' medians, weighted by their rows, with Student's t for the
+        number of strokes. A single stroke shows no scatter, however many rows it has.
         """
         _, stroke, counts = np.unique(self.stroke, return_inverse=True, return_counts=True)
         half_width_n = math.nan
@@ -80,24 +80,24 @@ class SteadySliding:
         return StribeckPoint(**vars(self.point()), strokes=len(counts), half_width_n=half_width_n)
 
     def where(self, rows: Mask) -> SteadySliding:
-        """Return some of the rows."""
+        """Select rows by a mask."""
         return SteadySliding(self.velocity_m_s[rows], self.friction_n[rows], self.stroke[rows])
 
 
 def steady_points(recordings: Sequence[Recording], slowest_m_s: float) -> list[SteadyPoint]:
-    """Return points of the friction-velocity curve, those of the rows of ``steady_sliding_by_speed``."""
+    """Find points of the friction-velocity curve from the rows of ``steady_sliding_by_speed``."""
     return [each.point() for each in steady_sliding_by_speed(recordings, slowest_m_s)]
 
 
 def steady_sliding_by_speed(
     recordings: Sequence[Recording], slowest_m_s: float, bins: int = 12, rows_per_point: int = 40
 ) -> list[SteadySliding]:
-    """Return the rows of steady sliding by speed, slowest retraction to fastest extension.
+    """Group the rows of steady sliding by speed, from the fastest retraction to the fastest extension.
 
-    Speeds are binned on a logarithmic scale, separately for each direction.
-    A hand never moves at exactly constant velocity, so that the tolerance is widened until both directions have at
-    least half the bins filled. Where even the widest leaves fewer points than a curve has parameters, as in recordings
-    of a few seconds, every row beyond presliding counts. Rows slower than ``slowest_m_s`` are at standstill.
+    Speeds are binned on a logarithmic scale, separately for each direction. A hand never moves at exactly constant
+    velocity, so the tolerance is widened until both directions have at least half the bins filled. If even the widest
+    tolerance leaves fewer points than a curve has parameters, as in recordings of a few seconds, every row beyond
+    presliding counts. Rows slower than ``slowest_m_s`` are at standstill.
     """
     slowest_m_s = max(slowest_m_s, LEAST_SPEED_M_S)
     found: list[SteadySliding] = []
@@ -121,7 +121,7 @@ def _has_slid(recording: Recording, slowest_m_s: float) -> Mask:
 
 
 def _joined(recordings: Sequence[Recording], slid: Sequence[Mask], masks: Sequence[Mask]) -> SteadySliding:
-    """Return the masked rows of all recordings; an unbroken run of rows that have slid is one stroke."""
+    """Join the masked rows of all recordings; an unbroken run of rows that have slid is one stroke."""
     chosen = np.concatenate(masks)
     return SteadySliding(
         np.concatenate([recording.column("velocity_m_s") for recording in recordings]),
@@ -138,7 +138,7 @@ def _by_speed(rows: SteadySliding, slowest_m_s: float, bins: int, rows_per_point
 
 
 def _binned(one_way: SteadySliding, slowest_m_s: float, bins: int, rows_per_point: int) -> list[SteadySliding]:
-    """Return the rows of each bin that holds enough of them, slowest first."""
+    """Bin rows by speed, slowest first; bins with too few rows are left out."""
     speed = np.abs(one_way.velocity_m_s)
     if len(speed) < rows_per_point:
         return []

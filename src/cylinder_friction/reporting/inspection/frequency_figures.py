@@ -31,7 +31,7 @@ SIGNALS = {
 
 
 def spectra(found: Mapping[str, Spectrum], cost: FilterCost | None) -> PageFigure:
-    """Return the amplitude densities of pressures or drive force, position and velocity.
+    """Draw the amplitude densities of pressures or drive force, position and velocity.
 
     The spectra are those of ``signal_spectra``. The cut-offs of the filter in use, if ``cost`` is known, are marked.
     """
@@ -81,13 +81,13 @@ def _add(figure: PageFigure, column: int, name: str, x: Array, y: Array, line: d
 
 
 def log_spaced(count: int) -> NDArray[np.intp]:
-    """Return at most ``SPECTRUM_POINTS`` of ``count`` rows, evenly spaced on a log scale."""
+    """Choose at most ``SPECTRUM_POINTS`` of ``count`` rows, evenly spaced on a log scale."""
     rows = np.geomspace(1, count, min(count, SPECTRUM_POINTS)).round().astype(np.intp) - 1
     return np.unique(rows)
 
 
 def filter_figure(costs: Sequence[FilterCost]) -> PageFigure:
-    """Return how much velocity each filter lets through, and how late it is, over frequency."""
+    """Draw each filter's gain and delay for velocity over frequency."""
     titles = "velocity out over velocity in", "how late velocity comes out"
     figure = PageFigure((1.0, 1.0), 0.09, titles=titles)
     for cost, colour in zip(costs, itertools.cycle(SERIES)):

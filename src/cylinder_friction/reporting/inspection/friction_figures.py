@@ -22,7 +22,7 @@ WIDE = 200
 
 
 def against_velocity(view: FrictionView, points: int) -> PageFigure:
-    """Return two panels: usable rows, ``points`` of them a direction, against velocity, and steady sliding against
+    """Draw two panels: usable rows, ``points`` of them a direction, against velocity, and steady sliding against
     speed on a log scale.
     """
     titles = "every usable row, thinned", "steady sliding, both directions"
@@ -42,7 +42,7 @@ def against_velocity(view: FrictionView, points: int) -> PageFigure:
 
 
 def against_position(view: FrictionView, position_m: Array, points: int) -> PageFigure:
-    """Return the force against position: its middle is load, half its width is friction."""
+    """Draw the force against position: its middle is load, half its width is friction."""
     figure = PageFigure()
     for name, colour, rows in ways(view):
         if name != "standstill":
@@ -54,7 +54,7 @@ def against_position(view: FrictionView, position_m: Array, points: int) -> Page
 
 
 def of_files(friction: Sequence[tuple[str, Mapping[str, MeanFriction]]]) -> PageFigure | None:
-    """Return the friction of every file, by title and direction, with its interval; None for fewer than two."""
+    """Draw the friction of every file, by title and direction, with its interval; None for fewer than two."""
     figure = PageFigure()
     for way, (colour, symbol) in zip(WAYS, ((BLUE, "circle"), (ORANGE, "square")), strict=True):
         known = [(number, title, each[way]) for number, (title, each) in enumerate(friction, start=1) if way in each]
@@ -77,7 +77,7 @@ def of_files(friction: Sequence[tuple[str, Mapping[str, MeanFriction]]]) -> Page
 
 
 def of_recordings(friction: Sequence[tuple[str, float | None]]) -> PageFigure | None:
-    """Return the friction of recordings in their order, by title [N]; None where fewer than two are known."""
+    """Draw the friction of recordings in their order, by title [N]; None if fewer than two are known."""
     known = [(number, title, value) for number, (title, value) in enumerate(friction, start=1) if value is not None]
     if len(known) < 2:
         return None
@@ -96,7 +96,7 @@ def of_recordings(friction: Sequence[tuple[str, float | None]]) -> PageFigure | 
 
 
 def compared(recordings: Mapping[str, Sequence[SteadyPoint]]) -> PageFigure | None:
-    """Return friction in steady sliding against velocity, one line per recording; None for fewer than two."""
+    """Draw friction in steady sliding against velocity, one line per recording; None for fewer than two."""
     figure = PageFigure()
     for number, (title, found) in enumerate(recordings.items()):
         points = sorted(found, key=lambda point: point.velocity_m_s)
@@ -123,7 +123,7 @@ def compared(recordings: Mapping[str, Sequence[SteadyPoint]]) -> PageFigure | No
 
 
 def ways(view: FrictionView) -> list[tuple[str, str, NDArray[np.intp]]]:
-    """Return name, colour and usable rows of standstill, extension and retraction."""
+    """List name, colour and usable rows of standstill, extension and retraction."""
     ways = (("standstill", PALE, 0.0), ("extending", BLUE, 1.0), ("retracting", ORANGE, -1.0))
     return [(name, colour, np.flatnonzero(view.usable & (view.direction == sign))) for name, colour, sign in ways]
 

@@ -40,7 +40,7 @@ def write_page(path: Path, panes: Sequence[Pane], made_by: Panes, offsets: Seque
 
 
 def _means(panes: Sequence[Pane]) -> list[tuple[str, str]]:
-    """Return each condition and the mean friction of its files, by direction, in words."""
+    """List each condition and the mean friction of its files, by direction, in words."""
     conditions: dict[str, dict[str, list[float]]] = {}
     for pane in panes:
         for way, friction in pane.friction.items():
@@ -54,7 +54,7 @@ def _mean(way: str, values: Sequence[float]) -> str:
 
 
 def _files(panes: Sequence[Pane]) -> Table:
-    """Return one row per file or piece: its friction, its outcome and the verdict."""
+    """Tabulate the files or pieces: friction, outcome and verdict."""
     rows: list[list[str | Cell]] = []
     for number, pane in enumerate(panes, start=1):
         subject = pane.subject

@@ -92,7 +92,7 @@ class Panes:
         self.costs: dict[float, tuple[str, list[FilterCost], list[str]]] = {}
 
     def pane(self, number: int, subject: Inspected) -> Pane:
-        """Return the pane of a subject, number ``number`` on the page; if there is no friction it states why."""
+        """Build the pane of a subject, the page's pane ``number``; if there is no friction it states why."""
         recording, name = subject.recording, f"recording-{number}"
         if recording is None:
             return Pane(name, subject, _packed(subject))
@@ -103,13 +103,13 @@ class Panes:
             view = friction_view(recording, self.labeller, method)
         except ValueError as error:
             if subject.outcome != "refused":
-                subject = subject.found(_without_friction(error, self.labeller))
+                subject = subject.with_findings(_without_friction(error, self.labeller))
         if view is not None and subject.outcome != "refused":
             cylinder, halves = self.labeller.cylinder, (view.load_n, view.half_difference_n)
             offset = offset_evidence(view.labelled, cylinder, self.plan, *halves, self.no_offset)
             friction = sliding_friction(view)
             zero_n = zero_uncertainty_n(view.labelled, cylinder)
-            subject = subject.found(friction_finding(view, friction, zero_n, self.plan))
+            subject = subject.with_findings(friction_finding(view, friction, zero_n, self.plan))
             if self.labeller.load == "position":
                 subject = replace(subject, findings=[*subject.findings, Finding("load", "ok", view.load)])
         if subject.outcome == "refused":
@@ -123,7 +123,7 @@ class Panes:
         )
 
     def _content(self, recording: Recording, view: FrictionView | None) -> dict[str, Any]:
-        """Return what the template shows of a recording that was read."""
+        """Collect the template's content for a recording that was read."""
         panels = measured_panels(recording) + (calculated_panels(view) if view is not None else [])
         lines, cloud = round(self.detail * LINE_POINTS), round(self.detail * CLOUD_POINTS)
         figures = {"time": over_time(recording.column("time_s"), panels, 2, lines)}
@@ -140,7 +140,7 @@ class Panes:
 
 
 def _without_friction(error: ValueError, labeller: Labeller) -> Finding:
-    """Return why there is no friction. A load or mass that one recording does not determine, its session may."""
+    """State why there is no friction. A session may determine a load or mass that one recording does not."""
     if labeller.needs_identification and isinstance(error, RecordingError):
         return Finding("friction", "noted", f"friction is not known from this recording alone: {error}")
     return Finding("friction", "refused", f"friction cannot be calculated: {error}")
@@ -152,7 +152,7 @@ def _packed(subject: Inspected, **content: Any) -> str:
 
 
 def measured_panels(recording: Recording) -> list[Panel]:
-    """Return the panels of what sensors gave, in bar, mm, N and °C."""
+    """List the panels of the measured signals, in bar, mm, N and °C."""
     panels: dict[str, list[Line]] = {}
     for panel, words, column, scale, unit, colour in COLUMNS:
         if column in recording.columns:
@@ -161,7 +161,7 @@ def measured_panels(recording: Recording) -> list[Panel]:
 
 
 def calculated_panels(view: FrictionView) -> list[Panel]:
-    """Return the panels of velocity and friction; friction has gaps at rows that are not usable."""
+    """List the panels of velocity and friction; friction has gaps at rows that are not usable."""
     friction_n = np.where(view.usable, view.friction_n, np.nan)
     return [
         Panel(
@@ -204,7 +204,7 @@ def _checks(subject: Inspected) -> Table:
 
 
 def stribeck_table(view: FrictionView) -> tuple[Table | None, str]:
-    """Return the curve's parameters and what they come from; without a curve the points of steady sliding, if any."""
+    """Tabulate the curve's parameters and their source; without a curve the points of steady sliding, if any."""
     points, curve = view.points, view.curve
     if curve is None:
         head = ("velocity [mm/s]", f"{view.friction_name} [N]", "± [N] (95 %)", "strokes", "rows")

@@ -1,7 +1,7 @@
 /* One instance of the estimator as FMI 2 and FMI 3 both see it: what it holds and what may be done when.
  *
  * Every function is static, so that several FMUs can be linked into one program. No function keeps anything outside
- * the instance. Where a function refuses, it returns false and the instance's message states what, got and expected.
+ * the instance. If a function refuses, it returns false and the instance's message states what, got and expected.
  */
 #ifndef FMU_INSTANCE_H
 #define FMU_INSTANCE_H

@@ -11,7 +11,7 @@ typedef struct {
     uint64_t checksum;
 } fmu_stored_head;
 
-/* Copies the instance's state into *saved, which is made where it is NULL. */
+/* Copies the instance's state into *saved, which is made if it is NULL. */
 static bool fmu_save(fmu_instance *instance, const char *what, void **saved)
 {
     if (*saved == NULL) {

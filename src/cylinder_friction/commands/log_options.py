@@ -1,0 +1,128 @@
+"""What the options on logger files state: cylinder, load and units; and the result of such a command in print."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import warnings
+from collections.abc import Callable, Sequence
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar, cast, get_args
+
+import yaml
+
+from cylinder_friction.commands.arguments import EXAMPLE_CYLINDER
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.files.whole_files import read_yaml
+from cylinder_friction.params.file import PARAMS_FILE, ParamsError
+from cylinder_friction.recordings.checks.limits import LoadMode
+from cylinder_friction.recordings.stated_load import StatedLoad
+
+if TYPE_CHECKING:
+    from cylinder_friction.estimation.identification import FrictionModels
+    from cylinder_friction.estimation.results import FrictionOfLogs
+
+Result = TypeVar("Result")
+
+
+def load_of(given: str | None) -> LoadMode | StatedLoad | None:
+    """Read how the load is known, or the constant load itself, from ``--load``.
+
+    Raises:
+        RecordingError: It is neither.
+    """
+    if given is None or given in get_args(LoadMode):
+        return cast("LoadMode | None", given)
+    return StatedLoad.parsed(given)
+
+
+def units_of(given: Sequence[str]) -> dict[str, str]:
+    """Read the units by quantity from ``--unit``.
+
+    Raises:
+        ParamsError: An entry is no ``QUANTITY=UNIT``, or a quantity has two.
+    """
+    units: dict[str, str] = {}
+    for entry in given:
+        quantity, equals, unit = (part.strip() for part in entry.partition("="))
+        if not (quantity and equals and unit) or units.setdefault(quantity, unit) != unit:
+            raise ParamsError(f"--unit {entry}: expected QUANTITY=UNIT such as pressure=bar, once per quantity")
+    return units
+
+
+def cylinder_of(given: str | None) -> Cylinder:
+    """Read the cylinder from a YAML file, from ``name=value`` pairs, or from ``params.yaml`` here.
+
+    Raises:
+        ParamsError: A key is missing or unknown, or there is no ``params.yaml``.
+    """
+    if given is None and not PARAMS_FILE.is_file():
+        raise ParamsError(
+            f"which cylinder? Give its dimensions, for example --cylinder {EXAMPLE_CYLINDER}, or a YAML file with "
+            f"these keys; there is no {PARAMS_FILE} in {Path.cwd()} to take them from"
+        )
+    if given is None:
+        params = read_yaml(PARAMS_FILE)
+        where, content = f"{PARAMS_FILE}, cylinder", params.get("cylinder", {}) if isinstance(params, dict) else {}
+    else:
+        where = f"--cylinder {given}"
+        content = yaml.safe_load("{" + given.replace("=", ": ") + "}") if "=" in given else read_yaml(Path(given))
+    needed = [each.name for each in fields(Cylinder) if each.default is MISSING]
+    optional = [each.name for each in fields(Cylinder) if each.default is not MISSING]
+    wrong = sorted(set(content if isinstance(content, dict) else {str(given): None}) - {*needed, *optional})
+    missing = sorted(set(needed) - set(content)) if not wrong else []
+    if wrong or missing:
+        raise ParamsError(
+            f"{where}: {'unknown' if wrong else 'missing'} {', '.join(wrong or missing)}; expected "
+            f"{', '.join(needed)}, and if you like {', '.join(optional)}"
+        )
+    numbers: dict[str, Any] = {name: float(each) if type(each) is int else each for name, each in content.items()}
+    return Cylinder(**numbers)
+
+
+def run_on_logs(function: Callable[..., Result], options: argparse.Namespace) -> tuple[Result, list[str]]:
+    """Call a function on the logs of ``add_log_arguments``; return its result and the warnings it gave."""
+    cylinder = cylinder_of(options.cylinder)
+    result, notes = collect_notes(
+        lambda: function(
+            options.logs,
+            cylinder,
+            options.output,
+            channels=options.channels,
+            load=load_of(options.load),
+            names=options.names,
+            units=units_of(options.unit),
+            sensor_class=options.sensor_class,
+            database=options.dbc,
+        )
+    )
+    if options.cylinder is None:
+        sizes = f"{1e3 * cylinder.bore_diameter_m:g} mm bore, {1e3 * cylinder.rod_diameter_m:g} mm rod"
+        notes.insert(0, f"the cylinder is that of params.yaml, {cylinder.name} ({sizes}); state yours by --cylinder")
+    return result, notes
+
+
+def collect_notes(function: Callable[[], Result]) -> tuple[Result, list[str]]:
+    """Call a function; return its result and the warnings it gave."""
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", UserWarning)
+        result = function()
+    return result, [str(each.message) for each in caught]
+
+
+def print_result(
+    result: FrictionOfLogs | FrictionModels,
+    notes: Sequence[str],
+    as_json: bool,
+    lines: Sequence[str],
+    page: str,
+    beside: Sequence[str] = (),
+) -> None:
+    """Print a result as JSON, or its notes, ``lines``, refused files and, with ``beside``, where everything lies."""
+    if as_json:
+        print(json.dumps({**result.to_dict(), "notes": notes}, indent=2))
+        return
+    refused = [f"{each.file}: refused: {each.reason}" for each in result.refused]
+    where = [f"files    {result.folder}", f"page     {result.folder / page}"]
+    print("\n".join([*(f"note     {note}" for note in notes), *lines, *refused, "", *beside, *where]))
