@@ -149,7 +149,7 @@ SAMPLES = {
     "decimal_comma": Sample("csv", write_decimal_comma),
     "csv_gz": Sample("csv", write_csv_gz),
     "matlab5": Sample("matlab", write_matlab5),
-    "matlab73": Sample("matlab73", write_matlab73),
+    "matlab73": Sample("matlab", write_matlab73),
     "mdf4": Sample("mdf", write_mdf4),
     "tdms": Sample("tdms", write_tdms),
     "hdf5": Sample("hdf5", write_hdf5),

@@ -140,17 +140,22 @@ def oldest_first(table: LoggedTable) -> LoggedTable:
     return replace(table, channels=turned, notes=(*table.notes, "its newest row comes first; turned round"))
 
 
+def steps_of(values: NDArray[Any]) -> NDArray[Any]:
+    """Take the differences of numbers or dates, without what is missing."""
+    known = values[~pd.isna(values)]
+    return np.diff(known.astype(np.int64) if known.dtype.kind in "Miu" else known)
+
+
 def _way(values: NDArray[Any]) -> int:
     """Return 1 for values that rise, -1 for values that fall, 0 for others."""
-    known = values[~pd.isna(values)]
-    if len(known) < FEWEST_ROWS:
+    steps = steps_of(values)
+    if len(steps) < FEWEST_ROWS - 1:
         return 0
-    steps = np.diff(known.astype(np.int64) if known.dtype.kind == "M" else known.astype(np.float64))
     return int((steps > 0).mean() >= NEVER_FALLS) - int((steps < 0).mean() >= NEVER_FALLS)
 
 
 def repeated_names(names: Sequence[str]) -> set[str]:
-    """Return names that occur again behind another column: they may be those of time columns."""
+    """Find names that occur again behind another column: they may be those of time columns."""
     counts = Counter(names)
     adjacent = {one for one, other in pairwise(names) if one == other}
     return {name for name, count in counts.items() if name and count > 1} - adjacent
@@ -200,8 +205,7 @@ def _are_clocks(columns: list[Column], name: str) -> bool:
 def _rises(values: NDArray[Any]) -> bool | None:
     if values.dtype.kind not in "iufM":
         return False
-    stamps = values[~np.isnat(values)].astype(np.int64) if values.dtype.kind == "M" else values[np.isfinite(values)]
-    if not len(stamps):
+    if pd.isna(values).all():
         return None
-    steps = np.diff(stamps)
+    steps = steps_of(values)
     return bool((steps > 0).any() and (steps >= 0).mean() >= NEVER_FALLS)

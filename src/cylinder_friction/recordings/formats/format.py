@@ -61,16 +61,10 @@ class Format:
     takes: tuple[str, ...] = ()
     starts: tuple[bytes, ...] = ()  # How its files begin
     fits: Callable[[bytes], bool] | None = None  # Whether a file with this head has the format, beyond ``starts``
-    setting: str = ""  # What a configuration calls it, if two formats share that; empty for its name
     library: str = ""  # The library that only this format needs, and the extra of this package that brings it
     extra: str = ""
     # What crashes over a damaged file, in messages. Such a format is read in an isolated process; others are not.
     crashes: str = ""
-
-    @property
-    def configured(self) -> str:
-        """The name by which a configuration asks for it."""
-        return self.setting or self.name
 
     def refuse_missing_library(self) -> None:
         """Raise ``RecordingError`` with the command that installs the library this format needs."""

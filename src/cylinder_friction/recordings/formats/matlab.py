@@ -7,10 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cylinder_friction.extras import not_installed
 from cylinder_friction.recordings.formats.channels import Channel, Found, column_arrays, numeric, tables_by_length
 from cylinder_friction.recordings.formats.format import Format, LoggedTable
 from cylinder_friction.recordings.formats.hdf5 import SIGNATURE
 from cylinder_friction.recordings.formats.source import FileSource
+from cylinder_friction.recordings.recording import RecordingError
+
+VERSION_5 = b"MATLAB 5.0 MAT-file"
 
 
 def walk(name: str, value: Any, found: Found, unit: str = "") -> None:
@@ -65,10 +69,12 @@ def walk_struct(name: str, struct: Mapping[str, Any], found: Found, unit: str = 
 
 
 def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Return the file's vectors, matrices and structs as channels; those of one length share a table.
+    """Read the file's vectors, matrices and structs as channels; those of one length share a table.
 
     Single values, text and objects are no channels and only named, as ``unread``.
     """
+    if not source.head.startswith(VERSION_5):
+        return _read_73(source, wanted)
     import scipy.io  # only MATLAB files need it
 
     handle: Any = source.handle()
@@ -89,9 +95,11 @@ def _tree(value: Any) -> Any:
     return value
 
 
-def read_matlab73(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Return a file's channels as ``read_matlab`` does."""
-    import h5py
+def _read_73(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
+    try:
+        import h5py
+    except ImportError:
+        raise RecordingError(f"reading a MATLAB 7.3 file needs {not_installed('h5py', 'hdf5')}") from None
 
     with h5py.File(source.handle(), "r") as file:
         found = Found()
@@ -147,16 +155,10 @@ def _rows(node: Any) -> int:
 
 
 FORMAT = Format(
-    "matlab", "a MATLAB file", read_matlab, starts=(b"MATLAB 5.0 MAT-file",), crashes="SciPy's MATLAB reader"
-)
-FORMAT_73 = Format(
-    "matlab73",
-    "a MATLAB 7.3 file",
-    read_matlab73,
-    starts=(b"MATLAB 7.3 MAT-file",),
+    "matlab",
+    "a MATLAB file",
+    read_matlab,
+    starts=(VERSION_5, b"MATLAB 7.3 MAT-file"),
     fits=lambda head: head[512:].startswith(SIGNATURE),
-    setting="matlab",
-    library="h5py",
-    extra="hdf5",
-    crashes="the HDF5 library",
+    crashes="the MATLAB reader",
 )

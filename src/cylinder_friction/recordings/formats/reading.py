@@ -21,13 +21,12 @@ FORMATS = {
         mdf.FORMAT,
         tdms.FORMAT,
         hdf5.FORMAT,
-        matlab.FORMAT_73,  # HDF5 too, behind a block with MATLAB's name
         parquet.FORMAT,
         excel.FORMAT,
     )
 }
 """Every format by its name."""
-SETTINGS = tuple(dict.fromkeys(each.configured for each in FORMATS.values()))
+SETTINGS = tuple(FORMATS)
 """What ``format`` may be in a configuration, beside ``auto``."""
 MOST_WHOLE = 2 * 10**9
 """A file of a format that is not read in parts is read up to this size [bytes]."""
@@ -60,7 +59,7 @@ def format_of(head: bytes, setting: str = "auto", suffix: str = "") -> Format:
     """
     if setting not in ("auto", *SETTINGS):
         raise ValueError(f"format {setting!r} is not known; expected auto or one of {', '.join(SETTINGS)}")
-    possible = [each for each in FORMATS.values() if setting in ("auto", each.configured)]
+    possible = [each for each in FORMATS.values() if setting in ("auto", each.name)]
     found = [each for each in possible if head.startswith(each.starts)] or [
         each for each in possible if each.fits and each.fits(head)
     ]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.channels import Channel, numeric, table_of
+from cylinder_friction.recordings.formats.clocks import steps_of
 from cylinder_friction.recordings.formats.format import Format, LoggedTable
 from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.mapping.channel_words import words_of
@@ -75,7 +76,7 @@ def _is_clock(channel: Any, name: str) -> bool:
     if channel.dtype.kind not in "iufM":
         return False
     values = np.asarray(channel[:FIRST_ROWS])
-    steps = np.diff(values.astype("datetime64[ns]").astype(np.int64) if values.dtype.kind == "M" else values)
+    steps = steps_of(values)
     if len(steps) < 3 or (steps > 0).mean() < NEVER_FALLS:
         return False
     stated = words_of(name).quantity == "time" or quantity_of(_unit(channel)) == "time" or values.dtype.kind == "M"

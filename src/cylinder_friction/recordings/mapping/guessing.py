@@ -1,5 +1,6 @@
 """A first mapping of a file that nobody has described yet: guesses from names, units and values, with their reasons."""
 
+import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -84,7 +85,7 @@ class GuessedMapping:
     stamps: dict[str, ChannelFacts] = field(default_factory=dict)  # Time channel of each column that has one
 
     def mapped(self, column: str) -> ChannelMapping:
-        """Return the mapping of a column for which a channel was found, or of time whose rate was given."""
+        """Make the mapping of a column for which a channel was found, or of time whose rate was given."""
         guessed = self.columns[column]
         if guessed.rate_hz is not None:
             return ChannelMapping(rate_hz=guessed.rate_hz)
@@ -93,14 +94,14 @@ class GuessedMapping:
         return ChannelMapping(guessed.channel.name, guessed.unit, table=table, time=time)
 
     def place_of(self, column: str) -> tuple[str, str]:
-        """Return which table and which time channel a mapping must name for a column; empty if it need not."""
+        """Tell which table and which time channel a mapping must name for a column; empty if it need not."""
         channel, stamp, main = self.columns[column].channel, self.stamps.get(column), self.columns[TIME].channel
         several = channel is not None and column != TIME and channel.name in self.ambiguous
         own = stamp is not None and main is not None and stamp.name != main.name
         return channel.table_name if channel and several else "", stamp.name if stamp and own else ""
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the guess of every column with its reasons, and what to check, as JSON-compatible values."""
+        """Give the guess of every column with its reasons, and what to check, as JSON-compatible values."""
         return {
             name: {
                 "channel": each.channel.name,
@@ -120,7 +121,7 @@ def guess_mapping(
     cylinder: Cylinder | None = None,
     units: Mapping[str, str] | None = None,
 ) -> GuessedMapping:
-    """Return a first mapping of a file, as far as names, units and values determine one.
+    """Guess a first mapping of a file, as far as names, units and values determine one.
 
     Args:
         tables: The file's, with all channels loaded.
@@ -171,13 +172,11 @@ def _time_unknown(ranked: Ranked, facts: Sequence[ChannelFacts]) -> str:
     if ranked and (ranked[0][0].dates or ranked[0][0].unit or ranked[0][0].words.quantity == "time"):
         return ""
     rate = "state the rate of the rows: --unit time=200Hz, or time_s: {rate_hz: 200} in the mapping"
-    unread = next(
-        (each for each in facts if each.words.quantity == "time" and each.text and each.low != each.low), None
-    )
-    if unread is not None:
+    unread = (each for each in facts if each.words.quantity == "time" and each.text and math.isnan(each.low))
+    if unreadable := next(unread, None):
         return (
-            f"{unread.name!r} is named like time, but its cells cannot be read, such as {unread.text[:40]!r}; expected "
-            f"dates, times of day, durations or numbers; correct them, or {rate}"
+            f"{unreadable.name!r} is named like time, but its cells cannot be read, such as {unreadable.text[:40]!r}; "
+            f"expected dates, times of day, durations or numbers; correct them, or {rate}"
         )
     count = next((each for each in facts if each.counts and not each.unit), None)
     if count is None or ranked:
@@ -191,12 +190,9 @@ def _time_unknown(ranked: Ranked, facts: Sequence[ChannelFacts]) -> str:
 def _refuse_row_per_tag(tables: Sequence[LoggedTable], clocks: Sequence[ChannelFacts]) -> None:
     """Refuse a table with one row per value: a column of names that recur, and a column of values."""
     for table in tables:
-        for place, tags in enumerate(map(str, table.channels.columns)):
-            cells = table.channels.iloc[:, place]
-            names = (
-                list(dict.fromkeys(cell for cell in cells if isinstance(cell, str))) if cells.dtype.kind == "O" else []
-            )
-            values = [str(name) for name in table.channels if _VALUES.search(str(name)) and str(name) != tags]
+        for tags, cells in table.channels.items():
+            names = list(dict.fromkeys(cell for cell in cells if isinstance(cell, str)))
+            values = [str(name) for name in table.channels if _VALUES.search(str(name)) and name != tags]
             if not 2 <= len(names) <= MOST_TAGS or len(cells) < LEAST_RECURRENCE * len(names) or not values:
                 continue
             finest = max((clock.name for clock in clocks), key=lambda name: table.channels[name].nunique(), default="")
