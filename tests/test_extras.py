@@ -92,7 +92,7 @@ NEEDED = {
     "params experiment=smoke": "pipeline",
     "stage record": "pipeline",
     "lineage models:/friction-estimator/1": "pipeline",
-    "serve models:/friction-estimator/1": "serve",
+    "serve models:/friction-estimator/1 --port 0": "serve",
     "ui": "serve",
     "track": "pipeline",
 }

@@ -93,7 +93,7 @@ def test_a_folder_with_something_in_it_is_left_alone(project: Path, capsys: pyte
         ("stage record", f"HERE/params.yaml: not there; {IN_A_PROJECT}"),
         ("lineage", f"HERE/params.yaml: not there; {IN_A_PROJECT}"),
         ("rollback", f"HERE/params.yaml: not there; {IN_A_PROJECT}"),
-        ("serve", f"HERE/params.yaml: not there; {IN_A_PROJECT}"),
+        ("serve --port 0", f"HERE/params.yaml: not there; {IN_A_PROJECT}"),
         ("estimate log.csv", NO_CYLINDER),
         ("identify log.csv", NO_CYLINDER),
         ("summary", "HERE/reports/table.md: not there; run `dvc repro` first in a project's folder\n"),

@@ -383,9 +383,12 @@ def test_a_new_champion_of_a_server_is_served_after_a_restart_and_its_lineage_ho
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["{folder}/none"], "expected models:/NAME@ALIAS, models:/NAME/VERSION, or a folder with an MLmodel in it"),
+        (
+            ["{folder}/none", "--port", "0"],
+            "expected models:/NAME@ALIAS, models:/NAME/VERSION, or a folder with an MLmodel in it",
+        ),
         (["{folder}", "--port", "{taken}"], "Address already in use; name another one with --port"),
-        ([CHAMPION], "there is no such store; run `dvc repro`"),
+        ([CHAMPION, "--port", "0"], "there is no such store; run `dvc repro`"),
     ],
 )
 def test_what_cannot_be_served_is_refused_in_a_sentence(

@@ -310,7 +310,8 @@ def test_wrong_certificates_are_named(service: LiveService, tmp_path: Path) -> N
     junk.write_text("junk", "ascii")
 
     async def start(certificate: Path) -> None:
-        async with OpcUaLink(OpcUaServerSettings(certificate=certificate, private_key=junk)).running(service, Peers()):
+        settings = OpcUaServerSettings(port=free_port(), certificate=certificate, private_key=junk)
+        async with OpcUaLink(settings).running(service, Peers()):
             pass
 
     with pytest.raises(OSError, match=r"missing\.der"):
