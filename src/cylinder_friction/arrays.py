@@ -1,4 +1,4 @@
-"""Types of arrays, the runs of a mask, and what is found over a window that slides along values."""
+"""Types of arrays, runs of a mask, and extremes and means over sliding windows."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ import math
 from dataclasses import asdict, dataclass
 
 _LONGEST_M = {"bore_diameter_m": 3.0, "rod_diameter_m": 3.0, "rod_diameter_1_m": 3.0, "stroke_m": 30.0}
-"""No hydraulic cylinder is longer or wider; such a number is almost certainly in millimetres."""
+"""Largest dimensions of a hydraulic cylinder; a larger number is almost certainly in millimetres."""
 
 ONE_CHAMBER = (
     "friction is computed from the pressures of two chambers, and a plunger has one: log pressure times area as a "
@@ -27,7 +27,7 @@ class Cylinder:
         bore_diameter_m: Piston diameter [m].
         rod_diameter_m: Diameter of the rod on side 2 [m], smaller than the bore.
         stroke_m: Length of travel [m]; position runs from 0 (retracted) to this.
-        moving_mass_kg: Piston, rods and whatever moves rigidly with them [kg].
+        moving_mass_kg: Mass of piston, rods and everything that moves rigidly with them [kg].
         rod_diameter_1_m: Diameter of the rod on side 1 [m], smaller than the bore; 0 without a rod there.
 
     Raises:

@@ -1,4 +1,4 @@
-"""DVC's hashes of data: those that ``dvc.lock`` states, and of what lies on disk."""
+"""DVC's hashes of data: as stated in ``dvc.lock``, and of files on disk."""
 
 import os
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ LOCK_FILE = "dvc.lock"
 
 
 def locked_hashes(text: str) -> dict[str, str]:
-    """Read ``{path: md5}`` of every output and dependency in a ``dvc.lock``; outputs have the last word.
+    """Read ``{path: md5}`` of every output and dependency in a ``dvc.lock``; outputs take precedence.
 
     Raises:
         ValueError: It is not as DVC writes it.

@@ -1,4 +1,4 @@
-"""Libraries that only some work needs: which extra of the package brings each, and the message if it is missing."""
+"""Optional libraries: the extra of the package that brings each, and the message if it is missing."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ BROUGHT_BY = {
     "distributed": ("cluster",),
     "threadpoolctl": ("cluster",),
 }
-"""Module to extras, the smallest first, for everything but the readers of formats, which name theirs themselves."""
+"""The extras that bring each module, the smallest first; readers of formats name theirs themselves."""
 
 
 class MissingExtraError(RefusalError, ModuleNotFoundError):
@@ -36,7 +36,7 @@ def not_installed(package: str, extra: str) -> str:
 def explained(wanted: str = "") -> Iterator[None]:
     """Raise ``MissingExtraError`` if the block, or the function below, imports a library that is not installed.
 
-    It names the extra that is ``wanted`` for everything that is done here, if that brings the library.
+    The error names the extra ``wanted``, which brings everything for this work, if that extra brings the library.
     """
     try:
         yield

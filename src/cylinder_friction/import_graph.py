@@ -1,4 +1,4 @@
-"""The import graph: which files of a package, and of the packages it uses, decide what a module does."""
+"""The import graph: the files of a package, and of the packages it uses, that decide what a module does."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pathlib import Path
 
 SOURCE = Path(__file__).parents[1]
 PACKAGES: Mapping[str, Path] = {"cylinder_friction": SOURCE}
-"""Package to the folder that holds it. A project that builds on this package adds its own, so that both count."""
+"""The folder of each package. A project that builds on this package adds its own, so that both count."""
 _DOTTED = re.compile(r"\w+(\.\w+)+")
 _LONGEST_PATH = 100
 
@@ -31,7 +31,7 @@ def used_files(*modules: str, packages: Mapping[str, Path] = PACKAGES) -> tuple[
 
     Imports inside functions count, imports for type checking do not. A string that names a module, or a file or a
     folder of data beside the module (templates, C sources, a worker script), counts as an import. The ``__init__``
-    of a surrounding package counts where importing it does anything.
+    of a surrounding package counts if importing it does anything.
 
     Args:
         modules: Dotted names.
@@ -68,7 +68,7 @@ def imported_modules(module: str, packages: Mapping[str, Path] = PACKAGES, *, ty
 
     Args:
         module: Dotted name.
-        packages: Package to the folder that holds it.
+        packages: The folder of each package.
         type_checking: Whether imports under ``if TYPE_CHECKING`` count.
     """
     path = module_path(module, packages)
@@ -76,10 +76,10 @@ def imported_modules(module: str, packages: Mapping[str, Path] = PACKAGES, *, ty
 
 
 def remove_stale_machine_code(packages: Mapping[str, Path] = PACKAGES) -> None:
-    """Remove what Numba keeps beside the packages' modules if a file that decides what they do is newer.
+    """Remove Numba's cache files beside modules if a file that decides what the modules do is newer.
 
-    Numba itself looks at the file of a function, not at those of the functions and constants in it: after a change of
-    one of these it would go on running what it compiled before.
+    Numba checks only the file of a function, not those of the functions and constants that it uses: after a change of
+    these it would continue to run the old machine code.
     """
     for kept in chain.from_iterable((each / name).rglob("__pycache__/*.nbi") for name, each in packages.items()):
         source = kept.parent.parent / f"{kept.name.partition('.')[0]}.py"

@@ -1,4 +1,4 @@
-"""What a stage did, as a file: the one source from which its MLflow run is logged, now or later."""
+"""The record of a stage as a file, the only source of its MLflow run, logged now or later."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ STAGES = (
 RUNS_FOLDER = Path("reports/runs")
 """One ``<stage>.json`` each: the stage's ``RunRecord``."""
 _CIRCUMSTANCES = ("took", "commit", "pipeline")
-"""Fields that do not count when two records are compared: the same results at another commit are the same run."""
+"""Fields that are ignored in comparisons of records: equal results at another commit are the same run."""
 
 
 def records_in(root: Path) -> dict[str, RunRecord]:

@@ -100,7 +100,7 @@ def test_a_long_log_with_its_newest_row_first_is_refused_and_a_short_one_turned_
 ) -> None:
     made_log(ROWS)[::-1].to_csv(tmp_path / "log.csv", index=False)
     refused = list(recordings_of({"log.csv": tmp_path / "log.csv"}, recipe(cylinder), PART))
-    words = "where a log too long to be read at once has its newest row first, sort it by time"
+    words = "if a log too long to be read at once has its newest row first, sort it by time"
     assert all(isinstance(each, Quarantined) and each.reason.endswith(words) for each in refused)
     (whole,) = parts_of(tmp_path / "log.csv", recipe(cylinder), None)
     assert len(whole) == ROWS

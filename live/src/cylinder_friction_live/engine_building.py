@@ -54,6 +54,7 @@ def built_engine(estimator: FrictionEstimator, engines: Path) -> Path:
         ValueError: The estimator has no real-time step.
         NoCompilerError: There is no C compiler, or it refused the source.
     """
+    # Late, like the estimator below: only the first start with a model needs them, and a restart must be quick
     from cylinder_friction.deployment.c_export.compiled import OPTIMISED, compile_shared, compiler_version
     from cylinder_friction.deployment.c_export.export import export_c
 

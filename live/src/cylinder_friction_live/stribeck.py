@@ -48,9 +48,8 @@ def stribeck_lines(path: Path) -> Lines:
 
 
 def _line(parameters: Mapping[str, Any]) -> dict[str, list[float]]:
-    from cylinder_friction.friction_models.stribeck import (
-        StribeckCurve,
-    )  # a service without curves need not wait for it
+    # Late: a service without curves need not wait for SciPy
+    from cylinder_friction.friction_models.stribeck import StribeckCurve
 
     known = {name: value for name, value in parameters.items() if value is not None}
     curve = StribeckCurve(**({"static_n": known["coulomb_n"]} | _NO_RISE | known))

@@ -1,4 +1,4 @@
-"""Models as commands name them: a folder, or what is registered."""
+"""Models in commands: a folder, or a registered model."""
 
 from pathlib import Path
 
@@ -6,7 +6,7 @@ from pathlib import Path
 def model_folder(given: str, scratch: Path) -> tuple[Path, str]:
     """Find the folder of a saved estimator, and its name: the path, or the version that an alias names.
 
-    A registered one's is copied below ``scratch``.
+    The folder of a registered model is copied below ``scratch``.
     """
     if not given.startswith("models:/"):
         return Path(given), str(Path(given).resolve())

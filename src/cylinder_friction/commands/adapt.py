@@ -1,4 +1,4 @@
-"""The command ``adapt``: a model for another cylinder, from one that exists and a few logger files."""
+"""The command ``adapt``: make a model for another cylinder from an existing one and a few logger files."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def run(options: argparse.Namespace) -> None:
 def _adapt_to_logs(
     model: Path, name: str, files: list[str], cylinder: Cylinder, into: Path, *, channels: Path | None, **reading: Any
 ) -> dict[str, Any]:
-    """Write the model of a cylinder, made from a saved hybrid and logs that are read as ``estimate`` reads them.
+    """Adapt a saved hybrid to a cylinder by logs that are read as ``estimate`` reads them, and write the new model.
 
     A load that position decides is identified and becomes part of the model.
     """
@@ -61,7 +61,7 @@ def _adapt_to_logs(
         recordings = read_recordings(files, channels, cylinder, **reading)
         measured: LoadMode = "measured" if LOAD_FORCE in recordings[0].columns else "none"
         mode, load = reading["load"] or measured, None
-        if isinstance(mode, StatedLoad):  # part of the model, as no sensor tells it
+        if isinstance(mode, StatedLoad):  # part of the model, as no sensor measures it
             load = PositionLoad(
                 0.0, cylinder.stroke_m, np.full(2, mode.force_n), np.full(2, RECTANGULAR * mode.within_n)
             )

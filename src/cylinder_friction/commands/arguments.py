@@ -31,7 +31,7 @@ COMMANDS = {
 }
 EXAMPLE_CYLINDER = "bore_diameter_m=0.063,rod_diameter_m=0.028,stroke_m=0.25,moving_mass_kg=6"
 FEW_FILES = 200
-"""Fewer logs are read before other processes would have begun."""
+"""Number of logs from which other processes pay; fewer are read before processes would have started."""
 _STAGES_FOLDER = Path(__file__).parents[1] / "stages"
 
 

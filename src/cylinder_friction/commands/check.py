@@ -1,4 +1,4 @@
-"""The command ``check``: refuse what ``dvc repro`` would fail at, be it after hours."""
+"""The command ``check``: find what would make ``dvc repro`` fail, possibly after hours."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ def run(_options: argparse.Namespace) -> None:
 
 
 def problems_of(params: Params) -> Iterator[str]:
-    """Yield what parameters, each valid by itself, cannot do on this machine and in this folder."""
+    """Yield the problems of valid parameters on this machine and in this folder."""
     yield from _git()
     yield from _candidate(params.register_.candidate)
     for name, device in (("search", params.search.device), ("train", params.train.device)):
         if device == "cuda":
-            import torch  # slow, and only asked for here
+            import torch  # an extra, and slow
 
             if not torch.cuda.is_available():
                 yield f"{name}.device: is 'cuda', but PyTorch finds no CUDA device; use 'auto' or 'cpu'"

@@ -25,13 +25,13 @@ EXTRAS = {
     "ui": "serve",
     **dict.fromkeys(("stage", "params", "track", "lineage", "promote", "rollback"), "pipeline"),
 }
-"""Command to the extra that brings all it needs; the others need the core."""
+"""Commands that need an extra, and the extra; the others need only the core."""
 LOOK = "check the path"
 ADVICE = {
     **dict.fromkeys((errno.EROFS, errno.EACCES, errno.EPERM), "choose a place where you may read and write"),
     **dict.fromkeys((errno.ENOSPC, errno.EDQUOT), "make room, then run the same command again"),
 }
-"""What to do, by the operating system's number of an error."""
+"""Advice on errors of the operating system, by their numbers."""
 REFUSALS = RefusalError, FileNotFoundError, FileExistsError
 """Errors whose message is all that the user of any command needs."""
 INTERRUPTED = 130  # Exit status after Ctrl-C, as in shells
@@ -77,7 +77,7 @@ def _run(given: Sequence[str]) -> int:
     except KeyboardInterrupt:
         return INTERRUPTED
     name = " ".join(["cylinder-friction", options.command, *([options.what] if "what" in options else [])])
-    warnings.formatwarning = lambda message, *_, **__: f"{name}: note: {message}\n"  # the line of code helps nobody
+    warnings.formatwarning = lambda message, *_, **__: f"{name}: note: {message}\n"  # without the line of code
     work: Any = None
     try:
         with explained(EXTRAS.get(first, "")):
@@ -145,7 +145,7 @@ def _add_command(commands: Subparsers, name: str, words: str, work: Any) -> argp
 
 
 class _Version(argparse.Action):
-    """Prints the version and ends; it is looked up only then."""
+    """Prints the version and ends."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         print(f"cylinder-friction {version('cylinder-friction')}")

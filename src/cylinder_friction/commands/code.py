@@ -23,7 +23,7 @@ def write_code(folder: Path) -> None:
     """Write ``code.yaml`` into a folder: after a change of code DVC runs exactly the stages whose entry has changed."""
     codes = {"cylinder-friction": version("cylinder-friction")}
     codes |= {stage: code_key(f"cylinder_friction.stages.{stage}") for stage in STAGES}
-    for stage in ("baselines", "compare"):  # which make and load estimators of other packages
+    for stage in ("baselines", "compare"):  # these stages make and load estimators of other packages
         codes[stage] += own_code()
     write_text(folder / CODE_FILE, HEADER + yaml.safe_dump(codes, sort_keys=False))
 
@@ -33,12 +33,12 @@ def run(_options: argparse.Namespace) -> None:
     if not (folder / "dvc.yaml").is_file():
         raise ParamsError(f"{folder / 'dvc.yaml'}: not there; {IN_A_PROJECT}")
     _refuse_missing_logs()
-    remove_stale_machine_code()  # so that what a stage runs is what its hash names
+    remove_stale_machine_code()  # so that a stage runs the code of its hash
     write_code(folder)
 
 
 def _refuse_missing_logs() -> None:
-    """Refuse a configuration of own logs before they are there: DVC would only name the missing path."""
+    """Refuse a configuration for own logs if these are missing, since DVC would only name the missing path."""
     params = load_params()
     source = Path(params.ingest.source)
     if params.record.recordings == 0 and not source.exists():

@@ -27,20 +27,20 @@ Parameters are in `conf/`, composed by `cylinder-friction params` into `params.y
   Commit it with everything else, so that `cylinder-friction lineage` finds the way back from a model.
 """
 IGNORED_IN_A_CHECKOUT = f"/{CODE_FILE}\n"
-"""In a checkout git holds the code itself. A project commits the hashes instead."""
+"""Git holds the code itself in a checkout, so only a project commits the hashes."""
 
 
 def make_project(folder: Path) -> None:
-    """Write a project's files into a new folder, and make it a git repository where git is there and none is around.
+    """Write a project's files into a new folder, and make it a git repository unless it is in one or git is missing.
 
     Raises:
-        FileExistsError: There is something in the folder.
+        FileExistsError: The folder is not empty.
     """
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise FileExistsError(f"{folder}: there is something already; name a new folder, or an empty one")
     try:
         _fill(folder)
-    except BaseException:  # a full disk, Ctrl-C: half a project would be taken for a whole one
+    except BaseException:  # a full disk or Ctrl-C must not leave half a project
         shutil.rmtree(folder, ignore_errors=True)
         raise
 

@@ -1,7 +1,7 @@
-"""Not a stage, but beside ``ingest``: the same files by the same rules, looked at instead of written.
+"""The command ``inspect``: check the files that ``ingest`` would read, by the same rules, and draw a page.
 
-In a project the rules are those of ``params.yaml`` and overrides; with ``--cylinder`` or ``--channels``, and outside a
-project, those of ``estimate``.
+In a project the rules come from ``params.yaml`` and overrides; with ``--cylinder`` or ``--channels``, and outside a
+project, they are those of ``estimate``.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from cylinder_friction.stages.offset import plan_from
 def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
     """Write the page of a file, or of the files of a folder, by the rules of a project.
 
-    Files of a folder are those that ``ingest.pattern`` matches. Memory holds the signals of one file at a time.
+    In a folder, ``ingest.pattern`` selects the files. The signals of only one file are in memory at a time.
 
     Returns:
         The report, and whether anything was refused.
@@ -67,7 +67,7 @@ def _inspect_files(files: Mapping[str, Path], recipe: Recipe, making: Panes, pag
 
 
 def _without_project(options: argparse.Namespace) -> tuple[str, bool]:
-    """Inspect logs as ``estimate`` reads them; the warnings of a guessed mapping stand before the report."""
+    """Inspect logs as ``estimate`` reads them; warnings of a guessed mapping come before the report."""
     overrides = [each for each in options.overrides if "=" in each]
     if overrides:
         raise ParamsError(

@@ -1,4 +1,4 @@
-"""What the options on logger files state: cylinder, load and units; and the result of such a command in print."""
+"""Options on logger files (cylinder, load, units), and the printed result of a command on logger files."""
 
 from __future__ import annotations
 
@@ -30,7 +30,8 @@ def load_of(given: str | None) -> LoadMode | StatedLoad | None:
     """Read how the load is known, or the constant load itself, from ``--load``.
 
     Raises:
-        RecordingError: It is neither.
+        RecordingError: It is neither a mode nor a load in newtons.
+
     """
     if given is None or given in get_args(LoadMode):
         return cast("LoadMode | None", given)

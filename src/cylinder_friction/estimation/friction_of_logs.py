@@ -77,7 +77,7 @@ class RecordingFriction:
     labeller: Labeller
     filter: SignalFilter
     plan: OffsetPlan
-    # What friction comes from, or where it is saved; None: the label, less the sensors' offset if it is known
+    # The estimator, or its folder; None: friction is the label, less the sensors' offset if it is known
     model: FrictionEstimator | Path | None
     stated_load: str = ""  # The constant load that was stated, in words; empty if none was
 
@@ -210,8 +210,8 @@ class LabelledLogs:
         logs: The files.
         cylinder: Whose recordings they are.
         scratch: A folder that may be removed afterwards.
-        model: What friction comes from, or where it is saved; None: the off-line label, less the sensors' offset if it
-            is known.
+        model: The estimator, or its folder; None: friction is the off-line label, less the sensors' offset if it is
+            known.
         rows_at_once: A log of more rows is cut into parts of about this many.
         workers: Work on recordings side by side; None: one after the other, here.
 

@@ -67,7 +67,7 @@ class IdentifiedParameter:
     meaning: str
     value: float | None  # In its unit; None if the motion does not determine it
     interval: tuple[float, float] | None  # Confidence interval, in its unit; None without value, or if not searched
-    note: str = ""  # Why there is no value, or where it comes from if not from the search
+    note: str = ""  # Why there is no value, or its source if that is not the search
 
 
 @dataclass(frozen=True)

@@ -165,7 +165,7 @@ class OffsetModel:
         return self._shifted(mean_n, _common_n(self.sessions.values()))
 
     def _shifted(self, mean_n: float, common_n: float) -> Self:
-        """Return the model with a mean offset moved into friction, where it is as uncertain as ``common_n``."""
+        """Return the model with the mean offset moved into friction, with the uncertainty ``common_n``."""
         coefficients = list(self.coefficients)
         coefficients[len(coefficients) - len(self.even_places)] += mean_n / self.level_n
         sessions = {
@@ -316,7 +316,7 @@ def fit_offset_model(
     """Return friction common to the sessions of a cylinder, and the offset of each session, all found together.
 
     The recordings are labelled. Sliding is explained by speed and position, and by pressures, oil temperature and a
-    measured load where they are among ``columns`` and every recording has them. A session alone, or strokes in one
+    measured load if they are among ``columns`` and every recording has them. A session alone, or strokes in one
     direction alone, do not separate offset from asymmetry or from friction's level: the offset then stays as uncertain
     as the plan's asymmetry or the stated zeros make it. A session has one zero: recordings zeroed each for itself share
     what is left on average.

@@ -268,7 +268,7 @@ def load_settings(path: Path) -> dict[str, Any]:
 
 
 def _places(path: Path, below: Path) -> list[Path]:
-    """Return where a file under ``defaults`` may lie: beside the mapping, or as this package brings it."""
+    """List the places of a file under ``defaults``: beside the mapping, and in this package."""
     return [path.parent / below, _PACKAGE / "project/conf/ingest" / below, _PACKAGE.parents[1] / "conf/ingest" / below]
 
 

@@ -1,1 +1,1 @@
-"""What people look at: pages, figures and tables. It draws and computes nothing."""
+"""Pages, figures and tables. This package draws, and computes nothing."""

@@ -33,10 +33,9 @@ def error_table(
 ) -> Table:
     """Tabulate Table II: percent of mean |friction| and newtons, by estimator and condition.
 
-    The smallest error of a condition stands out, and every error that it is not clearly better than.
-
-    ``scores`` are against the label or the truth, never both; ``against`` names which, for the head, which also states
-    each denominator. ``published`` adds the paper's own rows below, which come from other data.
+    The smallest error of a condition is bold, and so is every error that it is not clearly better than. ``scores`` are
+    against the label or the truth, never both; ``against`` names the reference for the head, which also states each
+    denominator. ``published`` adds the paper's own rows below, which come from other data.
     """
     names = list(scores)
     head: list[str | Cell] = ["Estimator"]
@@ -272,7 +271,7 @@ def audit_table(groups: Mapping[tuple[str, ...], Mapping[str, Any]]) -> Table:
 def markdown_tables(comparison: Comparison, published: bool = False) -> str:
     """Write Table II as Markdown, against true friction if it is known, and against the label.
 
-    With ``published`` the paper's own rows stand below the latter, which they were measured against too.
+    With ``published`` the paper's own rows are below the table against the label, their reference too.
     """
     notes = row_notes(comparison)
     against_label = error_table(comparison.label, comparison.conditions, "label", notes, published).markdown()

@@ -39,7 +39,7 @@ _KNOWN = {
 }
 
 REFERENCES = {"label": "label", "truth": "true friction"}
-"""What errors are measured against, in words."""
+"""References of errors, in words."""
 
 FAMILY_COLOURS = {
     "hybrid": BLUE,
@@ -51,7 +51,7 @@ FAMILY_COLOURS = {
 }
 
 TRACE_COLOURS = {"estimate": BLUE, "label": PALE, "truth": BLACK, "hybrid": BLUE, "lugre": ORANGE}
-"""Lines over time and velocity: the label is a broad grey band behind what is compared with it."""
+"""Colours of lines over time and velocity: the label is a broad grey band behind the others."""
 
 
 def naming(estimator: str) -> Naming:

@@ -32,7 +32,7 @@ from cylinder_friction.reporting.style import (
     YELLOW,
 )
 
-PANEL = (4.8, 3.3)  # Width and height of one panel [in]; so wide, letters stay legible on a screen of 400 pixels
+PANEL = (4.8, 3.3)  # Width and height of one panel [in], so that letters are legible on a screen of 400 pixels
 LINE_WIDTHS = {"label": 3.0, "truth": 0.9}
 ESTIMATE_WIDTH = 1.1
 
@@ -45,7 +45,7 @@ STRATA_SHADES = {
     "paper_hybrid": SKY,
     "hybrid": BLUE,
 }
-"""Estimators whose errors are shown within strata, and their colours."""
+"""Estimators whose errors are drawn by stratum, and their colours."""
 
 ROLE_COLOURS = {"train": QUIET, "validation": SKY, "calibration": GREEN, "test": BLUE}
 
@@ -69,7 +69,7 @@ def plot(recording: Recording, estimate: Array | BoundedEstimate | None = None, 
     The scale is that of the usable rows: at end stops an estimate may be many times as large.
 
     Args:
-        recording: What was estimated; its column ``friction_n`` is the label, drawn in usable rows.
+        recording: The estimated recording; its column ``friction_n`` is the label, drawn in usable rows.
         estimate: Estimated friction [N], shape ``(n,)``, alone or with its bounds.
         truth_n: True friction [N], shape ``(n,)``.
 
@@ -129,7 +129,7 @@ def _friction_lines(axis: Axes, time_s: Array, lines_n: Mapping[str, Array]) -> 
 def all_figures(analysis: Analysis) -> dict[str, Figure]:
     """Collect every figure; its key is its file's name without ``.png``.
 
-    ``errors_by_condition_truth`` is there only where true friction is known.
+    ``errors_by_condition_truth`` is missing if true friction is not known.
     """
     comparison, main, rival = analysis.comparison, analysis.main, analysis.rival
     figures = {
@@ -172,7 +172,7 @@ def friction_over_time(excerpts: Sequence[Excerpt], width: float = PANEL[0]) -> 
 def errors_by_condition(scores: Scores, conditions: Sequence[str], against: str, main: str) -> Figure:
     """Draw one row per estimator, on a log scale: each condition's error, interval and sessions.
 
-    A mark is the error of a condition, the line through it its 95 % interval, each stroke one session; ``main`` is
+    A mark is the error of a condition, the line through it the 95 % interval, and each stroke a session; ``main`` is
     shaded. An estimator that equals the label by construction has no marks.
     """
     names = [name for name in scores if scores[name]]

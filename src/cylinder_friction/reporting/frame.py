@@ -1,6 +1,6 @@
-"""A page's frame for other packages: its templates, tables, figures and colours.
+"""The frame of pages for other packages: templates, tables, figures and colours.
 
-These names are public: a page of another package that is made with them looks like the project's own.
+These names are public: pages that other packages make with them look like the project's own.
 """
 
 from cylinder_friction.reporting.page import NONE, Cell, Table, packed, page_html

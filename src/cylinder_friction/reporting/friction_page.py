@@ -1,4 +1,4 @@
-"""The page of a run over logs: every recording's friction over time and over velocity, and what was refused."""
+"""The page of a run over logs: friction of each recording over time and velocity, and the refused files."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -34,8 +34,8 @@ def pane_file(name: str) -> str:
 def friction_pane(recording: Recording, view: FrictionView | None) -> str:
     """Write the pane of a recording as a script that passes it to the page; equal input makes equal text.
 
-    The recording has raw columns beside ``velocity_m_s``, ``friction_n``, ``lower_n`` and ``upper_n`` [N], and
-    ``label_n`` where friction is an estimator's. Without a view the pane shows friction over time alone.
+    The recording has raw columns, ``velocity_m_s``, ``friction_n``, ``lower_n`` and ``upper_n`` [N], and ``label_n`` if
+    friction comes from an estimator. Without a view the pane shows only friction over time.
     """
     lower_n, friction = _usable(recording, "lower_n"), list[Line]()
     if np.isfinite(lower_n).any():
@@ -65,16 +65,17 @@ def write_friction_page(
     guessed: Mapping[str, Any] | None = None,
     levels: Sequence[tuple[str, str, Table]] = (),
 ) -> None:
-    """Write the page whole, beside which the panes lie; equal input makes equal bytes.
+    """Write the page whole, beside its panes; equal input makes equal bytes.
 
     Args:
-        path: Of the HTML file.
+        path: Path of the HTML file.
         rows: Name, start, friction [N], usable share and remarks of every recording, and of every refused file with an
             empty share.
-        offsets: What is known of the pressure sensors' offset in each session; none with an estimator.
-        bounds: What the bounds hold, in words.
-        levels: As ``level_tables`` gives them.
-        guessed: From which file channels and units were guessed, and each column's; None if a mapping states them.
+        offsets: The pressure sensors' offset in each session, as far as it is known; empty with an estimator.
+        bounds: What lies between the bounds, in words.
+        levels: Tables from ``level_tables``.
+        guessed: The file that channels and units were guessed from, with the guess for each column; None if a mapping
+            states them.
     """
     cells: list[list[str | Cell]] = [
         [

@@ -1,4 +1,4 @@
-"""The model card of a registered version: what a user of the model has to know, as Markdown."""
+"""The model card of a registered version, in Markdown, for users of the model."""
 
 from __future__ import annotations
 
@@ -33,8 +33,8 @@ def model_card(
 ) -> str:
     """Write the card of an estimator.
 
-    ``description`` is the content of its ``estimator.json``, ``recordings`` how many it was trained on by role,
-    ``conditions`` and ``held`` are as in ``reports/metrics.json`` and ``reports/coverage.json``.
+    ``description`` is the content of its ``estimator.json``, ``recordings`` counts its training recordings by role, and
+    ``conditions`` and ``held`` are from ``reports/metrics.json`` and ``reports/coverage.json``.
     """
     reference, errors = reported_errors(conditions)
     shares = {each["condition"]: each["held_percent"] for each in held if each["reference"] == reference}
@@ -96,7 +96,7 @@ def _range_rows(description: Mapping[str, Any]) -> list[str]:
     trained = {column: description["training_range"][column] for column in description["input"]}
     valid = TrainingRange(tuple(trained), *zip(*trained.values(), strict=True)).widened()
     lower, upper = valid.lower, valid.upper
-    if guard := from_json(Guard, description.get("guard")):  # where position decides the load, the range ends with it
+    if guard := from_json(Guard, description.get("guard")):  # a load that position decides ends the range
         lower, upper = guard.trained_lower, guard.trained_upper
     rows = []
     for (column, limits), low, high in zip(trained.items(), lower, upper, strict=True):

@@ -1,4 +1,4 @@
-"""Every page's builder: templates, tables and figures become one HTML text that needs nothing from outside."""
+"""The builder of all pages: templates, tables and figures become one HTML text that loads nothing from outside."""
 
 from __future__ import annotations
 
@@ -24,9 +24,9 @@ if TYPE_CHECKING:
 
 
 PLOTTED = 12
-"""How many recordings are drawn on a page that holds its figures as they are."""
+"""Most recordings with figures on a page that holds its figures unpacked."""
 _DRAWN: list[str] = []
-"""What the pictures of the page being made show, which numbers them."""
+"""Captions of the pictures of the page in progress; their number makes identifiers unique."""
 
 
 @dataclass(frozen=True)
@@ -35,12 +35,12 @@ class Cell:
 
     words: str  # Its text
     small: str = ""  # A second line, smaller
-    value: float | None = None  # What its column is sorted by; None for words, and for nothing
+    value: float | None = None  # Sort key within its column; None for words
     shade: float | None = None  # -1 is full blue (good), 1 full orange (bad), 0 white; None leaves the background alone
     style: str = ""  # CSS classes
     tip: str = ""  # Shown below the mouse
     link: str = ""  # Address that the words lead to
-    badge: bool = False  # Whether the words are an outcome, shown on its colour
+    badge: bool = False  # Whether the words are an outcome, on a coloured ground
     more: Sequence[str] = ()  # Further lines, folded
 
     @property
@@ -49,7 +49,7 @@ class Cell:
 
 
 NONE = Cell("–", style="none")
-"""A value that is not known."""
+"""Cell of an unknown value."""
 
 
 def number_cell(value: float | None, digits: str = ".0f") -> Cell:
@@ -59,15 +59,15 @@ def number_cell(value: float | None, digits: str = ".0f") -> Cell:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows below a head."""
+    """A table: rows of cells below a head."""
 
-    head: Sequence[str | Cell]  # Of every column
-    rows: Sequence[Sequence[str | Cell]]  # As many cells each; plain text is a cell too
-    words: Sequence[int] = ()  # Columns of text, left-aligned; the others hold numbers. The first column is text anyway
-    groups: Sequence[tuple[str, int]] = ()  # What so many columns, from the left, have in common; stands above the head
+    head: Sequence[str | Cell]  # Heads of the columns
+    rows: Sequence[Sequence[str | Cell]]  # One cell, or plain text, per column
+    words: Sequence[int] = ()  # Columns of text, left-aligned; the others hold numbers. The first column is always text
+    groups: Sequence[tuple[str, int]] = ()  # Common heads above the others, with their numbers of columns
     style: str = ""  # CSS classes of the table
     sortable: bool = False  # Whether a click on the head sorts by that column
-    outcomes: Sequence[str] = ()  # Of every row, for the buttons that filter by it; empty for none
+    outcomes: Sequence[str] = ()  # Outcome of each row, for the filter buttons; empty without these
 
     @classmethod
     def of(cls, items: Iterable[Any], columns: Mapping[str | Cell, Callable[[Any], str | Cell]], **look: Any) -> Table:
@@ -107,8 +107,8 @@ class Table:
 def page_html(template: str, package: str = __package__, **context: Any) -> str:
     """Render a page.
 
-    The template is a path in the package, ``templates/...``, and may use what lies in ``templates/frame`` here. The
-    context holds ``title`` at least.
+    The template is a path in the package, ``templates/...``, and may use templates of ``templates/frame`` here. The
+    context contains at least ``title``.
     """
     _DRAWN.clear()
     return _environment(package).get_template(template).render(context)

@@ -1,4 +1,4 @@
-"""Figures of pages as the plain data that Plotly's library takes in the browser, in one look."""
+"""Figures of pages as plain data for Plotly's library in the browser, in a common look."""
 
 import base64
 import json
@@ -13,7 +13,7 @@ from cylinder_friction.reporting.style import FONT, GRID, INK, PALE, SERIES
 
 _AXIS = {"gridcolor": GRID, "linecolor": PALE, "showline": True, "zeroline": False, "automargin": True}
 WIDE_SPAN = 10.0
-"""From this ratio of speeds on, fewer of them are written at the axis."""
+"""Ratio of speeds from which the axis has fewer ticks."""
 _LEGEND = {
     "orientation": "h",
     "yref": "container",
@@ -26,13 +26,12 @@ _LEGEND = {
 
 
 class PageFigure:
-    """Panels side by side, or one below the other with a common axis below, and what they show.
+    """Panels side by side, or one below the other with a common axis, and their traces.
 
-    ``shares`` are each panel's share of the width, or of the height where ``below`` is true; ``gap`` is that between
-    two.
+    ``shares`` are the panels' shares of the width, or of the height if ``below`` is true; ``gap`` lies between two.
 
     Attributes:
-        data: The traces, and ``layout`` all else, as Plotly names them.
+        data: The traces, in Plotly's form; ``layout`` holds everything else.
     """
 
     def __init__(
@@ -74,15 +73,15 @@ class PageFigure:
         return any(trace.get("name") == name for trace in self.data)
 
     def x_axis(self, panel: int = 1, title: str = "", **settings: Any) -> None:
-        """Set what the x axis of a panel is."""
+        """Set title and settings of a panel's x axis."""
         self._axis("x", panel, title, settings)
 
     def y_axis(self, panel: int = 1, title: str = "", **settings: Any) -> None:
-        """Set what the y axis of a panel is."""
+        """Set title and settings of a panel's y axis."""
         self._axis("y", panel, title, settings)
 
     def note(self, text: str, **place: Any) -> None:
-        """Add words at a place."""
+        """Add words at a position."""
         self.layout["annotations"].append({"text": text, "showarrow": False, "font": {"size": 13}, **place})
 
     def upright(self, x: Any, line: Mapping[str, Any], across: str = "y domain") -> None:
@@ -126,7 +125,7 @@ def speed_ticks(velocities_m_s: Sequence[float]) -> list[float]:
 def compact(values: Array) -> Array:
     """Round values to a thousandth of their span or better, finer than a pixel, so that they deflate well.
 
-    They are multiples of a power of two, and end in zeros as the single-precision numbers that a page holds.
+    The results are multiples of a power of two, so that they end in zeros in the page's single precision.
     """
     known = values[np.isfinite(values)]
     span = float(np.ptp(known)) if len(known) else 0.0
@@ -141,8 +140,8 @@ def _of(panel: int) -> str:
 def _packed(values: Any) -> Any:
     """Pack an array as bytes in single precision, which is finer than a pixel.
 
-    First stands the first byte of each number, then the second, and so on: so they deflate to less in less time, and
-    ``page.js`` puts them back.
+    The first bytes of all numbers come first, then the second ones, and so on, which deflates better and faster;
+    ``page.js`` restores the order.
     """
     if not isinstance(values, np.ndarray) or values.ndim != 1:
         return values.item() if isinstance(values, np.generic) else values.tolist()

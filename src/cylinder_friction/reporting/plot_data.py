@@ -1,4 +1,4 @@
-"""The data of ``dvc plots``: small CSV files, whose names and columns are the same in every project."""
+"""The data of ``dvc plots``: small CSV files with the same names and columns in every project."""
 
 import math
 

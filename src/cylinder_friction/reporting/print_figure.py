@@ -1,4 +1,4 @@
-"""Matplotlib's figures in the look that all share, and output that depends on nothing but the data."""
+"""Matplotlib's figures in the common look, with output that depends only on the data."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ STYLE: Any = {
 
 
 class StyledFigure(Figure):
-    """A figure without pyplot's global state, which notebooks show as it stands."""
+    """A figure without pyplot's global state, which notebooks show as it is."""
 
     def _repr_png_(self) -> bytes:
         return png_bytes(self)

@@ -1,4 +1,4 @@
-"""The published figures of the hybrid this project implements, to stand beside its own; they come from other data."""
+"""The published figures of the hybrid that this project implements, from other data, to compare with its own."""
 
 PERCENT_BY_TEST = {
     "1": {"lugre": 9.04, "hybrid": 5.76},
@@ -8,7 +8,7 @@ PERCENT_BY_TEST = {
 }
 """Table II: mean absolute error [%] by test; the paper does not state what 100 % is."""
 
-STEP_SECONDS = {"lugre": 8.71e-5, "hybrid": 1.51e-3}  # Table III: seconds an estimate takes
+STEP_SECONDS = {"lugre": 8.71e-5, "hybrid": 1.51e-3}  # Table III: time of one estimate [s]
 
 HYPERPARAMETERS = {
     "layers": ("LSTM layers", "3, 4, 5", "4"),
@@ -18,4 +18,4 @@ HYPERPARAMETERS = {
     "forest_trees": ("Forest: trees", "32 to 100", "64"),
     "forest_depth": ("Forest: greatest depth", "10 to 50", "10"),
 }
-"""Table I: name, range searched and final value, as printed: three numbers of nodes for four layers."""
+"""Table I as printed: name, searched range and final value, with three numbers of nodes for four layers."""

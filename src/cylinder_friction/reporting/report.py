@@ -44,18 +44,18 @@ DESIGNS = {"paper": "the published design", "force_balance": "the design that co
 
 @dataclass(frozen=True)
 class ReportInputs:
-    """What the report shows beside the analysis."""
+    """Contents of the report beside the analysis."""
 
     times: Mapping[str, StepTime]  # Measured seconds per step by estimator
     searched: Mapping[str, Any]  # Ranges of the hyperparameter search by name
-    best: Mapping[str, Any]  # The best hyperparameters that it found by name, and the ``design`` they are of
-    finals: Sequence[Mapping[str, Any]]  # Of the search, as the search stage wrote them
+    best: Mapping[str, Any]  # The best hyperparameters by name, and their ``design``
+    finals: Sequence[Mapping[str, Any]]  # Finals of the search, from the search stage
     chosen: Mapping[str, Any]  # Hyperparameters that the main estimator was trained with by name
-    # The label audit, as the label stage wrote it: by filter, condition and stratum; None if there is none
+    # The label audit from the label stage, by filter, condition and stratum; None without one
     audit: dict[str, Any] | None
-    offsets: Sequence[Mapping[str, Any]]  # Of each session, as the offset stage wrote them; empty if there are none
+    offsets: Sequence[Mapping[str, Any]]  # Offsets of the sessions, from the offset stage; empty without any
     starts: Sequence[Starts]  # The main estimator from a cold and from a warm start; empty if it learns no offset
-    bounds: str  # What the main estimator's bounds hold, in words, and why zeros were left alone
+    bounds: str  # What lies between the main estimator's bounds, and why zeros were not corrected
     held: Sequence[Coverage]  # How often the main estimator's bounds hold label and truth; empty without bounds
 
 

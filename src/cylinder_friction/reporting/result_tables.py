@@ -1,4 +1,4 @@
-"""Tables of a page on results of logs: friction at equal pressures and speed, and the sensors' offset by session."""
+"""Tables of the page on logs: friction at equal pressures and speed, and the sensors' offset by session."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The hyperparameter search as a page: history, importance of each hyperparameter, error against each of them."""
+"""The page of the hyperparameter search: history, importance of the hyperparameters, and error against each of them."""
 
 import warnings
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""One look for every figure and page: colours, marks and fonts."""
+"""The common look of figures and pages: colours, marks and fonts."""
 
 BLUE, ORANGE, GREEN, PINK, BROWN = "#0072B2", "#D55E00", "#009E73", "#CC79A7", "#7A5A00"
 SKY, YELLOW = "#56B4E9", "#E69F00"

@@ -1,4 +1,4 @@
-"""The result in three sentences, written from the numbers alone, and what counts as a clear difference."""
+"""The result in three sentences, written from the numbers alone, and the rule for a clear difference."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -7,9 +7,9 @@ from cylinder_friction.evaluation.comparison import LABEL_ITSELF, Comparison, Sc
 from cylinder_friction.reporting.estimator_titles import phrase
 
 CLEAR_POINTS = 0.1
-"""A smaller difference [percentage points] matters to nobody: another seed or a warmer sensor moves an error by more.
+"""Least difference that counts [percentage points]; another seed or a warmer sensor moves an error by more.
 
-The promotion gate tolerates as much (``register.tolerance_percent``).
+The promotion gate has the same tolerance (``register.tolerance_percent``).
 """
 
 
@@ -30,7 +30,7 @@ def verdict(scores: Scores, one: str, other: str, condition: str) -> str:
     If no condition has two sessions, chance is not known and all estimators count as level.
     """
     ahead, low, high = points_ahead(scores, one, other, condition)
-    if not (low > 0.0 or high < 0.0) or abs(ahead) < CLEAR_POINTS:  # an interval that is not known leaves out nothing
+    if not (low > 0.0 or high < 0.0) or abs(ahead) < CLEAR_POINTS:  # an unknown interval excludes nothing
         return "level"
     return "better" if ahead > 0.0 else "worse"
 

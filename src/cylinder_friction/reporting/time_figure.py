@@ -15,7 +15,7 @@ PANEL_HEIGHT = 165
 
 @dataclass(frozen=True)
 class Line:
-    """One line of a panel; its name stands in the legend unless ``in_legend`` is false."""
+    """One line of a panel; its name is in the legend unless ``in_legend`` is false."""
 
     name: str
     values: Array
@@ -61,12 +61,12 @@ def over_time(time_s: Array, panels: Sequence[Panel], legend_rows: int = 1, poin
 def extremes(values: Array, points: int) -> tuple[Array, float]:
     """Find the least and the greatest value of every stretch in their order, and for how many samples each stands.
 
-    A line through them looks like the line through all samples: no peak is lost. Values that are not finite are chosen
-    only in a stretch that holds nothing else.
+    A line through them looks like the line through all samples, with all peaks. Values that are not finite are chosen
+    only in a stretch without others.
 
     Args:
-        values: Shape ``(n,)``; returned as they are if they are no more than ``points``.
-        points: How many to return at most, at least 2.
+        values: Values of shape ``(n,)``; returned unchanged if there are at most ``points``.
+        points: Most values to return, at least 2.
     """
     if len(values) <= points:
         return values, 1.0

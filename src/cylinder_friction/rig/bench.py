@@ -1,6 +1,6 @@
-"""The test bench for other packages: a rig, strokes of its lever, a simulated session and what the logger sees.
+"""The test bench for other packages: a rig, strokes of its lever, a simulated session and the logger's table.
 
-A fleet is simulated with these names. They are public: a package of its own may rely on them.
+These names are public, and simulate fleets in another package.
 """
 
 from cylinder_friction.recordings.recording import RecordingMetadata

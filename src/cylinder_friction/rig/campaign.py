@@ -53,12 +53,12 @@ EXTERNAL_LOADS = {
     "varied": "; an external load that varies, measured by a load cell",
     "boom": "; a weight on a crane's boom",
 }
-"""Forces on the rod, and how the metadata of a recording describe them."""
+"""Forces on the rod, and their descriptions in a recording's metadata."""
 SPECIMENS = {"default": draw_rig, "wide": draw_wide_rig}
 MAKEUP_GAIN = 2e-6  # Gain of the anti-cavitation valves: a quarter of a bar at 100 mm/s [m³/s/√Pa]
 LOSS_SPEED_M_S = 0.1  # Speed at which the loss of the lines is stated
 LOAD_SEED = 1
-"""Last word of the seed of the load's random numbers, so that a campaign with a load has the same hand and noise."""
+"""Last word of the seed of the load's random numbers, so that hand and noise are the same with and without a load."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class RigRecording:
     estimates: friction is positive when it opposes extension.
     """
 
-    metadata: RecordingMetadata  # Who and when
+    metadata: RecordingMetadata  # Condition, session and time
     # Columns ``sensors.LOGGER_COLUMNS``: seconds, bar, bar, millimetres, °C; with an external load also
     # ``sensors.LOAD_COLUMN``, newtons
     logger: pd.DataFrame
@@ -80,7 +80,7 @@ class RigRecording:
 def campaign(cylinder: Cylinder, plan: CampaignPlan) -> Iterator[RigRecording]:
     """Yield the campaign's recordings one at a time; equal plans give equal recordings, bit for bit.
 
-    Every recording has its own random numbers, so that a longer campaign begins with the shorter one's sessions.
+    Every recording has its own random numbers, so a longer campaign begins with the sessions of a shorter one.
 
     Raises:
         ValueError: A time does not fit another, or the supply, the fault, the load or the specimen is not known.

@@ -28,16 +28,16 @@ _Milliseconds = Annotated[float, Field(gt=0.0, allow_inf_nan=False), AfterValida
 
 @dataclass(frozen=True)
 class CampaignPlan:
-    """How much is recorded, and under which conditions: the section ``record`` of ``params.yaml``."""
+    """Amount and conditions of the recordings: the section ``record`` of ``params.yaml``."""
 
-    # Seeds everything that is drawn
+    # Seed of all random numbers
     seed: Annotated[int, Field(ge=0, lt=2**31)] = 0
     # Sessions in each of the four conditions, each with its temperature, offsets and drift
     sessions_per_condition: Annotated[int, Field(ge=0)] = 6
     recordings_per_session: Annotated[int, Field(ge=1)] = 2  # Two or more contain all set exercises
     duration_s: _Milliseconds = 60.0  # Duration of a recording [s]
-    sample_time_s: _Milliseconds = 0.005  # Of the logger [s]
-    # Of the integration [s]
+    sample_time_s: _Milliseconds = 0.005  # Sample time of the logger [s]
+    # Step of the integration [s]
     time_step_s: Annotated[float, Field(gt=0.0, le=2e-4), AfterValidator(_divides_a_millisecond)] = DEFAULT_STEP_S
     supply: Literal["didactic", "industrial"] = "industrial"
     zeroed: bool = True  # Whether the pressure transmitters were zeroed before each session
@@ -48,9 +48,9 @@ class CampaignPlan:
     # ``"none"``; ``"varied"``, a load cell and forces on the rod that change within a recording; or ``"boom"``, one
     # crane without a load cell, whose load depends on position alone
     external_load: Literal["none", "varied", "boom"] = "none"
-    load_delay_s: _NotNegative = 0.0  # How late the load cell is, whole milliseconds [s]
-    weight_n: _NotNegative = 0.0  # Of what an upright cylinder lifts [N]; its mass belongs to the moving mass
-    # Transmitters at the valve: lost between valve and piston side at 0.1 m/s [bar], and the laminar part of it, 0 to 1
+    load_delay_s: _NotNegative = 0.0  # Delay of the load cell, whole milliseconds [s]
+    weight_n: _NotNegative = 0.0  # Weight that an upright cylinder lifts [N]; its mass belongs to the moving mass
+    # With transmitters at the valve: loss between valve and piston side at 0.1 m/s [bar], and its laminar share, 0 to 1
     line_loss_bar: _NotNegative = 0.0
     line_laminar_share: Annotated[float, Field(ge=0.0, le=1.0)] = 0.2
     pressure_lag_s: _NotNegative = 0.0  # First-order lag of the pressure transmitters [s]
@@ -61,5 +61,5 @@ class CampaignPlan:
 
     @property
     def recordings(self) -> int:
-        """How many recordings there will be."""
+        """Number of recordings."""
         return len(THROTTLE_GAINS) * self.sessions_per_condition * self.recordings_per_session

@@ -15,8 +15,8 @@ EXPECTED_FRICTION_N = 350.0  # Friction that the operator allows for when choosi
 def lever_for_speed(rig: RigParameters, speed_m_s: float) -> float:
     """Choose the lever that moves the piston steadily at this speed, signed, as an operator does by eye.
 
-    From the steady force balance with both metering edges and the throttle; full lever if that speed is out of
-    reach.
+    It follows from the steady force balance with both metering edges and the throttle; full lever if that speed cannot
+    be reached.
     """
     y = rig.hydraulics
     speed = abs(speed_m_s)
@@ -47,7 +47,7 @@ def hand_work(rig: RigParameters, generator: Generator, duration_s: float) -> li
         elif kind == 2:
             rows.append(_row(0.0, generator.uniform(0.12, 0.3), min(0.5 * (1.0 + generator.pareto(1.5)), 20.0)))
         else:
-            # A change of mind in mid-stroke: straight from one direction into the other.
+            # A change of mind in mid-stroke: directly from one direction into the other.
             rows += _stroke(rig, generator, direction)[:1] + _stroke(rig, generator, -direction)[:1]
         direction = -direction if generator.random() < 0.75 else direction
     return rows

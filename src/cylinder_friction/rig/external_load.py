@@ -1,10 +1,10 @@
-"""Forces from outside on the rod: a boom with a weight, a spring, hands that put weights on and off, a slow sine.
+"""External forces on the rod: a boom with a weight, a spring, weights that somebody adds and removes, a slow sine.
 
-A load is a positive force if it resists extension, as in ``friction = P1·A1 - P2·A2 - m·a - F_load``. It is
+A load is positive if it resists extension, as in ``friction = P1·A1 - P2·A2 - m·a - F_load``. It is
 
     F_load(t, x) = force(t) + share(t)·along(x)
 
-The inertia of what hangs on the rod is left out: it hangs on a long rope, so to speak.
+The inertia of the load is ignored, as if it hung on a long rope.
 """
 
 from __future__ import annotations
@@ -24,19 +24,19 @@ PLACES = 65  # Positions at which a position-dependent load is given, equidistan
 LARGEST_N = 3000.0  # Greatest sum of all parts
 GRAVITY_M_S2 = 9.81
 FRAME_M, BOOM_M, CLOSED_M = 0.55, 0.35, 0.45
-"""From the boom's pivot to the cylinder's foot and to its rod eye, and the cylinder's length with the rod in."""
-REACH_M = 1.0  # From the boom's pivot to its weight
+"""Distances from the boom's pivot to the cylinder's foot and rod eye, and the cylinder's length with the rod in."""
+REACH_M = 1.0  # Distance from the boom's pivot to its weight
 CRANE_MASS_KG, CRANE_ANGLE_RAD = 165.0, math.radians(65.0)
-"""Weight on the crane's boom, and the boom's angle above the horizon with the rod in: it swings over its pivot, so that
-the load goes from 1960 N against extension to 2040 N with it over 250 mm of stroke."""
+"""Weight on the crane's boom, and the boom's angle above the horizon with the rod in. The boom swings over its pivot:
+over 250 mm of stroke the load changes from 1960 N against extension to 2040 N with it."""
 
 
 @dataclass(frozen=True)
 class ExternalLoad:
-    """A load as the simulation takes it; raises ``ValueError`` if the shapes do not fit, or a value is not finite."""
+    """A load for the simulation; raises ``ValueError`` if the shapes do not fit, or a value is not finite."""
 
     force_n: Array  # Depends on time alone, one value each millisecond, shape ``(ticks,)`` [N]
-    share: Array  # How much of ``along_n`` works, one value each millisecond, shape ``(ticks,)``
+    share: Array  # Share of ``along_n`` that acts, one value each millisecond, shape ``(ticks,)``
     along_n: Array  # Depends on position, evenly from 0 to the stroke, shape ``(places,)`` [N]
 
     def __post_init__(self) -> None:
@@ -79,8 +79,8 @@ def between(values: Any, place: float) -> float:
 def varied_load(generator: Generator, duration_s: float, stroke_m: float) -> ExternalLoad:
     """Make a load drawn at random, to about ±3 kN, that changes within the recording.
 
-    A boom, a spring or neither, whose share wanders by some percent; and always weights that somebody puts on and off
-    at random, or a slow sine, or both.
+    It is a boom, a spring or neither, with a share that drifts by a few percent, plus weights that somebody adds and
+    removes at random, or a slow sine, or both.
     """
     ticks = round(duration_s / TICK_S) + 2
     base = generator.choice(3, p=(0.45, 0.30, 0.25))

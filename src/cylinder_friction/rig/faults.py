@@ -1,4 +1,4 @@
-"""What goes wrong with cylinders, as changes to the rig, for demonstrations of condition monitoring."""
+"""Faults of cylinders as changes to the rig, for demonstrations of condition monitoring."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -7,7 +7,7 @@ from cylinder_friction.rig.parameters import BAR_PA, RigParameters, refuse_unkno
 
 
 def with_fault(rig: RigParameters, fault: str, severity: float = 1.0) -> RigParameters:
-    """Make a healthy rig with one of ``FAULTS``; severity 0 is healthy, 1 a fault that a mechanic would act on.
+    """Give a healthy rig one of ``FAULTS``; severity 0 is healthy, and a mechanic would act at severity 1.
 
     Raises:
         ValueError: The fault is not known, or the severity is negative.
@@ -43,7 +43,7 @@ def _aeration(rig: RigParameters, severity: float) -> RigParameters:
 
 
 def _sensor_drift(rig: RigParameters, severity: float) -> RigParameters:
-    """Transmitters whose zero wanders: half a bar a minute on one, a quarter the other way on the other."""
+    """Transmitters with drifting zeros: half a bar per minute on one, a quarter in the other direction on the other."""
     drift = 0.5 * BAR_PA / 60.0 * severity
     return replace(rig, sensors=replace(rig.sensors, pressure_drift_pa_s=(drift, -0.5 * drift)))
 

@@ -1,4 +1,4 @@
-"""The rig's true friction, outside the model class of LuGre and its kin.
+"""The rig's true friction, which is outside the class of LuGre and related models.
 
 Presliding and breakaway: generalised Maxwell-slip (Al-Bender, Lampaert and Swevers, 2005), elements that stick or
 slip. Strength: Stribeck curve with a lubricant film (Yanada and Sekikawa, 2008), slow to thin at rest. Level: a

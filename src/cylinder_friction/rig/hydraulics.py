@@ -16,7 +16,7 @@ def bulk_modulus(y: Any, pressure_pa: float) -> float:
     ``E (1 + α r^(1/n)) / (1 + α p_a^(1/n) E / [n (p_a + p)^((n+1)/n)])``, ``r = p_a / (p_a + p)``: the isothermal
     liquid and polytropic gas model of Simscape's hydraulic fluid.
     """
-    # Below a fiftieth of the atmosphere the oil itself boils; the law is held there.
+    # Below a fiftieth of the atmosphere the oil boils; the law is constant there.
     ratio = y.atmosphere_pa / max(y.atmosphere_pa + pressure_pa, 0.02 * y.atmosphere_pa)
     air = y.air_fraction * ratio ** (1.0 / y.polytropic_exponent)
     return (

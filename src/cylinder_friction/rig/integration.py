@@ -1,8 +1,8 @@
-"""One simulation at a fixed step, compiled: linearly implicit if it is stiff, many times faster than real time.
+"""A simulation at a fixed step, compiled: linearly implicit in its stiff parts, many times faster than real time.
 
-Order within a step: flows at the old pressures; the new velocity from the momentum equation with everything that is
-stiff in it (presliding springs, damping, end stops) taken at the new velocity, which is one linear equation; the
-position; the pressures with their orifices' slopes implicit; then friction elements, film, spool and oil.
+Order within a step: flows at the old pressures; the new velocity from the momentum equation, whose stiff parts
+(presliding springs, damping, end stops) use the new velocity, which makes one linear equation; the position; the
+pressures with implicit slopes of the orifices; then friction elements, film, spool and oil.
 """
 
 import inspect
@@ -32,7 +32,7 @@ from cylinder_friction.rig.hydraulics import bulk_modulus, makeup_flow, port_a, 
 from cylinder_friction.rig.lever import hand_step, new_hand
 from cylinder_friction.rig.parameters import ELEMENTS
 
-DRIFT_STEP_S = 1.0  # Between two values of the slow factor on Coulomb friction
+DRIFT_STEP_S = 1.0  # Time between two values of the slow factor on Coulomb friction [s]
 
 
 def compiled_run() -> Any:
@@ -50,7 +50,7 @@ def _sources() -> int:
 def _compiled(sources: int) -> Any:
     """Load ``_run`` from Numba's cache on disk, which by itself would miss changes in other files.
 
-    The cache's key has the values that a function closes over, so ``sources`` becomes part of it.
+    The cache's key contains the values that a function closes over, so ``sources`` is part of the key.
     """
 
     @numba.njit(cache=True)
@@ -155,7 +155,7 @@ def _elements_before(f: Any, force: Any, slips: Any, velocity_m_s: float, level_
 def _elements_after(
     f: Any, force: Any, slips: Any, before_m_s: float, after_m_s: float, level_n: float, dt: float
 ) -> None:
-    """Stretches sticking elements by the new velocity, lets the overstretched slip, and all stick at a reversal."""
+    """Stretch sticking elements by the new velocity, let overstretched ones slip, and let all stick at a reversal."""
     reversed_motion = before_m_s * after_m_s <= 0.0
     for i in range(ELEMENTS):
         if slips[i]:

@@ -1,8 +1,8 @@
 """The operator's hand on the lever: moves, holds, corrections, tremor, and reversals near the ends of the stroke.
 
-A duty cycle is a table of actions, made from a seed before the simulation. The compiled ``hand_step`` carries it out
-inside the simulation, because a person reverses when the piston nears an end, after a reaction time, and so closes
-the loop on the position. The lever runs from -1 (retract) to 1 (extend).
+A duty cycle is a table of actions, made from a seed before the simulation. The compiled ``hand_step`` runs inside the
+simulation, because a person reverses when the piston nears an end, after a reaction time, and so closes the loop on the
+position. The lever ranges from -1 (retract) to 1 (extend).
 """
 
 import math
@@ -21,15 +21,14 @@ TICK_S = 0.001  # Sample time of the hand [s]; between two ticks the lever moves
 KIND, TARGET, MOVE_S, HOLD_S, FREQUENCY_HZ, LOW_M, HIGH_M, REACTION_S, CHAINED, SHAKE = range(10)
 """Columns of the table of actions; ``SHAKE`` is 1 for a free hand, less for one that rests on a stop."""
 MOVE, RAMP, SINE, APPROACH = 0.0, 1.0, 2.0, 3.0
-"""Kinds: a minimum-jerk move to a target, a straight ramp, a sine that keeps to the middle of the stroke, and a move
-that is left out if the piston is there already. A move or ramp that would lead beyond its limits goes the other
-way instead."""
+"""Kinds of actions: a minimum-jerk move to a target, a straight ramp, a sine in the middle of the stroke, and a move
+that is skipped if the piston is there already. A move or ramp beyond its limits goes in the other direction instead."""
 
 ROW, TIME_S, START, BASE, SIGN, NOTICED_S = range(6)
-"""Entries of the hand's state: the row it carries out and since when, lever at its start and now, its sign, and for
-how long it has noticed that the piston is where it shall reverse (below 0: not yet)."""
+"""Entries of the hand's state: the present row and its time, lever at its start and base, sign, and the time since the
+hand noticed that the piston must reverse (below 0: not yet)."""
 
-RELEASED = 0.02  # Below this the hand lets go and the spring centres the lever: no tremor
+RELEASED = 0.02  # Lever below which the hand lets go: the spring centres it, without tremor
 
 
 @dataclass(frozen=True)
@@ -101,7 +100,7 @@ def _notice(hand: Any, row: Any, position_m: float, overlap: float) -> None:
 
 @numba.njit(cache=True)
 def _next_row(hand: Any, actions: Any, reverse: bool) -> None:
-    """Go on to the next action; who reverses has no eye for the corrections that belong to this one."""
+    """Continue with the next action; a reversal skips the corrections that belong to this one."""
     row = (int(hand[ROW]) + 1) % len(actions)
     while reverse and actions[row, CHAINED] != 0.0:
         row = (row + 1) % len(actions)

@@ -14,7 +14,7 @@ from typing import Any
 from cylinder_friction.cylinder import Cylinder
 
 BAR_PA = 1e5
-DEFAULT_STEP_S = 5e-5  # Of the integration
+DEFAULT_STEP_S = 5e-5  # Step of the integration [s]
 ELEMENTS = 4
 """Maxwell-slip elements of the true friction; four to ten describe presliding well (Al-Bender et al., 2005)."""
 
@@ -24,7 +24,7 @@ class FrictionParameters:
     """The true friction of the rig: generalised Maxwell-slip, lubricant film, seal pressure, temperature, bore ripple.
 
     It has more effects than any model in this package, so that no estimator can be right by construction. Defaults are
-    of a 63 mm cylinder with elastomer seals; ``default_rig`` scales what depends on the size.
+    of a 63 mm cylinder with elastomer seals; scale the forces yourself for another size.
     """
 
     coulomb_n: float = 235.0  # Coulomb friction without pressure at 40 °C, mean of both directions [N]
@@ -44,11 +44,11 @@ class FrictionParameters:
     stiffness_n_m: tuple[float, float, float, float] = (2.2e6, 1.4e6, 0.9e6, 0.5e6)
     # Share of each element in the strength; they sum to 1
     share: tuple[float, float, float, float] = (0.15, 0.20, 0.30, 0.35)
-    attraction_n_s: float = 6e4  # How fast a slipping element is drawn to its strength, the frictional lag [N/s]
-    # Presliding damping [N s/m]; fading, it drives with up to 0.45 of this, which the viscous coefficient of warm oil
-    # must outweigh, or the rig chatters at the oil's resonance
+    attraction_n_s: float = 6e4  # Rate at which a slipping element approaches its strength, the frictional lag [N/s]
+    # Presliding damping [N s/m]. While it fades, it drives the motion with up to 0.45 of this, which the viscous
+    # coefficient of warm oil must exceed, or the rig chatters at the oil's resonance
     damping_n_s_m: float = 2000.0
-    damping_velocity_m_s: float = 0.002  # Above it the presliding damping fades [m/s]
+    damping_velocity_m_s: float = 0.002  # Speed above which the presliding damping fades [m/s]
     film_build_s: float = 0.05  # Time constant of the film as it builds [s]
     film_squeeze_s: float = 0.2  # Time constant of the film as it thins in motion [s]
     film_dwell_s: float = 15.0  # Time constant of the film as it thins at rest; makes breakaway depend on the dwell [s]
@@ -101,7 +101,7 @@ class HydraulicParameters:
     makeup_cracking_pa: float = 0.2e5  # So far below the tank's pressure they open [Pa]
     laminar_pressure_pa: float = 0.3e5  # Below it an orifice turns laminar [Pa]
     cushion_length_m: float = 0.02  # At both ends [m]
-    cushion_open_gain: float = 1e-6  # Of the throttle where the cushion begins [m³/s/√Pa]
+    cushion_open_gain: float = 1e-6  # Gain of the throttle at the cushion's begin [m³/s/√Pa]
     cushion_closed_gain: float = 1e-8  # What remains at the end of the stroke [m³/s/√Pa]
     stop_stiffness_n_m: float = 1e8  # End stop [N/m]
     # Its damping relative to its spring force, per velocity (Hunt and Crossley, 1975) [s/m]
@@ -175,9 +175,8 @@ PUMP_FLOWS_M3_S = {"didactic": 3.0 / 60e3, "industrial": 10.0 / 60e3}
 def default_rig(cylinder: Cylinder, supply: str = "industrial") -> RigParameters:
     """Build the healthy rig with this cylinder and supply, the throttle wide open.
 
-    Start here to simulate a bench of your own size, and change single parameters by ``dataclasses.replace``. The
-    default cylinder has a 63 mm bore, a 28 mm rod and 250 mm of stroke; pressures are in Pa (gauge).
-
+    Start here to simulate a bench of your own size, and change single parameters by ``dataclasses.replace``. Areas,
+    stroke and mass come from the cylinder; friction and valve stay those of a 63 mm bore. Pressures are gauge [Pa].
 
     Raises:
         ValueError: The supply is not known.

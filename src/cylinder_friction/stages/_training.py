@@ -181,7 +181,7 @@ def training_record(
 
 
 def resume_folder(stage: str, code: Sequence[str], *depends_on: Mapping[str, Any]) -> Path:
-    """Return where a killed stage finds what it had finished.
+    """Find the folder in which a killed stage keeps what it had finished.
 
     ``code`` are the modules that do the resumed work; their names and those of all they import go into the key by
     content.

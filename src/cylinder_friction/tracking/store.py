@@ -72,7 +72,7 @@ def tracking_uri(root: Path) -> str:
 
 
 def artifact_folder(root: Path) -> Path:
-    """Return where the repository's own store keeps its artifacts."""
+    """Find the folder of the artifacts of the repository's own store."""
     return repository_root(root) / "mlartifacts"
 
 

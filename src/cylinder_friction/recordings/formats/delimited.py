@@ -202,7 +202,7 @@ class _Rows:
     def _ended_early(self) -> str:
         """State that the last rows lack channels that ended before, as a scope writes them; empty if they may not.
 
-        The first short row must go on where the row before ended: its cells may be those of other channels.
+        The first short row must continue the row before: its cells may be those of other channels.
         """
         names, rows = self.layout.names, [split_cells(line, self.layout.delimiter) for _, line in self._lines()]
         widths = [len(row) for row in rows]

@@ -27,7 +27,7 @@ Column = tuple[str, NDArray[Any]]
 class LoggedTable:
     """Channels of a file that share their rows, as the logger names them, in its units."""
 
-    # One column per channel: numbers, time stamps (``datetime64[ns]``), or text where a cell is no number. A missing
+    # One column per channel: numbers, time stamps (``datetime64[ns]``), or text if a cell is no number. A missing
     # value is NaN. Names are stripped of blanks; a name may occur twice.
     channels: pd.DataFrame
     # The unit that the file itself states, by channel; a channel without one is absent

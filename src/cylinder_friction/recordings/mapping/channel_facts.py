@@ -30,7 +30,7 @@ class ChannelFacts:
     words: Words
     unit: str  # Unit that the file or the name states; empty if neither does
     stated_by: str  # ``file`` or ``name``; empty without a unit
-    values: Array  # As numbers, shape ``(n,)``; NaN where a cell is none. Empty for dates and text.
+    values: Array  # As numbers, shape ``(n,)``; NaN for other cells. Empty for dates and text.
     dates: bool  # Whether it holds dates
     # low, high: Of the finite values; NaN if there are none
     low: float

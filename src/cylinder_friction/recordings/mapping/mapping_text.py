@@ -16,7 +16,7 @@ from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.wording import printable
 
 NOT_FOUND = "NOT FOUND"
-"""Stands where a channel's name must be filled in; no file has such a channel, so ingest lists those there are."""
+"""Placeholder for a channel's name that must be filled in; no file has it, so ingest lists the file's channels."""
 
 OTHERWISE = {"time": "200Hz"}  # the rate of the rows, if no unit of time fits
 LISTED = 60  # channels that the comment below the mapping lists

@@ -62,7 +62,7 @@ def order_stamps(time_s: Array, blank: Mask) -> OrderedStamps:
     if not (forward_s > 0.0).any():
         stands = (forward_s == 0.0).all()
         what = f"stands at {stamps[0]:.9g} s" if stands else "runs backwards from row to row"
-        newest = "" if stands else "; where a log too long to be read at once has its newest row first, sort it by time"
+        newest = "" if stands else "; if a log too long to be read at once has its newest row first, sort it by time"
         raise RecordingError(
             f"time_s {what} in all {len(stamps)} rows, expected increasing time; check the time channel in the mapping"
             f"{newest}"

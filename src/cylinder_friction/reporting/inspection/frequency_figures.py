@@ -1,4 +1,4 @@
-"""Spectra of the signals with their noise levels, and what the filters do at each frequency."""
+"""Spectra of the signals with their noise levels, and gain and delay of the filters over frequency."""
 
 import itertools
 import math
@@ -27,13 +27,13 @@ SIGNALS = {
     "raw_velocity_m_s": ("velocity [mm/s/√Hz]", "velocity, differences of raw position", QUIET, MM_PER_M),
     "velocity_m_s": ("velocity [mm/s/√Hz]", "velocity, filtered", BLUE, MM_PER_M),
 }
-"""Panel, words, colour of each signal, and how many shown units its unit is."""
+"""Panel, words and colour of each signal, and the factor from its unit to the shown one."""
 
 
 def spectra(found: Mapping[str, Spectrum], cost: FilterCost | None) -> PageFigure:
     """Draw the amplitude densities of pressures or drive force, position and velocity.
 
-    The spectra are those of ``signal_spectra``. The cut-offs of the filter in use, if ``cost`` is known, are marked.
+    The spectra come from ``signal_spectra``. If ``cost`` is known, the cut-offs of the filter in use are marked.
     """
     panels = [(axis, list(names)) for axis, names in itertools.groupby(found, key=lambda name: SIGNALS[name][0])]
     figure = PageFigure([1.0] * len(panels), 0.11)
@@ -51,7 +51,7 @@ def _panel(figure: PageFigure, column: int, signals: Mapping[str, Spectrum], cut
     lowest, highest = math.inf, 0.0
     for signal, found in signals.items():
         _, name, colour, units = SIGNALS[signal]
-        has_noise = "velocity" not in signal  # Which no sensor measures
+        has_noise = "velocity" not in signal  # No sensor measures velocity
         rows = log_spaced(len(found.frequency_hz))
         frequency, density = found.frequency_hz[rows], np.maximum(units * found.density[rows], 1e-12)
         lowest, highest = min(lowest, float(np.min(density))), max(highest, float(np.max(density)))

@@ -18,13 +18,11 @@ from cylinder_friction.reporting.time_figure import spread_evenly
 
 CURVE_POINTS = 200
 WIDE = 200
-"""From so many recordings on, their marks are small."""
+"""Number of recordings from which their marks are small."""
 
 
 def against_velocity(view: FrictionView, points: int) -> PageFigure:
-    """Draw two panels: usable rows, ``points`` of them a direction, against velocity, and steady sliding against
-    speed on a log scale.
-    """
+    """Draw two panels: usable rows against velocity, ``points`` per direction, and steady sliding against log speed."""
     titles = "every usable row, thinned", "steady sliding, both directions"
     figure = PageFigure((0.55, 0.45), titles=titles)
     velocity = view.signals.velocity_m_s
@@ -105,7 +103,7 @@ def compared(recordings: Mapping[str, Sequence[SteadyPoint]]) -> PageFigure | No
         velocity, friction = (
             np.array([getattr(point, key) for point in points]) for key in ("velocity_m_s", "friction_n")
         )
-        middle = int(np.searchsorted(velocity, 0.0))  # nothing was seen in between, so no line is drawn there
+        middle = int(np.searchsorted(velocity, 0.0))  # no line between the directions, as nothing was seen there
         figure.add(
             x=np.insert(MM_PER_M * velocity, middle, 0.0),
             y=np.insert(friction, middle, np.nan),
@@ -141,7 +139,7 @@ def _cloud(name: str, colour: str, x: Array, y: Array) -> dict[str, Any]:
 
 
 def _curve(figure: PageFigure, view: FrictionView, curve: StribeckCurve) -> None:
-    """Add the curve to both panels, over the speeds that were seen and no further."""
+    """Add the curve to both panels, over the range of speeds that were seen."""
     for way, dash in ((1.0, "solid"), (-1.0, "dash")):
         speeds = [abs(point.velocity_m_s) for point in view.points if point.velocity_m_s * way > 0.0]
         if not speeds:

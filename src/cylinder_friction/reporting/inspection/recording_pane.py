@@ -1,4 +1,4 @@
-"""What the page shows of one recording: its facts, checks, figures and parameters."""
+"""The pane of one recording on the page: its facts, checks, figures and parameters."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from cylinder_friction.signals.smooth_signals import SignalFilter
 from cylinder_friction.wording import four_digits
 
 FULL_DETAIL, LEAST_DETAIL = 6, 0.05
-"""So many files are drawn with all points; of more, each gets fewer, but no less than this share."""
+"""Most files that are drawn with all points, and the least share of the points of each if there are more."""
 LINE_POINTS = 12_000
 CLOUD_POINTS = 3000
 
@@ -42,32 +42,33 @@ COLUMNS = (
     ("load", "load force", "load_force_n", 1.0, "N", QUIET),
     ("oil", "oil temperature", "oil_temperature_c", 1.0, "°C", QUIET),
 )
-"""What a recording may hold: panel, words, column, how much of its unit one shown unit is, shown unit, colour."""
+"""Possible signals: panel, words, column, size of a shown unit in the column's unit, shown unit, colour."""
 
 
 @dataclass(frozen=True)
 class Pane:
-    """What stays of a file or a piece of one once its figures are drawn: kilobytes, however long it is."""
+    """The pane of a file, or of a piece of one, with its figures drawn: kilobytes, whatever its length."""
 
-    name: str  # Its anchor
-    subject: Inspected  # Without its recording
-    html: str  # Its part of the page, packed
-    condition: str = ""  # Of its recording
-    # As ``sliding_friction`` gives it; empty if it could not be calculated, and if it is not friction alone
+    name: str  # Anchor on the page
+    subject: Inspected  # The inspected file, without its recording
+    html: str  # Packed part of the page
+    condition: str = ""  # Condition of its recording
+    # From ``sliding_friction``; empty if it could not be calculated, or is not friction alone
     friction: Mapping[str, MeanFriction] = field(default_factory=dict)
-    points: tuple[SteadyPoint, ...] = ()  # Of steady sliding
-    offset: OffsetEvidence | None = None  # Of the pressure sensors; None for what is refused
+    points: tuple[SteadyPoint, ...] = ()  # Points of steady sliding
+    offset: OffsetEvidence | None = None  # Evidence of the pressure sensors' offset; None for a refused file
 
 
 class Panes:
-    """Makes panes one after the other; holds nothing of them but what filters cost at each rate.
+    """Makes panes one after the other; it keeps only the costs of filters at each rate.
 
-    Velocity and friction are shown with the filter ``method``. Of more ``files`` each gets fewer points, so that the
-    page stays small. ``plan`` and ``no_offset`` are as for ``offset_evidence``, ``in_pipeline`` as for ``windows_at``.
+    Velocity and friction are shown with the filter ``method``. With more ``files`` each gets fewer points, so that the
+    page stays small. ``plan`` and ``no_offset`` are those of ``offset_evidence``, ``in_pipeline`` is that of
+    ``windows_at``.
 
     Attributes:
-        costs: By sample time [s], the title of the first usable recording, what filters cost there, and which are left
-            out, and why.
+        costs: By sample time [s]: title of the first usable recording, costs of the filters there, and the filters that
+            are left out with the reasons.
 
     Raises:
         ValueError: The method is not one of the filters.

@@ -1,4 +1,4 @@
-"""The verdicts, and what is not in order, as plain text for the terminal."""
+"""The verdicts and problems of inspected files as plain text for the terminal."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from cylinder_friction.reporting.result_tables import offset_lines
 
 
 def text_report(subjects: Sequence[Inspected], offsets: Sequence[KnownOffset] = ()) -> str:
-    """Write one line per file, below it what is not in order, then the sessions' offsets and a count of the files."""
+    """Write one line per file with its problems below it, then the sessions' offsets and a count of the files."""
     lines = [line for subject in subjects for line in _lines(subject)]
     known = [each for each in offsets if each.source != NOTHING]
     if known:
