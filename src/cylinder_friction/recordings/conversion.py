@@ -75,7 +75,7 @@ class Recipe:
     def from_settings(
         cls, settings: Mapping[str, Any], names: NameRules, cylinder: Cylinder, load: LoadMode | StatedLoad
     ) -> Recipe:
-        """Return the recipe of an ingest configuration, ``conf/ingest/*.yaml`` as nested dictionaries.
+        """Make the recipe of an ingest configuration, ``conf/ingest/*.yaml`` as nested dictionaries.
 
         ``settings`` holds ``channels``, and if they differ from the defaults ``format``, ``csv``, ``time``, ``start``,
         ``asset``, ``database`` and ``checks``. Recordings are checked against the cylinder's stroke and areas.
@@ -125,7 +125,7 @@ def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> list[Log
 
 
 def metadata_of(names: PathNames, source_file: str, digest: str, recipe: Recipe) -> RecordingMetadata:
-    """Return what the recordings of a file have in common; a sample time and a start are each one's own."""
+    """Collect what the recordings of a file have in common; a sample time and a start are each one's own."""
     stated = recipe.limits.stated_load
     areas_m2 = dict(zip(PRESSURES, recipe.limits.areas_m2 or (0.0, 0.0), strict=True))
     sensors = {column: each.sensor for column, each in recipe.channels.items() if each.sensor is not None}
@@ -150,14 +150,6 @@ def metadata_of(names: PathNames, source_file: str, digest: str, recipe: Recipe)
     )
 
 
-def pieces_of(path: Path, recipe: Recipe, about: RecordingMetadata, *, screened: bool = True) -> list[Recording]:
-    """Read the unbroken stretches of a file in SI units, each at one constant rate, yet to be ``checked``.
-
-    If not ``screened``, bad samples stay where they are, to be looked at, and only repairs of time are stated.
-    """
-    return pieces_from(open_tables(path, recipe), recipe, about, screened=screened)
-
-
 def pieces_from(
     tables: Sequence[LoggedTable],
     recipe: Recipe,
@@ -166,8 +158,9 @@ def pieces_from(
     screened: bool = True,
     rows_before: int = 0,
 ) -> list[Recording]:
-    """Map, screen and align tables that are read already; see ``pieces_of``.
+    """Map, screen and align tables to their unbroken stretches, in SI units at a constant rate, yet to be ``checked``.
 
+    If not ``screened``, bad samples stay where they are, to be looked at, and only repairs of time are stated.
     ``rows_before`` counts the rows of the file above the tables, if they are a part of it. A clock that is a stated
     rate runs on from there.
     """
@@ -201,21 +194,14 @@ def pieces_of_tables(
     Raises:
         RecordingError: The file cannot be read, or a file that is not long gives no piece.
     """
-    if tables[0].more is not None:
-        yield from _pieces_of_parts(tables[0], tables[0].more(), recipe, about)
+    if tables[0].more is None:
+        pieces = pieces_from(tables, recipe, about)
+        for number, piece in enumerate(pieces, start=1):
+            yield piece, f"piece {number} of {len(pieces)}" if len(pieces) > 1 else ""
         return
-    pieces = pieces_from(tables, recipe, about)
-    for number, piece in enumerate(pieces, start=1):
-        yield piece, f"piece {number} of {len(pieces)}" if len(pieces) > 1 else ""
-
-
-def _pieces_of_parts(
-    table: LoggedTable, more: Iterator[LoggedTable], recipe: Recipe, about: RecordingMetadata
-) -> Iterator[tuple[Recording | RecordingError, str]]:
-    """Yield the pieces of each part in turn. The first part decides the sample rate of all."""
     number, rows, last, rules = 0, 0, "", recipe.time
-    width, restarted = max(2, len(str(table.parts))), False
-    for part in _without_short_end(chain([table], more)):
+    width, restarted = max(2, len(str(tables[0].parts))), False
+    for part in _without_short_end(chain(tables, tables[0].more())):
         first, rows = rows, rows + len(part.channels)
         found: Sequence[Recording | RecordingError]
         try:
@@ -225,7 +211,7 @@ def _pieces_of_parts(
         for each in found:
             number += 1
             if isinstance(each, Recording):
-                rules = replace(rules, rate_hz=rules.rate_hz or 1.0 / each.sample_time_s)
+                rules = replace(rules, rate_hz=rules.rate_hz or 1.0 / each.sample_time_s)  # the first part's for all
                 restarted |= each.metadata.start < last  # A start that goes back is one of a clock that restarted
                 last = each.metadata.start
                 each = each.described(name=f"{about.name}_part{number:0{width}d}")

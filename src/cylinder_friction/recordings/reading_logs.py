@@ -40,7 +40,7 @@ def read_recordings(
     sensor_class: float | None = None,
     database: str | Path | None = None,
 ) -> list[Recording]:
-    """Return the recordings of logger files of any format, in SI units at one constant rate, sorted by path.
+    """Read logger files of any format as recordings, in SI units at one constant rate, sorted by path.
 
     Each file is read, mapped, screened, aligned and checked as the stage ``ingest`` does it. A file that cannot be
     used is left out with a warning that states why; what was repaired stands in ``metadata.repairs``.
@@ -56,12 +56,12 @@ def read_recordings(
             default the ``name_pattern`` or the ``name_table`` of ``channels``; the table lies in the folder of the
             files. Without any, each file is a session of its own, named as the file, and all belong to condition "1".
         load: What the cylinder carries: ``none``, ``measured`` (``load_force_n``) or ``position``, decided by
-            position alone. By default ``position`` where ``channels`` states that load, ``measured`` if
+            position alone. By default ``position`` if ``channels`` states that load, ``measured`` if
             ``load_force_n`` is mapped, else ``none``. Or a constant load, ``StatedLoad(4218.0, within_n=40.0)``.
         units: Without ``channels``, the unit of each quantity (``pressure``, ``length``, ``time``, ``force``,
             ``temperature``) that the file does not state, such as ``{"pressure": "bar"}``.
-        sensor_class: Accuracy of the pressure sensors, ± percent of full scale, where ``channels`` states none; full
-            scale is 250 bar where their range is not stated either. None: nothing is assumed.
+        sensor_class: Accuracy of the pressure sensors, ± percent of full scale, if ``channels`` states none; full
+            scale is 250 bar if their range is not stated either. None: nothing is assumed.
         database: Of a bus (DBC), for measurement files of CAN frames.
 
     Raises:
@@ -98,7 +98,7 @@ class Logs:
     tables: Mapping[str, Sequence[LoggedTable]] = field(default_factory=dict)  # Of files that were read already
 
     def with_sensor_class(self, percent: float | None) -> "Logs":
-        """Return the same with pressure sensors of this class where nothing is stated of their accuracy."""
+        """Assume this class of pressure sensors if nothing is stated of their accuracy."""
         if percent is None:
             return self
         if not 0.0 < percent <= 100.0:
@@ -205,20 +205,19 @@ def _logs(
 
 
 def log_paths(files: Sequence[str | Path]) -> list[Path]:
-    """Return the files that paths, folders and patterns name, sorted; raise ``RecordingError`` if one names none."""
+    """List the files that paths, folders and patterns name, sorted; raise ``RecordingError`` if one names none."""
     found: set[Path] = set()
     for file in files:
         path = Path(file)
         if path.is_dir():
             matching = [inner for inner in path.rglob("*") if inner.is_file() and not inner.name.startswith(".")]
-        elif path.is_file():
-            matching = [path]
         else:
-            matching = [Path(name) for name in glob.glob(str(file), recursive=True) if Path(name).is_file()]  # noqa: PTH207
-        if path.exists() and not matching and not path.is_dir():
-            raise RecordingError(f"{file}: is no regular file; copy what comes from it into one")
-        if path.is_dir() and not matching:
+            named = [path] if path.exists() else map(Path, glob.glob(str(file), recursive=True))  # noqa: PTH207
+            matching = [each for each in named if each.is_file()]
+        if not matching and path.is_dir():
             raise RecordingError(f"{file}: is an empty folder; expected logs in it")
+        if not matching and path.exists():
+            raise RecordingError(f"{file}: is no regular file; copy what comes from it into one")
         if not matching:
             raise RecordingError(f"{file}: no such file, and no file matches it as a pattern; correct the path")
         found.update(matching)
@@ -235,7 +234,7 @@ def _name_rules(names: str | None, settings: Mapping[str, Any], root: Path) -> N
 
 
 def _root(paths: Sequence[Path], source: str | None) -> Path:
-    """Return the folder that names are relative to: the configured one if it holds all files, else their own."""
+    """Find the folder that names are relative to: the configured one if it holds all files, else their own."""
     absolute = [Path(os.path.abspath(path)) for path in paths]  # noqa: PTH100 - without "..", links as they are
     if source is not None and all(path.is_relative_to(os.path.abspath(source)) for path in absolute):  # noqa: PTH100
         return Path(source)
@@ -255,21 +254,16 @@ def _settings(channels: str | Path | Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def load_settings(path: Path) -> dict[str, Any]:
-    """Return an ingest configuration as nested dictionaries, merged with the files under its ``defaults``."""
-    own = read_yaml(path)
-    settings: dict[str, Any] = {}
+    """Read an ingest configuration as nested dictionaries, merged with the files under its ``defaults``."""
+    own, settings = read_yaml(path), dict[str, Any]()
+    places = (path.parent, _PACKAGE / "project/conf/ingest", _PACKAGE.parents[1] / "conf/ingest")
     for entry in own.pop("defaults", []):
         for group, name in (entry if isinstance(entry, dict) else {"": entry}).items():
-            if name != "_self_":
-                below = Path(group.partition("@")[0], f"{name}.yaml")
-                _merge(settings, load_settings(next(filter(Path.is_file, _places(path, below)), path.parent / below)))
+            if name != "_self_":  # beside the mapping, or as this package brings it
+                below = [place / group.partition("@")[0] / f"{name}.yaml" for place in places]
+                _merge(settings, load_settings(next(filter(Path.is_file, below), below[0])))
     _merge(settings, own)
     return settings
-
-
-def _places(path: Path, below: Path) -> list[Path]:
-    """List the places of a file under ``defaults``: beside the mapping, and in this package."""
-    return [path.parent / below, _PACKAGE / "project/conf/ingest" / below, _PACKAGE.parents[1] / "conf/ingest" / below]
 
 
 def _merge(settings: dict[str, Any], more: Mapping[str, Any]) -> None:

@@ -1,9 +1,11 @@
 """One bad file never stops the others: what crashes or hangs a library in C ends only the process it is read in."""
 
+import os
 import signal
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -57,44 +59,37 @@ def write_hanging(path: Path) -> Path:
 
 
 @ON_LINUX
-def test_a_file_that_crashes_a_library_is_refused(tmp_path: Path) -> None:
-    good, bad = write_good(tmp_path / "good"), write_crashing(tmp_path / "bad")
+@pytest.mark.parametrize(
+    ("write", "limits", "refusal"),
+    [
+        (write_crashing, {}, "reading it crashed the HDF5 library; the file is damaged; copy it"),
+        (
+            write_hanging,
+            {"LIMIT_S": 0.6},
+            "reading it took longer than 1 s; the file is damaged; copy it again, or expo",
+        ),
+        (write_greedy_matlab, {"LIMIT_BYTES": 1 << 29}, "damaged"),
+    ],
+)
+def test_a_file_that_crashes_hangs_or_fills_the_memory_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, write: Any, limits: dict[str, float], refusal: str
+) -> None:
+    good, bad = write_good(tmp_path / "good"), write(tmp_path / "bad")
     before = read_logged_file(good)[0]
     for _ in range(2):
-        with pytest.raises(RecordingError) as refusal:
-            read_logged_file(bad)
-        assert str(refusal.value).startswith("reading it crashed the HDF5 library; the file is damaged; copy it")
+        with monkeypatch.context() as patch:
+            patch.setattr(isolated, "LIMIT_PER_BYTE_S", 0.4 / bad.stat().st_size)  # a large file has more time
+            for name, limit in limits.items():
+                patch.setattr(isolated, name, limit)
+            with pytest.raises(RecordingError, match=refusal):
+                read_logged_file(bad)
         pd.testing.assert_frame_equal(read_logged_file(good)[0].channels, before.channels)
-
-
-def test_a_file_that_hangs_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    good, bad = write_good(tmp_path / "good"), write_hanging(tmp_path / "bad")
-    with monkeypatch.context() as patch:
-        patch.setattr(isolated, "LIMIT_S", 0.6)
-        # A large file has more time.
-        patch.setattr(isolated, "LIMIT_PER_BYTE_S", 0.4 / bad.stat().st_size)
-        with pytest.raises(RecordingError) as refusal:
-            read_logged_file(bad)
-    assert str(refusal.value) == (
-        "reading it took longer than 1 s; the file is damaged; copy it again, or export it anew"
-    )
-    assert read_logged_file(good)[0].channels["P1"].tolist() == ROWS.tolist()
-
-
-@ON_LINUX
-def test_a_file_that_fills_the_memory_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with monkeypatch.context() as patch:
-        patch.setattr(isolated, "LIMIT_BYTES", 1 << 29)
-        with pytest.raises(RecordingError, match="damaged"):
-            read_logged_file(write_greedy_matlab(tmp_path / "bad"))
-    assert len(read_logged_file(write_good(tmp_path / "good"))[0].channels) == 6
 
 
 def test_a_process_that_was_ended_between_two_files_is_replaced(tmp_path: Path) -> None:
     good = write_good(tmp_path / "good")
     read_logged_file(good)
-    process = isolated._READER.process
-    assert process is not None
+    _, process = isolated._READERS[os.getpid()]
     process.kill()
     process.join(60.0)
     assert len(read_logged_file(good)[0].channels) == 6
@@ -103,7 +98,7 @@ def test_a_process_that_was_ended_between_two_files_is_replaced(tmp_path: Path) 
 def script(text: str, *arguments: object) -> subprocess.CompletedProcess[str]:
     head = "import os, sys, signal\nfrom pathlib import Path\n"
     head += "from cylinder_friction.recordings.formats.reading import read_logged_file\n"
-    head += "from cylinder_friction.recordings.formats.isolated import _READER\n"
+    head += "from cylinder_friction.recordings.formats.isolated import _READERS\n"
     command = [sys.executable, "-W", "error", "-c", head + text, *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
 
@@ -128,7 +123,7 @@ def test_the_process_ends_with_its_parent_and_in_silence(tmp_path: Path, ending:
     (tmp_path / "noise").write_bytes((tmp_path / "whole").read_bytes()[:900])
     text = (
         "for path in sys.argv[1:]:\n    try: read_logged_file(Path(path))\n    except ValueError: pass\n"
-        f"print(_READER.process.pid, flush=True)\n{ending}\n"
+        f"print(_READERS[os.getpid()][1].pid, flush=True)\n{ending}\n"
     )
     done = script(text, write_good(tmp_path / "log"), tmp_path / "noise")
     assert done.stderr == ""

@@ -33,7 +33,6 @@ POSITION_LOOP = SensorScale((0.0, 300.0), "mm", (4.0, 20.0))
         ("position_m", ChannelMapping("x", "mA", offset=10.0, sensor=POSITION_LOOP), [4.0, 12.0], [-0.01, 0.14]),
         ("pressure_1_pa", ChannelMapping("a", "counts", sensor=COUNTS), [0.0, 4095.0], [0.0, 250e5]),
         ("pressure_1_pa", ChannelMapping("a", "V", sensor=VOLTS), [2.5], [1500.0 * 6894.757293168]),
-        ("pressure_1_pa", ChannelMapping("a", "bar", reference="absolute"), [1.01325, 2.01325], [0.0, 1e5]),
         ("pressure_1_pa", ChannelMapping("a", "bar (abs)"), [1.01325, 2.01325], [0.0, 1e5]),
         ("pressure_1_pa", ChannelMapping("a", "mA", sensor=ABSOLUTE_LOOP), [4.0, 20.0], [-101325.0, 1e6 - 101325.0]),
     ],
@@ -68,9 +67,6 @@ SIGNAL = "is a sensor's signal and means nothing without its range; state the se
         ("position_m", {"channel": ""}, "expected the logger's name of the channel, but got ''"),
         ("position_m", {"channel": "", "rate_hz": 200.0}, "'position_m': rate_hz is for 'time_s' alone"),
         ("position_m", {"offset": float("nan")}, "offset: expected a finite number"),
-        ("position_m", {"reference": "absolute"}, "'position_m': reference: absolute is for pressures alone"),
-        ("pressure_1_pa", {"reference": "vacuum"}, "reference: expected gauge or absolute, but got 'vacuum'"),
-        ("pressure_1_pa", {"unit": "barg", "reference": "absolute"}, "unit 'barg' is gauge pressure, but reference"),
         ("pressure_1_pa", {"unit": "bar", "sensor": BAR | {"unit": "bara"}}, "the sensor's unit 'bara' is absolute"),
         ("pressure_1_pa", {"unit": "mA"}, f"channel 'a': unit 'mA' {SIGNAL}"),
         ("pressure_1_pa", {"unit": "mA", "sensor": BAR}, f"unit 'mA' {SIGNAL}"),
@@ -102,7 +98,7 @@ def test_limits_follow_unit_sign_offset_and_reference() -> None:
         {
             "time_s": ChannelMapping("t", "s"),
             "pressure_1_pa": ChannelMapping("a", "mA", sensor=CURRENT),
-            "pressure_2_pa": ChannelMapping("b", "bar", reference="absolute", sensor=SensorScale((0.0, 100.0), "bar")),
+            "pressure_2_pa": ChannelMapping("b", "bara", sensor=SensorScale((0.0, 100.0), "bara")),
             "position_m": ChannelMapping(
                 "x", "count", -1, offset=300.0, sensor=SensorScale((0.0, 300.0), "mm", (0.0, 4095.0))
             ),
@@ -121,19 +117,22 @@ def test_limits_follow_unit_sign_offset_and_reference() -> None:
     assert (load.low, load.high, load.step) == pytest.approx((-5e3, 5e3, 1e4 / 4096))
 
 
-def test_accuracy_is_a_rectangular_error_of_the_zero() -> None:
-    sensor = SensorScale((0.0, 250.0), "bar", (4.0, 20.0), bits=12, accuracy_percent=0.5)
-    mapping = {"pressure_1_pa": ChannelMapping("a", "mA", sensor=sensor), "position_m": ChannelMapping("x", "mm")}
-    stated = sensor_uncertainty(mapping)
-    assert set(stated) == {"pressure_1_pa"}
-    assert stated["pressure_1_pa"].zero == pytest.approx(1.25e5 / math.sqrt(3.0))
-    assert stated["pressure_1_pa"].span == 0.0
-    assert stated["pressure_1_pa"].resolution == pytest.approx(250e5 / 4096)
-
-
-def test_calibrated_zero_leaves_accuracy_to_the_span() -> None:
-    sensor = SensorScale((0.0, 250.0), "bar", accuracy_percent=0.3, zero_uncertainty=0.1)
-    stated = sensor_uncertainty({"pressure_1_pa": ChannelMapping("a", "bar", sensor=sensor)})["pressure_1_pa"]
-    assert stated.zero == pytest.approx(0.1e5)
-    assert stated.span == pytest.approx(0.003 / math.sqrt(3.0))
-    assert stated.resolution == 0.0
+@pytest.mark.parametrize(
+    ("sensor", "zero_pa", "span", "resolution_pa"),
+    [
+        (SensorScale((0.0, 250.0), "bar", bits=12, accuracy_percent=0.5), 1.25e5 / math.sqrt(3.0), 0.0, 250e5 / 4096),
+        (
+            SensorScale((0.0, 250.0), "bar", accuracy_percent=0.3, zero_uncertainty=0.1),
+            1e4,
+            0.003 / math.sqrt(3.0),
+            0.0,
+        ),
+    ],
+)
+def test_accuracy_is_a_rectangular_error_of_the_zero_or_of_the_span_beside_a_calibrated_zero(
+    sensor: SensorScale, zero_pa: float, span: float, resolution_pa: float
+) -> None:
+    mapping = {"pressure_1_pa": ChannelMapping("a", "bar", sensor=sensor), "position_m": ChannelMapping("x", "mm")}
+    ((column, stated),) = sensor_uncertainty(mapping).items()
+    assert column == "pressure_1_pa"
+    assert (stated.zero, stated.span, stated.resolution) == pytest.approx((zero_pa, span, resolution_pa))

@@ -8,7 +8,7 @@ from cylinder_friction.evaluation.inspection.subject import Inspected, worst
 from cylinder_friction.recordings.checks.duplicates import Samples, SeenRecordings
 from cylinder_friction.recordings.checks.limits import Finding
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
-from cylinder_friction.recordings.conversion import Recipe, metadata_of, pieces_of
+from cylinder_friction.recordings.conversion import Recipe, metadata_of, open_tables, pieces_from
 from cylinder_friction.recordings.ingesting import shown
 from cylinder_friction.recordings.path_names import PathNames, name_of
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
@@ -46,7 +46,7 @@ def _inspect_file(name: str, path: Path, recipe: Recipe) -> Iterator[tuple[Recor
         names = PathNames(name_of(name), "", "", "")
     about = metadata_of(names, name, "", recipe)
     try:
-        pieces = pieces_of(path, recipe, about)
+        pieces = pieces_from(open_tables(path, recipe), recipe, about)
     except (RecordingError, OSError) as error:
         findings.append(Finding("file", "refused", str(error)))
         pieces = _read_unscreened(path, recipe, about)
@@ -60,7 +60,7 @@ def _inspect_file(name: str, path: Path, recipe: Recipe) -> Iterator[tuple[Recor
 def _read_unscreened(path: Path, recipe: Recipe, about: RecordingMetadata) -> list[Recording]:
     """Read the pieces of a refused file with its bad samples, to inspect them; none if the file is unreadable."""
     with suppress(RecordingError, OSError):
-        return pieces_of(path, recipe, about, screened=False)
+        return pieces_from(open_tables(path, recipe), recipe, about, screened=False)
     return []
 
 

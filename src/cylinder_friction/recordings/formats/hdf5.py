@@ -40,7 +40,7 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
             shape: tuple[int, ...] = node.shape or ()
             if node.dtype.names and len(shape) == 1 and shape[0] > 0:
                 fields = [name for name in node.dtype.names if node.dtype[name].kind in "biuf"]
-                channels = [Channel(name, shape[0], partial(_field, node, name)) for name in fields]
+                channels = [Channel(name, shape[0], partial(_values, node, name)) for name in fields]
                 tables.append(table_of(channels, wanted, path))
             elif shape and node.dtype.kind in "biuf" and (arrays := column_arrays(path, shape)):
                 unit, step_s = _unit(node.attrs), _sample_time_s(node)
@@ -57,11 +57,8 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
 
 
 def _values(node: Any, at: Any) -> NDArray[Any]:
-    return numeric(np.ascontiguousarray(node[at].reshape(-1)))
-
-
-def _field(node: Any, name: str) -> NDArray[Any]:
-    return numeric(np.ascontiguousarray(node.fields(name)[()]))
+    values = node.fields(at)[()] if isinstance(at, str) else node[at].reshape(-1)
+    return numeric(np.ascontiguousarray(values))
 
 
 def _unit(attributes: Any) -> str:
@@ -71,7 +68,7 @@ def _unit(attributes: Any) -> str:
 
 
 def _sample_time_s(node: Any) -> float | None:
-    """Return the sample time that the dataset states, or the nearest group around it."""
+    """Find the sample time that the dataset states, or the nearest group around it."""
     while True:
         for key, value in node.attrs.items():
             name = key.casefold()

@@ -8,6 +8,7 @@ import threading
 from collections.abc import Callable, Collection, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.connection import wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
@@ -25,36 +26,27 @@ LIMIT_BYTES, LIMIT_BYTES_PER_BYTE = 4 << 30, 50
 """Memory limit for a small file [bytes]; each byte of a file adds to it."""
 
 
-class _Reader:
-    """The process, started for the first file and again after it died."""
-
-    def __init__(self) -> None:
-        self.lock = threading.Lock()
-        self.owner = 0
-        self.pool: ProcessPoolExecutor | None = None
-        self.process: BaseProcess | None = None
-
-    def running(self) -> ProcessPoolExecutor:
-        if self.pool is None or self.owner != os.getpid() or self.process is None or not self.process.is_alive():
-            main = sys.modules["__main__"].__dict__
-            hidden: dict[str, Any] = {name: main.pop(name) for name in ("__file__", "__spec__") if name in main}
-            main["__spec__"] = None
-            try:  # a script without a guard would run again in the process
-                self.pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _begin)
-                pid = self.pool.submit(os.getpid).result()
-            finally:
-                main |= hidden
-            self.process = next(child for child in multiprocessing.active_children() if child.pid == pid)
-            self.owner = os.getpid()
-        return self.pool
-
-    def end(self) -> None:
-        if self.process is not None:
-            self.process.kill()
-        self.pool = None
+_LOCK = threading.Lock()
+_READERS: dict[int, tuple[ProcessPoolExecutor, BaseProcess]] = {}
+"""The pool of one process, and that process, by the process that started it; a fork starts its own."""
 
 
-_READER = _Reader()
+def _reader() -> ProcessPoolExecutor:
+    """Start the process for the first file, and again after it died."""
+    pool, process = _READERS.get(os.getpid(), (None, None))
+    if (
+        pool is None or process is None or wait([process.sentinel], 0)
+    ):  # is_alive may miss that another thread reaped it
+        main = sys.modules["__main__"].__dict__
+        hidden: dict[str, Any] = {name: main.pop(name) for name in ("__file__", "__spec__") if name in main}
+        main["__spec__"] = None
+        try:  # a script without a guard would run again in the process
+            pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _begin)
+            pid = pool.submit(os.getpid).result()
+        finally:
+            main |= hidden
+        _READERS[os.getpid()] = pool, next(child for child in multiprocessing.active_children() if child.pid == pid)
+    return pool
 
 
 def read_isolated(path: Path, of: Format, wanted: Collection[str] | None, more: Mapping[str, Any]) -> list[LoggedTable]:
@@ -70,19 +62,25 @@ def read_isolated(path: Path, of: Format, wanted: Collection[str] | None, more: 
     limit_s, limit_bytes = LIMIT_S + LIMIT_PER_BYTE_S * size, LIMIT_BYTES + LIMIT_BYTES_PER_BYTE * size
     if multiprocessing.current_process().daemon:
         return _read(of.read, of.what, path, None, wanted, more)
-    with _READER.lock:
+    with _LOCK:
         try:
-            return _READER.running().submit(_read, of.read, of.what, path, limit_bytes, wanted, more).result(limit_s)
+            return _reader().submit(_read, of.read, of.what, path, limit_bytes, wanted, more).result(limit_s)
         except BrokenProcessPool:
             what = f"crashed {of.crashes}"
         except TimeoutError:
             what = f"took longer than {limit_s:.0f} s"
-        except BaseException as error:
-            if not isinstance(error, RecordingError):
-                _READER.end()
+        except RecordingError:
             raise
-        _READER.end()
+        except BaseException:
+            _end()
+            raise
+        _end()
     raise RecordingError(f"reading it {what}; the file is damaged; copy it again, or export it anew")
+
+
+def _end() -> None:
+    if reader := _READERS.pop(os.getpid(), None):
+        reader[1].kill()
 
 
 def _begin() -> None:

@@ -31,7 +31,7 @@ _EOF = re.compile(rb"(?<=[\r\n])[\s;,|\"]*EOF(?:[\s;,|\"]|EOF)*\Z")
 
 @dataclass(frozen=True)
 class FileSource:
-    """Where a reader finds its bytes: the path, or the unpacked bytes of a gzipped file."""
+    """What a reader takes its bytes from: the path, or the unpacked bytes of a gzipped file."""
 
     origin: Path | bytes
     head: bytes  # The first ``HEAD_SIZE`` bytes
@@ -39,11 +39,11 @@ class FileSource:
     kept: Any = None  # Keeps the temporary file that ``origin`` names
 
     def handle(self) -> str | io.BytesIO:
-        """Return what a library opens: the path as text, or the bytes as a file."""
+        """Give what a library opens: the path as text, or the bytes as a file."""
         return io.BytesIO(self.origin) if isinstance(self.origin, bytes) else str(self.origin)
 
     def opened(self) -> BinaryIO:
-        """Return the bytes as a file that the caller closes; libraries leave their own open over a damaged file."""
+        """Open the bytes as a file that the caller closes; libraries leave their own open over a damaged file."""
         return io.BytesIO(self.origin) if isinstance(self.origin, bytes) else self.origin.open("rb")
 
     @cached_property
@@ -84,7 +84,7 @@ def _unpacked(path: Path) -> FileSource:
 
 
 def is_text(head: bytes) -> bool:
-    """Return whether bytes are text: it may end in zero bytes, after a power loss, and hold rare damaged characters."""
+    """Tell whether bytes are text: it may end in zero bytes, after a power loss, and hold rare damaged characters."""
     if any(head.startswith(mark) for mark in BYTE_ORDER_MARKS if mark != codecs.BOM_UTF8):
         return True
     body = head.rstrip(b"\0")
@@ -115,18 +115,17 @@ def open_text(source: FileSource, encoding: str) -> Text:
     """
     mark = next((mark for mark in BYTE_ORDER_MARKS if source.head.startswith(mark)), b"")
     if encoding == "auto":
-        encoding = BYTE_ORDER_MARKS[mark] if mark else "utf-8" if _is_utf8(source) else "cp1252"
+        encoding = BYTE_ORDER_MARKS.get(mark, "utf-8")
+        try:
+            codecs.getincrementaldecoder(encoding)().decode(source.head, final=len(source.head) >= source.size)
+        except UnicodeDecodeError:
+            encoding = encoding if mark else "cp1252"
     start = len(codecs.BOM_UTF8) if mark == codecs.BOM_UTF8 else 0
     if codecs.lookup(encoding).name in ("utf-8", "utf-8-sig", "ascii"):
         if not isinstance(source.origin, bytes) and source.size > _READ_AT_ONCE:
             return _ended(pa.OSFile(str(source.origin)), start, '"')
         content = source.all_bytes
-    else:
-        content, start = _as_utf8(source, encoding), 0
-    return _ended(pa.BufferReader(content), start, '"' if b'"' in content else False)
-
-
-def _as_utf8(source: FileSource, encoding: str) -> bytes:
+        return _ended(pa.BufferReader(content), start, '"' if b'"' in content else False)
     if source.size > MOST_INDIVISIBLE:
         raise RecordingError(
             f"its characters are {encoding} and it has {source.size / 1e6:.0f} MB; only UTF-8 is read in parts, other "
@@ -139,15 +138,8 @@ def _as_utf8(source: FileSource, encoding: str) -> bytes:
             f"its characters are not {encoding}: {error.reason} at position {error.start}; name the right encoding, or "
             "leave it to be found out (auto)"
         ) from None
-    return text.removeprefix("\ufeff").encode(errors="replace")
-
-
-def _is_utf8(source: FileSource) -> bool:
-    try:
-        codecs.getincrementaldecoder("utf-8")().decode(source.head, final=len(source.head) >= source.size)
-    except UnicodeDecodeError:
-        return False
-    return True
+    content = text.removeprefix("\ufeff").encode(errors="replace")
+    return _ended(pa.BufferReader(content), 0, '"' if b'"' in content else False)
 
 
 def _ended(file: Any, start: int, quote: str | bool) -> Text:

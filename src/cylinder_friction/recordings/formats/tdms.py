@@ -34,16 +34,10 @@ def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[Logged
         starts = [_start(channel) for group in file.groups() for channel in group.channels()]
         first = min((start for start in starts if start is not None), default=None)
         tables = [table for group in file.groups() for table in _tables(group, wanted, first)]
-        cut = _cut_off(file)
+        cut_off = file.file_status is not None and file.file_status.incomplete_final_segment
+    lost = ("the file ends within its last segment, and the samples behind are lost",) if cut_off else ()
     start = None if first is None else Start(first, utc=True, source="wf_start_time")
-    return [replace(table, notes=(*table.notes, *cut), start=start, utc=True) for table in tables]
-
-
-def _cut_off(file: Any) -> list[str]:
-    """Return a note on a file that ends within its last segment, as a logger leaves it that loses power."""
-    status = file.file_status
-    incomplete = status is not None and status.incomplete_final_segment
-    return ["the file ends within its last segment, and the samples behind are lost"] if incomplete else []
+    return [replace(table, notes=(*table.notes, *lost), start=start, utc=True) for table in tables]
 
 
 def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | None) -> list[LoggedTable]:
@@ -54,11 +48,9 @@ def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | N
     timed = any(_is_clock(channel, name) for name, channel in valid)
     alike: dict[tuple[int, float | None, float], list[Channel]] = {}
     for name, channel in valid:
-        unit = _unit(channel)
         step, offset = (None, 0.0) if timed else _clock(channel, first)
-        alike.setdefault((len(channel), step, offset), []).append(
-            Channel(name, len(channel), partial(_values, channel), unit)
-        )
+        entry = Channel(name, len(channel), partial(_values, channel), _unit(channel))
+        alike.setdefault((len(channel), step, offset), []).append(entry)
     tables: list[LoggedTable] = []
     for (length, step, offset), channels in alike.items():
         if step is not None:
@@ -72,7 +64,7 @@ def _unit(channel: Any) -> str:
 
 
 def _is_clock(channel: Any, name: str) -> bool:
-    """Return whether a channel rises as time does, which its name or its unit states, or its even steps show."""
+    """Tell whether a channel rises as time does, which its name or its unit states, or its even steps show."""
     if channel.dtype.kind not in "iufM":
         return False
     values = np.asarray(channel[:FIRST_ROWS])
@@ -85,7 +77,7 @@ def _is_clock(channel: Any, name: str) -> bool:
 
 
 def _clock(channel: Any, first: np.datetime64 | None) -> tuple[float | None, float]:
-    """Return a waveform's sample time and the time of its first sample [s]; None and 0 for other channels."""
+    """Read a waveform's sample time and the time of its first sample [s]; None and 0 for other channels."""
     step = channel.properties.get("wf_increment")
     if not isinstance(step, int | float) or not 0.0 < step < float("inf"):
         return None, 0.0

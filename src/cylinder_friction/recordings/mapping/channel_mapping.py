@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import date
-from typing import Any, Self, get_args
+from typing import Any, Self
 
 import numpy as np
 
@@ -119,7 +119,6 @@ class ChannelMapping:
     # own table
     time: str = ""
     time_unit: str = ""  # Of that channel, if the file does not state it
-    reference: units.Reference = "gauge"  # What pressure is counted from; a unit such as ``bara`` states it itself
     sensor: SensorScale | None = None  # What the channel's signal means, and what the sensor can read
     # What the sensor reads if the column is to be zero, in the sensor's unit: of a position sensor, its reading with
     # the rod in
@@ -135,7 +134,6 @@ class ChannelMapping:
         rated = self.rate_hz is None or (not self.channel and 0.0 < self.rate_hz < math.inf)
         expect(rated, f"{where}: rate_hz", "a positive number in place of a channel", self.rate_hz)
         expect(self.sign in (1, -1), f"{where}: sign", "1 or -1", self.sign)
-        expect(self.reference in get_args(units.Reference), f"{where}: reference", "gauge or absolute", self.reference)
         expect(math.isfinite(self.offset), f"{where}: offset", "a finite number", self.offset)
         scaled = self.sensor is not None and self.sensor.signal is not None
         if units.electrical(self.unit) not in (None, "%") and not scaled:
@@ -178,7 +176,7 @@ class ChannelMapping:
     @property
     def absolute(self) -> bool:
         """Whether the channel holds absolute pressure."""
-        return self.reference == "absolute" or units.stated_reference(self.reading_unit) == "absolute"
+        return units.stated_reference(self.reading_unit) == "absolute"
 
     def column_values(self, raw: Array, column: str) -> Array:
         """Convert a channel's cells to the column's values; return the array itself if there is nothing to convert."""
@@ -235,15 +233,11 @@ def _problem(column: str, source: ChannelMapping) -> str:
         units.check_unit(column, sensor.unit)
         if not source.absolute and units.stated_reference(sensor.unit) == "absolute":
             return (
-                f"the sensor's unit {sensor.unit!r} is absolute pressure, but the channel is read as gauge; set "
-                "reference: absolute, or give the range in gauge pressure"
+                f"the sensor's unit {sensor.unit!r} is absolute pressure, but the channel is read as gauge; write "
+                "its unit as absolute too, such as bara, or give the range in gauge pressure"
             )
         if sensor.line_loss is not None and column not in PRESSURES:
             return "sensor.line_loss is for the cylinder's pressures alone; leave it out"
-    if source.reference == "absolute" and QUANTITIES[column] != "pressure":
-        return "reference: absolute is for pressures alone; leave it out"
-    if source.reference == "absolute" and units.stated_reference(source.reading_unit) == "gauge":
-        return f"unit {source.reading_unit!r} is gauge pressure, but reference is absolute; correct one"
     return ""
 
 

@@ -57,10 +57,10 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
         column: replace(source, channel=next((name for name in source.names if name in there), source.channel))
         for column, source in mapping.items()
     }
-    columns = [column for column in mapping if column != "time_s"]
+    columns = [column for column in mapping if column != TIME]
     places = {name: _find_channel(tables, mapping[name].channel, mapping[name].table, name) for name in columns}
     clocks = {column: _clock(tables, places[column], column, mapping) for column in columns}
-    if (rate_hz := mapping["time_s"].rate_hz) is not None:
+    if (rate_hz := mapping[TIME].rate_hz) is not None:
         _refuse_rate(tables, sorted({clock.table for clock in clocks.values() if not clock.channel}), rate_hz)
     stamps = _stamps(tables, clocks, mapping)
     _refuse_two_clocks(tables, stamps)
@@ -119,21 +119,17 @@ def _take_delays(signals: dict[str, Signal], mapping: Mapping[str, ChannelMappin
 
 def _clock(tables: Sequence[LoggedTable], place: int, column: str, mapping: Mapping[str, ChannelMapping]) -> _Clock:
     """Find what stamps a column: the channel it names itself, else the one of ``time_s`` in its own table."""
-    source, time = mapping[column], mapping["time_s"]
+    source, time = mapping[column], mapping[TIME]
     if not source.time and time.rate_hz is not None:
         return _Clock(place, "")
     name = source.time or time.channel
     own = list(tables[place].channels.columns).count(name)
-    if own > 1:
-        raise RecordingError(
-            f"time channel {name!r} (for {column!r}) occurs {own} times in its table; rename one in the file"
-        )
     if own == 1:
         return _Clock(place, name)
-    if source.time:
+    if source.time and not own:
         return _Clock(_find_channel(tables, name, time.table if name == time.channel else "", column), name)
-    if len(tables) == 1:
-        _find_channel(tables, name, "", "time_s")
+    if own or len(tables) == 1:
+        _find_channel([tables[place]], name, "", TIME)  # which refuses it
     there = ", ".join(repr(str(other)) for other in tables[place].channels.columns if other != source.channel)
     raise RecordingError(
         f"channel {source.channel!r} (for {column!r}) has no time channel {name!r} in its table "
@@ -211,7 +207,7 @@ def _refuse_two_ends(signals: Mapping[str, Signal], mapping: Mapping[str, Channe
             share = last / end
             whole = 1 < round(share) <= MOST_TIMES_SLOWER and abs(end * round(share) - last) <= round(share)
             packed = whole and np.isfinite(signals[column].values[:end]).mean() > ENDS_TOGETHER
-            stated = mapping["time_s"].rate_hz is not None and end < ENDS_TOGETHER * last
+            stated = mapping[TIME].rate_hz is not None and end < ENDS_TOGETHER * last
             if stated or packed:
                 raise RecordingError(
                     f"columns end at different rows: {column} ({mapping[column].channel!r}) at row {end}, {longest} "
@@ -225,7 +221,7 @@ def _stamps(
     tables: Sequence[LoggedTable], clocks: Mapping[str, _Clock], mapping: Mapping[str, ChannelMapping]
 ) -> dict[_Clock, Array]:
     """Make the seconds of each clock once; dates of one file count from the earliest among them."""
-    time = mapping["time_s"]
+    time = mapping[TIME]
     columns = {clock: column for column, clock in reversed(list(clocks.items()))}
     raw = {clock: tables[clock.table].channels[clock.channel] for clock in columns if clock.channel}
     dates = {clock: stamps for clock, stamps in raw.items() if stamps.dtype.kind == "M"}
@@ -258,26 +254,21 @@ def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping
     of_time = channel == time.channel
     configured = time_unit or (time.unit if of_time else "")
     if stated and configured:
-        _refuse_other_unit(stated, configured, channel, "time_s" if of_time else column)
+        _refuse_other_unit(stated, configured, channel, TIME if of_time else column)
     unit = configured or (stated if of_time or units.quantity_of(stated) == "time" else time.unit)
     if not unit:
         raise RecordingError(
             f"time channel {channel!r} (for {column!r}) holds {raw.dtype} and states no unit; "
             "expected dates, or numbers with channels.time_s.unit"
         )
-    values = _numbers(raw, channel, "time_s", unit)
-    _refuse_other_epoch(values, channel, unit)
-    return units.to_column_unit(values - time.offset if time.offset else values, unit, "time_s")
-
-
-def _refuse_other_epoch(values: Array, channel: str, unit: str) -> None:
-    """Refuse a unit of numbers that are dates in another unit."""
+    values = _numbers(raw, channel, TIME, unit)
     epoch = epoch_of(values)
     if epoch is not None and not math.isclose(units.column_scale(TIME, unit), 1e-9 * epoch.unit_ns):
         raise RecordingError(
             f"time channel {channel!r} begins at {values[0]:.15g}, which in {epoch.counted} since {epoch.since} is "
             f"{epoch.stamps(values[:1])[0]}, but it is read in {unit!r}; correct channels.time_s.unit in the mapping"
         )
+    return units.to_column_unit(values - time.offset if time.offset else values, unit, TIME)
 
 
 def _check_stated_unit(table: LoggedTable, column: str, source: ChannelMapping) -> None:
@@ -291,7 +282,7 @@ def _check_stated_unit(table: LoggedTable, column: str, source: ChannelMapping) 
         raise RecordingError(
             f"channel {source.channel!r} (for {column!r}): the file states {stated!r}, which is {reference} pressure, "
             f"but it is read as {'absolute' if source.absolute else 'gauge'} pressure; "
-            f"correct channels.{column}.reference"
+            f"correct channels.{column}.unit: bara is absolute, bar gauge pressure"
         )
 
 

@@ -10,8 +10,6 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import POSITION, QUANTITIES
 from cylinder_friction.recordings.recording import RecordingError
 
-Reference = Literal["gauge", "absolute"]
-
 _SPELLINGS: dict[str, dict[float, str]] = {
     "time": {
         1.0: "s sec secs second seconds sek sekunde sekunden", 1e-3: "ms msec", 1e-6: "us μs usec", 1e-9: "ns",
@@ -125,7 +123,7 @@ def quantity_of(unit: str) -> str | None:
 
 
 @cache
-def stated_reference(unit: str) -> Reference | None:
+def stated_reference(unit: str) -> Literal["gauge", "absolute"] | None:
     """Tell the reference that a unit of pressure states itself: ``bara``, ``psi(g)``; None if it states none."""
     text, known = bare(unit), _CONVERSIONS["pressure"]
     match = _REFERENCE.fullmatch(text)
@@ -164,13 +162,13 @@ def names_a_unit(text: str) -> bool:
     return electrical(text) is not None or quantity_of(text) is not None or text.casefold() in OTHER_QUANTITIES
 
 
-def check_unit(column: str, unit: str) -> None:
-    """Refuse a unit that is not known or does not measure what the column holds."""
+def check_unit(column: str, unit: str) -> tuple[float, float]:
+    """Return scale and offset to the column's unit; refuse one that is not known or measures something else."""
     wanted = QUANTITIES[column]
     if wanted == "pressure" and bare(unit) == "mPa":
         raise RecordingError(f"column {column!r}: unit {unit!r} is millipascal; write MPa for megapascal")
-    if conversion(unit, wanted) is not None:
-        return
+    if (found := conversion(unit, wanted)) is not None:
+        return found
     if electrical(unit) is not None:
         raise RecordingError(
             f"column {column!r}: unit {unit!r} is a sensor's electrical signal, but the column holds a {wanted}; "
@@ -186,21 +184,14 @@ def to_column_unit(values: Array, unit: str, column: str) -> Array:
 
     Temperatures are converted with their zero, so 32 °F is 0 °C. Refuses as ``check_unit``.
     """
-    scale, offset = _checked(unit, column)
+    scale, offset = check_unit(column, unit)
     scaled = values if scale == 1.0 else values * scale
     return scaled if offset == 0.0 else scaled + offset
 
 
 def column_scale(column: str, unit: str) -> float:
     """Tell how many of the column's unit one of ``unit`` is, for differences: 1 °F is 5/9 °C."""
-    return _checked(unit, column)[0]
-
-
-def _checked(unit: str, column: str) -> tuple[float, float]:
-    check_unit(column, unit)
-    found = conversion(unit, QUANTITIES[column])
-    assert found is not None
-    return found
+    return check_unit(column, unit)[0]
 
 
 @cache
