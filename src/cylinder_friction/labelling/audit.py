@@ -15,7 +15,11 @@ STRATA = ("all", "steady", "events", *EVENTS)
 
 @dataclass(frozen=True)
 class AuditRow:
-    """Label less truth, of one filter in one condition and stratum."""
+    """Errors of the label against true friction, of one filter in one condition and stratum.
+
+    Errors are in newtons, positive if the label is above the truth. Only simulated recordings have a truth; nothing is
+    trained on it.
+    """
 
     filter: str  # Name of the filter
     condition: str  # Name of the operating condition, or ``all``
@@ -53,7 +57,11 @@ class _Sums:
 
 @dataclass
 class Audit:
-    """Collects errors one recording at a time, so that memory holds only sums."""
+    """Collects the labels' errors one recording at a time, so that memory holds only sums.
+
+    Call ``add`` for each recording with a known truth, then read ``rows``. Audits of several processes are combined in
+    the order of their recordings, with the same bits as one.
+    """
 
     event_window_s: float  # Rows within this time of a start, stop or reversal count as near it [s]
     _sums: dict[tuple[str, str, str], _Sums] = field(default_factory=dict)
@@ -88,7 +96,7 @@ class Audit:
             self._sums.setdefault(key, _Sums()).merge(sums)
 
     def rows(self) -> list[AuditRow]:
-        """Return the audit, sorted by filter, condition and stratum; a stratum without rows is left out."""
+        """List the audit, sorted by filter, condition and stratum; a stratum without rows is left out."""
         order = {stratum: index for index, stratum in enumerate(STRATA)}
         keys = sorted(self._sums, key=lambda key: (key[0], key[1] == ALL_CONDITIONS, key[1], order[key[2]]))
         return [_row(*key, self._sums[key]) for key in keys if self._sums[key].rows]

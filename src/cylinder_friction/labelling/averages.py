@@ -25,12 +25,12 @@ class Averages:
         return len(self.force_n)
 
     def where(self, mask: Mask) -> Self:
-        """Return the pieces of a mask; groups keep their numbers."""
+        """Select pieces by a mask; groups keep their numbers."""
         return type(self)(*(values[mask] for values in vars(self).values()))
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
-        """Return the pieces of several recordings, with their groups numbered consecutively."""
+        """Join the pieces of several recordings, with their groups numbered consecutively."""
         columns: dict[str, Any] = {
             field.name: np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)
         }

@@ -1,7 +1,7 @@
-"""The offset of the sensors' zeros in each session of logger files, and what it was identified from.
+"""The offset of the sensors' zeros in each session of logger files, and the evidence for it.
 
-Nothing is stated beyond what the recordings determine: sensors zeroed on a vented interval, strokes in both directions
-(``labelling.offset_identification``), or the stated uncertainty alone, with the reason why it is no less.
+The evidence is a vented interval on which sensors were zeroed, strokes in both directions
+(``labelling.offset_identification``), or the stated uncertainty alone, with the reason why nothing better is known.
 """
 
 import math
@@ -23,53 +23,54 @@ from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.wording import four_digits
 
 VENTED, STROKES, STATED, NOTHING = "vented interval", "strokes in both directions", "stated uncertainty", "nothing"
-"""What an offset, or its uncertainty, is known from."""
+"""Sources of an offset or its uncertainty."""
 
 LEAST_SESSIONS, LEAST_NARROWING_OF_FEW = 12, 0.4
-"""Fewer sessions hardly show how much their friction differs: strokes must leave a smaller share of what is stated."""
+"""With fewer sessions, which hardly show how much friction differs, strokes must leave at most this share of the stated
+uncertainty."""
 UNEXPECTED = 1.5
-"""Friction more asymmetric than what the plan states, times this, may be so in another way in each session."""
+"""Multiple of the plan's asymmetry above which friction may be asymmetric in its own way in each session."""
 LEAST_IN_CONDITION = 3
-"""So many sessions of a condition have a mean from which each deviates."""
+"""Fewest sessions of a condition whose deviations from their mean are identified."""
 ODD_SHARE = 0.1
-"""Up to this share of sessions may be too uneven and is left out; of more it is friction, or the zeros, not a load."""
+"""Largest share of uneven sessions that are left out; if more are uneven, friction or zeros cause it, not a load."""
 
 
 @dataclass(frozen=True)
 class OffsetEvidence:
-    """What one recording states and shows of its sensors' offset."""
+    """Evidence of one recording for its sensors' offset: stated zeros and steady sliding."""
 
     session: str
     # Standard uncertainty of the zeros behind the driving force, as friction [N]; None if it is not stated
     stated_n: float | None
-    vented_n: float | None  # What was taken off as read with vented chambers, as friction [N]; None without
+    vented_n: float | None  # Offset read with vented chambers and subtracted, as friction [N]; None if not read
     sliding: SlidingBlocks | None  # None without labels
     why_not: str = ""  # Why strokes do not count for the offset; empty if they do
-    uneven: str = ""  # Why what does not turn with the direction is no offset of zeros as stated; empty if it may be
+    uneven: str = ""  # Why the force that does not turn with the direction exceeds the stated zeros; else empty
     condition: str = ""
 
     @property
     def sliding_key(self) -> float:
-        """What tells the recordings of a session apart."""
+        """Key of the session."""
         return 0.0 if self.sliding is None else float(self.sliding.label_n.sum())
 
     @property
     def strokes(self) -> SlidingBlocks | None:
-        """The steady sliding that the offset is identified from; None if strokes do not count."""
+        """Steady sliding from which the offset is identified; None if strokes do not count."""
         return None if self.why_not or self.vented_n is not None else self.sliding
 
 
 @dataclass(frozen=True)
 class KnownOffset:
-    """What is known of the offset in one session's friction."""
+    """The offset in one session's friction, its uncertainty and its source."""
 
     session: str
     source: str  # ``VENTED``, ``STROKES``, ``STATED`` or ``NOTHING``
-    words: str  # What it was identified from, or why it was not
+    words: str  # Evidence for it, or the reason why there is none
     # Expanded uncertainties (k = 2) of the offset and as stated for the zeros, as friction [N]; NaN where not known
     uncertainty_n: float = math.nan
     stated_n: float = math.nan
-    offset_n: float = math.nan  # To be subtracted from friction, or subtracted already if vented [N]; NaN if not known
+    offset_n: float = math.nan  # Offset to subtract from friction; if vented, subtracted already [N]; NaN if unknown
 
     @property
     def value(self) -> str:
@@ -83,10 +84,10 @@ class KnownOffset:
 def offset_evidence(
     labelled: Recording, cylinder: Cylinder, plan: OffsetPlan, uneven_n: float, friction_n: float, why_not: str
 ) -> OffsetEvidence:
-    """Return what a labelled recording contributes.
+    """Collect the evidence of a labelled recording.
 
     Args:
-        labelled: With friction, velocity and usable rows; if no session is known it is one by itself.
+        labelled: Recording with friction, velocity and usable rows; without a known session it is a session of its own.
         cylinder: Its areas.
         plan: How offsets are identified.
         uneven_n, friction_n: Half the sum and half the difference of friction up and down at equal position [N].
@@ -113,7 +114,7 @@ def offset_evidence(
 
 
 def too_uneven(uneven_n: float, friction_n: float, zero_n: float | None, plan: OffsetPlan) -> str:
-    """Return why ``uneven_n`` is no offset of zeros with the standard uncertainty ``zero_n``, or empty; all in [N]."""
+    """State why ``uneven_n`` [N] is too large for zeros of standard uncertainty ``zero_n`` [N]; empty if it is not."""
     largest_n = math.inf if zero_n is None else COVERAGE_FACTOR * math.hypot(zero_n, plan.asymmetry * friction_n)
     if not abs(uneven_n) > largest_n:
         return ""
@@ -125,9 +126,9 @@ def too_uneven(uneven_n: float, friction_n: float, zero_n: float | None, plan: O
 
 
 def known_offsets(evidence: Sequence[OffsetEvidence], cylinder: Cylinder, plan: OffsetPlan) -> list[KnownOffset]:
-    """Return what is known of each session, in their order; friction's part is found from all of them together.
+    """Find the offset of each session, in their order; common friction is found from all sessions together.
 
-    Which evidence comes first changes no digit.
+    The order of the evidence changes no digit.
     """
     order = list(dict.fromkeys(each.session for each in evidence))
     evidence = sorted(evidence, key=lambda each: (each.session, each.sliding_key))
@@ -147,7 +148,7 @@ def known_offsets(evidence: Sequence[OffsetEvidence], cylinder: Cylinder, plan: 
 def _deviations(
     left: set[str], evidence: Sequence[OffsetEvidence], model: OffsetModel | None, plan: OffsetPlan
 ) -> dict[str, KnownOffset]:
-    """Return the deviation of each session that is ``left`` from the mean of its condition, if strokes show it."""
+    """Collect the deviation of each session that is ``left`` from the mean of its condition, if strokes show it."""
     conditions: dict[str, list[SlidingBlocks]] = {}
     for each in evidence:
         if each.strokes is not None and len(set(each.strokes.direction.tolist())) == 2:
@@ -164,10 +165,10 @@ def _deviations(
 def deviation_model(
     sliding: Sequence[SlidingBlocks], cylinder: Cylinder, plan: OffsetPlan, of_all: OffsetModel
 ) -> OffsetModel | None:
-    """Return the model whose offsets are deviations from the mean of one condition; None if strokes do not show them.
+    """Fit the model whose offsets are deviations from the mean of one condition; None if strokes do not show them.
 
-    Friction's asymmetry is common to the sessions of a condition, zeros are not. ``of_all`` is the model of every
-    condition, which is taken if there is no other one.
+    Friction's asymmetry is common to the sessions of a condition, zeros are not. ``of_all`` is the model of all
+    conditions, which is used if there is only one.
     """
     names = {each.session for each in sliding}
     if len(names) < LEAST_IN_CONDITION:
@@ -182,10 +183,10 @@ def deviation_model(
 def training_models(
     train: Sequence[Recording], cylinder: Cylinder, plan: OffsetPlan, *, always: bool = False
 ) -> tuple[dict[str, OffsetModel], str]:
-    """Fit the models that take offsets off the sessions of a pipeline, by condition; or state why there are none.
+    """Fit the models of the offsets of a pipeline's sessions, by condition; or state why there are none.
 
-    One model of ``ALL_CONDITIONS`` if strokes show the training sessions' offsets or it is wanted in any case; else
-    those of the conditions in which sessions show by how much each deviates from their mean.
+    There is one model of ``ALL_CONDITIONS`` if strokes show the training sessions' offsets, or if ``always`` is set.
+    Otherwise there is a model for each condition whose sessions show their deviations from the mean.
     """
     sliding = [sliding_blocks(each, cylinder, plan) for each in train]
     model = offset_model(sliding, cylinder, cautious(plan, {each.session for each in sliding}))
@@ -201,12 +202,12 @@ def training_models(
 
 
 def of_condition(recordings: Sequence[Recording], condition: str) -> list[Recording]:
-    """Return the recordings of a condition, in their order; every one of ``ALL_CONDITIONS``."""
+    """Select the recordings of a condition, in their order; all for ``ALL_CONDITIONS``."""
     return [each for each in recordings if condition in (ALL_CONDITIONS, each.metadata.condition)]
 
 
 def without_offsets(recordings: Sequence[Recording], models: Mapping[str, OffsetModel]) -> list[Recording]:
-    """Return labelled recordings, in their order, without the offsets that the model of their condition finds."""
+    """Subtract from labelled recordings, in their order, the offsets that the model of their condition finds."""
     for condition, model in models.items():
         found = {each.name: each for each in model.corrected(of_condition(recordings, condition))}
         recordings = [found.get(each.name, each) for each in recordings]
@@ -214,7 +215,7 @@ def without_offsets(recordings: Sequence[Recording], models: Mapping[str, Offset
 
 
 def _own_asymmetry_n(model: OffsetModel) -> float:
-    """Return by how much, as fitted, an asymmetry of a session's own shifts its friction [N] (k = 1)."""
+    """Compute the shift of a session's friction by its own asymmetry, as fitted [N] (k = 1)."""
     return 0.5 * model.plan.asymmetry_sd * model.level_n
 
 
@@ -231,9 +232,9 @@ def _deviation(found: SessionOffset, model: OffsetModel) -> KnownOffset:
 
 
 def mean_uncertainty_n(known: Sequence[KnownOffset]) -> float:
-    """Return by how much zeros of the sensors may shift the mean friction of sessions [N] (k = 2); 0 if unknown.
+    """Compute the possible shift of sessions' mean friction by the sensors' zeros [N] (k = 2); 0 if unknown.
 
-    Zeros as stated are each session's own; what is left of identified ones is in part common to all.
+    Stated zeros differ between sessions; the rest of identified zeros is partly common to all.
     """
     own = [each.uncertainty_n for each in known if math.isfinite(each.uncertainty_n)]
     alike = any(each.source == STROKES for each in known)
@@ -241,7 +242,7 @@ def mean_uncertainty_n(known: Sequence[KnownOffset]) -> float:
 
 
 def cautious(plan: OffsetPlan, sessions: Collection[str]) -> OffsetPlan:
-    """Return a plan where asymmetry may differ more between sessions the fewer they are that show it."""
+    """Widen the plan's difference of asymmetry between sessions, the more the fewer sessions there are."""
     return replace(plan, asymmetry_sd=max(plan.asymmetry_sd, plan.asymmetry / max(len(sessions), 1)))
 
 
@@ -273,7 +274,7 @@ def _known(session: str, own: Sequence[OffsetEvidence], model: OffsetModel | Non
 
 
 def undetermined(found: SessionOffset, model: OffsetModel, plan: OffsetPlan) -> str:
-    """Return why strokes have not determined an offset as the plan expects friction to be, empty if they have."""
+    """State why strokes have not determined an offset as the plan expects friction to be, empty if they have."""
     for missing, way, count in (
         ("retracting", "extending", found.strokes_retract),
         ("extending", "retracting", found.strokes_extend),

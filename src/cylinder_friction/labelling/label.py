@@ -132,7 +132,7 @@ class Labeller:
     def label(
         self, recording: Recording, signal_filter: SignalFilter, identified: SessionIdentification | None = None
     ) -> Recording:
-        """Return a recording that ``signal_filter`` has smoothed with ``friction_n`` and ``usable``.
+        """Add ``friction_n`` and ``usable`` to a recording that ``signal_filter`` has smoothed.
 
         An identified load is added as ``load_force_n``, and if the sensors' uncertainty is stated,
         ``friction_uncertainty_n``, which includes those of smoothing and of an identified load. Load and mass of the
@@ -159,7 +159,7 @@ class Labeller:
     def labelled(
         self, recording: Recording, signal_filter: SignalFilter, identified: SessionIdentification | None = None
     ) -> Recording:
-        """Return ``label`` without the columns that only the label needs, as it is stored and trained on."""
+        """Label a recording, without the columns that only labelling needs, for storage and training."""
         return self.label(recording, signal_filter, identified).without_columns(*ONLY_FOR_LABELS)
 
     def audit(
@@ -216,7 +216,7 @@ class Labeller:
     def _load(
         self, recording: Recording, identified: SessionIdentification | None, smooth: Callable[[], Array | None]
     ) -> Array | float:
-        """Return the load [N]; ``smooth`` gives the measured one, smoothed.
+        """Compute the load [N]; ``smooth`` gives the measured one, smoothed.
 
         Raises:
             RecordingError: A load was measured if none is expected, or the other way round.
@@ -244,9 +244,9 @@ def label(
     stiffness: Stiffness = NO_STIFFNESS,
     end_stop_margin_m: float = 0.003,
 ) -> list[Recording]:
-    """Return the recordings with velocity, friction and the mask of usable rows, as the pipeline labels them.
+    """Label recordings as the pipeline does: with velocity, friction and the mask of usable rows.
 
-    Adds ``velocity_m_s``, ``friction_n`` and ``usable``; ``load_force_n`` if the load is identified, and
+    It adds ``velocity_m_s``, ``friction_n`` and ``usable``; ``load_force_n`` if the load is identified, and
     ``friction_uncertainty_n`` if the sensors' uncertainty is stated. Labels look ahead: they are made off line.
 
     Args:
@@ -283,9 +283,10 @@ def label(
 def position_load(
     recordings: Iterable[Recording], cylinder: Cylinder, *, signal_filter: SignalFilter | None = None
 ) -> PositionLoad:
-    """Return the load that position decides, as an estimator takes it: the mean of the recordings' sessions.
+    """Identify a load that position decides, such as a weight on a boom: the mean over the recordings' sessions.
 
-    Arguments as for ``label``.
+    Pass it to an estimator of a machine without a load cell. Strokes in both directions over the same travel are
+    needed. The arguments are those of ``label``.
 
     Raises:
         RecordingError: There is no recording, or the strokes of a session do not determine its load.
@@ -303,9 +304,9 @@ def position_load(
 
 
 def with_common_load(recording: Recording, load: PositionLoad) -> Recording:
-    """Return a labelled recording whose friction is free of ``load``, in place of the load of its own session, if any.
+    """Relabel a recording with a common ``load`` in place of its own session's load, if any.
 
-    Its own session's load has absorbed its sensors' offset and whatever in its friction is uneven; a common one leaves
+    Its own session's load has absorbed the sensors' offset and the uneven part of friction; a common load leaves
     both in friction. Rows at which the common load is not known are not usable.
     """
     load_n = load.of(recording)
@@ -321,12 +322,12 @@ def with_common_load(recording: Recording, load: PositionLoad) -> Recording:
 
 
 def other_positions(recording: Recording) -> tuple[str, ...]:
-    """Return the columns of other cylinders' positions that a recording has."""
+    """List the columns of a recording with positions of other cylinders, on which its load may depend."""
     return tuple(column for column in OTHER_POSITIONS if column in recording.columns)
 
 
 def by_session(recordings: Iterable[Recording]) -> dict[str, list[Recording]]:
-    """Return recordings by the name of their session."""
+    """Group recordings by the name of their session, in the order of the first recording of each."""
     sessions: dict[str, list[Recording]] = {}
     for recording in recordings:
         sessions.setdefault(recording.metadata.session, []).append(recording)
@@ -334,9 +335,9 @@ def by_session(recordings: Iterable[Recording]) -> dict[str, list[Recording]]:
 
 
 def usable_rows(position_m: Array, stroke_m: float, margin_m: float, support: Support) -> Mask:
-    """Return the mask of usable rows, shape ``(n,)``.
+    """Mark the usable rows, shape ``(n,)``.
 
-    Not usable: rows within ``margin_m`` of an end stop, whose reaction would be counted as friction; every row whose
+    Unusable are rows within ``margin_m`` of an end stop, whose reaction would be counted as friction; every row whose
     filter's support includes such a row; and the rows at either edge of the recording whose support is incomplete.
     """
     stopped = (position_m <= margin_m) | (position_m >= stroke_m - margin_m)

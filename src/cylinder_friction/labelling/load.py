@@ -1,15 +1,15 @@
 """The load as a smooth function of positions, identified from the symmetry of strokes up and down.
 
-What drives the piston less inertia is load plus friction, and friction turns its sign with the direction where the
-load at a position does not:
+The driving force less inertia is load plus friction. Friction changes its sign with the direction, and the load at a
+position does not:
 
     F_drive - m·a = L(x) + F_C·sgn(v) + s_2·v + k·v·abs(v)
 
-L is a polynomial in position, and in those of other cylinders if it depends on them, whose orders cross-validation
-chooses. Friction is the same in both directions over rows that clearly move: Coulomb, viscous and, where lines between
-sensors and cylinder lose pressure, quadratic friction, each term as far as strokes determine it. **A difference of
-friction between the directions that does not depend on position is indistinguishable from load**: half of it goes into
-L. How large it may be is therefore stated, as a share of friction, and enters the load's uncertainty beside the scatter
+L is a polynomial in position, and in the positions of other cylinders if it depends on them; cross-validation chooses
+its orders. Friction is assumed equal in both directions, over rows that clearly move: Coulomb and viscous friction, and
+quadratic friction if lines between sensors and cylinder lose pressure, each term as far as strokes determine it. **A
+difference of friction between the directions that does not depend on position cannot be told from load**: half of it
+goes into L. Its size is therefore stated, as a share of friction, and enters the load's uncertainty beside the scatter
 of the strokes.
 """
 
@@ -37,27 +37,28 @@ from cylinder_friction.recordings.line_loss import RECTANGULAR
 from cylinder_friction.recordings.recording import RecordingError
 
 GRID = 51
-"""Positions at which the uncertainty is kept."""
+"""Number of positions at which the uncertainty is stored."""
 POOLED_PLACES = 129
-"""Positions at which the mean load of several sessions is kept."""
+"""Number of positions at which the mean load of several sessions is stored."""
 OTHER_REACH_M = 0.01
-"""How far off another position may be from where strokes went, for the load that they show [m]."""
+"""Largest distance of another position from those of the strokes at which their load still holds [m]."""
 GREATEST_OTHER_ORDER = 1
 MOST_OTHER_PLACES = 33
 MOST_SCATTER = 0.2
-"""Where strokes leave the load uncertain by more than this share of Coulomb friction, it counts as unknown."""
+"""Uncertainty of the load, as a share of Coulomb friction, above which the load counts as unknown."""
 LEAST_SPREAD = 0.25
-"""Least root mean square distance, over ``OTHER_REACH_M``, of another position from what the piston's own decides, for
-the load to be identified against it: else lag between the two, which turns with the direction, would pass for load."""
+"""Least root mean square deviation, over ``OTHER_REACH_M``, of another position from a function of the piston's own, so
+that a load can be identified over it. With less, lag between the two, which turns with the direction, looks like
+load."""
 
 _FOLDS = 5
 _BLOCKS_PER_DIRECTION = 10
 _AS_GOOD = 1.01
-"""Cross-validated error of the chosen order over the least one, at most."""
+"""Largest ratio of the chosen order's cross-validated error to the least error."""
 _ALIKE = 1.1
-"""Up to this factor of the least residual another set of speed terms describes friction as well: Coulomb friction is
-uncertain by what they make of it. Terms that describe it better by more, but that strokes do not determine, leave the
-load uncertain by what they make of that."""
+"""Factor on the least residual up to which another set of speed terms describes friction equally well. Coulomb friction
+is uncertain by its difference between such sets. Terms that describe friction better, but that strokes do not
+determine, make the load uncertain by its difference with them."""
 _OWN_SHARE = 0.05
 """Viscous friction is identified if position and direction leave this share of velocity's square unexplained."""
 _LEAST_POINTS_PER_COEFFICIENT = 4
@@ -65,13 +66,16 @@ _LEAST_POINTS_PER_COEFFICIENT = 4
 
 @dataclass(frozen=True)
 class LoadPlan:
-    """How a load is identified.
+    """Settings for the identification of a load from strokes.
+
+    The defaults suit a bench of some hundred newtons of friction. ``asymmetry`` limits the result: strokes cannot show
+    it, so state what you know of the seals.
 
     Raises:
         ValueError: A number is out of its range.
     """
 
-    slowest_m_s: float = 2e-3  # Slower rows are left out: there friction is neither Coulomb nor viscous [m/s]
+    slowest_m_s: float = 2e-3  # Least velocity; below it friction is neither Coulomb nor viscous [m/s]
     settling_travel_m: float = 2e-3  # Travel after a start or reversal that does not count [m]
     greatest_order: int = 8  # Greatest order of the polynomial in position
     # Standard uncertainty of the difference of friction between the directions, half of it over Coulomb friction; the
@@ -94,11 +98,15 @@ class LoadPlan:
 
 @dataclass(frozen=True)
 class LoadIdentification:
-    """A load that depends on position, and the friction found beside it."""
+    """A load that depends on position, identified from one session, and the friction found beside it.
+
+    ``load_n`` evaluates it, ``uncertainty_n`` states its standard uncertainty; both are in newtons, positive if the
+    load resists extension. Outside ``coverage`` the load is not known.
+    """
 
     # Coefficients of Legendre polynomials in position, scaled so that ``range_m`` is -1 to 1 [N]
     coefficients_n: tuple[float, ...]
-    coverage: TravelCovered  # Where strokes of both directions went; elsewhere the load is not known
+    coverage: TravelCovered  # Positions with strokes in both directions; elsewhere the load is unknown
     # Standard uncertainty of the load from the scatter of strokes, at ``GRID`` equidistant positions [N]
     scatter_n: tuple[float, ...]
     asymmetry_n: float  # Standard uncertainty of the load from friction that may differ between the directions [N]
@@ -127,7 +135,7 @@ class LoadIdentification:
         return (POSITION, *self.others)
 
     def load_n(self, positions_m: Array) -> Array:
-        """Return the load [N], shape ``(n,)``; outside the coverage's range that of its nearer end.
+        """Compute the load [N], shape ``(n,)``; outside the coverage's range that of its nearer end.
 
         ``positions_m`` has shape ``(n, positions)``, or ``(n,)`` if the load depends on one.
         """
@@ -140,18 +148,18 @@ class LoadIdentification:
         )
 
     def uncertainty_n(self, positions_m: Array) -> Array:
-        """Return the load's standard uncertainty (k = 1) [N], shape ``(n,)``: scatter and asymmetry."""
+        """Compute the load's standard uncertainty (k = 1) [N], shape ``(n,)``: scatter and asymmetry."""
         place = _scaled(np.reshape(positions_m, (len(positions_m), -1))[:, 0], self.coverage.range_m)
         return np.hypot(np.interp(place, np.linspace(-1.0, 1.0, GRID), np.array(self.scatter_n)), self.asymmetry_n)
 
     def knows(self, positions_m: Array) -> Mask:
-        """Return where strokes of both directions went, shape ``(n,)``; positions as for ``load_n``."""
+        """Mark positions with strokes in both directions, shape ``(n,)``; positions as for ``load_n``."""
         rows = np.reshape(positions_m, (len(positions_m), -1))
         known = self.coverage.holds(rows[:, 0])
         return known if self.around is None else known & self.around.holds(rows)
 
     def sentence(self) -> str:
-        """Return the result in words."""
+        """State the result in words."""
         (low_n, high_n), (from_m, to_m) = self.load_range_n, self.coverage.range_m
         load = f"{low_n:.0f} N" if f"{low_n:.0f}" == f"{high_n:.0f}" else f"{low_n:.0f} to {high_n:.0f} N"
         return (
@@ -174,7 +182,7 @@ class LoadIdentification:
         return "".join(f", {words}" for words in between)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content as JSON-compatible values."""
+        """Collect the content as JSON-compatible values."""
         content = asdict(self)
         if self.around is None:
             del content["others"], content["other_order"], content["around"]
@@ -196,7 +204,7 @@ class LoadIdentification:
 
 
 def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] = ()) -> LoadIdentification:
-    """Return the load identified from the strokes of one session, their force less inertia.
+    """Identify the load from the strokes of one session; their force is without inertia.
 
     ``others`` are the columns of the other positions of the points.
 
@@ -256,7 +264,7 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
         loads = (along @ fit.coefficients[:of_load])[coverage.holds(grid)]
     else:
         along = _polynomials(around.middles_m, coverage, around, order, other_order)
-        # A draw may leave a place without strokes of one direction, where then nothing would be known.
+        # A bootstrap draw may leave a place without strokes of one direction, and so without a known load.
         covariance = clustered_covariance(design, fit, blocks)[:of_load, :of_load]
         of_cells_n = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", along, covariance, along), 0.0))
         sure = of_cells_n < MOST_SCATTER * coulomb
@@ -288,12 +296,11 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
 
 
 def pooled_load(sessions: Sequence[LoadIdentification]) -> PositionLoad:
-    """Return the mean load of sessions: what an estimator takes off.
+    """Average the loads of sessions, for an estimator to subtract.
 
-    A load of one position is known where all sessions know it; one of several wherever a session does.
-
-    Its uncertainty is that of one more session: the spread between sessions (of two or more) and what each session's
-    load is uncertain by itself.
+    A load of one position is known at positions that all sessions know; a load of several positions, at those that any
+    session knows. Its uncertainty is that of a further session: the spread between sessions (of two or more), combined
+    with the uncertainty of each session's own load.
 
     Raises:
         RecordingError: There is no session, or they share no stretch of position.
@@ -337,7 +344,7 @@ def refuse_unlike_loads(sessions: Mapping[str, LoadIdentification], common: Posi
 
 
 def _worst_along(grid: Array, position_m: Array, values: Array) -> Array:
-    """Return the largest of the values nearest to each place of the grid, in straight lines if there is none."""
+    """Find the largest of the values nearest to each place of the grid; interpolate linearly if there is none."""
     nearest = np.rint((position_m - grid[0]) / (grid[1] - grid[0])).astype(np.int64)
     worst = np.full(len(grid), np.nan)
     np.fmax.at(worst, np.clip(nearest, 0, len(grid) - 1), values)
@@ -346,7 +353,7 @@ def _worst_along(grid: Array, position_m: Array, values: Array) -> Array:
 
 
 def _pooled_over_several(sessions: Sequence[LoadIdentification]) -> PositionLoad:
-    """Return the mean over the sessions that know a place."""
+    """Average over the sessions that know a place."""
     ranges_m = [(each.coverage.range_m, *(each.around.ranges_m if each.around else ())) for each in sessions]
     axes = []
     for number, column in enumerate(sessions[0].columns):
@@ -364,7 +371,7 @@ def _pooled_over_several(sessions: Sequence[LoadIdentification]) -> PositionLoad
     from scipy.ndimage import distance_transform_edt  # Only loads by several positions need it
 
     nearest = distance_transform_edt(~everywhere, return_distances=False, return_indices=True)
-    # Between a known place and an unknown one too, the load is that of the sessions that know the known one.
+    # Between a known place and an unknown one the load is that of the sessions that know the known one.
     goes_on = known[:, np.ravel_multi_index(tuple(nearest), shape).ravel()]
     count = goes_on.sum(axis=0)
     mean_n = np.where(goes_on, loads_n, 0.0).sum(axis=0) / count
@@ -378,7 +385,7 @@ def _pooled_over_several(sessions: Sequence[LoadIdentification]) -> PositionLoad
 
 
 def _places(load: PositionLoad) -> Array:
-    """Return the positions of a load's table, shape ``(places, positions)``."""
+    """Compute the positions of a load's table, shape ``(places, positions)``."""
     along = [np.linspace(*axis[1:], count) for axis, count in zip(load.axes, load.load_n.shape, strict=True)]
     return np.stack([each.ravel() for each in np.meshgrid(*along, indexing="ij")], axis=1)
 
@@ -395,7 +402,7 @@ def _scaled(position_m: Array, range_m: tuple[float, float]) -> Array:
 def _polynomials(
     positions_m: Array, coverage: TravelCovered, around: OthersCovered | None, order: int, other_order: int
 ) -> Array:
-    """Return every product of Legendre polynomials in the positions, shape ``(n, products)``."""
+    """Compute every product of Legendre polynomials in the positions, shape ``(n, products)``."""
     products = legendre.legvander(_scaled(positions_m[:, 0], coverage.range_m), order)
     for other_m, range_m in zip(positions_m.T[1:], [] if around is None else around.extents_m, strict=True):
         along = legendre.legvander(_scaled(other_m, range_m), other_order)
@@ -404,7 +411,7 @@ def _polynomials(
 
 
 def _determined(design: Array, drawn: Array, confidence: float) -> bool:
-    """Return whether strokes determine dry friction and each term of speed, drawn in this order, none of them negative.
+    """Check whether strokes determine dry friction and each term of speed, drawn in this order, none of them negative.
 
     The last column of the design is the last of these terms.
     """
@@ -413,10 +420,10 @@ def _determined(design: Array, drawn: Array, confidence: float) -> bool:
 
 
 def _own_share(design: Array) -> float:
-    """Return the share of velocity's square, the last column, that position and direction do not explain.
+    """Compute the share of velocity's square, the last column, that position and direction do not explain.
 
-    Where all strokes of a direction have one speed, it is nearly zero: viscous friction is then indistinguishable from
-    Coulomb friction and, if the directions differ in speed, from a constant load.
+    It is nearly zero if all strokes of a direction have one speed: viscous friction then cannot be told from Coulomb
+    friction and, if the directions differ in speed, from a constant load.
     """
     others, velocity = design[:, :-1], design[:, -1]
     residual = velocity - others @ np.linalg.lstsq(others, velocity, rcond=None)[0]
@@ -424,7 +431,7 @@ def _own_share(design: Array) -> float:
 
 
 def _blocks(points: StrokePoints, direction: Array) -> tuple[NDArray[np.int64], Array]:
-    """Return the block of each point and the direction of each block.
+    """Assign each point to a block; return the direction of each block too.
 
     A stroke is a block, but if one direction has few strokes they are cut, so that each direction has about
     ``_BLOCKS_PER_DIRECTION`` blocks or more.
@@ -441,7 +448,7 @@ def _blocks(points: StrokePoints, direction: Array) -> tuple[NDArray[np.int64], 
 
 
 def _vary_by_themselves(points: StrokePoints, coverage: TravelCovered) -> bool:
-    """Return whether each of the other positions varies while the piston's own rests."""
+    """Check whether each of the other positions varies while the piston's own rests."""
     along = legendre.legvander(_scaled(points.position_m, coverage.range_m), _FOLDS)
     left_m = points.others_m - along @ np.linalg.lstsq(along, points.others_m, rcond=None)[0]
     return bool((np.sqrt(np.mean(left_m**2, axis=0)) >= LEAST_SPREAD * OTHER_REACH_M).all())
@@ -454,9 +461,9 @@ def _orders(
     blocks: NDArray[np.int64],
     plan: LoadPlan,
 ) -> tuple[int, int]:
-    """Return the orders in position and in the others that predict left-out blocks best, within a hundredth.
+    """Choose the orders in position and in the others with the fewest coefficients.
 
-    Of those the ones with the fewest coefficients.
+    Only orders that predict left-out blocks best, within a hundredth, are candidates.
     """
     direction = np.sign(points.velocity_m_s)
     others = points.others_m.shape[1]

@@ -5,8 +5,8 @@
 Force, velocity and acceleration come from one filter; before the regression every column of it, the direction's sign
 included, is averaged over the same short blocks (parallel filtering: Gautier, Janot and Vandanjon 2013). What the
 filters remove from one signal and not from another lies above the blocks' pass band and so causes no bias, and
-residuals of neighbouring blocks are nearly independent. Noise of the acceleration still draws the mass towards zero:
-filter windows that leave acceleration clean belong to the identification, not only to the label.
+residuals of neighbouring blocks are nearly independent. Noise of the acceleration still biases the mass towards zero,
+so the identification needs filter windows that leave acceleration clean.
 
 A hydraulic cylinder's motion seldom determines its mass: six kilograms at 1 m/s² are 6 N beside hundreds of friction.
 The interval then shows it, and ``mass_known`` is False.
@@ -27,18 +27,18 @@ from cylinder_friction.recordings.recording import RecordingError
 
 _LEAST_BLOCKS = 40
 _OUTLIER_MULTIPLE = 3.0
-"""Huber's threshold: residuals contain friction that is neither Coulomb nor viscous, which keeps its full weight."""
+"""Huber's threshold, so that friction that is neither Coulomb nor viscous keeps its full weight in the residuals."""
 
 
 @dataclass(frozen=True)
 class MotionPlan:
-    """How the moving mass is identified.
+    """Settings for the identification of the moving mass.
 
     Raises:
         ValueError: A number is out of its range.
     """
 
-    slowest_m_s: float = 1e-3  # A block with a slower row is left out: sticking has no Coulomb friction [m/s]
+    slowest_m_s: float = 1e-3  # Blocks with a slower row are left out, as sticking has no Coulomb friction [m/s]
     block_s: float = 0.05  # Duration that is averaged before the regression [s]
     cluster_s: float = 1.0  # Residuals of two such intervals count as independent [s]
     confidence: float = 0.95  # Probability of the intervals
@@ -88,7 +88,7 @@ class MotionIdentification:
         return self.mass_kg > 0.0 and high - low <= self.mass_kg
 
     def force(self, acceleration_m_s2: Array, velocity_m_s: Array) -> Array:
-        """Return the force that this motion requires [N], of the velocity's shape."""
+        """Compute the force that this motion requires [N], of the velocity's shape."""
         return np.asarray(
             self.mass_kg * acceleration_m_s2
             + self.viscous_n_s_m * velocity_m_s
@@ -97,7 +97,7 @@ class MotionIdentification:
         )
 
     def sentence(self) -> str:
-        """Return in words whether the mass could be determined."""
+        """State in words whether the mass could be determined."""
         low, high = self.mass_interval_kg
         found = f"{self.mass_kg:.4g} kg, {100 * self.confidence:g} % interval {low:.4g} to {high:.4g} kg"
         if self.mass_known:
@@ -105,7 +105,7 @@ class MotionIdentification:
         return f"the motion does not determine the moving mass: got {found}; record faster strokes or give it"
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content as JSON-compatible values."""
+        """Collect the content as JSON-compatible values."""
         content = asdict(self) | {"mass_known": self.mass_known, "mass_summary": self.sentence()}
         return {key: list(value) if isinstance(value, tuple) else value for key, value in sorted(content.items())}
 
@@ -119,7 +119,7 @@ def motion_points(
     plan: MotionPlan,
     usable: Mask | None = None,
 ) -> MotionPoints:
-    """Return the blocks of one recording whose rows are all usable and all in motion.
+    """Average one recording over blocks whose rows are all usable and all in motion.
 
     Arrays have shape ``(n,)`` and are smooth; the force is the drive force less load, meaningful where ``usable``
     (everywhere without that mask).
@@ -142,7 +142,7 @@ def motion_points(
 
 
 def identify_motion(points: MotionPoints, confidence: float = 0.95, load_order: int = 0) -> MotionIdentification:
-    """Return mass, viscous and Coulomb friction and offset of one session with their intervals.
+    """Identify mass, viscous and Coulomb friction and offset of one session, with their intervals.
 
     A polynomial in position of ``load_order`` represents an unknown load; its constant is the offset.
 

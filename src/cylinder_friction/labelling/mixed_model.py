@@ -1,9 +1,9 @@
 """A linear mixed model of several groups, each with effects of its own and strokes whose rows share an error.
 
-The common coefficients are found by generalised least squares, a group's own effects eliminated, and its variances by
-restricted maximum likelihood (Henderson 1975; Patterson and Thompson 1971). A search for these evaluates the likelihood
-often: what no variance changes is summed beforehand, over groups and over strokes of equal length, as the number of its
-rows alone weighs a stroke.
+The common coefficients are found by generalised least squares after the groups' own effects are eliminated, and the
+variances by restricted maximum likelihood (Henderson 1975; Patterson and Thompson 1971). The search for variances
+evaluates the likelihood often. Sums that do not depend on variances are therefore made beforehand, over groups and over
+strokes of equal length, as a stroke's weight depends only on its number of rows.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from cylinder_friction.arrays import Array
 
 @dataclass(frozen=True)
 class Evidence:
-    """Sums of products of columns: of own effects, design and response, in this order. All else follows from them."""
+    """Sums of products of the columns of own effects, design and response, in this order. All else follows."""
 
     rows: int
     common: Array  # Of design and response, shape ``(size + 1, size + 1)``
@@ -35,7 +35,7 @@ class Evidence:
 
     @classmethod
     def of(cls, columns: Array, effects: int, rows: NDArray[np.int64], stroke: NDArray[np.int64]) -> Self:
-        """Return the evidence of groups, one after the other.
+        """Sum the evidence of groups, one after the other.
 
         Args:
             columns: Those of a group's own effects, those of the common coefficients, and what is explained, shape
@@ -67,7 +67,7 @@ class Evidence:
         )
 
     def reduced(self, noise: float, stroke: float, deviations: Array) -> Reduced:
-        """Return the normal equations of the common coefficients, the groups' own effects eliminated.
+        """Build the normal equations of the common coefficients, the groups' own effects eliminated.
 
         Rows of a stroke are equally correlated, so that their covariance is inverted by their sums alone.
 
@@ -95,7 +95,7 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Reduced:
-    """What the groups contribute, summed, and the last of their own effects given the common coefficients."""
+    """The summed contributions of the groups, and the last of their own effects given the common coefficients."""
 
     normal: Array  # Precision of the coefficients, moment in the last row and column, square in the corner
     log_determinant: float
@@ -112,14 +112,14 @@ class Posterior:
     minus_twice_likelihood: float  # Restricted, but for a constant
 
     def last_effect(self, parts: Reduced) -> tuple[Array, Array]:
-        """Return posterior means and standard deviations of the last of the groups' own effects."""
+        """Compute posterior means and standard deviations of the last of the groups' own effects."""
         across = parts.last[:, :-1]
         variance = 1.0 + (across.T * np.linalg.solve(self.precision, across.T)).sum(axis=0)
         return parts.spread * (parts.last[:, -1] - across @ self.coefficients), parts.spread * np.sqrt(variance)
 
 
 def solved(precision: Array, moment: Array, parts: Reduced) -> Posterior:
-    """Return the common coefficients from their prior, ``precision`` times mean, and all groups."""
+    """Solve for the common coefficients from their prior, ``precision`` times mean, and all groups."""
     precision, moment = precision + parts.normal[:-1, :-1], moment + parts.normal[:-1, -1]
     coefficients: Array = np.asarray(np.linalg.solve(precision, moment))
     likelihood = parts.log_determinant + float(parts.normal[-1, -1] - moment @ coefficients)

@@ -91,7 +91,11 @@ e."""
 
 @dataclass(frozen=True)
 class SessionOffset:
-    """The offset of one session's friction label: to be subtracted from it."""
+    """The offset of one session's friction label, with its uncertainty; subtract it from the label.
+
+    All numbers are forces [N], with standard uncertainties (k = 1). ``common_uncertainty_n`` is the part that more
+    strokes of this session cannot reduce, as all sessions share it.
+    """
 
     session: str
     offset_n: float  # Posterior mean; 0 where nothing is known but the prior [N]
@@ -111,7 +115,7 @@ class SessionOffset:
         return math.sqrt(max(self.standard_uncertainty_n**2 - self.common_uncertainty_n**2, 0.0))
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content as JSON-compatible values."""
+        """Collect the content as JSON-compatible values."""
         return asdict(self)
 
     @classmethod
@@ -122,7 +126,11 @@ class SessionOffset:
 
 @dataclass(frozen=True)
 class OffsetModel:
-    """Friction common to all sessions of a cylinder, and the offset of each session it was fitted to."""
+    """Friction common to all sessions of a cylinder, and the offset of each session of the fit.
+
+    ``fit_offset_model`` makes it. ``identify`` finds the offset of a further session, and ``corrected`` subtracts
+    offsets from labels. It is as good as the sessions: at least a dozen, with strokes in both directions.
+    """
 
     plan: OffsetPlan
     cylinder: Cylinder
@@ -156,16 +164,16 @@ class OffsetModel:
         return [0, *pressure, *([self.speed_place + 4] if LOAD_FORCE in self.inputs else [])]
 
     def about_mean(self) -> Self:
-        """Return the model with each session's deviation from their mean as its offset.
+        """Make the model with each session's deviation from their mean as its offset.
 
-        The mean, which an asymmetry of friction looks like, stays in friction, as uncertain as the stated zeros of so
-        many sessions leave it. What is left rests on asymmetry not changing from session to session.
+        The mean cannot be told from an asymmetry of friction and stays in friction, as uncertain as the stated zeros of
+        these sessions leave it. The deviations are right if asymmetry does not change between sessions.
         """
         mean_n = sum(each.offset_n for each in self.sessions.values()) / len(self.sessions)
         return self._shifted(mean_n, _common_n(self.sessions.values()))
 
     def _shifted(self, mean_n: float, common_n: float) -> Self:
-        """Return the model with the mean offset moved into friction, with the uncertainty ``common_n``."""
+        """Build the model with the mean offset moved into friction, with the uncertainty ``common_n``."""
         coefficients = list(self.coefficients)
         coefficients[len(coefficients) - len(self.even_places)] += mean_n / self.level_n
         sessions = {
@@ -181,15 +189,15 @@ class OffsetModel:
 
     @property
     def even_spread_n(self) -> float:
-        """By how much sessions differ in what does not turn with the direction [N]; 0 of one session."""
+        """Spread of sessions in the force that does not turn with the direction [N]; 0 for one session."""
         values = [each.even_n for each in self.sessions.values() if math.isfinite(each.even_n)]
         return float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
 
     def identify(self, recordings: Iterable[Recording]) -> SessionOffset:
-        """Return the offset of a further session from its own labelled recordings, given the friction of the others.
+        """Identify the offset of a further session from its own labelled recordings, given the friction of the others.
 
-        Nothing flows back into the model. ``recordings`` may be truncated, to see what the first seconds determine;
-        without any steady sliding the offset is 0, as uncertain as stated. A session of the fit has its offset in
+        The model does not change. ``recordings`` may be truncated, to see what the first seconds determine; without
+        steady sliding the offset is 0, as uncertain as stated. For a session of the fit take its offset from
         ``sessions``: here its strokes would count twice.
 
         Raises:
@@ -211,7 +219,7 @@ class OffsetModel:
         return _session_offsets(*found, [session], self.common_uncertainty_n)[0]
 
     def corrected(self, recordings: Sequence[Recording]) -> list[Recording]:
-        """Return labelled recordings whose labels are free of their session's offset, as sure as it is known.
+        """Subtract their session's offset from the labels of recordings, and state its uncertainty.
 
         Pressures stay as measured; the zeros most likely to make up the offset are noted in the metadata, from which
         ``Recording.zeroed`` takes them off. Sessions of the fit have the offset found there, others are identified.
@@ -223,14 +231,14 @@ class OffsetModel:
         return [_without_offset(each, offsets[each.metadata.session], self.cylinder) for each in recordings]
 
     def offsets(self, recordings: Iterable[Recording]) -> dict[str, SessionOffset]:
-        """Return the offset of each session among labelled recordings, by name; see ``corrected``."""
+        """Collect the offset of each session among labelled recordings, by name; see ``corrected``."""
         by_session: dict[str, list[Recording]] = {}
         for recording in recordings:
             by_session.setdefault(recording.metadata.session, []).append(recording)
         return {name: self.sessions.get(name) or self.identify(own) for name, own in by_session.items()}
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content as JSON-compatible values."""
+        """Collect the content as JSON-compatible values."""
         content = asdict(self) | {"sessions": {name: each.to_dict() for name, each in self.sessions.items()}}
         content |= {name: list(value) for name, value in content.items() if isinstance(value, tuple)}
         return content | {"cylinder": self.cylinder.to_dict(), "precision": [list(row) for row in self.precision]}
@@ -251,7 +259,7 @@ class OffsetModel:
         )
 
     def _explaining(self, session: SlidingBlocks) -> Array:
-        """Return what friction depends on, standardised, the constant first, shape ``(blocks, quantities)``."""
+        """Compute the standardised quantities that explain friction, the constant first, ``(blocks, quantities)``."""
         standard = (_quantities(session, self.inputs, self.cylinder) - np.array(self.means)) / np.array(self.deviations)
         first, last = self.position_range_m
         along = np.clip((2.0 * session.columns["position_m"] - first - last) / max(last - first, 1e-12), -1.0, 1.0)
@@ -262,13 +270,13 @@ class OffsetModel:
         return OIL_TEMPERATURE in self.inputs
 
     def _seen(self, sessions: Sequence[SlidingBlocks]) -> _Seen:
-        """Return what the blocks of sessions show of common friction, what each has of its own, and the label [N]."""
+        """Build the columns of own effects and of common friction, and the label [N], of the sessions' blocks."""
         blocks, counts = SlidingBlocks.together(sessions), np.array([len(session.stroke) for session in sessions])
         explaining, session = self._explaining(blocks), np.repeat(np.arange(len(counts)), counts)
         known = np.array(self.coefficients[: explaining.shape[1]] or (1.0,))  # Before the first pass, friction's mean
         level_n = np.abs(explaining[:, : len(known)] @ known) * self.level_n
-        # A level that varies would seem to separate asymmetry from offset, though by no more than friction's model is
-        # right; and, with strokes in one direction alone, scale from offset.
+        # A varying level would seem to separate asymmetry from offset, and with strokes in one direction scale from
+        # offset, but that relies on friction's model being exact.
         mean_level_n = np.bincount(session, level_n, len(counts)) / np.maximum(counts, 1)
         both = np.abs(np.bincount(session, blocks.direction, len(counts))) < counts
         scaled_n = np.where(both[session], level_n, mean_level_n[session]) * blocks.direction
@@ -293,14 +301,14 @@ class _Seen:
     level_n: Array  # Mean friction of each session
 
     def reduced(self, noise_n: float, stroke_n: float, asymmetry_sd: float, friction: Sequence[float]) -> Reduced:
-        """Return what the sessions contribute, given standard deviations; ``friction`` has those of scale and slope."""
+        """Reduce the evidence, given standard deviations; ``friction`` has those of scale and slope."""
         offset_n = np.hypot(self.prior_n, 0.5 * asymmetry_sd * self.level_n)
         deviations = np.empty((len(offset_n), 1 + len(friction)))
         deviations[:, :-1], deviations[:, -1] = friction, offset_n
         return self.evidence.reduced(noise_n, stroke_n, deviations)
 
     def offsets(self, posterior: Posterior, parts: Reduced, asymmetry_sd: float) -> tuple[Array, Array]:
-        """Return posterior means and standard deviations of the sessions' offsets [N]."""
+        """Compute posterior means and standard deviations of the sessions' offsets [N]."""
         both_n, uncertainty_n = posterior.last_effect(parts)
         asymmetry_n = 0.5 * asymmetry_sd * self.level_n
         share = self.prior_n**2 / np.maximum(self.prior_n**2 + asymmetry_n**2, 1e-300)
@@ -313,7 +321,7 @@ def fit_offset_model(
     plan: OffsetPlan | None = None,
     columns: Collection[str] = EXPLAINING,
 ) -> OffsetModel:
-    """Return friction common to the sessions of a cylinder, and the offset of each session, all found together.
+    """Identify the friction common to the sessions of a cylinder, and the offset of each session, together.
 
     The recordings are labelled. Sliding is explained by speed and position, and by pressures, oil temperature and a
     measured load if they are among ``columns`` and every recording has them. A session alone, or strokes in one
@@ -341,7 +349,10 @@ def offset_model(
     plan: OffsetPlan | None = None,
     columns: Collection[str] = EXPLAINING,
 ) -> OffsetModel:
-    """Return what ``fit_offset_model`` does, from the steady sliding of each recording, when signals are gone.
+    """Fit the model of ``fit_offset_model`` from the steady sliding of each recording, without its signals.
+
+    Use it if recordings do not fit into memory together: keep the ``sliding_blocks`` of each, which are small. The
+    result is the same bit for bit.
 
     Raises:
         RecordingError: As ``fit_offset_model``.
@@ -372,7 +383,7 @@ def offset_model(
 
 
 def _asymmetry_seen(sessions: Sequence[SlidingBlocks]) -> float:
-    """Return what of friction does not turn, over what does: root mean square of sessions, less what zeros explain."""
+    """Compute the asymmetry of friction: root mean square over sessions, less the part that zeros explain."""
     squares = []
     for session in sessions:
         ways = [session.label_n[session.direction == sign] for sign in (1.0, -1.0)]
@@ -384,7 +395,7 @@ def _asymmetry_seen(sessions: Sequence[SlidingBlocks]) -> float:
 
 
 def _without_offset(recording: Recording, found: SessionOffset, cylinder: Cylinder) -> Recording:
-    """Return a recording without the offset; each sensor has the share of it that its stated zero makes likely."""
+    """Subtract the offset from a recording; each sensor gets the share that its stated zero makes likely."""
     stated, areas = recording.metadata.uncertainty, sensor_areas(recording, cylinder)
     own_n = zero_uncertainty_n(recording, cylinder)
     assert own_n is not None
@@ -404,7 +415,7 @@ def _without_offset(recording: Recording, found: SessionOffset, cylinder: Cylind
 
 
 def _quantities(session: SlidingBlocks, inputs: Sequence[str], cylinder: Cylinder) -> Array:
-    """Return what friction depends on, but for position, shape ``(blocks, quantities)``; mean pressure comes first."""
+    """Compute the quantities that explain friction, except position, ``(blocks, quantities)``; mean pressure first."""
     of = session.columns
     speed = np.abs(of["velocity_m_s"])
     fast = np.log(np.maximum(speed, 1e-12))
@@ -422,13 +433,13 @@ def _quantities(session: SlidingBlocks, inputs: Sequence[str], cylinder: Cylinde
 
 
 def _own_share(values: Array, direction: Array) -> float:
-    """Return the share of a quantity's variance that the direction does not explain."""
+    """Compute the share of a quantity's variance that the direction does not explain."""
     ways = [values[direction == sign] for sign in (1.0, -1.0)]
     return sum(float(way.var()) * len(way) for way in ways if len(way)) / max(float(values.var()) * len(values), 1e-300)
 
 
 def _empty_model(blocks: SlidingBlocks, cylinder: Cylinder, plan: OffsetPlan, columns: Collection[str]) -> OffsetModel:
-    """Return a model of scales alone."""
+    """Make a model of scales alone."""
     common = set(columns).intersection(blocks.columns)
     inputs = tuple(sorted(common - ({PRESSURE_1, PRESSURE_2} if not {PRESSURE_1, PRESSURE_2} <= common else set())))
     quantities = _quantities(blocks, inputs, cylinder)
@@ -468,10 +479,10 @@ def _floats(values: Array) -> tuple[float, ...]:
 def _fitted(
     model: OffsetModel, plan: OffsetPlan, sessions: Sequence[SlidingBlocks], guess: Array, expected: Array
 ) -> tuple[OffsetModel, Array, tuple[Array, Array]]:
-    """Return the model whose levels of friction are those of ``model``, without sessions, and what was found for it.
+    """Fit a model, without sessions, with the levels of friction of ``model``.
 
-    That is its logarithmic standard deviations, which the search begins at ``guess``, expected near ``expected``, and
-    the posterior means and standard deviations of the sessions' offsets.
+    Return it with its logarithmic standard deviations, whose search begins at ``guess`` and expects values near
+    ``expected``, and with the posterior means and standard deviations of the sessions' offsets.
     """
     seen, every = model._seen(sessions), -(-len(sessions) // MOST_SEARCHED)
     searched = seen if every == 1 else model._seen(sessions[::every])
@@ -513,10 +524,10 @@ def _fitted(
 def _with_sessions(
     model: OffsetModel, sessions: Sequence[SlidingBlocks], offsets_n: Array, uncertainties_n: Array
 ) -> OffsetModel:
-    """Return the model with the offset of each session it was fitted to.
+    """Add the offset of each session of the fit to the model.
 
-    The mean offset looks like an asymmetry, so that no data separate them: it stays 0, as uncertain as the zeros leave
-    it, unless those may be much larger than an asymmetry.
+    The mean offset cannot be told from an asymmetry: it stays 0, as uncertain as the zeros leave it, unless the zeros
+    may be much larger than an asymmetry.
     """
     stated_n = _common_n(sessions)
     common_n = seen_n = 1.0 / math.hypot(1.0 / stated_n, 1.0 / max(model.plan.asymmetry * model.level_n, 1e-9))
@@ -529,7 +540,7 @@ def _with_sessions(
 
 
 def _common_n(sessions: Iterable[SlidingBlocks | SessionOffset]) -> float:
-    """Return how uncertain stated zeros leave the mean offset of sessions [N]."""
+    """Compute the uncertainty of the sessions' mean offset from the stated zeros [N]."""
     return 1.0 / math.sqrt(np.array([1.0 / max(each.prior_n, 1e-9) ** 2 for each in sessions]).sum())
 
 

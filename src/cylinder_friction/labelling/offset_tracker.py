@@ -1,4 +1,4 @@
-"""From friction known of several sessions to what a real-time step needs to learn the offset of the next one."""
+"""The tracker with which a real-time step learns a session's offset, from the friction of several sessions."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -29,12 +29,12 @@ from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, PR
 from cylinder_friction.recordings.recording import Recording, RecordingError
 
 UNLIMITED = 1e30
-"""Limit of a quantity that is no input: JSON and C have no infinity in common."""
+"""Limit of a quantity that is no input, as JSON has no infinity."""
 SLOWER, WORTHWHILE = 2.0 / 3.0, 1e-3
-"""Share of the plan's slowest speed from which sliding counts in real time where waiting for faster strokes leaves more
-of the offset than the history of friction adds to it: more by at least this share of mean friction."""
+"""Share of the plan's slowest speed from which sliding counts in real time, and the least gain for it, as a share of
+mean friction: slower sliding adds errors from friction's history, but waiting for faster strokes leaves the offset."""
 LEAST_KNOWN = 0.75
-"""Share of the stated uncertainty that zeros may keep to count as known."""
+"""Largest share of the stated uncertainty that is left of zeros that count as known."""
 FOLDS, LEAST_SESSIONS = 4, 2
 CAUTION = (1.0, 1.5, 2.2, 3.3, 5.0)
 CHOICES = {
@@ -43,7 +43,7 @@ CHOICES = {
     "learning": CAUTION,
     "stating": CAUTION,
 }
-"""What is tried in ``OffsetTracker.careful``; the first friction at rest is so large that rest shows no offset."""
+"""Candidates for ``OffsetTracker.careful``; the first friction at rest is so large that rest shows no offset."""
 MARGIN = 0.5
 """Share of its span by which a quantity may leave the range of training before its blocks no longer count."""
 RANGED_PLACES = (0, 2, 5, 7)
@@ -53,10 +53,10 @@ RANGED_PLACES = (0, 2, 5, 7)
 def fit_offset_tracker(
     recordings: Sequence[Recording], cylinder: Cylinder, inputs: Sequence[str], plan: OffsetPlan | None = None
 ) -> OffsetTracker:
-    """Return what a step needs to learn the offset of a session, from sessions whose offsets are identified.
+    """Fit the tracker with which a step learns the offset of a session, from sessions with identified offsets.
 
     Args:
-        recordings: Labelled, their offsets identified (``OffsetModel.corrected``).
+        recordings: Labelled recordings with identified offsets (``OffsetModel.corrected``).
         cylinder: Its areas and moving mass.
         inputs: Columns of a sample: both pressures and the position; a measured load must be one; the oil's
             temperature may be.
@@ -80,7 +80,7 @@ def fit_offset_tracker(
             f"but got {_sessions(recordings)[0]!r} alone; give recordings of another session"
         )
     prior_n = max(zero_uncertainty_n(recording, cylinder) or 0.0 for recording in recordings)
-    # What the surest session leaves uncertain is nearly all common: strokes do not show the mean offset of all sessions
+    # The uncertainty of the surest session is nearly all common: strokes do not show the mean offset of all sessions
     common_n = min(zero_uncertainty_n(recording.zeroed(), cylinder) or 0.0 for recording in recordings)
 
     def fitted(slowest: float, chosen: Sequence[Recording]) -> OffsetTracker:
@@ -95,9 +95,9 @@ def fit_offset_tracker(
 
 
 def zeros_are_known(recordings: Sequence[Recording]) -> bool:
-    """Return whether several sessions state identified zeros, on average clearly surer than their sensors are stated.
+    """Check whether several sessions state identified zeros, on average clearly surer than their sensors are stated.
 
-    Where friction did not show them, it would not show those of the next session either.
+    If friction did not show them, it would not show those of the next session either.
     """
     if len(_sessions(recordings)) < LEAST_SESSIONS or not all(
         recording.metadata.identified_zero for recording in recordings
@@ -119,9 +119,9 @@ def _sessions(recordings: Sequence[Recording]) -> list[str]:
 def _chosen(
     recordings: Sequence[Recording], inputs: Sequence[str], fitted: Callable[[Sequence[Recording]], OffsetTracker]
 ) -> tuple[float, dict[str, float]]:
-    """Return the offset's mean absolute error where sessions are not known, and what a tracker must be careful with.
+    """Choose the settings of ``careful`` by leaving sessions out; return the offset's mean absolute error too.
 
-    Each is chosen from ``CHOICES`` in turn: the uncertainty by its likelihood, all else by that error.
+    Each setting is chosen from ``CHOICES`` in turn: the uncertainty by its likelihood, all others by that error.
     """
     sessions = _sessions(recordings)
     folds = []
@@ -143,7 +143,7 @@ def _chosen(
 
 
 def _errors(tracker: OffsetTracker, recording: Recording, inputs: Sequence[str]) -> tuple[Array, Array]:
-    """Return the offset's error and stated variance at each sample, without what all sessions share."""
+    """Compute the offset's error and stated variance at each sample, without what all sessions share."""
     samples = recording.samples(inputs)
     place = list(inputs).index("position_m")
     found = tracker.rows(samples, causal_velocity(recording), place, tracker.new_state())
@@ -156,12 +156,12 @@ def _mean_absolute(error_n: Array, _: Array) -> float:
 
 
 def _unlikely(error_n: Array, variance: Array) -> float:
-    """Return minus the mean log-likelihood of normal errors, but for a constant."""
+    """Compute minus the mean log-likelihood of normal errors, up to a constant."""
     return float(np.mean(np.log(variance) + error_n**2 / variance))
 
 
 def _tracker(model: OffsetModel, recording: Recording, inputs: Sequence[str], prior_n: float) -> OffsetTracker:
-    """Return the tracker of a model; the friction that it knows has its coefficients in SI units, not standardised."""
+    """Build the tracker of a model; the friction that it knows has its coefficients in SI units, not standardised."""
     places, step_s = _places(model), recording.sample_time_s
     count = len(model.means)
     standard = np.array(model.coefficients[1 : 1 + count]) / np.array(model.deviations) * model.level_n
@@ -213,7 +213,7 @@ def _weights(recording: Recording, cylinder: Cylinder, inputs: Sequence[str], pr
 
 
 def _ranges(model: OffsetModel, places: Sequence[int]) -> Array:
-    """Return the range of each ranged quantity, widened; all numbers for one that is no input."""
+    """Compute the range of each ranged quantity, widened; all numbers for one that is no input."""
     lower, upper = np.full(QUANTITIES, -UNLIMITED), np.full(QUANTITIES, UNLIMITED)
     slack = MARGIN * (np.array(model.highest) - np.array(model.lowest))
     lower[places], upper[places] = model.lowest - slack, model.highest + slack
@@ -221,6 +221,6 @@ def _ranges(model: OffsetModel, places: Sequence[int]) -> Array:
 
 
 def _places(model: OffsetModel) -> list[int]:
-    """Return the place of each quantity of a model with pressures among ``QUANTITIES``."""
+    """List the place of each quantity of a model with pressures among ``QUANTITIES``."""
     load = [5, 6] if LOAD_FORCE in model.inputs else []
     return [*range(5), *load, *(range(7, QUANTITIES) if OIL_TEMPERATURE in model.inputs else [])]

@@ -24,10 +24,10 @@ class RobustFit:
 
 
 def robust_fit(design: Array, target: Array, multiple: float = HUBER_NOISE_MULTIPLE) -> RobustFit:
-    """Return the fit of ``target``, shape ``(n,)``, by the columns of ``design``, shape ``(n, k)``.
+    """Fit ``target``, shape ``(n,)``, by the columns of ``design``, shape ``(n, k)``, with Huber's loss.
 
-    Huber's loss, by iteratively reweighted least squares. Its threshold is a ``multiple`` of the noise, measured anew
-    in each round as a standard deviation from the median absolute residual. Identical columns share their coefficient.
+    The method is iteratively reweighted least squares. Huber's threshold is a ``multiple`` of the noise, measured in
+    each round as a standard deviation from the median absolute residual. Identical columns share their coefficient.
 
     Source: Huber 1981, section 7.8.
     """
@@ -69,7 +69,7 @@ def clustered_covariance(design: Array, fit: RobustFit, clusters: NDArray[np.int
 
 
 def clustered_half_widths(design: Array, fit: RobustFit, clusters: NDArray[np.int64], confidence: float) -> Array:
-    """Return half the width of each coefficient's confidence interval, shape ``(k,)``; infinite with too few clusters.
+    """Compute half the width of each confidence interval, shape ``(k,)``; infinite with too few clusters.
 
     Source: ``clustered_covariance``, with Student's t of as many degrees of freedom as there are clusters beyond
     coefficients.
@@ -85,7 +85,7 @@ def clustered_half_widths(design: Array, fit: RobustFit, clusters: NDArray[np.in
 def bootstrap_coefficients(
     design: Array, fit: RobustFit, target: Array, blocks: NDArray[np.int64], groups: Array, repeats: int, seed: int
 ) -> Array:
-    """Return coefficients of fits to blocks drawn with replacement, shape ``(repeats, k)``.
+    """Fit blocks drawn with replacement; return the coefficients, shape ``(repeats, k)``.
 
     Blocks are drawn within their group, as many as it has, so that no draw is without a direction. The weights stay
     those of the robust fit of all rows, so a draw costs one solution of ``k`` equations. The design has shape
@@ -113,7 +113,7 @@ def bootstrap_coefficients(
 
 
 def quantile_interval(values: Array, confidence: float) -> tuple[float, float]:
-    """Return the central interval that contains ``confidence`` of the values."""
+    """Compute the central interval that contains ``confidence`` of the values."""
     outside = 0.5 * (1.0 - confidence)
     low, high = np.quantile(values, [outside, 1.0 - outside])
     return float(low), float(high)

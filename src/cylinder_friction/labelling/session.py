@@ -15,14 +15,14 @@ _LOAD_ORDER = 4
 
 @dataclass(frozen=True)
 class SessionIdentification:
-    """What was identified in one session, and the mass that its labels use."""
+    """Load and mass identified in one session, and the mass that its labels use."""
 
     moving_mass_kg: float  # The identified mass if the motion determines it, else the given one [kg]
     load: LoadIdentification | None = None  # None if the load was not to be identified
     motion: MotionIdentification | None = None  # None if the mass was not to be identified
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content as JSON-compatible values."""
+        """Collect the content as JSON-compatible values."""
         return {
             "moving_mass_kg": self.moving_mass_kg,
             "load": None if self.load is None else self.load.to_dict(),
@@ -38,11 +38,12 @@ def identify_session(
     motion_plan: MotionPlan | None,
     others: tuple[str, ...] = (),
 ) -> SessionIdentification:
-    """Return the load and moving mass of one session.
+    """Identify the load and moving mass of one session.
 
-    The mass is identified first, beside a load of any smooth shape; then the load, after subtracting the inertia of
-    that mass if the motion determines it, else of the given one.
-    A plan is None where its quantity is not to be identified. The force of the strokes includes inertia. ``others`` are
+    The mass comes first, together with a load of any smooth shape; then the load, after the inertia of that mass is
+    subtracted if the motion determines it, otherwise the inertia of the given mass.
+
+    A plan is None if its quantity is not to be identified. The force of the strokes includes inertia. ``others`` are
     the columns of the other positions that the load depends on.
 
     Raises:

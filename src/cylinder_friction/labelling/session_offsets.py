@@ -1,4 +1,4 @@
-"""The offset of the sensors' zeros in each session of a campaign, taken off the labels of every role."""
+"""The offset of the sensors' zeros in each session of a campaign, subtracted from the labels of every role."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from cylinder_friction.recordings.recording import Recording
 
 @dataclass(frozen=True)
 class Corrected:
-    """Recordings by role without their sensors' offsets, and what was identified."""
+    """Recordings by role without their sensors' offsets, and the identified offsets."""
 
     recordings: Mapping[str, Sequence[Recording]]
     sessions: list[dict[str, Any]]  # Role, condition and offset of each session
@@ -31,9 +31,9 @@ def take_offsets(
     identify: Literal["auto", "always", "never"],
     own_loads: bool,
 ) -> Corrected:
-    """Take the offset of each session off its labels, if it is not known already and strokes show it.
+    """Subtract the offset of each session from its labels, if it is not known already and strokes show it.
 
-    Friction is known from the training sessions alone; every other session is identified by itself.
+    Friction is identified from the training sessions alone; every other session is identified by itself.
 
     Args:
         recordings: Labelled recordings by role.

@@ -1,4 +1,4 @@
-"""Blocks of steady sliding: what the offset of a session's sensors is identified from."""
+"""Blocks of steady sliding, from which the offset of a session's sensors is identified."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class SlidingBlocks:
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
-        """Return the sliding of the recordings of a session; refuses those of several with a ``RecordingError``."""
+        """Build the sliding of the recordings of a session; refuses those of several with a ``RecordingError``."""
         names = sorted({part.session for part in parts})
         if len(names) != 1:
             raise RecordingError(
@@ -77,7 +77,7 @@ class SlidingBlocks:
 
     @classmethod
     def together(cls, parts: Sequence[Self]) -> Self:
-        """Return the sliding of several recordings or sessions, one after the other, under the name of the first."""
+        """Build the sliding of several recordings or sessions, one after the other, under the name of the first."""
         before = np.cumsum([0, *(1 + int(part.stroke.max(initial=-1)) for part in parts)])
         common = [name for name in parts[0].columns if all(name in part.columns for part in parts)]
         return cls(
@@ -94,7 +94,7 @@ class SlidingBlocks:
 def sliding_blocks(
     recording: Recording, cylinder: Cylinder, plan: OffsetPlan | None = None, prior_n: float | None = None
 ) -> SlidingBlocks:
-    """Return the steady sliding of a labelled recording, with the stated uncertainty of its zeros unless given.
+    """Build the steady sliding of a labelled recording, with the stated uncertainty of its zeros unless given.
 
     Raises:
         RecordingError: It lacks labels, or the uncertainty of a sensor's zero is not stated.
@@ -138,7 +138,7 @@ def stated_zero_n(recording: Recording, cylinder: Cylinder) -> float:
 
 
 def zero_uncertainty_n(recording: Recording, cylinder: Cylinder) -> float | None:
-    """Return the standard uncertainty of a label from the stated zeros of its sensors [N], or None if one is not."""
+    """Compute the standard uncertainty of a label from the stated zeros of its sensors [N], or None if one is not."""
     stated = recording.metadata.uncertainty
     areas = sensor_areas(recording, cylinder)
     if any(column not in stated for column in areas):
@@ -147,6 +147,6 @@ def zero_uncertainty_n(recording: Recording, cylinder: Cylinder) -> float | None
 
 
 def sensor_areas(recording: Recording, cylinder: Cylinder) -> dict[str, float]:
-    """Return the derivative of the label by each sensor's zero, a measured load's included [m², or 1 for a force]."""
+    """Compute the derivative of the label by each sensor's zero, a measured load's included [m², or 1 for a force]."""
     load = {LOAD_FORCE: -1.0} if LOAD_FORCE in recording.columns else {}
     return sensitivities(recording, cylinder) | load

@@ -44,7 +44,7 @@ class TravelCovered:
         return self.stretches_m[0][0], self.stretches_m[-1][1]
 
     def holds(self, position_m: Array) -> Mask:
-        """Return whether each position lies in one of the sections, of the positions' shape."""
+        """Check whether each position lies in one of the sections, of the positions' shape."""
         inside = np.zeros(np.shape(position_m), dtype=np.bool_)
         for first, last in self.stretches_m:
             inside |= (position_m >= first) & (position_m <= last)
@@ -62,7 +62,7 @@ def stroke_points(
     settling_travel_m: float,
     others_m: Array | None = None,
 ) -> StrokePoints:
-    """Return the strokes of one recording as points.
+    """Build the strokes of one recording as points.
 
     A stroke is an unbroken run of usable rows that move one way at ``slowest_m_s`` or faster; its first
     ``settling_travel_m``, in which bristles bend and the rig takes up its backlash, is left out. All arrays have shape

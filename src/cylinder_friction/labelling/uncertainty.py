@@ -14,7 +14,7 @@ DITHER = 0.5
 
 
 def smoothing_deviation(recording: Recording, cylinder: Cylinder, signal_filter: SignalFilter) -> Array:
-    """Return the standard deviation that smoothing leaves in the label [N], shape ``(n,)``; see ``deviation``."""
+    """Compute the standard deviation that smoothing leaves in the label [N], shape ``(n,)``; see ``deviation``."""
     recording = at_cylinder(recording, signal_filter)
     force_n = sum(
         (area * recording.column(column) for column, area in sensitivities(recording, cylinder).items()),
@@ -36,7 +36,7 @@ def label_uncertainty(
     *,
     measured_load: bool = True,
 ) -> Array | None:
-    """Return the expanded uncertainty (k = 2, about 95 %) of the friction label [N], shape ``(n,)``, or None.
+    """Compute the expanded uncertainty (k = 2, about 95 %) of the friction label [N], shape ``(n,)``, or None.
 
     Friction is P1·A1 - P2·A2 - m·a - F_load, so that (JCGM 100:2008, GUM, equations 10 and 11a)
 
@@ -73,7 +73,7 @@ def label_uncertainty(
 
 
 def line_uncertainty(recording: Recording, cylinder: Cylinder, velocity_m_s: Array) -> Array | float:
-    """Return the standard uncertainty (k = 1) of the label from losses that are stated [N], ``(n,)``, or 0.
+    """Compute the standard uncertainty (k = 1) of the label from losses that are stated [N], ``(n,)``, or 0.
 
     Both lines are as wrong as each other, so that their uncertainties add.
     """
@@ -86,7 +86,7 @@ def line_uncertainty(recording: Recording, cylinder: Cylinder, velocity_m_s: Arr
 
 
 def sensitivities(recording: Recording, cylinder: Cylinder) -> dict[str, float]:
-    """Return the derivative of friction by each column of the driving force [m², or 1 for a force]."""
+    """Compute the derivative of friction by each column of the driving force [m², or 1 for a force]."""
     if has_pressures(recording):
         return {"pressure_1_pa": cylinder.piston_area_m2, "pressure_2_pa": -cylinder.annulus_area_m2}
     return {DRIVE_FORCE: 1.0}

@@ -13,7 +13,7 @@ LOAD_SHARE = 0.5
 
 
 def holds_load(load_n: float, half_difference_n: float) -> bool:
-    """Return whether a force holds a load, from what ``up_and_down`` gives; False if that is not known."""
+    """Check whether a force holds a load, from what ``up_and_down`` gives; False if that is not known."""
     return abs(load_n) > LOAD_SHARE * abs(half_difference_n)
 
 
@@ -40,7 +40,7 @@ def up_and_down(
 
 
 def _medians(values: Array, bins: NDArray[np.uint8], count: int) -> tuple[Array, NDArray[np.int64]]:
-    """Return the median of the values of each bin, anything for an empty one, and how many it holds: ``(count,)``."""
+    """Compute the median of the values of each bin, anything for an empty one, and how many it holds: ``(count,)``."""
     counts, order = np.bincount(bins, minlength=count), np.argsort(values)
     ordered = values[order[np.argsort(bins[order], kind="stable")]]  # small numbers sort fast
     starts = np.minimum(np.cumsum(counts) - counts, len(values) - 1)
