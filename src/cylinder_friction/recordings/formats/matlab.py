@@ -87,7 +87,7 @@ def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[Logg
 
 
 def _tree(value: Any) -> Any:
-    """Return a variable as SciPy gives it in the shape that the walk expects."""
+    """Bring a variable as SciPy gives it into the shape that the walk expects."""
     if isinstance(value, dict):
         return {str(key): _tree(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.dtype == object):
@@ -113,7 +113,7 @@ class _References(list[Any]):
 
 
 def _tree73(node: Any) -> Any:
-    """Return an object of the file in the shape that the walk expects: array, dict, list or text."""
+    """Read an object of the file in the shape that the walk expects: array, dict, list or text."""
     import h5py
 
     if isinstance(node, h5py.Group):
@@ -149,7 +149,7 @@ def _add_table73(file: Any, found: Found) -> None:
 
 
 def _rows(node: Any) -> int:
-    """Return the length of a vector of floating-point numbers; 0 for anything else."""
+    """Tell the length of a vector of floating-point numbers; 0 for anything else."""
     dtype = getattr(node, "dtype", None)
     return int(node.size) if dtype is not None and dtype.kind == "f" and max(node.shape) == node.size else 0
 

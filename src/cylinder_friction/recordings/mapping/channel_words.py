@@ -22,7 +22,7 @@ class Vocabulary:
     stems: tuple[str, ...] = ()
 
     def rank(self, token: str) -> int:
-        """Return 0 for no hit, 1 for a letter or two, 2 for a whole word."""
+        """Rate a hit: 0 for none, 1 for a letter or two, 2 for a whole word."""
         if any(stem in token for stem in self.stems):
             return 2
         if token in self.words:
@@ -42,7 +42,7 @@ QUANTITY_WORDS = {
     "force": _words("f fx fz load last", "force kraft loadcell kraftmess friction reibung"),
     "other": _words("v u vel speed acc", "velocity geschwindigkeit beschleunigung acceleration spannung voltage strom"),
 }
-"""Words for each quantity; the first quantity wins where two are named in words of equal length."""
+"""Words for each quantity; the first quantity wins if two are named in words of equal length."""
 
 PISTON_SIDE = _words("1 a cap bore blind bottom", "piston kolben boden")
 ROD_SIDE = _words("2 b rod ring head gland", "stange annul ringseit ringraum rodside")
@@ -75,7 +75,7 @@ class Words:
 
 @cache
 def words_of(name: str) -> Words:
-    """Return what a channel's name means."""
+    """Read what a channel's name means."""
     bracketed = unit_in_name(name)
     plain, unit = (_BRACKETS.sub(" ", name), bracketed) if bracketed is not None else _without_unit(name)
     tokens = _tokens(plain)
@@ -98,14 +98,14 @@ def words_of(name: str) -> Words:
 
 
 def _tokens(name: str) -> list[str]:
-    """Return the words of a name; ``PA`` and ``Pa`` are a pressure and a port, ``pa`` only as the whole name."""
+    """Split a name into words; ``PA`` and ``Pa`` are a pressure and a port, ``pa`` only as the whole name."""
     found = [str(word) for word in _TOKEN.findall(name)]
     ports = ("PA", "PB", "Pa", "Pb", *(("pa", "pb") if len(found) == 1 else ()))
     return [part for word in found for part in (word if word in ports else [word])]
 
 
 def _without_unit(name: str) -> tuple[str, str]:
-    """Return a name without a unit at its end, and that unit, if it fits what stands before it."""
+    """Take the unit off a name that ends in one, and return both, if it fits what stands before it."""
     match = _ENDING.match(name)
     if match is None or match["unit"] == "pA":  # the pressure at port A
         return name, ""
@@ -130,14 +130,14 @@ def _quantity(tokens: Sequence[str]) -> str | None:
 
 
 def _before(token: str, tokens: Sequence[str], found: str | None) -> bool:
-    """Return whether a letter comes before the one that ``found`` was read from: ``x_p`` is a position."""
+    """Tell whether a letter comes before the one that ``found`` was read from: ``x_p`` is a position."""
     vocabulary = QUANTITY_WORDS[found or "other"]
     others = [index for index, other in enumerate(tokens) if vocabulary.rank(other.casefold()) == 1]
     return bool(others) and tokens.index(token) < others[0]
 
 
 def _side(tokens: Collection[str], quantity: str | None) -> tuple[int, str]:
-    """Return the side and its word; letters and digits count only with a word for pressure."""
+    """Find the side and its word; letters and digits count only with a word for pressure."""
     for side, vocabulary in ((2, ROD_SIDE), (1, PISTON_SIDE), (-1, ELSEWHERE)):
         for token in tokens:
             rank = vocabulary.rank(token)
