@@ -180,7 +180,7 @@ def holds(interval: tuple[float, float], true: tuple[float, float] | None) -> bo
 SENTENCES: tuple[tuple[str, str, Truth], ...] = (
     (
         "labelling/apparent_loss.py sentence",
-        r"of friction at ([\d.]+) m/s grow with the square of speed, as if .* lost about ([\d.]+) bar",
+        r"of friction at ([\d.]+) m/s grow with speed, as if .* lost about ([\d.]+) bar",
         lambda m, made, _: bool(made.world.line_bar) and near(float(m[2]), made.lost_bar(float(m[1])), 2.0),
     ),
     (

@@ -1,4 +1,4 @@
-"""A force that grows with the square of speed is named; friction's own curvature is not."""
+"""A force that grows with speed far more than friction does is named; what grows of friction itself is not."""
 
 import numpy as np
 import pytest
@@ -28,12 +28,12 @@ def test_a_loss_is_named_with_its_size(raw: list[Recording], cylinder: Cylinder)
 def test_the_sentence_asks_and_offers_what_to_state(cylinder: Cylinder) -> None:
     words = ApparentLoss(1500.0, 100.0, 400.0, 0.05).sentence(cylinder)
     assert words == (
-        "1500 N of friction at 0.05 m/s grow with the square of speed, as if a line between sensors and cylinder lost "
-        "about 3.2 bar; are the sensors at the cylinder's ports? If they are not, state the loss (sensor.line_loss in "
-        "the mapping); until then bounds are wider by what the line may lose, and viscous friction is not known"
+        "1600 N of friction at 0.05 m/s grow with speed, as if a line between sensors and cylinder lost about 3.4 bar; "
+        "are the sensors at the cylinder's ports? If they are not, state the loss (sensor.line_loss in the mapping); "
+        "until then bounds are wider by what the line may lose, and viscous friction is not known"
     )
 
 
 def test_friction_alone_has_no_loss_and_nothing_shows_nothing(cylinder: Cylinder) -> None:
-    assert not ApparentLoss(100.0, 300.0, 400.0, 0.05).named
+    assert not ApparentLoss(100.0, 180.0, 400.0, 0.05).named
     assert apparent_loss([]) is None

@@ -16,9 +16,9 @@ from cylinder_friction.recordings.columns import PRESSURES
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.wording import four_digits
 
-LEAST_SHARE = 0.3
-"""A force that grows with the square of speed is named if at the highest speed it exceeds this share of friction: the
-curvature of friction itself stays below."""
+LEAST_SHARE = 0.75
+"""A force that grows with speed is named if at the highest speed it exceeds this share of mean friction: what of
+friction itself grows stays below. How much of it grows with the square of speed is too uncertain to decide it."""
 HIGHEST_SPEED = 0.98
 """Quantile of the speed of steady sliding that counts as the highest."""
 STRIBECK_SPEEDS_M_S = (0.003, 0.006, 0.012, 0.025)
@@ -43,8 +43,8 @@ class ApparentLoss:
 
     @property
     def named(self) -> bool:
-        """Whether it is more than friction's own curvature."""
-        return self.square_n > LEAST_SHARE * self.friction_n
+        """Whether it is more than what of friction itself grows with speed."""
+        return self.square_n + self.linear_n > LEAST_SHARE * self.friction_n
 
     def most_n(self, velocity_m_s: Array) -> Array:
         """Return how large the loss may be [N], shape ``(n,)``: what friction does not share, and what it may."""
@@ -54,12 +54,13 @@ class ApparentLoss:
     def sentence(self, cylinder: Cylinder) -> str:
         """Return what it looks like, and what to do."""
         ratio = cylinder.annulus_area_m2 / cylinder.piston_area_m2
-        lost_bar = 1e-5 * self.square_n / (cylinder.piston_area_m2 * (1.0 + ratio**3))
+        growing_n = self.square_n + self.linear_n
+        lost_bar = 1e-5 * growing_n / (cylinder.piston_area_m2 * (1.0 + ratio**3))
         return (
-            f"{four_digits(self.square_n)} N of friction at {self.speed_m_s:.2g} m/s grow with the square of speed, as "
-            f"if a line between sensors and cylinder lost about {lost_bar:.2g} bar; are the sensors at the cylinder's "
-            "ports? If they are not, state the loss (sensor.line_loss in the mapping); until then bounds are wider by "
-            "what the line may lose, and viscous friction is not known"
+            f"{four_digits(growing_n)} N of friction at {self.speed_m_s:.2g} m/s grow with speed, as if a line between "
+            f"sensors and cylinder lost about {lost_bar:.2g} bar; are the sensors at the cylinder's ports? If they are "
+            "not, state the loss (sensor.line_loss in the mapping); until then bounds are wider by what the line may "
+            "lose, and viscous friction is not known"
         )
 
 
@@ -89,7 +90,7 @@ def apparent_loss(evidence: Sequence[OffsetEvidence]) -> ApparentLoss | None:
 
 
 def named_loss(evidence: Sequence[OffsetEvidence]) -> ApparentLoss | None:
-    """Return ``apparent_loss`` if it is more than friction's own curvature."""
+    """Return ``apparent_loss`` if it is more than what of friction itself grows with speed."""
     loss = apparent_loss(evidence)
     return loss if loss is not None and loss.named else None
 
