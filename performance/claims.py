@@ -201,7 +201,7 @@ def rates(seed: int, quick: bool) -> Iterator[Row]:
 
     At 100 Hz also over a causal balance, a low-pass tuned on the hybrid's own training.
     """
-    found: dict[float, tuple[float, float, float]] = {}
+    found: dict[float, tuple[float, ...]] = {}
     for step_s in (0.01, 0.005, 0.002, 0.001):
         logs, truths, cylinder = campaign_of(seed, quick, sample_time_s=step_s)
         labelled = label(logs, cylinder)

@@ -32,7 +32,7 @@ from cylinder_friction.rig.campaign import LOSS_SPEED_M_S, SPECIMENS, RigRecordi
 from cylinder_friction.rig.campaign_plan import CampaignPlan
 from cylinder_friction.rig.friction import REFERENCE_C
 from cylinder_friction.rig.parameters import FrictionParameters, default_rig
-from cylinder_friction.stages.record import write_logger_csv
+from cylinder_friction.rig.sensors import write_logger_csv
 
 MAPPING = Path(__file__).parents[1] / "conf/ingest/rig.yaml"
 TOPICS = re.compile(r"bound|\bload|zero|sensor|asymmetr|port|±", re.IGNORECASE)
@@ -97,7 +97,7 @@ class Simulated:
 
     def sliding(self, name: str) -> pd.DataFrame:
         """Return rows that slide: direction, dry friction against motion and viscous friction [N s/m]."""
-        tables = []
+        tables = list[pd.DataFrame]()
         for each in self.own(name):
             truth, constants = each.truth, self.friction
             warm_c = truth["oil_temperature_c"].to_numpy()
@@ -106,8 +106,8 @@ class Simulated:
             speed = truth["velocity_m_s"].to_numpy()
             dry = np.abs(truth["friction_n"].to_numpy()) - viscous * np.abs(speed)
             table = pd.DataFrame({"direction": np.sign(speed), "dry_n": dry, "viscous": viscous})
-            tables.append(table[np.abs(speed) > SLIDING_M_S])
-        return pd.concat(tables)
+            tables.append(table.loc[np.abs(speed) > SLIDING_M_S])
+        return pd.DataFrame(pd.concat(tables))
 
     def zero_n(self, name: str) -> float:
         """Return the offset of the force that the logged pressures give, less the true one, while resting [N]."""
@@ -195,12 +195,12 @@ SENTENCES: tuple[tuple[str, str, Truth], ...] = (
     ),
     (
         "labelling/known_offset.py too_uneven",
-        r"does not turn with the direction, where the stated zeros and an asymmetry of friction explain",
+        r"does not turn with the direction, (?:where|while) the stated zeros and an asymmetry of friction explain",
         odd_zeros,
     ),
     (
         "labelling/known_offset.py undetermined, session to session",
-        r"differs from session to session by ± \d+ N, where the stated zeros explain",
+        r"differs from session to session by ± \d+ N, (?:where|while) the stated zeros explain",
         lambda m, made, name: odd_zeros(m, made, name) or "asymmetry_sd" in made.world.options,
     ),
     (
@@ -379,7 +379,7 @@ def adapted(made: Simulated, folder: Path, mapping: Path) -> Iterator[tuple[str,
     yield (
         "realtime/model.py in_words",
         "adapted bounds hold",
-        made.beside or np.mean(held) >= model.bounds.probability - 0.05,
+        made.beside or bool(np.mean(held) >= model.bounds.probability - 0.05),
     )
 
 
