@@ -1,4 +1,4 @@
-"""From filtered recordings to labelled ones: friction by the equation of motion, and which rows are usable."""
+"""Labelling of filtered recordings: friction by the equation of motion, and the mask of usable rows."""
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
@@ -45,21 +45,21 @@ ONLY_FOR_LABELS = (
     "load_force_smooth_n",
     "acceleration_m_s2",
 )
-"""Columns that nothing after the label uses; ``labelled`` drops them."""
+"""Columns that only the label uses; ``labelled`` drops them."""
 
 NO_STIFFNESS = Stiffness()
 
 
 @dataclass(frozen=True)
 class Labeller:
-    """How labels are made.
+    """Settings and steps of labelling; use ``label`` unless you process recordings one at a time.
 
     Raises:
         ValueError: A mode is not known.
     """
 
     cylinder: Cylinder  # Areas, stroke and moving mass
-    stiffness: Stiffness = field(default_factory=Stiffness)  # Which spring enters the equation of motion, if any
+    stiffness: Stiffness = field(default_factory=Stiffness)  # Spring in the equation of motion, if any
     end_stop_margin_m: float = 0.003  # Rows this near an end stop are not usable [m]
     # The external force: ``none``, it is zero; ``measured`` by a load cell; ``position``, a smooth function of position
     # that is identified in each session
@@ -80,7 +80,7 @@ class Labeller:
         return self.load == "position" or self.inertia == "identified"
 
     def identify(self, recordings: Iterable[Recording], signal_filter: SignalFilter) -> SessionIdentification:
-        """Return load and moving mass of one session; memory holds one of its recordings, filtered, at a time.
+        """Identify load and moving mass of one session; only one of its filtered recordings is in memory at a time.
 
         Raises:
             RecordingError: The strokes do not determine the load, or the session hardly moves.
@@ -90,7 +90,7 @@ class Labeller:
             signals, position_m = signals_of(recording), recording.column("position_m")
             load_n = self._load(recording, None, partial(recording.column, SMOOTH_LOAD))
             force_n = friction_label(signals, position_m, load_n, self.cylinder, self.stiffness)
-            # The inertia of the given mass goes back in, because the moving mass is what is being identified.
+            # The inertia of the given mass is added back, because the moving mass is being identified.
             force_n = force_n + self.cylinder.moving_mass_kg * signals.acceleration_m_s2
             step_s = recording.sample_time_s
             usable = usable_rows(
@@ -116,7 +116,8 @@ class Labeller:
     def identify_sessions(
         self, sessions: Mapping[str, Iterable[Recording]], signal_filter: SignalFilter
     ) -> dict[str, SessionIdentification]:
-        """Return load and mass of each session by its name; nothing where neither is to be identified.
+        """Identify load and mass of each session, by its name; empty if neither is to be identified.
+
 
         Raises:
             RecordingError: As ``identify``; the message names the session.

@@ -21,20 +21,20 @@ EXPLAINING = (PRESSURE_1, PRESSURE_2, LOAD_FORCE, OIL_TEMPERATURE)
 """Columns that may explain friction beside speed and position."""
 
 LOADED = {"position": "a load identified from position has absorbed the sensors' offset"}
-"""Why a load leaves offsets alone."""
+"""Why offsets are not identified beside a load, by the load's mode."""
 
 
 @dataclass(frozen=True)
 class OffsetPlan:
-    """How sensor offsets are identified.
+    """Settings for the identification of sensor offsets.
 
     Raises:
         ValueError: A number is out of its range.
     """
 
-    slowest_m_s: float = 6e-3  # Slower rows are left out: there friction depends on its history [m/s]
+    slowest_m_s: float = 6e-3  # Velocity below which rows are left out, as friction depends on its history [m/s]
     settling_s: float = 0.2  # Time after a start or reversal that does not count [s]
-    block_s: float = 0.1  # Duration that is averaged [s]
+    block_s: float = 0.1  # Duration of a block [s]
     # Standard uncertainty of the asymmetry common to all sessions: half the difference of friction between the
     # directions over its mean, as ``LoadPlan.asymmetry``
     asymmetry: float = 0.15
@@ -53,12 +53,12 @@ class OffsetPlan:
 
 @dataclass(frozen=True)
 class SlidingBlocks:
-    """Blocks of steady sliding of one recording or session: all that its offset is identified from."""
+    """Blocks of steady sliding of one recording or session, from which its offset is identified."""
 
     session: str
     prior_n: float  # Stated standard uncertainty of the sensors' zeros, as friction [N]
     sliding_s: float  # Duration [s]
-    # Of each block, shape ``(blocks,)``: label [N], direction, and stroke, counted from 0
+    # Label [N], direction, and stroke, counted from 0, of each block, shape ``(blocks,)``
     label_n: Array
     direction: Array
     stroke: NDArray[np.int64]
@@ -66,7 +66,7 @@ class SlidingBlocks:
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
-        """Build the sliding of the recordings of a session; refuses those of several with a ``RecordingError``."""
+        """Join the sliding of the recordings of a session; raises ``RecordingError`` for several sessions."""
         names = sorted({part.session for part in parts})
         if len(names) != 1:
             raise RecordingError(
@@ -77,7 +77,7 @@ class SlidingBlocks:
 
     @classmethod
     def together(cls, parts: Sequence[Self]) -> Self:
-        """Build the sliding of several recordings or sessions, one after the other, under the name of the first."""
+        """Join the sliding of several recordings or sessions, one after the other, under the name of the first."""
         before = np.cumsum([0, *(1 + int(part.stroke.max(initial=-1)) for part in parts)])
         common = [name for name in parts[0].columns if all(name in part.columns for part in parts)]
         return cls(
@@ -94,7 +94,7 @@ class SlidingBlocks:
 def sliding_blocks(
     recording: Recording, cylinder: Cylinder, plan: OffsetPlan | None = None, prior_n: float | None = None
 ) -> SlidingBlocks:
-    """Build the steady sliding of a labelled recording, with the stated uncertainty of its zeros unless given.
+    """Find the steady sliding of a labelled recording, with the stated uncertainty of its zeros unless given.
 
     Raises:
         RecordingError: It lacks labels, or the uncertainty of a sensor's zero is not stated.
@@ -120,7 +120,7 @@ def sliding_blocks(
 
 
 def stated_zero_n(recording: Recording, cylinder: Cylinder) -> float:
-    """Return ``zero_uncertainty_n``, or refuse a recording without it with a ``RecordingError``."""
+    """Compute ``zero_uncertainty_n``; raise ``RecordingError`` for a recording without it."""
     known_n = zero_uncertainty_n(recording, cylinder)
     if known_n is not None:
         return known_n

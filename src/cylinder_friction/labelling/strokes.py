@@ -11,7 +11,7 @@ from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.signals.motion import direction_of_motion, stroke_pieces
 
 POINT_DURATION_S = 0.1
-"""A point is the mean over this much of a stroke."""
+"""Duration of a stroke that is averaged in a point [s]."""
 
 BINS = 100
 CELLS_PER_REACH = 2
@@ -29,7 +29,7 @@ class StrokePoints(Averages):
     first_m: Array
     last_m: Array
     others_m: Array  # Mean of each of the other positions that the load depends on, shape ``(points, others)`` [m]
-    stroke: NDArray[np.int64]  # Which stroke the piece belongs to, counted from 0
+    stroke: NDArray[np.int64]  # Stroke of the piece, counted from 0
 
 
 @dataclass(frozen=True)
@@ -62,12 +62,12 @@ def stroke_points(
     settling_travel_m: float,
     others_m: Array | None = None,
 ) -> StrokePoints:
-    """Build the strokes of one recording as points.
+    """Average the strokes of one recording into points.
 
-    A stroke is an unbroken run of usable rows that move one way at ``slowest_m_s`` or faster; its first
+    A stroke is an unbroken run of usable rows that move one way at ``slowest_m_s`` or faster. Its first
     ``settling_travel_m``, in which bristles bend and the rig takes up its backlash, is left out. All arrays have shape
-    ``(n,)``; velocity and acceleration are smooth, and the drive force is meaningful where ``usable``. ``others_m`` are
-    the other positions that the load depends on, shape ``(n, others)``.
+    ``(n,)``; velocity and acceleration are smooth, and the drive force is valid in ``usable`` rows. ``others_m`` are
+    the other positions on which the load depends, shape ``(n, others)``.
     """
     direction = np.where(usable, direction_of_motion(velocity_m_s, slowest_m_s), 0.0)
     path_m = np.cumsum(np.abs(velocity_m_s)) * sample_time_s
@@ -87,7 +87,7 @@ def stroke_points(
 
 
 def coverage_of(points: StrokePoints) -> TravelCovered:
-    """Return where strokes of both directions went.
+    """Find the travel with strokes in both directions.
 
     Raises:
         RecordingError: There is no stroke in one of the directions, or they have hardly any travel in common.
@@ -117,17 +117,17 @@ def coverage_of(points: StrokePoints) -> TravelCovered:
 
 @dataclass(frozen=True)
 class OthersCovered:
-    """At which values of the other positions strokes of both directions passed each section of the travel."""
+    """Values of the other positions at which strokes of both directions passed each section of the travel."""
 
     range_m: tuple[float, float]  # The travel, in ``BINS`` sections [m]
     cell_m: float  # Width of a cell of another position [m]
-    # Of each other position: where its first cell begins [m], and how many there are
+    # Start of the first cell of each other position [m], and number of its cells
     first_m: tuple[float, ...]
     counts: tuple[int, ...]
     known: tuple[int, ...]  # Cells that strokes passed, by section, then cell of each position, numbered row by row
 
     def holds(self, positions_m: Array) -> Mask:
-        """Return at which positions, shape ``(n, 1 + others)``, strokes of both directions passed, ``(n,)``."""
+        """Mark positions, shape ``(n, 1 + others)``, at which strokes of both directions passed, ``(n,)``."""
         cells = np.floor((positions_m[:, 1:] - self.first_m) / self.cell_m).astype(np.int64)
         inside = ((cells >= 0) & (cells < self.counts)).all(axis=1)
         section = _sections(positions_m[:, 0], self.range_m)
@@ -144,7 +144,7 @@ class OthersCovered:
 
     @property
     def extents_m(self) -> list[tuple[float, float]]:
-        """Between which values the cells of each other position lie, known or not [m]."""
+        """Range of the cells of each other position, known or not [m]."""
         of_each = zip(self.first_m, self.counts, strict=True)
         return [(first_m, first_m + count * self.cell_m) for first_m, count in of_each]
 
@@ -161,10 +161,10 @@ def _sections(position_m: Array, range_m: tuple[float, float]) -> NDArray[np.int
 
 
 def others_covered(points: StrokePoints, reach_m: float) -> OthersCovered:
-    """Return at which other positions strokes of both directions passed, or within ``reach_m`` of these.
+    """Find the other positions at which strokes of both directions passed, or within ``reach_m`` of them.
 
     Raises:
-        RecordingError: Nowhere did strokes of both directions pass with the other positions within ``2 * reach_m``.
+        RecordingError: Strokes of both directions never passed with the other positions within ``2 * reach_m``.
     """
     cell_m = reach_m / CELLS_PER_REACH
     first_m = points.others_m.min(axis=0) - reach_m
@@ -189,7 +189,7 @@ def others_covered(points: StrokePoints, reach_m: float) -> OthersCovered:
 
 
 def _visited(firsts_m: Array, lasts_m: Array, low: float, high: float) -> Mask:
-    """Return which bins between ``low`` and ``high`` some piece touches, shape ``(BINS,)``."""
+    """Mark the bins between ``low`` and ``high`` that a piece touches, shape ``(BINS,)``."""
     scale = BINS / (high - low) if high > low else 0.0
     first, last = (np.clip(((ends - low) * scale).astype(np.int64), 0, BINS - 1) for ends in (firsts_m, lasts_m))
     change = np.bincount(first, minlength=BINS + 1) - np.bincount(last + 1, minlength=BINS + 1)

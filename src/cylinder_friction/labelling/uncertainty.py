@@ -10,7 +10,7 @@ from cylinder_friction.signals.noise import noise_deviation
 from cylinder_friction.signals.smooth_signals import SignalFilter, at_cylinder, has_pressures
 
 DITHER = 0.5
-"""Noise of this many steps makes the rounding of a converter noise too, which averaging reduces (Widrow 1961)."""
+"""Noise in steps of a converter from which rounding acts as noise, which averaging reduces (Widrow 1961)."""
 
 
 def smoothing_deviation(recording: Recording, cylinder: Cylinder, signal_filter: SignalFilter) -> Array:
@@ -75,7 +75,7 @@ def label_uncertainty(
 def line_uncertainty(recording: Recording, cylinder: Cylinder, velocity_m_s: Array) -> Array | float:
     """Compute the standard uncertainty (k = 1) of the label from losses that are stated [N], ``(n,)``, or 0.
 
-    Both lines are as wrong as each other, so that their uncertainties add.
+    Both lines have the same error, so that their uncertainties add.
     """
     lines = recording.metadata.line_loss
     areas = {name: abs(area) for name, area in sensitivities(recording, cylinder).items() if name in lines}

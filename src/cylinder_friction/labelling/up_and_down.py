@@ -9,18 +9,18 @@ POSITION_BINS = 30
 LEAST_ROWS_A_BIN = 10
 
 LOAD_SHARE = 0.5
-"""A force that does not turn with the direction and is above this share of the one that does is a load."""
+"""Share of friction above which a force that does not turn with the direction is a load."""
 
 
 def holds_load(load_n: float, half_difference_n: float) -> bool:
-    """Check whether a force holds a load, from what ``up_and_down`` gives; False if that is not known."""
+    """Check whether a force contains a load, from the result of ``up_and_down``; False if that is unknown."""
     return abs(load_n) > LOAD_SHARE * abs(half_difference_n)
 
 
 def up_and_down(
     position_m: Array, velocity_m_s: Array, friction_n: Array, usable: NDArray[np.bool_], slowest_m_s: float
 ) -> tuple[float, float]:
-    """Return half the sum and half the difference of the force up and down at equal positions, medians [N].
+    """Compute half the sum and half the difference of the force up and down at equal positions, medians [N].
 
     A force that depends on position alone, such as a load's weight, is in the sum and not in the difference.
     """
