@@ -163,24 +163,22 @@ def _unknown(spec: ParameterSpec, found: Identification) -> str:
     lower, upper = found.intervals[spec.name]
     if upper > WIDEST * lower:
         return f"its interval spans a factor of {min(upper / lower, 1e6):.2g}, more than {WIDEST:g}"
-    at_limit = lower <= (1.0 + _AT_THE_LIMIT) * spec.lower or upper >= (1.0 - _AT_THE_LIMIT) * spec.upper
-    if spec.relative_to == "" and spec.logarithmic and not spec.may_be_zero and at_limit:
+    if spec.relative_to != "":
+        return ""
+    at_most, least, greatest = upper >= (1.0 - _AT_THE_LIMIT) * spec.upper, *map(four_digits, (spec.lower, spec.upper))
+    at_limit = at_most or lower <= (1.0 + _AT_THE_LIMIT) * spec.lower
+    if spec.logarithmic and not spec.may_be_zero and at_limit:
         return (
-            f"its interval ends at a limit of the search, {four_digits(spec.lower)} to {four_digits(spec.upper)} "
-            f"{spec.unit}, so that it may be anything beyond {four_digits(lower)} {spec.unit}"
-            if upper >= (1.0 - _AT_THE_LIMIT) * spec.upper
-            else f"its interval ends at the lower limit of the search, {four_digits(spec.lower)} {spec.unit}"
+            f"its interval ends at a limit of the search, {least} to {greatest} {spec.unit}, so that it may be "
+            f"anything beyond {four_digits(lower)} {spec.unit}"
+            if at_most
+            else f"its interval ends at the lower limit of the search, {least} {spec.unit}"
         )
-    value = found.parameters.value(spec.name)
-    if spec.relative_to == "" and not _inside(spec, value):
-        return f"the search ends at its limit, {four_digits(spec.lower)} to {four_digits(spec.upper)} {spec.unit}"
+    first, last = math.log(spec.lower), math.log(spec.upper)
+    margin = _AT_THE_EDGE * (last - first)
+    if not first + margin < math.log(found.parameters.value(spec.name)) < last - margin:
+        return f"the search ends at its limit, {least} to {greatest} {spec.unit}"
     return ""
-
-
-def _inside(spec: ParameterSpec, value: float) -> bool:
-    lower, upper = math.log(spec.lower), math.log(spec.upper)
-    margin = _AT_THE_EDGE * (upper - lower)
-    return lower + margin < math.log(value) < upper - margin
 
 
 def _assumed(spec: ParameterSpec, damping_ratio: float) -> str:

@@ -17,6 +17,7 @@ from cylinder_friction.recordings.recording import Recording, RecordingError, Re
 _METADATA_KEY = b"cylinder_friction"
 DRAWN_ROWS = 2048
 SCRATCH = ".arrow"
+"""Ending of files that are written for one run alone."""
 
 
 def write_recording(
@@ -84,21 +85,13 @@ def _arrow_table(recording: Recording) -> pa.Table:
     return pa.Table.from_arrays(arrays, schema=pa.schema(fields, {_METADATA_KEY: metadata}))
 
 
-def write_scratch(folder: Path, recording: Recording, stem: str) -> Path:
-    """Write a recording for this run alone, and return its path: many times as fast as Parquet, and as large."""
-    path, table = folder / f"{stem}{SCRATCH}", _arrow_table(recording)
-    with whole_file(path) as draft, pa.OSFile(str(draft), "wb") as file, pa.ipc.new_file(file, table.schema) as writer:
-        writer.write_table(table)
-    return path
-
-
 def read_metadata(path: Path) -> RecordingMetadata:
     """Return the metadata of one file without reading its rows; refuse one not written by ``write_recording``."""
     return _metadata(path, pq.read_schema(path))
 
 
 def read_recording(path: Path) -> Recording:
-    """Read one file that ``write_recording`` or ``write_scratch`` wrote. Values are read-only."""
+    """Read one file that ``write_recording`` or a ``Keeper`` wrote. Values are read-only."""
     if path.suffix == SCRATCH:
         found = pa.ipc.open_file(path.read_bytes()).read_all()
     else:
@@ -161,7 +154,6 @@ class Kept:
         return read_recording(self.recording) if isinstance(self.recording, Path) else self.recording
 
     def remove(self) -> None:
-        """Remove it from the disk."""
         if isinstance(self.recording, Path):
             self.recording.unlink()
 
@@ -186,4 +178,7 @@ class Keeper:
         if len(recording) <= self.rows:
             self.rows -= len(recording)
             return Kept(recording)
-        return Kept(write_scratch(self.folder, recording, uuid.uuid4().hex))
+        path, table = self.folder / f"{uuid.uuid4().hex}{SCRATCH}", _arrow_table(recording)
+        with whole_file(path) as draft, pa.OSFile(str(draft), "wb") as file, pa.ipc.new_file(file, table.schema) as out:
+            out.write_table(table)  # many times as fast as Parquet, and as large
+        return Kept(path)

@@ -136,7 +136,11 @@ def inspect_recording(table: Columns, limits: CheckLimits, sample_time_s: float)
             "stops and reversals over each other; log faster, or correct the unit of time_s (ms read as s?)"
         )
         yield Finding("rate", "refused", text)
-    seen = {name: _Survey(values, columns[POSITION], limits.steps.get(name, 0.0)) for name, values in columns.items()}
+    seen = {
+        name: _Survey(values, columns[POSITION], limits.steps.get(name, 0.0))
+        for name, values in columns.items()
+        if name != TIME
+    }
     findings = [*_of_position(columns, seen, limits)]
     if DRIVE_FORCE in columns:
         findings += _alive(DRIVE_FORCE, "force", seen[DRIVE_FORCE], limits)

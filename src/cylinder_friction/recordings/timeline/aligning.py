@@ -25,7 +25,6 @@ from cylinder_friction.recordings.timeline.timestamps import WHOLE_HERTZ, TimeRu
 Spans = list[tuple[float, float]]
 Placed = tuple[list[tuple[Columns, int]], dict[str, list[str]]]
 """Pieces with their segment of the clock, and the columns of each method of resampling."""
-
 HIGHEST_RATIO = 10.0  # A wanted rate above this multiple of the fastest channel's is refused
 SHORTEST_PIECE = 10  # A stretch between two gaps with fewer samples is left out
 

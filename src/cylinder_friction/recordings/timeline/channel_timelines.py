@@ -22,7 +22,6 @@ from cylinder_friction.recordings.timeline.timestamps import (
 TOGETHER = 0.8
 """Columns with this share of their rows in common were sampled together. Two raster rates of one table share half of
 their rows at most, or the slower shares all of its own."""
-
 SHORT_BLOCK = 32  # Samples over which a step is averaged if rounding hides it between two stamps
 
 

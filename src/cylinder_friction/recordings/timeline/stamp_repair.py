@@ -16,7 +16,6 @@ UNDONE_SHARE = 0.5
 DAMAGED_SHARE = 0.05
 """With more damaged stamps than this share of the rows, the order of the rows is unknown."""
 FEWEST_STAMPS = 10  # A clock is taken for coarse from this many different stamps on
-
 LAG = 32
 """Stamps over which a coarse clock's rate is estimated first, so that rounding averages out."""
 

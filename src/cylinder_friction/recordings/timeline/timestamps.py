@@ -16,19 +16,14 @@ from cylinder_friction.recordings.recording import RecordingError, expect
 Indices = NDArray[np.int64]
 
 BLOCK = 1024  # Samples over which a clock must follow a straight line; slower drift is a change of its rate
-
 RATE_DRIFT = 1e-3
 """Greatest deviation of a block's rate from the whole rate; velocity is wrong by the same share."""
-
 WHOLE_HERTZ = 1e-4
 """A rate within this share of a whole number of hertz is rounded to it: clocks are off by parts per million."""
-
 LATEST_S = 1e11
 """Largest credible stamp [s], three thousand years. Larger numbers are ticks, or dates written as one number."""
-
 USUAL_STEP_SHARE = 0.9
 """If one step makes up this share, stamps are exact, and longer steps are lost samples rather than rounding."""
-
 JITTER_SHARE = 0.02
 """Stamps off an even clock by less than this share of a step count as even."""
 

@@ -8,13 +8,10 @@ import numpy as np
 from cylinder_friction.arrays import Array
 
 CUT_OFF = 0.45  # Where the windowed sinc lets half of the amplitude through, as a share of the lower of the two rates
-
 STOP_BAND_DB = 70.0
 """Attenuation the window is made for; the table between two entries and short sums leave more than 60 dB of it."""
-
 HALF_WIDTH = 22.0
 """Support of the kernel to either side, in samples of the lower rate: the transition band is 0.1 of that rate wide."""
-
 ENTRIES = 512  # Entries of the kernel's table per sample of the lower rate; linear interpolation is good to 1e-6
 
 
