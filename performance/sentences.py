@@ -249,8 +249,8 @@ SENTENCES: tuple[tuple[str, str, Truth], ...] = (
         lambda *_: True,  # It compares what was measured
     ),
     (
-        "estimation/from_logs.py LABEL_BOUNDS",
-        r"friction lies between them in about 95 % of the rows",
+        "estimation/from_logs.py bounds",
+        r"hold friction in about 95 % of the rows",
         lambda *_: True,  # Counted by recording as "bounds hold"
     ),
     (
@@ -291,7 +291,7 @@ def sentences(seed: int, quick: bool) -> Iterator[tuple[str, str, bool | float]]
             if world.identifies and not quick:
                 yield from adapted(made, folder, mapping)
             for each in sorted((folder / "estimate").rglob("*.parquet")):
-                yield "estimation/from_logs.py LABEL_BOUNDS", "bounds hold 90 % of the rows", bounded(each, made)
+                yield "estimation/from_logs.py bounds", "bounds hold 90 % of the rows", bounded(each, made)
         print(f"simulated and read: {name}, seed {seed}", flush=True)
 
 
