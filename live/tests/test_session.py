@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given
-from hypothesis import strategies as st
 
 from cylinder_friction_live.frames import SampleBlock
 from cylinder_friction_live.session import SessionOrder
@@ -20,10 +18,6 @@ def rows(begin: int, end: int) -> np.ndarray:
 
 def order() -> SessionOrder:
     return SessionOrder(0.01, 1, RULES, 0)
-
-
-def stepped(pieces: list[SampleBlock]) -> list[float]:
-    return [value for piece in pieces for value in piece.samples[:, 0].tolist()]
 
 
 def take(session: SessionOrder, begin: int, end: int, now_s: float = 0.0) -> list[SampleBlock]:
@@ -52,22 +46,3 @@ def test_late_samples_are_kept_once_each_and_never_stepped() -> None:
     assert take(session, 4, 8) == []
     assert [(piece.index, len(piece.samples)) for piece in session.late] == [(2, 4), (6, 2)]
     assert (session.counts.late, session.counts.duplicate) == (6, 3)
-
-
-@given(st.lists(st.tuples(st.integers(0, 60), st.integers(1, 30), st.floats(0.0, 0.6)), min_size=1, max_size=30))
-def test_blocks_that_overlap_in_any_way_step_each_sample_once_and_count_each(
-    blocks: list[tuple[int, int, float]],
-) -> None:
-    session, now_s, pieces = order(), 0.0, []
-    for begin, length, pause_s in blocks:
-        now_s += pause_s
-        pieces += take(session, begin, begin + length, now_s) + session.overdue(now_s)
-    pieces += session.overdue(now_s + 10.0)
-    given_values = [value for value in stepped(pieces) if value == value]
-    assert given_values == sorted(set(given_values))
-    known = [piece for piece in pieces if not np.isnan(piece.samples[0, 0])]
-    assert [piece.index for piece in known] == [piece.samples[0, 0] for piece in known]
-    counts = session.counts
-    assert counts.stepped + counts.duplicate + counts.late == sum(length for _, length, _ in blocks)
-    assert counts.stepped == len(given_values)
-    assert sum(len(piece.samples) for piece in session.late) == counts.late

@@ -1,4 +1,4 @@
-"""The arguments of ``cylinder-friction monitor``; ``night`` does the work."""
+"""The arguments of ``cylinder-friction monitor``; the module ``WORK`` runs it."""
 
 import argparse
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import get_args
 from cylinder_friction_monitoring.trends.assessment import EntryKind
 
 HELP = "watch the trends of a fleet from its logs, each night only what is new, and raise alarms"
-EXPECTED = (ValueError, OSError)
+WORK = "cylinder_friction_monitoring.night"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -31,9 +31,3 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     words = "simulate a fleet into a folder, with its fleet.yaml, and monitor that; a few minutes"
     add("--demo", type=Path, metavar="FOLDER", help=words)
     add("--track", action="store_true", help="log sessions and baselines to MLflow")
-
-
-def run(options: argparse.Namespace) -> int:
-    from cylinder_friction_monitoring.night import run_night  # slow libraries, which help need not wait for
-
-    return run_night(options)

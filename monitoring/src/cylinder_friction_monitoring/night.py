@@ -20,9 +20,10 @@ from cylinder_friction_monitoring.fleet.sessions import session_starts
 from cylinder_friction_monitoring.trends.assessment import Entry
 
 MANY_CYLINDERS = 8  # Fewest cylinders for which further processes pay
+EXPECTED = (ValueError, OSError)
 
 
-def run_night(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
     """Run the command ``monitor`` and return its exit status."""
     if options.demo:
         options.fleet = write_demonstration(options.demo, processes=options.workers or cores())
