@@ -4,16 +4,16 @@ from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.friction_models.model import FrictionModel
 
 MODELS: dict[str, FrictionModel] = {model.name: model for model in (LuGre(), LuGre(pressure_scaled=True))}
-"""LuGre, plain and with dry friction that grows with pressure; a model holds no state, so one of each is enough."""
+"""All friction models by name. A model holds no state, so one instance serves all callers."""
 
 
 def model_named(name: str) -> FrictionModel:
-    """Look up a friction model by its name, as saved estimators state it: ``lugre`` or ``pressure_lugre``.
+    """Look up a friction model by the name that saved estimators use: ``lugre`` or ``pressure_lugre``.
 
     The model holds no state, so one instance serves all callers.
 
     Raises:
-        ValueError: There is none of that name; the message lists the known names.
+        ValueError: No model has that name; the message lists the known names.
 
     Example:
         >>> from cylinder_friction.friction_models.catalogue import model_named

@@ -52,7 +52,7 @@ class LugreParameters(StribeckParameters):
     bristle_damping_n_s_m: float  # Bristle damping s1 at standstill [N s/m]
     damping_velocity_m_s: float  # Speed vc over which bristle damping fades [m/s]
     retract_ratio: float = 1.0  # Dry friction while retracting over dry friction while extending
-    pressure_slope_n_pa: float = 0.0  # Coulomb friction per pascal k [N/Pa], of the pressure that the caller chooses
+    pressure_slope_n_pa: float = 0.0  # Coulomb friction k per pascal of the pressure that the caller chooses [N/Pa]
 
     @property
     def curve(self) -> StribeckCurve:
@@ -70,7 +70,7 @@ class LugreParameters(StribeckParameters):
     def passive_damping_velocity_m_s(self) -> float:
         """The greatest ``damping_velocity_m_s`` that keeps the model passive, ``4 sqrt(2e) min g / s1`` [m/s].
 
-        A passive model never returns more energy than its bristles stored. Sufficient is
+        A passive model never returns more energy than its bristles stored. A sufficient condition is
         ``s1 exp(-(v/vc)^2) |v| <= 4 g(v)`` at every speed; the left side is greatest at ``vc / sqrt 2``.
         """
         return passive_damping_velocity(self.coulomb_n * min(1.0, self.retract_ratio), self.bristle_damping_n_s_m)
@@ -115,7 +115,7 @@ def _simulate(
     bristle: Array,
     friction: Array,
 ) -> None:
-    """Step through all rows. It is beside ``lugre_step`` since Numba's disk cache notices changes of one file only."""
+    """Step through all rows. Keep ``lugre_step`` in this file: Numba's disk cache notices changes of one file only."""
     deflection = bristle[0]
     known = log_speed.shape[0] > 0
     for row in range(velocity.shape[0]):
@@ -154,11 +154,8 @@ class LuGre(FrictionModel):
 def passive_damping_velocity(least_dry_friction_n: float, bristle_damping_n_s_m: float) -> float:
     """Compute the greatest ``vc`` [m/s] at which damping ``s1 * exp(-(v / vc)**2)`` leaves LuGre passive.
 
-    Use it to choose ``damping_velocity_m_s``: with a greater one a simulation can gain energy and oscillate. Give the
-    least dry friction ``g`` of both directions [N] and the bristle damping ``s1`` at standstill [N s/m].
-
-    Use it to choose ``damping_velocity_m_s``: with a greater one a simulation can gain energy and oscillate. Give the
-    least dry friction ``g`` of both directions [N] and the bristle damping ``s1`` at standstill [N s/m].
+    Use it to choose ``damping_velocity_m_s``: with a greater value, a simulation can gain energy and oscillate. Give
+    the least dry friction ``g`` of both directions [N] and the bristle damping ``s1`` at standstill [N s/m].
 
     Example:
         >>> from cylinder_friction.friction_models.lugre import passive_damping_velocity

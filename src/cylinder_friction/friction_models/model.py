@@ -14,16 +14,16 @@ Kernel = Callable[[Array, Array, Array, Array, float, Array, Array], None]
 _NO_LOGARITHMS = np.zeros(0)
 
 _PRESLIDING_S = 0.02
-"""Duration of presliding in quick motion [s], which turns a stiffness into a speed for a model without memory."""
+"""Duration of presliding in quick motion [s]; converts a stiffness to a speed for a model without state."""
 
 
 class FrictionModel:
     """Friction as a function of motion, stepped at a velocity that is held over each sample.
 
-    A subclass sets the class attributes. Its numbers travel as an array, in
-    the order of ``parameter_class.specs``: ``parameters`` and ``ModelParameters.packed`` translate.
+    A subclass sets the class attributes. Compiled code takes the parameters as an array, in the order of
+    ``parameter_class.specs``; ``parameters`` and ``ModelParameters.packed`` convert between object and array.
 
-    With ``pressure_scaled`` dry friction grows with pressure; its slope is then one more number to find.
+    With ``pressure_scaled``, dry friction grows with pressure, and identification also searches for the slope.
 
     Attributes:
         name: Name in files; ``pressure_`` is its prefix with pressure scaling.
@@ -32,7 +32,7 @@ class FrictionModel:
         start: State before the first sample.
         kernel: Compiled loop ``(values, velocity, log_speed, pressure, sample_time_s, state, friction)``, which changes
             ``state`` and fills ``friction``. ``log_speed`` is ``ln |velocity|``, which a search over parameters
-            computes once; where its length is zero, the loop computes it.
+            computes once; if its length is zero, the loop computes the logarithm.
         multiply_adds: Operations of one step; an exponential, a logarithm or a power counts as 16.
     """
 
@@ -68,7 +68,7 @@ class FrictionModel:
 
     @property
     def searched(self) -> tuple[ParameterSpec, ...]:
-        """The numbers that identification finds; the others follow from them or, without pressure, are zero."""
+        """Specs of the numbers that identification searches; the others follow from these, or are zero."""
         return tuple(
             spec for spec in self.specs if spec.searched and (self.pressure_scaled or spec.relative_to != "pressure")
         )
@@ -90,7 +90,7 @@ class FrictionModel:
             velocity_m_s: Shape ``(n,)``.
             sample_time_s: Time between two samples [s].
             state: From ``new_state``; changed in place.
-            pressure_pa: Gauge pressure that scales dry friction, shape ``(n,)``; zero if there is none.
+            pressure_pa: Gauge pressure that scales dry friction, shape ``(n,)``; None means zero.
 
         Raises:
             ValueError: Pressure has another shape than velocity.
@@ -108,7 +108,7 @@ class FrictionModel:
     def first_guess(
         self, curve: StribeckCurve, stiffness_n_m: float, reference_pressure_pa: float = 0.0
     ) -> ModelParameters:
-        """Choose the start of a search, with part of friction due to the reference pressure of the curve."""
+        """Choose the start of a search; the reference pressure causes part of the curve's Coulomb friction."""
         slope = 0.0
         for spec in self.searched:
             if spec.relative_to == "pressure" and spec.first is not None and reference_pressure_pa > 0.0:

@@ -20,16 +20,16 @@ class ParameterSpec:
 
     name: str  # Field of the model's parameters, with its unit at the end
     unit: str  # SI, such as ``N s/m``
-    meaning: str  # What it is, in a few words
+    meaning: str  # Meaning in a few words
     # Bounds of the search
     lower: float
     upper: float
     # Start of the search; None if the Stribeck curve or the presliding stiffness gives it
     first: float | None = None
     logarithmic: bool = True  # Whether the search uses its logarithm
-    # Unit of ``lower``, ``upper`` and ``first``: the parameter's own; a factor on the Coulomb friction of the steady
-    # curve; the excess over ``coulomb_n``, relative to it; or the share of friction at the reference pressure that is
-    # due to pressure
+    # Unit of ``lower``, ``upper`` and ``first``. Empty: the parameter's own. "curve": a factor on the steady curve's
+    # Coulomb friction. "coulomb_n": the excess over ``coulomb_n``, relative to ``coulomb_n``. "pressure": the share of
+    # friction at the reference pressure that is due to pressure
     relative_to: Literal["", "curve", "coulomb_n", "pressure"] = ""
     searched: bool = True  # Whether it is identified by search; otherwise it follows from the others
     may_be_zero: bool = False  # Whether zero is valid
@@ -93,9 +93,9 @@ PRESSURE_SLOPE = ParameterSpec(
 )
 
 STRIBECK = (COULOMB, STATIC, STRIBECK_VELOCITY, STRIBECK_EXPONENT, VISCOUS)
-"""The curve of steady sliding: the first five numbers of every model that has it, in this order."""
+"""Parameters of the curve of steady sliding: the first five of every model with a Stribeck curve, in this order."""
 SCALING = (RETRACT_RATIO, PRESSURE_SLOPE)
-"""How dry friction differs by direction and pressure: the last two numbers of every model, in this order."""
+"""Parameters that scale dry friction by direction and pressure: the last two of every model, in this order."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ class ModelParameters:
         refuse_impossible(self, self.specs)
 
     def packed(self) -> Array:
-        """Compute the numbers in the order of the fields, shape ``(k,)``, as the compiled functions take them."""
+        """Pack the numbers in the order of the fields, shape ``(k,)``, for the compiled functions."""
         return np.array([getattr(self, field.name) for field in fields(self)], dtype=np.float64)
 
 

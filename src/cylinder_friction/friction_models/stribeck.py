@@ -10,11 +10,11 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.parameters import RETRACT_RATIO, STRIBECK, STRIBECK_EXPONENT, refuse_impossible
 
 HUBER_NOISE_MULTIPLE = 1.345
-"""Where Huber's loss turns from square to absolute, in standard deviations (95 % efficient on normal noise)."""
+"""Residual at which Huber's loss turns linear, in standard deviations of the noise; 95 % efficient on normal noise."""
 
 
 CURVE_PARAMETERS = 6
-"""How many points a fit needs at least: one a parameter."""
+"""Least number of points for a fit: one per parameter."""
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class StribeckCurve:
     """
 
     coulomb_n: float  # Coulomb friction Fc while extending [N]
-    # Friction Fs that the curve starts from at lowest speed while extending [N], at least ``coulomb_n``
+    # Static friction Fs while extending, at least ``coulomb_n``: the curve's limit at low speed [N]
     static_n: float
     stribeck_velocity_m_s: float  # Speed vs over which friction falls from static to Coulomb [m/s]
     stribeck_exponent: float  # Shape a of that fall
@@ -69,7 +69,8 @@ class StribeckCurve:
 def fit_stribeck(velocity_m_s: Array, friction_n: Array, weight: Array | None = None) -> StribeckCurve:
     """Fit a curve to points of steady sliding in both directions, with Huber's loss so that outliers count less.
 
-    Velocity, never zero, and friction are signed; all arrays have shape ``(n,)``. Points count alike without weight.
+    Velocity and friction are signed; no velocity is zero. All arrays have shape ``(n,)``. Without ``weight``, all
+    points count equally.
 
     Raises:
         ValueError: There are fewer points than parameters.

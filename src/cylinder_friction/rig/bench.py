@@ -1,6 +1,6 @@
 """The test bench for other packages: a rig, strokes of its lever, a simulated session and the logger's table.
 
-These names are public, and simulate fleets in another package.
+These names are public; another package uses them to simulate fleets.
 """
 
 from cylinder_friction.recordings.recording import RecordingMetadata

@@ -55,18 +55,18 @@ EXTERNAL_LOADS = {
 }
 """Forces on the rod, and their descriptions in a recording's metadata."""
 SPECIMENS = {"default": draw_rig, "wide": draw_wide_rig}
-MAKEUP_GAIN = 2e-6  # Gain of the anti-cavitation valves: a quarter of a bar at 100 mm/s [m³/s/√Pa]
-LOSS_SPEED_M_S = 0.1  # Speed at which the loss of the lines is stated
+MAKEUP_GAIN = 2e-6  # Gain of the anti-cavitation valves [m³/s/√Pa]; they lose 0.25 bar at 100 mm/s
+LOSS_SPEED_M_S = 0.1  # Piston speed at which the plan states the loss in the lines [m/s]
 LOAD_SEED = 1
-"""Last word of the seed of the load's random numbers, so that hand and noise are the same with and without a load."""
+"""Last word of the load's own seed; thanks to it, hand and noise are the same with and without a load."""
 
 
 @dataclass(frozen=True)
 class RigRecording:
     """One recording as the logger wrote it, and the truth that no logger measures.
 
-    ``campaign`` yields them. Use ``logger`` as you would a real log, in its own units, and ``truth`` only to judge
-    estimates: friction is positive when it opposes extension.
+    ``campaign`` yields recordings. Treat ``logger`` as a real log in its own units, and use ``truth`` only to score
+    estimates. Friction is positive when it opposes extension.
     """
 
     metadata: RecordingMetadata  # Condition, session and time
@@ -83,7 +83,7 @@ def campaign(cylinder: Cylinder, plan: CampaignPlan) -> Iterator[RigRecording]:
     Every recording has its own random numbers, so a longer campaign begins with the sessions of a shorter one.
 
     Raises:
-        ValueError: A time does not fit another, or the supply, the fault, the load or the specimen is not known.
+        ValueError: Two times do not fit together, or the supply, the fault, the load or the specimen is not known.
     """
     refuse_unknown("external_load", plan.external_load, EXTERNAL_LOADS)
     refuse_unknown("specimen", plan.specimen, SPECIMENS)
@@ -121,7 +121,7 @@ def _sensors(plan: CampaignPlan, specimen: RigParameters) -> SensorParameters:
 
 
 def _asymmetric(plan: CampaignPlan, specimen: RigParameters, condition: int) -> RigParameters:
-    """Build the specimen with the asymmetry of friction that a condition has."""
+    """Build the specimen with the friction asymmetry of one condition."""
     if not plan.asymmetry_by_condition:
         return specimen
     off = plan.asymmetry_by_condition * float(_generator(plan, condition, 0, 0).standard_normal())

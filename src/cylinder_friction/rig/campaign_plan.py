@@ -23,7 +23,7 @@ def _divides_a_millisecond(seconds: float) -> float:
 
 _NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 _Milliseconds = Annotated[float, Field(gt=0.0, allow_inf_nan=False), AfterValidator(_whole_milliseconds)]
-"""The hand lever and the trace run in milliseconds."""
+"""A whole number of milliseconds [s], since the hand lever and the trace have steps of 1 ms."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class CampaignPlan:
     seed: Annotated[int, Field(ge=0, lt=2**31)] = 0
     # Sessions in each of the four conditions, each with its temperature, offsets and drift
     sessions_per_condition: Annotated[int, Field(ge=0)] = 6
-    recordings_per_session: Annotated[int, Field(ge=1)] = 2  # Two or more contain all set exercises
+    recordings_per_session: Annotated[int, Field(ge=1)] = 2  # Recordings per session; two contain all set exercises
     duration_s: _Milliseconds = 60.0  # Duration of a recording [s]
     sample_time_s: _Milliseconds = 0.005  # Sample time of the logger [s]
     # Step of the integration [s]
@@ -45,8 +45,8 @@ class CampaignPlan:
     # Standard deviation, from session to session, of the ratio of friction retracting to friction extending
     asymmetry_sd: _NotNegative = 0.0
     fault: Literal["none", "wear", "tight_seal", "aeration", "sensor_drift", "bent_rod"] = "none"
-    # ``"none"``; ``"varied"``, a load cell and forces on the rod that change within a recording; or ``"boom"``, one
-    # crane without a load cell, whose load depends on position alone
+    # ``"varied"``: forces on the rod that change within a recording, and a load cell. ``"boom"``: a crane without a
+    # load cell, whose load depends on position alone
     external_load: Literal["none", "varied", "boom"] = "none"
     load_delay_s: _NotNegative = 0.0  # Delay of the load cell, whole milliseconds [s]
     weight_n: _NotNegative = 0.0  # Weight that an upright cylinder lifts [N]; its mass belongs to the moving mass

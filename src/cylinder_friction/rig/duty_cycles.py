@@ -1,4 +1,4 @@
-"""Duty cycles of an operator at the hand lever: mostly free work, and between it sines, staircases and ramps."""
+"""Duty cycles of an operator at the hand lever: mostly free work, with sines, staircases and ramps in between."""
 
 import math
 
@@ -13,10 +13,10 @@ EXPECTED_FRICTION_N = 350.0  # Friction that the operator allows for when choosi
 
 
 def lever_for_speed(rig: RigParameters, speed_m_s: float) -> float:
-    """Choose the lever that moves the piston steadily at this speed, signed, as an operator does by eye.
+    """Choose the lever position that moves the piston steadily at this signed speed, as an operator does by eye.
 
-    It follows from the steady force balance with both metering edges and the throttle; full lever if that speed cannot
-    be reached.
+    The position follows from the steady force balance with both metering edges and the throttle. If the piston cannot
+    reach the speed, the position is full lever.
     """
     y = rig.hydraulics
     speed = abs(speed_m_s)
@@ -54,7 +54,7 @@ def hand_work(rig: RigParameters, generator: Generator, duration_s: float) -> li
 
 
 def staircase(rig: RigParameters, generator: Generator, steps: int = 6) -> list[Row]:
-    """Plan strokes at constant speeds, about 1.5 to 45 mm/s, out and back, the lever held against a stop."""
+    """Plan strokes at constant speeds, about 1.5 to 45 mm/s, out and back, with the lever held against a stop."""
     low, high = 0.05 * rig.hydraulics.stroke_m, 0.92 * rig.hydraulics.stroke_m
     rows: list[Row] = [
         (APPROACH, lever_for_speed(rig, -0.045), 0.3, 8.0, 0.0, 0.13 * rig.hydraulics.stroke_m, 9.0, 0.3, 0.0, 1.0),
@@ -94,8 +94,8 @@ def breakaway_ramps(rig: RigParameters, generator: Generator, ramps: int = 3) ->
 def duty_cycle(rig: RigParameters, generator: Generator, duration_s: float, turn: int = 0) -> DutyCycle:
     """Plan an operator's duty cycle of about ``duration_s``: free work around one or two set exercises.
 
-    ``turn`` rotates the exercises, so that a session of two recordings holds them all: even turns have a staircase,
-    odd ones sines and breakaway ramps. Short recordings have the free work first.
+    ``turn`` rotates the exercises, so that a session of two recordings contains them all: even turns have a staircase,
+    odd turns have sines and breakaway ramps. Short recordings begin with the free work.
     """
     if turn % 2 == 0:
         exercises = staircase(rig, generator)
@@ -121,7 +121,7 @@ def _row(
 
 
 def _limits(rig: RigParameters, generator: Generator) -> tuple[float, float]:
-    """Choose the position at which the operator means to reverse; now and then the end stop."""
+    """Choose the two positions at which the operator means to reverse; now and then, these are the end stops."""
     stroke_m = rig.hydraulics.stroke_m
     if generator.random() < 0.08:
         return -1.0, 9.0

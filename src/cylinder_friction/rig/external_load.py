@@ -21,10 +21,10 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.rig.lever import TICK_S, ornstein_uhlenbeck
 
 PLACES = 65  # Positions at which a position-dependent load is given, equidistant from 0 to the stroke
-LARGEST_N = 3000.0  # Greatest sum of all parts
+LARGEST_N = 3000.0  # Greatest load, the sum of all parts [N]
 GRAVITY_M_S2 = 9.81
 FRAME_M, BOOM_M, CLOSED_M = 0.55, 0.35, 0.45
-"""Distances from the boom's pivot to the cylinder's foot and rod eye, and the cylinder's length with the rod in."""
+"""Distances from the boom's pivot to the cylinder's foot and rod eye; the cylinder's length with the rod in [m]."""
 REACH_M = 1.0  # Distance from the boom's pivot to its weight
 CRANE_MASS_KG, CRANE_ANGLE_RAD = 165.0, math.radians(65.0)
 """Weight on the crane's boom, and the boom's angle above the horizon with the rod in. The boom swings over its pivot:
@@ -35,9 +35,9 @@ over 250 mm of stroke the load changes from 1960 N against extension to 2040 N w
 class ExternalLoad:
     """A load for the simulation; raises ``ValueError`` if the shapes do not fit, or a value is not finite."""
 
-    force_n: Array  # Depends on time alone, one value each millisecond, shape ``(ticks,)`` [N]
-    share: Array  # Share of ``along_n`` that acts, one value each millisecond, shape ``(ticks,)``
-    along_n: Array  # Depends on position, evenly from 0 to the stroke, shape ``(places,)`` [N]
+    force_n: Array  # Force that depends on time alone, one value per millisecond, shape ``(ticks,)`` [N]
+    share: Array  # Share of ``along_n`` that acts, one value per millisecond, shape ``(ticks,)``
+    along_n: Array  # Force at positions spaced evenly from 0 to the stroke, shape ``(places,)`` [N]
 
     def __post_init__(self) -> None:
         if self.force_n.ndim != 1 or self.force_n.shape != self.share.shape or self.along_n.ndim != 1:
@@ -79,8 +79,8 @@ def between(values: Any, place: float) -> float:
 def varied_load(generator: Generator, duration_s: float, stroke_m: float) -> ExternalLoad:
     """Make a load drawn at random, to about ±3 kN, that changes within the recording.
 
-    It is a boom, a spring or neither, with a share that drifts by a few percent, plus weights that somebody adds and
-    removes at random, or a slow sine, or both.
+    The load is a boom, a spring or neither, and drifts by a few percent. Added to it are weights that somebody puts on
+    and takes off at random, or a slow sine, or both.
     """
     ticks = round(duration_s / TICK_S) + 2
     base = generator.choice(3, p=(0.45, 0.30, 0.25))
@@ -98,7 +98,7 @@ def varied_load(generator: Generator, duration_s: float, stroke_m: float) -> Ext
 
 
 def boom_n(generator: Generator, stroke_m: float) -> Array:
-    """Compute the force of a weight on a boom that the cylinder lifts, or holds back, at each position [N]."""
+    """Draw a weight on a boom that the cylinder lifts or holds back; return its force at each position [N]."""
     above_horizon = generator.uniform(math.radians(-40.0), math.radians(20.0))
     sign = 1.0 if generator.random() < 0.6 else -1.0
     return sign * weight_n(generator.uniform(12.0, 65.0), above_horizon, stroke_m)
@@ -113,8 +113,8 @@ def crane_load(duration_s: float, stroke_m: float) -> ExternalLoad:
 def weight_n(mass_kg: float, angle_rad: float, stroke_m: float) -> Array:
     """Compute the force of a weight on a boom at each position, shape ``(PLACES,)`` [N].
 
-    The boom turns by some 45° over the stroke: the weight's lever changes with the cosine of the boom's angle, the
-    cylinder's by the law of cosines in the triangle of frame, boom and cylinder.
+    The boom turns by some 45° over the stroke. The weight's lever arm changes with the cosine of the boom's angle. The
+    cylinder's lever arm follows from the law of cosines in the triangle of frame, boom and cylinder.
 
     With the rod in, the boom is ``angle_rad`` above the horizon.
     """
@@ -126,7 +126,7 @@ def weight_n(mass_kg: float, angle_rad: float, stroke_m: float) -> Array:
 
 
 def spring_n(generator: Generator, stroke_m: float) -> Array:
-    """Compute the force of a spring that the rod meets somewhere in its stroke, in either direction [N]."""
+    """Draw a spring that the rod meets in its stroke, in either direction; return its force at each position [N]."""
     along_m = np.linspace(0.0, stroke_m, PLACES)
     stiffness_n_m = generator.uniform(4e3, 15e3)
     free_m = generator.uniform(0.0, 0.5) * stroke_m
@@ -151,7 +151,7 @@ def steps_n(generator: Generator, ticks: int) -> Array:
 
 
 def slow_sine_n(generator: Generator, ticks: int) -> Array:
-    """Compute a sine of 0.05 to 0.3 Hz and 200 to 900 N [N]."""
+    """Draw a sine of 0.05 to 0.3 Hz and 200 to 900 N; return its force at each tick [N]."""
     rate = 2.0 * math.pi * generator.uniform(0.05, 0.3)
     phase = generator.uniform(0.0, 2.0 * math.pi)
     return np.asarray(generator.uniform(200.0, 900.0) * np.sin(rate * TICK_S * np.arange(ticks) + phase))

@@ -43,7 +43,7 @@ def _aeration(rig: RigParameters, severity: float) -> RigParameters:
 
 
 def _sensor_drift(rig: RigParameters, severity: float) -> RigParameters:
-    """Transmitters with drifting zeros: half a bar per minute on one, a quarter in the other direction on the other."""
+    """Transmitters with drifting zeros: 0.5 bar per minute on side 1, 0.25 bar per minute the other way on side 2."""
     drift = 0.5 * BAR_PA / 60.0 * severity
     return replace(rig, sensors=replace(rig.sensors, pressure_drift_pa_s=(drift, -0.5 * drift)))
 

@@ -1,8 +1,8 @@
 """The rig's true friction, which is outside the class of LuGre and related models.
 
-Presliding and breakaway: generalised Maxwell-slip (Al-Bender, Lampaert and Swevers, 2005), elements that stick or
-slip. Strength: Stribeck curve with a lubricant film (Yanada and Sekikawa, 2008), slow to thin at rest. Level: a
-nonlinear law of both chamber pressures (seals are pressed on by the oil), direction, temperature, position, drift.
+Presliding and breakaway follow generalised Maxwell-slip: elements that stick or slip (Al-Bender, Lampaert and Swevers,
+2005). Their strength is a Stribeck curve with a lubricant film that thins slowly at rest (Yanada and Sekikawa, 2008).
+Its level depends on both chamber pressures (oil presses on the seals), direction, temperature, position and drift.
 
 Friction is positive when it opposes positive velocity. ``f`` is ``FrictionConstants`` throughout.
 """

@@ -77,7 +77,7 @@ def port_a(y: Any, spool: float, supply_pa: float, pressure_1_pa: float, positio
 def port_b(y: Any, spool: float, supply_pa: float, pressure_2_pa: float, position_m: float) -> tuple[float, float]:
     """Compute the flow into the rod side and minus its slope by pressure 2, ``(m³/s, m³/(s Pa))``.
 
-    Outflow passes cushion and throttle, inflow the check valve, either in series with the valve.
+    Outflow passes the cushion and the throttle, inflow the check valve; both are in series with the valve.
     """
     opening = valve_opening(y, spool)
     if opening == 0.0:
@@ -106,7 +106,7 @@ def makeup_flow(y: Any, pressure_pa: float) -> tuple[float, float]:
 
 @numba.njit(cache=True)
 def pump_flow(y: Any, supply_pa: float) -> tuple[float, float]:
-    """Compute the flow of the pressure-compensated pump less that of the relief valve, and minus its slope."""
+    """Compute the compensated pump's flow minus the relief valve's flow, and minus the slope of this difference."""
     part = (y.pump_pressure_pa - supply_pa) / y.compensator_band_pa
     slope = 0.0
     if 0.0 < part < 1.0:
@@ -123,7 +123,7 @@ def pump_flow(y: Any, supply_pa: float) -> tuple[float, float]:
 def stop_force(y: Any, position_m: float, velocity_m_s: float) -> tuple[float, float]:
     """Compute the force of the end stops, positive in extension [N], and the stiffness of the one touched [N/m].
 
-    ``k δ (1 + c dδ/dt)`` and never a pull (Hunt and Crossley, 1975).
+    The force is ``k δ (1 + c dδ/dt)`` and never pulls (Hunt and Crossley, 1975).
     """
     if position_m < 0.0:
         depth, rate, sign = -position_m, -velocity_m_s, 1.0

@@ -1,4 +1,4 @@
-"""A simulation at a fixed step, compiled: linearly implicit in its stiff parts, many times faster than real time.
+"""Compiled simulation at a fixed step, linearly implicit in its stiff parts and much faster than real time.
 
 Order within a step: flows at the old pressures; the new velocity from the momentum equation, whose stiff parts
 (presliding springs, damping, end stops) use the new velocity, which makes one linear equation; the position; the
@@ -65,7 +65,7 @@ def _compiled(sources: int) -> Any:
 
 @numba.njit
 def _run(f: Any, y: Any, script: Any, actions: Any, drift: Any, load: Any, begin: Any, timing: Any, trace: Any) -> None:
-    """Fill ``trace``, one row per tick; without ``actions`` the ``script`` is the lever itself, else its remnant."""
+    """Fill ``trace``, one row per tick; ``script`` is the hand's remnant or, without ``actions``, the lever itself."""
     dt, tick_steps = timing
     scripted = len(actions) == 0
     x, p1, p2, ps, temperature, film = begin

@@ -25,8 +25,8 @@ MOVE, RAMP, SINE, APPROACH = 0.0, 1.0, 2.0, 3.0
 that is skipped if the piston is there already. A move or ramp beyond its limits goes in the other direction instead."""
 
 ROW, TIME_S, START, BASE, SIGN, NOTICED_S = range(6)
-"""Entries of the hand's state: the present row and its time, lever at its start and base, sign, and the time since the
-hand noticed that the piston must reverse (below 0: not yet)."""
+"""Entries of the hand's state: the current row, the time in it, the lever at its start, the intended lever, the sign,
+and the time since the hand noticed that the piston must reverse (below 0: not yet)."""
 
 RELEASED = 0.02  # Lever below which the hand lets go: the spring centres it, without tremor
 

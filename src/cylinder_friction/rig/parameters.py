@@ -1,7 +1,7 @@
 """Parameters of the simulated rig, each with its unit and the origin of its value.
 
-All pressures are gauge. A parameter object becomes a named tuple for the compiled code by ``constants``: same names,
-numbers only.
+All pressures are gauge. ``friction_constants`` and ``hydraulic_constants`` convert parameters to named tuples for
+compiled code.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ class FrictionParameters:
     """
 
     coulomb_n: float = 235.0  # Coulomb friction without pressure at 40 °C, mean of both directions [N]
-    # Retraction has ``1 + asymmetry``, extension ``1 - asymmetry`` times the mean; 0.094 is a ratio of 290 to 240
+    # Friction is ``1 + asymmetry`` times the mean in retraction and ``1 - asymmetry`` times in extension
     asymmetry: float = 0.0943
     coulomb_temperature_1_k: float = 0.002  # Relative fall of ``coulomb_n`` with temperature [1/K]
     piston_seal_n: float = 9.0  # Friction at 1 bar of the higher pressure, growing with its power 0.8 [N]
     rod_seal_n: float = 8.0  # Friction of a rod's seal at 1 bar, growing with its power 0.7 [N]
-    rod_on_side_1: bool = False  # Whether the cylinder has a rod there too; set from the cylinder
+    rod_on_side_1: bool = False  # Whether side 1 has a rod too; ``default_rig`` sets it
     static_ratio: float = 1.5  # Breakaway over Coulomb friction after a long dwell [-]
     # Decay of the Stribeck curve at 40 °C [m/s]; grows as viscosity falls (Hersey)
     stribeck_velocity_m_s: float = 0.008
@@ -45,8 +45,8 @@ class FrictionParameters:
     # Share of each element in the strength; they sum to 1
     share: tuple[float, float, float, float] = (0.15, 0.20, 0.30, 0.35)
     attraction_n_s: float = 6e4  # Rate at which a slipping element approaches its strength, the frictional lag [N/s]
-    # Presliding damping [N s/m]. While it fades, it drives the motion with up to 0.45 of this, which the viscous
-    # coefficient of warm oil must exceed, or the rig chatters at the oil's resonance
+    # Presliding damping [N s/m]. As it fades with speed, it drives the motion with up to 0.45 of this value. The
+    # viscous coefficient of warm oil must exceed that, or the rig chatters at the oil's resonance
     damping_n_s_m: float = 2000.0
     damping_velocity_m_s: float = 0.002  # Speed above which the presliding damping fades [m/s]
     film_build_s: float = 0.05  # Time constant of the film as it builds [s]
@@ -67,47 +67,47 @@ class HydraulicParameters:
     derives areas, volumes and flows from the cylinder, and change single values by ``dataclasses.replace``.
     """
 
-    piston_area_m2: float  # A1 [m²]; set from the cylinder, as are the next three
-    annulus_area_m2: float  # A2 [m²]
-    stroke_m: float  # Travel [m]
+    piston_area_m2: float  # Piston area A1 [m²]; ``default_rig`` sets it and the next three from the cylinder
+    annulus_area_m2: float  # Annulus area A2 [m²]
+    stroke_m: float  # Stroke [m]
     mass_kg: float  # Moving mass [kg]
     dead_volume_1_m3: float = 1.2e-4  # Oil on the piston side at position 0, hose included [m³]
     dead_volume_2_m3: float = 1.2e-4  # Oil on the rod side at full stroke, hose included [m³]
     oil_modulus_pa: float = 1.4e9  # Bulk modulus of oil without air [Pa]
     air_fraction: float = 0.005  # Undissolved air by volume at atmospheric pressure [-]
-    polytropic_exponent: float = 1.4  # Of the air [-]
+    polytropic_exponent: float = 1.4  # Polytropic exponent of the air [-]
     atmosphere_pa: float = 101_325.0  # Absolute pressure of the surroundings [Pa]
-    leakage_m3_s_pa: float = 1e-13  # Past the piston seal at 40 °C [m³/(s Pa)]; healthy 1e-14 to 1e-13
+    leakage_m3_s_pa: float = 1e-13  # Leakage past the piston seal at 40 °C [m³/(s Pa)]; healthy: 1e-14 to 1e-13
     pump_flow_m3_s: float = 10.0 / 60e3  # Largest flow of the pump [m³/s]
     pump_pressure_pa: float = 60e5  # Pressure at which the compensator has closed the pump [Pa]
-    compensator_band_pa: float = 3e5  # Pressure over which it closes [Pa]
+    compensator_band_pa: float = 3e5  # Pressure range over which the compensator closes [Pa]
     relief_factor: float = 1.08  # Relief valve opens at this multiple of ``pump_pressure_pa`` [-]
-    relief_gain_m3_s_pa: float = 5e-10  # Flow of the relief valve above that [m³/(s Pa)]
+    relief_gain_m3_s_pa: float = 5e-10  # Flow of the relief valve per pressure above its opening [m³/(s Pa)]
     supply_volume_m3: float = 1e-3  # Oil between pump and valve [m³]
     tank_pressure_pa: float = 0.5e5  # Back pressure of the return filter [Pa]
-    valve_gain: float = 4e-7  # Supply edges, fully open [m³/s/√Pa]
-    # Opening of the return edge of port A over that of the supply edges [-]; spools for single-rod cylinders have it
-    # wide, so that the larger flow of the piston side keeps little back pressure
+    valve_gain: float = 4e-7  # Gain of the fully open supply edges [m³/s/√Pa]
+    # Opening of the return edge of port A over that of the supply edges [-]; spools for single-rod cylinders open it
+    # wide, so that the larger flow from the piston side causes little back pressure
     return_ratio_1: float = 4.0
-    return_ratio_2: float = 2.0  # The same of port B [-]
+    return_ratio_2: float = 2.0  # The same ratio for port B [-]
     valve_overlap: float = 0.11  # Dead band of the closed centre, as a part of the travel [-]; 0.08 to 0.15
     metering_exponent: float = 1.5  # Shape of the metering notches: opening = travel to this power [-]
     spool_lag_s: float = 0.02  # First-order lag from lever to spool [s]
-    # Meter-out throttle on port B, for outflow only [m³/s/√Pa]; inflow passes its check valve
+    # Gain of the meter-out throttle on port B, for outflow only [m³/s/√Pa]; inflow passes its check valve
     throttle_gain: float = 2e-6
-    check_gain: float = 2e-6  # That check valve [m³/s/√Pa]
-    # Anti-cavitation valves, from the tank into either chamber; 0 if no load pulls [m³/s/√Pa]
+    check_gain: float = 2e-6  # Gain of that check valve [m³/s/√Pa]
+    # Gain of the anti-cavitation valves from the tank into each chamber [m³/s/√Pa]; 0 if no load pulls
     makeup_gain: float = 0.0
-    makeup_cracking_pa: float = 0.2e5  # So far below the tank's pressure they open [Pa]
-    laminar_pressure_pa: float = 0.3e5  # Below it an orifice turns laminar [Pa]
-    cushion_length_m: float = 0.02  # At both ends [m]
-    cushion_open_gain: float = 1e-6  # Gain of the throttle at the cushion's begin [m³/s/√Pa]
-    cushion_closed_gain: float = 1e-8  # What remains at the end of the stroke [m³/s/√Pa]
-    stop_stiffness_n_m: float = 1e8  # End stop [N/m]
-    # Its damping relative to its spring force, per velocity (Hunt and Crossley, 1975) [s/m]
+    makeup_cracking_pa: float = 0.2e5  # Pressure below the tank's at which these valves open [Pa]
+    laminar_pressure_pa: float = 0.3e5  # Pressure drop below which an orifice is laminar [Pa]
+    cushion_length_m: float = 0.02  # Length of the cushion at each end [m]
+    cushion_open_gain: float = 1e-6  # Gain of the throttle where the cushion begins [m³/s/√Pa]
+    cushion_closed_gain: float = 1e-8  # Gain that remains at the end of the stroke [m³/s/√Pa]
+    stop_stiffness_n_m: float = 1e8  # Stiffness of an end stop [N/m]
+    # Damping of an end stop relative to its spring force, per velocity (Hunt and Crossley, 1975) [s/m]
     stop_damping_s_m: float = 5.0
-    oil_heat_capacity_j_k: float = 6.6e4  # Of the oil in the tank [J/K]
-    cooling_w_k: float = 8.0  # Of the tank to the room [W/K]
+    oil_heat_capacity_j_k: float = 6.6e4  # Heat capacity of the oil in the tank [J/K]
+    cooling_w_k: float = 8.0  # Heat flow from the tank to the room per difference of temperature [W/K]
     room_temperature_c: float = 21.0
 
 
@@ -115,36 +115,36 @@ class HydraulicParameters:
 class SensorParameters:
     """Two pressure transmitters, a potentiometer, a Pt100 in the oil, a load cell if there is a load, the logger.
 
-    Noise, offsets, gains, hysteresis and resolution are those of the data sheets. Set noise and offsets to zero to see
-    how an estimator does on perfect sensors.
+    Noise, offsets, gains, hysteresis and resolution come from the data sheets. Set noise and offsets to zero to see
+    how an estimator performs with perfect sensors.
     """
 
-    sample_time_s: float = 0.005  # Logger [s]
+    sample_time_s: float = 0.005  # Sample time of the logger [s]
     pressure_span_pa: float = 250e5  # Range of the transmitters [Pa]
     position_span_m: float = 0.25  # Range of the potentiometer [m]
-    bits: int = 12  # Of the converter, over each span
+    bits: int = 12  # Resolution of the converter, over each span
     anti_alias_hz: float = 80.0  # Corner of the second-order filter before the converter [Hz]
-    pressure_noise_pa: float = 0.05e5  # Root mean square [Pa]
-    position_noise_m: float = 30e-6  # Root mean square [m]
-    pressure_offset_pa: tuple[float, float] = (0.0, 0.0)  # Of either transmitter [Pa]
-    pressure_gain: tuple[float, float] = (1.0, 1.0)  # Of either transmitter, 1 when calibrated [-]
-    pressure_drift_pa_s: tuple[float, float] = (0.0, 0.0)  # Of the offsets [Pa/s]
-    pressure_lag_s: float = 0.0  # First-order lag of either transmitter [s]
-    # What the line between either transmitter and its chamber loses: per flow [Pa s/m³] and per its square [Pa s²/m⁶];
-    # 0 if the transmitters are at the cylinder
+    pressure_noise_pa: float = 0.05e5  # Root mean square of the pressure noise [Pa]
+    position_noise_m: float = 30e-6  # Root mean square of the position noise [m]
+    pressure_offset_pa: tuple[float, float] = (0.0, 0.0)  # Offset of each transmitter [Pa]
+    pressure_gain: tuple[float, float] = (1.0, 1.0)  # Gain of each transmitter, 1 when calibrated [-]
+    pressure_drift_pa_s: tuple[float, float] = (0.0, 0.0)  # Drift of each offset [Pa/s]
+    pressure_lag_s: float = 0.0  # First-order lag of each transmitter [s]
+    # Pressure loss of the line between each transmitter and its chamber, per flow [Pa s/m³] and per squared flow
+    # [Pa s²/m⁶]; 0 if the transmitters are at the cylinder
     line_laminar_pa_s_m3: float = 0.0
     line_turbulent_pa_s2_m6: float = 0.0
     linearity_m: tuple[float, float] = (0.0, 0.0)  # Two half-wave amplitudes of the potentiometer's linearity error [m]
-    backlash_m: float = 20e-6  # Backlash of its coupling [m]
+    backlash_m: float = 20e-6  # Backlash of the potentiometer's coupling [m]
     temperature_span_c: float = 100.0  # Range of the Pt100's transmitter, from 0 °C [K]
-    temperature_noise_c: float = 0.05  # Root mean square [K]
-    temperature_offset_c: float = 0.0  # Within ±0.5 K, class B of IEC 60751 at 40 °C [K]
+    temperature_noise_c: float = 0.05  # Root mean square of the temperature noise [K]
+    temperature_offset_c: float = 0.0  # Offset of the Pt100 [K]; class B of IEC 60751 allows ±0.5 K at 40 °C
     temperature_lag_s: float = 8.0  # Time constant of the thermometer in its well [s]
-    load_span_n: float = 5000.0  # Range of the load cell, either way [N]
-    load_noise_n: float = 2.0  # Root mean square [N]
-    load_offset_n: float = 0.0  # What is left after taring [N]; together with the gain within ±0.1 % of both ranges
-    load_gain: float = 1.0  # 1 when calibrated [-]
-    load_delay_s: float = 0.0  # Of the load cell's amplifier, a digital filter [s]
+    load_span_n: float = 5000.0  # Range of the load cell in each direction [N]
+    load_noise_n: float = 2.0  # Root mean square of the load cell's noise [N]
+    load_offset_n: float = 0.0  # Offset that taring leaves [N]; with the gain, within ±0.1 % of both ranges
+    load_gain: float = 1.0  # Gain of the load cell, 1 when calibrated [-]
+    load_delay_s: float = 0.0  # Delay of the load cell's amplifier, a digital filter [s]
 
 
 @dataclass(frozen=True)

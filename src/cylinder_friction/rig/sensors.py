@@ -14,8 +14,8 @@ from cylinder_friction.rig.parameters import BAR_PA, SensorParameters
 
 LOGGER_COLUMNS = ("Time [s]", "P1 [bar]", "P2 [bar]", "Position [mm]", "Oil temperature [degC]")
 LOAD_COLUMN = "Load [N]"
-"""Logged beside them if a load cell sits on the rod; positive if the load resists extension."""
-UNDER_RANGE = 0.01  # How far below zero a 4-20 mA transmitter is read, as a part of its span
+"""Further column if there is a load cell on the rod; positive if the load resists extension."""
+UNDER_RANGE = 0.01  # Lowest reading of a 4-20 mA transmitter, as a share of its span below zero
 MM = 1e-3
 DECIMALS = 3
 """Decimals of every number that the logger writes: finer than its converter's step in bar and in millimetres."""
@@ -32,11 +32,11 @@ def measure(
     """Measure a trace as the logger does: columns ``LOGGER_COLUMNS``, in seconds, bar, millimetres and °C.
 
     Args:
-        sensors: Their parameters.
-        trace: What ``simulate`` returned, logged several times as fast as the sensors sample.
+        sensors: Parameters of the sensors.
+        trace: Result of ``simulate``, whose time step divides the sample time.
         generator: Random numbers of the noise.
         session_time_s: Time since the transmitters were zeroed, at the first row [s]; their drift begins there.
-        load_cell: Whether there is one; its column ``LOAD_COLUMN`` [N] then comes last.
+        load_cell: Whether there is a load cell; its column ``LOAD_COLUMN`` [N] then comes last.
 
     Raises:
         ValueError: The trace's time step does not divide the sample time.
@@ -79,7 +79,7 @@ def as_written(table: pd.DataFrame) -> pd.DataFrame:
     """
     columns = {}
     for name in table.columns:
-        # A converter gives few values, so that only these need be written out; rounding in binary would differ at ties.
+        # A converter gives few distinct values, so only these are formatted; binary rounding would differ at ties.
         values, place = np.unique(table[name].to_numpy(), return_inverse=True)
         columns[name] = np.array([float(f"{value:.{DECIMALS}f}") for value in values])[place]
     return pd.DataFrame(columns)
@@ -91,7 +91,7 @@ def write_logger_csv(path: Path, table: pd.DataFrame) -> None:
 
 
 def _transmitted(sensors: SensorParameters, trace: pd.DataFrame, side: int, log_step_s: float) -> Array:
-    """Compute the pressure that a transmitter follows [Pa]: that of its chamber and, at a valve, what the line loses.
+    """Compute the pressure that a transmitter follows [Pa]: its chamber's pressure plus, at a valve, the line's loss.
 
     Oil that flows into the chamber makes the pressure at the valve higher than the chamber's, oil that flows out lower.
     """

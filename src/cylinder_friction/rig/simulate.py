@@ -12,7 +12,7 @@ from cylinder_friction.rig.integration import compiled_run
 from cylinder_friction.rig.lever import TICK_S, DutyCycle
 from cylinder_friction.rig.parameters import DEFAULT_STEP_S, RigParameters, friction_constants, hydraulic_constants
 
-LEAST_START_PA = 2e5  # On the piston side when a load pulls the rod out
+LEAST_START_PA = 2e5  # Least pressure on the piston side at the start if a load pulls the rod out [Pa]
 TRACE_COLUMNS = (
     "time_s",
     "pressure_1_pa",
@@ -50,7 +50,7 @@ def balanced_state(
 ) -> RigState:
     """Make a state at rest in which the oil pushes as hard as the load resists.
 
-    A load that pulls the rod out raises the pressure on the rod side, so that no less than 2 bar is on the other.
+    If a load pulls the rod out, the pressure on the rod side is raised until the piston side has at least 2 bar.
     """
     y = rig.hydraulics
     least_pa = (LEAST_START_PA * y.piston_area_m2 - load_force_n) / y.annulus_area_m2
@@ -74,14 +74,14 @@ def simulate(
         rig: The rig; its sensors are not used here.
         lever: An operator's duty cycle, or the lever itself, one value each millisecond, -1 to 1.
         start: The state at time 0.
-        duration_s: [s].
-        drift: Slow factor on Coulomb friction, one value each second; 1 throughout when None.
+        duration_s: Duration [s].
+        drift: Slow factor on Coulomb friction, one value per second; None means 1 throughout.
         time_step_s: Step of the integration [s]; must divide one millisecond.
-        external_force: Load on the rod, positive if it resists extension: of time and position, or one value each
-            millisecond [N]; none when None.
+        external_force: Load on the rod, positive if it resists extension: a load of time and position, or one value
+            per millisecond [N]. None means no load.
 
     Raises:
-        ValueError: A time does not fit another, the lever or the load is too short, or the state ceased to be finite.
+        ValueError: Two times do not fit together, the lever or the load is too short, or the state is no longer finite.
     """
     tick_steps = _whole(TICK_S, time_step_s, "the operator's tick of 0.001 s", "time_step_s")
     rows = _whole(duration_s, TICK_S, "duration_s", "the operator's tick")

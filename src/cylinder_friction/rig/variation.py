@@ -1,9 +1,9 @@
 """What differs from rig to rig, and on one rig from session to session.
 
 ``draw_rig`` varies one rig within its tolerances. ``draw_wide_rig`` draws any rig of this size, to evaluate on an
-unseen one and to train on many: the ranges are design values that include what is known of seals of this size,
+unseen rig and to train on many. Its ranges are design values that include the known ranges of seals of this size:
 breakaway of 0.5 to 3 bar on the piston, Stribeck velocities of 2 to 30 mm/s, presliding stiffness of 1 to 100 N/µm,
-damping ratios of 0.3 to 1. Cylinder, stroke and moving mass stay.
+damping ratios of 0.3 to 1. Cylinder, stroke and moving mass do not change.
 """
 
 import math
@@ -23,11 +23,11 @@ from cylinder_friction.rig.parameters import (
     SensorParameters,
 )
 
-PAUSE_S = 300.0  # Between two recordings of a session
+PAUSE_S = 300.0  # Pause between two recordings of a session [s]
 
 CALM_DAMPING = 1.3
-"""Greatest presliding damping over viscous damping; the default rig has 1.33. With more, the viscous damping of warm
-oil no longer outweighs the energy of the fading presliding damping, and the rig chatters at the oil's resonance."""
+"""Greatest ratio of presliding to viscous damping; the default rig has 1.33. With a greater ratio, the viscous damping
+of warm oil no longer outweighs the energy of the fading presliding damping: the rig chatters at the oil's resonance."""
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class Session:
     """One stretch of laboratory work with one calibration."""
 
     rig: RigParameters  # The rig as it is that day, throttle set, sensors calibrated
-    oil_temperature_c: float  # At the beginning [°C]
+    oil_temperature_c: float  # Oil temperature at the beginning [°C]
     drift: Array  # Slow factor on Coulomb friction through the session, one value each second
 
     def drift_from(self, time_s: float, duration_s: float) -> Array:
@@ -57,7 +57,7 @@ def draw_rig(rig: RigParameters, generator: Generator) -> RigParameters:
         static_ratio=1.0 + (friction.static_ratio - 1.0) * about[4],
         stribeck_velocity_m_s=friction.stribeck_velocity_m_s * about[5],
         viscous_n_s_m=friction.viscous_n_s_m * about[6],
-        # 3 to 5 % in all.
+        # The ripple is 3 to 5 % in all.
         ripple=tuple(np.array(friction.ripple) * generator.uniform(0.75, 1.25)),
         ripple_length_m=tuple(np.array(friction.ripple_length_m) * generator.uniform(0.85, 1.15, 3)),
         ripple_phase_rad=tuple(generator.uniform(0.0, 2.0 * math.pi, 3)),
@@ -85,10 +85,10 @@ def draw_session(
 ) -> Session:
     """Draw one session on this rig.
 
-    Friction keeps within about ±5 % from run to run: a level for the day and a slow wander about it. Zeroing the
-    transmitters on vented chambers leaves at most the residual offset; without it, their data sheet's ±0.5 % of the
-    span stays in the offset and ±0.3 % in the gain. Friction retracting over friction extending varies from session to
-    session with the standard deviation ``asymmetry_sd``.
+    Friction varies by about ±5 % from run to run: it has a level for the day and wanders slowly about it. Zeroing the
+    transmitters on vented chambers leaves at most the residual offset. Without zeroing, the data sheet allows an offset
+    of ±0.5 % of the span and a gain error of ±0.3 %. The ratio of friction retracting to friction extending varies from
+    session to session with the standard deviation ``asymmetry_sd``.
     """
     day = float(np.clip(generator.normal(1.0, 0.03), 0.95, 1.05))
     count = math.ceil(duration_s / DRIFT_STEP_S) + 4

@@ -27,15 +27,15 @@ from cylinder_friction.estimators.loading import load_estimator
 from cylinder_friction.recordings.recording import Recording, RecordingError
 
 ROWS = 600
-"""First samples of the first recording, which most checks use."""
+"""Number of samples, from the start of the first recording, that most checks use."""
 SEED = 0
 
 
 class ContractError(AssertionError):
     """An estimator or friction model breaks a promise of its contract.
 
-    The message names the check, the place, what was given and what was expected, so that it reads well in a test's
-    output. It is an ``AssertionError``: pytest shows it as a failure, not as an error.
+    The message states the estimator, the broken promise, what was given and what was expected. It is an
+    ``AssertionError``, so pytest shows it as a failure, not as an error.
     """
 
 

@@ -21,7 +21,7 @@ from cylinder_friction.testing.estimator_contract import ContractError
 
 STEP_S = 5e-3
 RATIO, SLOPE_SHARE = 1.2, 0.5
-"""Ratio of friction retracting to extending, and relative growth at ``PRESSURE_PA``, in the checks."""
+"""Ratio of friction retracting to extending, and relative growth of friction at ``PRESSURE_PA``, in the checks."""
 PRESSURE_PA = 3e6
 RATE_DEPENDENT = ("viscous_n_s_m", "bristle_damping_n_s_m")
 SEED, PATHS = 0, 40
@@ -51,7 +51,7 @@ class FrictionModelCase:
 
     @property
     def breakaway_n(self) -> float:
-        """Most dry friction while extending, without pressure [N]."""
+        """Greatest dry friction while extending, without pressure [N]."""
         return self.parameters.value("static_n" if hasattr(self.parameters, "static_n") else "coulomb_n")
 
     def friction(

@@ -1,4 +1,4 @@
-"""Golden trajectories: raw samples and the step's outputs, recorded once and kept, which every runtime must meet.
+"""Golden trajectories: raw samples and recorded outputs of the step, which every runtime must reproduce.
 
 They are cut from recordings, and some are then corrupted as sensors and loggers corrupt them. All figures below count
 rows of a recording at 200 Hz.
@@ -56,7 +56,7 @@ def trace(model: StepModel, samples: Array) -> Trajectory:
 
 
 def write_trajectory(folder: Path, name: str, trajectory: Trajectory) -> None:
-    """Write a trajectory as ``<name>.npz`` into a folder, which is made if necessary; equal ones make equal bytes.
+    """Write a trajectory as ``<name>.npz`` into a folder, made if missing; equal trajectories give equal bytes.
 
     Commit the file: a later test reads it back by ``read_trajectories`` and compares a runtime's outputs with it, bit
     for bit in double precision, within a tolerance in single.

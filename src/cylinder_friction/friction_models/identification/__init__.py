@@ -1,1 +1,1 @@
-"""Identification of friction models: steady points, presliding, the joint search, and how sure it is."""
+"""Identification of friction models: steady points, presliding, the joint search and confidence intervals."""

@@ -20,14 +20,14 @@ _GREATEST_LOG = math.log(1e3)
 def confidence_intervals(
     motions: Motions, parameters: ModelParameters, names: tuple[str, ...], confidence: float
 ) -> dict[str, tuple[float, float]]:
-    """Compute the interval of each named parameter, in its own unit.
+    """Compute the confidence interval of each named parameter, in the parameter's own unit.
 
     With residuals ``r`` and sensitivities ``J`` of friction to the logarithm of each parameter, the estimate
-    scatters with covariance ``H^-1 S H^-1``: ``H = 2 f(0) J'J`` with the density ``f`` of residuals at zero,
-    and ``S`` the sum over blocks of ``(J' sgn r)(J' sgn r)'``. Residuals of a recording are far from independent,
-    within a block they need not be. A parameter that the motion does not determine gets a wide interval, at most a
-    factor of a thousand either way.
-    ``names`` are the fields of the best ``parameters`` that were searched, all of them positive.
+    has the covariance ``H^-1 S H^-1``. ``H`` is ``2 f(0) J'J`` with the density ``f`` of residuals at zero, and ``S``
+    is the sum over blocks of ``(J' sgn r)(J' sgn r)'``. Residuals within a block may be correlated; only the blocks
+    must be independent. A parameter that the motion does not determine gets a wide interval, at most a factor of a
+    thousand either way.
+    ``parameters`` is the best result of the search, and ``names`` are its searched fields, all of them positive.
 
     Source: Koenker and Bassett 1978 for the law, Parente and Santos Silva 2016 for clusters.
     """
@@ -52,7 +52,7 @@ def confidence_intervals(
 def _sensitivity(motions: Motions, parameters: ModelParameters, name: str) -> Array:
     """Compute the change of friction with the logarithm of one parameter [N], shape ``(rows,)``.
 
-    Coulomb friction may meet static friction on its way up and takes it along; static friction stops at Coulomb's.
+    If Coulomb friction steps above static friction, static friction rises too; it never steps below Coulomb friction.
     """
     value = getattr(parameters, name)
     down, up = value * math.exp(-_RELATIVE_STEP), value * math.exp(_RELATIVE_STEP)

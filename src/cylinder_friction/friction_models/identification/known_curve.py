@@ -1,4 +1,4 @@
-"""A Stribeck curve if the points of steady sliding determine one, and the reason if they do not."""
+"""Fit of a Stribeck curve to points of steady sliding, or the reason why they do not determine one."""
 
 from collections.abc import Sequence
 
@@ -8,17 +8,17 @@ from cylinder_friction.friction_models.identification.steady_points import Stead
 from cylinder_friction.friction_models.stribeck import StribeckCurve, fit_stribeck
 
 LEAST_SPAN = 5.0
-"""Least ratio of greatest to least speed of steady sliding; below it a curve's level and slope cannot be separated."""
+"""Smallest ratio of the fastest to the slowest steady speed at which a curve's level and slope can be separated."""
 
 BELOW_SEEN = 0.6
-"""Least Coulomb friction as a share of the least friction seen, which also contains viscous friction."""
+"""Smallest plausible Coulomb friction, as a share of the least friction seen, which includes viscous friction."""
 
 OPPOSING = 0.7
-"""Share of points that must oppose the motion."""
+"""Smallest share of points whose friction must oppose the motion."""
 
 
 def known_curve(points: Sequence[SteadyPoint]) -> tuple[StribeckCurve | None, str]:
-    """Fit a curve through points of steady sliding; None and the reason if they do not determine one."""
+    """Fit a curve through points of steady sliding; return None and the reason if they do not determine one."""
     problem = undetermined(points) if points else ""
     if problem:
         return None, problem
@@ -31,12 +31,12 @@ def known_curve(points: Sequence[SteadyPoint]) -> tuple[StribeckCurve | None, st
 
 
 def is_breakaway_known(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> bool:
-    """Check whether sliding as slow as the Stribeck velocity was seen; else static friction is extrapolated."""
+    """Check whether a point is as slow as the Stribeck velocity; if none is, static friction is extrapolated."""
     return min(abs(point.velocity_m_s) for point in points) <= curve.stribeck_velocity_m_s
 
 
 def undetermined(points: Sequence[SteadyPoint]) -> str:
-    """State why points of steady sliding, at least one, do not determine friction at all, empty if they do."""
+    """Explain why at least one point of steady sliding does not determine friction; return "" if it does."""
     opposing = [point for point in points if point.friction_n * point.velocity_m_s > 0.0]
     if len(opposing) < OPPOSING * len(points):
         return (
@@ -58,7 +58,7 @@ def undetermined(points: Sequence[SteadyPoint]) -> str:
 
 
 def curve_through(points: Sequence[SteadyPoint]) -> StribeckCurve:
-    """Fit the curve; a point is weighted by the root of its rows. Errors are those of ``fit_stribeck``."""
+    """Fit the curve, with each point weighted by the square root of its rows; raise as ``fit_stribeck`` does."""
     names = ("velocity_m_s", "friction_n", "rows")
     velocity, friction, rows = (np.array([getattr(each, name) for each in points], dtype=np.float64) for name in names)
     return fit_stribeck(velocity, friction, np.sqrt(rows))

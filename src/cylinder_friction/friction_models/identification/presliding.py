@@ -17,8 +17,8 @@ def bristle_stiffness(recordings: Sequence[Recording], coulomb_n: float, slowest
     """Measure the median rise of friction over travel, dF/dx, in the reversals of labelled recordings [N/m].
 
     At a reversal, friction rises almost linearly with travel until the bristles slip. With a few hundred samples per
-    second and a position resolution of tens of micrometres, the result is only a start for the search. Without a clean
-    reversal it is ``coulomb_n`` over 50 micrometres.
+    second and a position resolution of tens of micrometres, the result only starts the search. Without a clean
+    reversal, the result is ``coulomb_n`` over 50 micrometres.
     Rises are measured while friction is below 0.8 ``coulomb_n``; rows slower than ``slowest_m_s`` are at standstill.
     """
     slopes = [slope for recording in recordings for slope in _reversal_slopes(recording, 0.8 * coulomb_n, slowest_m_s)]
@@ -48,14 +48,14 @@ def _reversal_slopes(recording: Recording, level_n: float, slowest_m_s: float) -
 
 
 def bristle_damping(damping_ratio: float, bristle_stiffness_n_m: float, mass_kg: float, viscous_n_s_m: float) -> float:
-    """Compute ``2 zeta sqrt(s0 m) - s2``, at least 0 [N s/m]: the mass on its bristles then has this damping ratio.
+    """Compute the bristle damping with which the mass on its bristles has this damping ratio [N s/m].
 
-    Source: Canudas de Wit et al. 1995, section III.
+    Source: Canudas de Wit et al. 1995, section III: ``2 zeta sqrt(s0 m) - s2``, here at least 0.
     """
     return max(2.0 * damping_ratio * math.sqrt(bristle_stiffness_n_m * mass_kg) - viscous_n_s_m, 0.0)
 
 
 def damping_velocity(stribeck_velocity_m_s: float, least_dry_friction_n: float, bristle_damping_n_s_m: float) -> float:
-    """Compute the speed over which bristle damping fades [m/s]: the Stribeck velocity, or less where passivity asks."""
+    """Compute the speed over which bristle damping fades [m/s]: the Stribeck velocity or, for passivity, less."""
     limit = passive_damping_velocity(least_dry_friction_n, bristle_damping_n_s_m)
     return min(stribeck_velocity_m_s, _PASSIVE_MARGIN * limit)

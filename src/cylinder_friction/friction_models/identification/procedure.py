@@ -1,4 +1,4 @@
-"""Identification of a friction model from labelled recordings: Stribeck curve, bristles, then all together."""
+"""Identification of a friction model from labelled recordings: Stribeck curve, bristles, all parameters jointly."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -20,21 +20,21 @@ from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.recordings.recording import Recording
 
 STIFFNESS_FACTORS = (1.0, 10.0)
-"""Starts of the first local searches, as multiples of the measured stiffness. The error has a minimum with soft
-bristles, which bend with the position's noise, and another with stiff ones, which switch; noise decides which is
-lower."""
+"""Starting stiffnesses of the first local searches, as multiples of the measured stiffness. The error has one minimum
+with soft bristles, which bend with the position's noise, and another with stiff bristles, which switch. The noise
+decides which minimum is lower."""
 
 _GOLDEN_RATIO = (math.sqrt(5.0) - 1.0) / 2.0
 
 PIECE_LEAD_S = 0.5
-"""Duration at the start of a piece that does not count, because the model begins the piece in a fresh state."""
+"""Time at the start of a piece that the error ignores, because the model begins the piece in a fresh state [s]."""
 
 
 @dataclass(frozen=True)
 class SearchEffort:
     """Budget of the joint search."""
 
-    seed: int  # Seed of the first differential evolution; each restart counts one up
+    seed: int  # Seed of the first differential evolution; each restart adds 1
     population: int  # Members per coordinate
     generations: int  # Greatest number of generations
     # Number of recordings, evenly spaced, that the first local searches and differential evolution simulate
@@ -43,10 +43,10 @@ class SearchEffort:
     first_look_evaluations: int = 150  # Simulations of each first local search, per candidate velocity and start
     polish_evaluations: int = 600  # Simulations of each Nelder-Mead search at the end
     repolishes: int = 0  # Number of further searches from the best result, with a fresh simplex
-    # Duration of the piece of each recording that the first searches and differential evolution simulate, from a
-    # different place in each [s]; 0: the whole recording
+    # Duration of the piece of each recording that the first local searches and differential evolution simulate [s]; 0
+    # means the whole recording. Pieces start at a different place in each recording
     piece_s: float = 0.0
-    polished_piece_s: float = 0.0  # The same for the Nelder-Mead search at the end
+    polished_piece_s: float = 0.0  # Piece that the final Nelder-Mead search simulates [s]; 0: whole recording
 
 
 @dataclass(frozen=True)
@@ -58,11 +58,11 @@ class Identification:
     # Confidence interval of every parameter that was searched, in its own unit
     intervals: dict[str, tuple[float, float]]
     points: tuple[SteadyPoint, ...]  # Steady points that the Stribeck curve was fitted to
-    curve: StribeckCurve  # That first curve
+    curve: StribeckCurve  # Stribeck curve fitted to those points
     error_n: float  # Mean absolute error of the parameters on all recordings [N]
-    mean_friction_n: float  # Mean absolute label there [N]
+    mean_friction_n: float  # Mean absolute label of all recordings [N]
     first_error_n: float  # Error of the Stribeck curve and bristle stiffness before the joint search [N]
-    history: tuple[float, ...]  # Least error after each generation of differential evolution, on its recordings [N]
+    history: tuple[float, ...]  # Least error of differential evolution after each generation [N]
     simulated_samples: int  # Number of samples that the search simulated
 
     @property
@@ -87,25 +87,24 @@ def identify(
     """Identify a friction model from labelled recordings.
 
     The Stribeck curve and the bristle stiffness come from the labels' zero-phase velocity. The joint search
-    simulates with the causal velocity that the estimator has at run time, so that the identified model is the served
-    one. A short local search with each candidate velocity decides which one that is.
+    simulates with a causal velocity, which the estimator has at run time too. A short local search with each candidate
+    velocity decides which one the model uses.
 
     Args:
         model: The friction model to identify.
         recordings: Labelled recordings (columns ``velocity_m_s``, ``friction_n``, ``usable``), one sample time.
         velocities: Candidates by name: functions from a recording to the velocity that drives the model, zero at
             standstill [m/s].
-        pressure: From a recording to the pressure that scales dry friction [Pa]; None if the model
-            uses none.
+        pressure: Function from a recording to the pressure that scales dry friction [Pa]; None if the model uses none.
         effort: Budget of the search.
         mass_kg: Moving mass [kg].
         damping_ratio: Damping ratio of that mass on the bristles.
-        dead_band_m_s: Velocity of the labels below which the piston stands [m/s].
-        confidence: Probability of the intervals.
-        also_from: Further starts of the search, for example parameters identified elsewhere.
+        dead_band_m_s: Speed in the labels below which the piston counts as standing [m/s].
+        confidence: Probability of the confidence intervals.
+        also_from: Further starting points of the search, for example parameters identified elsewhere.
 
     Raises:
-        ValueError: The model needs a pressure and there is none, or the reverse; or too few points of steady sliding.
+        ValueError: The model needs a pressure but gets none, or the reverse; or steady sliding gives too few points.
     """
     if model.pressure_scaled != (pressure is not None):
         raise ValueError(
@@ -151,7 +150,7 @@ def identify(
 def _first_looks(
     offered: dict[str, Motions], coordinates: Coordinates, starts: Sequence[Array], evaluations: int
 ) -> tuple[str, list[Array]]:
-    """Search a little from each start; return the velocity with the least error, and the ends of the searches."""
+    """Search briefly from each start; return the velocity with the least error and the points found with it."""
     looks = {
         name: [search_locally(motions, coordinates, start, evaluations) for start in starts]
         for name, motions in offered.items()

@@ -30,7 +30,7 @@ class Coordinates:
     model: FrictionModel  # The model whose parameters are searched
     mass_kg: float  # Moving mass, for the damping ratio [kg]
     damping_ratio: float  # Damping ratio of the mass on its bristles
-    reference_pressure_pa: float  # Pressure of the first coordinate; 0 for a model without pressure [Pa]
+    reference_pressure_pa: float  # Pressure at which Coulomb friction is searched [Pa]; 0 without pressure
     # Limits of the search, shape ``(coordinates,)``
     lower: Array
     upper: Array
@@ -76,7 +76,7 @@ class Coordinates:
         return self.model.parameters(self.values(point))
 
     def point(self, parameters: ModelParameters) -> Array:
-        """Convert parameters to a point, moved into the bounds; their damping is ignored."""
+        """Convert parameters to a point of the search, clipped to the bounds; bristle damping is ignored."""
         coulomb = parameters.value("coulomb_n")
         owed_to_pressure = parameters.value("pressure_slope_n_pa") * self.reference_pressure_pa
         level = coulomb + owed_to_pressure

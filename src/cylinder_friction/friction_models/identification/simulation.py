@@ -39,14 +39,14 @@ class Motions:
     pressure_pa: Array
     friction_n: Array
     usable: Mask  # Rows whose label counts, shape ``(rows,)``
-    starts: NDArray[np.int64]  # Row at which each motion begins, and the number of rows, shape ``(motions + 1,)``
+    starts: NDArray[np.int64]  # First row of each motion, then the number of rows, shape ``(motions + 1,)``
     model: FrictionModel  # The model that is simulated
     _buffer: Array = field(repr=False)
     _simulations: list[int] = field(repr=False)
 
     @classmethod
     def of(cls, motions: Sequence[Motion], sample_time_s: float, model: FrictionModel = _LUGRE) -> Self:
-        """Join motions; raise ``ValueError`` if there is none or none has a usable row."""
+        """Join motions; raise ``ValueError`` if no motion has a usable row."""
         if not motions or not any(motion.usable.any() for motion in motions):
             raise ValueError(
                 f"identification: {len(motions)} motions without one usable row among them; "
@@ -73,7 +73,7 @@ class Motions:
 
     @property
     def simulated_samples(self) -> int:
-        """How many samples have been simulated for errors so far."""
+        """Number of samples simulated so far to compute errors."""
         return self._simulations[0] * len(self.velocity_m_s)
 
     @property

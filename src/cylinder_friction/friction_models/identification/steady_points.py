@@ -16,13 +16,13 @@ from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.motion import steady_rows, travel_since_stop
 
 PRESLIDING_TRAVEL_M = 1e-3
-"""Travel since standstill or reversal after which bristles no longer bend; several times the deflection of seals."""
+"""Travel after standstill or reversal beyond which bristles no longer bend [m]: several times a seal's deflection."""
 
 LEAST_SPEED_M_S = 1e-4
-"""Lower edge of the bins, even if the dead band is smaller [m/s]."""
+"""Lowest speed of the bins [m/s], even if the dead band is smaller."""
 
 STEADY_VARIATIONS = (0.1, 0.2, 0.4, 0.8)
-"""Tolerances of ``steady_rows``, of which the strictest that leaves enough rows is used."""
+"""Tolerances of ``steady_rows``, tried from the strictest until one leaves enough rows."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ class StribeckPoint(SteadyPoint):
 
     @property
     def known_half_width_n(self) -> float | None:
-        """``half_width_n``, None if it is not known."""
+        """``half_width_n``, or None for a single stroke."""
         return None if math.isnan(self.half_width_n) else self.half_width_n
 
 
@@ -85,7 +85,7 @@ class SteadySliding:
 
 
 def steady_points(recordings: Sequence[Recording], slowest_m_s: float) -> list[SteadyPoint]:
-    """Find points of the friction-velocity curve from the rows of ``steady_sliding_by_speed``."""
+    """Summarise each group of ``steady_sliding_by_speed`` as one point of the friction-velocity curve."""
     return [each.point() for each in steady_sliding_by_speed(recordings, slowest_m_s)]
 
 
