@@ -1,4 +1,4 @@
-"""How recordings get their friction: each by itself, or by session if load or mass is identified."""
+"""Label recordings with friction: each by itself, or session by session if load or mass is identified."""
 
 from __future__ import annotations
 
@@ -48,12 +48,12 @@ if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
 
 ROWS_IN_MEMORY = 1 << 21
-"""Labelled recordings of more rows than this in all wait on disk for the offset of their session."""
+"""Most rows of labelled recordings held in memory; further recordings wait on disk for the offset of their session."""
 
 
 @lru_cache(maxsize=1)
 def loaded_once(folder: Path) -> FrictionEstimator:
-    """Load a saved estimator; the last one stays in memory."""
+    """Load a saved estimator; the one loaded last stays in memory."""
     from cylinder_friction.estimators.loading import load_estimator  # ONNX: labels need no estimator
 
     return load_estimator(folder)
@@ -64,22 +64,22 @@ class LabelledRecording(Converted):
     """A recording with its friction, kept until the offset of its session is known."""
 
     result: Kept
-    evidence: OffsetEvidence | None  # What it shows of the sensors' offset; None with an estimator
-    load: str  # Which load was identified and taken off, in words; empty if none was
+    evidence: OffsetEvidence | None  # Evidence on the sensors' offset; None with an estimator
+    load: str  # The load that was identified and subtracted, in words; empty if none was
     rows: int
     load_uncertainty_n: float = 0.0  # Expanded uncertainty (k = 2) of an identified load [N]
 
 
 @dataclass(frozen=True)
 class RecordingFriction:
-    """How one recording gets its friction."""
+    """Labels recordings, runs an estimator over them if there is one, and applies the offset of their session."""
 
     labeller: Labeller
     filter: SignalFilter
     plan: OffsetPlan
-    # The estimator, or its folder; None: friction is the label, less the sensors' offset if it is known
+    # The estimator or its folder. With None, friction is the label less the sensors' offset, if that is known
     model: FrictionEstimator | Path | None
-    stated_load: str = ""  # The constant load that was stated, in words; empty if none was
+    stated_load: str = ""  # The constant load that the user stated, in words; empty if none
 
     @property
     def estimator(self) -> FrictionEstimator | None:
@@ -104,7 +104,7 @@ class RecordingFriction:
     def labelled_in_session(
         self, each: Converted, keeper: Keeper, identified: SessionIdentification | LostPiece | str
     ) -> LabelledRecording | Quarantined:
-        """Label a kept recording, or state why its session was not identified."""
+        """Label a kept recording, or refuse it with the reason why its session was not identified."""
         if not isinstance(identified, SessionIdentification):
             return refused_piece(each.metadata, identified)
         return self.labelled(replace(each, result=each.result.read()), keeper, identified)
@@ -123,7 +123,7 @@ class RecordingFriction:
                 if of_session is not None and estimator.position_load is not None:
                     estimator = estimator.with_position_load(pooled_load([of_session]))
                 labelled = estimated(labelled, estimator.with_bounds_for([recording]))
-        except ValueError as error:  # shorter than the filter, or not what the estimator takes
+        except ValueError as error:  # the recording is shorter than the filter, or the estimator does not accept it
             return refused_piece(each.metadata, str(error))
         evidence = None
         if estimator is None:
@@ -134,14 +134,14 @@ class RecordingFriction:
         return LabelledRecording(each.metadata, kept, each.samples, evidence, load, len(labelled), off_n)
 
     def _halves(self, recording: Recording) -> tuple[float, float]:
-        """Return half the sum and half the difference of friction up and down at equal position [N]."""
+        """Return half the sum and half the difference of extending and retracting friction at equal positions [N]."""
         position_m, velocity_m_s, friction_n = map(recording.column, ("position_m", "velocity_m_s", "friction_n"))
         return up_and_down(position_m, velocity_m_s, friction_n, recording.usable(), self.plan.slowest_m_s)
 
     def finished(self, recording: Recording, known: KnownOffset | None, loss: ApparentLoss | None = None) -> Recording:
-        """Return a recording with its bounds, and without the offset of its session if strokes determine it.
+        """Add bounds to a recording, and subtract the offset of its session if strokes determine one.
 
-        Bounds are wider by a ``loss`` between sensors and cylinder that nobody stated.
+        An unstated ``loss`` between sensors and cylinder widens the bounds.
         """
         if known is None:
             return recording.without_columns(UNCERTAINTY_COLUMN)
@@ -157,7 +157,7 @@ class RecordingFriction:
         return recording.with_columns(friction_n=friction_n, **bounds).without_columns(UNCERTAINTY_COLUMN)
 
     def entry(self, recording: Recording, load: str) -> FrictionOfRecording:
-        """State what became of a finished recording. ``load`` is which one was identified and taken off, in words."""
+        """Summarize a finished recording. ``load`` names the load that was identified and subtracted."""
         load_n, half_n = self._halves(recording)
         estimator, rows, flags = self.estimator, len(recording), recording.columns.get("flags")
         counts = Counter({str(flag.name): 0 if flags is None else int((flags & flag != 0).sum()) for flag in Flag})
@@ -165,7 +165,7 @@ class RecordingFriction:
         known = (self.stated_load or self.labeller.load) if given is None else given.in_words()
         other, noisy, fits = "", "", True
         if estimator is not None and (trained_for := estimator.trained_for) is not None:
-            fits = trained_for.fits(self.labeller.cylinder)  # a model's own areas hold no load
+            fits = trained_for.fits(self.labeller.cylinder)  # with other areas, no load is looked for
             noise_pa = pressure_noise_pa([recording])
             if (level := estimator.noise_level(noise_pa)) is not None:
                 trained = replace(trained_for, pressure_noise_pa=level.noise_pa)
@@ -189,7 +189,7 @@ class RecordingFriction:
         )
 
     def _missed(self, recording: Recording) -> str:
-        """State how seldom bounds hold the label; empty if offset or load differ from the label's."""
+        """State how rarely the bounds contain the label; empty if the label has another offset or load."""
         estimator = self.estimator
         if estimator is None or estimator.bounds is None or estimator.offset is not None:
             return ""
@@ -208,18 +208,18 @@ class LabelledLogs:
 
     Args:
         logs: The files.
-        cylinder: Whose recordings they are.
+        cylinder: The cylinder that was recorded.
         scratch: A folder that may be removed afterwards.
-        model: The estimator, or its folder; None: friction is the off-line label, less the sensors' offset if it is
-            known.
+        model: The estimator or its folder. With None, friction is the off-line label less the sensors' offset, if that
+            is known.
         rows_at_once: A log of more rows is cut into parts of about this many.
-        workers: Work on recordings side by side; None: one after the other, here.
+        workers: Process recordings in parallel. None processes them one after the other in this process.
 
     Attributes:
-        refused: Files and recordings that could not be used, once ``labelled`` has ended.
-        offsets: What is known of the sensors' offset by session, from then on; empty with an estimator.
-        load_uncertainty_n: Greatest expanded uncertainty (k = 2) of a session's identified load [N], from then on.
-        loss: What looks like a loss between sensors and cylinder, from then on; None if nothing does.
+        refused: Files and recordings that could not be used. This and the following are complete after ``labelled``.
+        offsets: The sensors' offset in each session, as far as it is known; empty with an estimator.
+        load_uncertainty_n: Greatest expanded uncertainty (k = 2) of a session's identified load [N].
+        loss: An apparent loss between sensors and cylinder; None if there is none.
     """
 
     def __init__(
@@ -236,7 +236,7 @@ class LabelledLogs:
         self.keeper = Keeper(scratch, ROWS_IN_MEMORY if self.workers.runs_here(len(logs.files)) else 0)
         if not (model is None or isinstance(model, Path) or self.workers.here):
             model.save(scratch / "model")
-            model = scratch / "model"  # read once by each worker
+            model = scratch / "model"  # each worker reads it once
         labeller = Labeller(cylinder, load=logs.recipe.limits.load)
         stated = logs.recipe.limits.stated_load
         words = "" if stated is None else stated.in_words()
@@ -247,9 +247,9 @@ class LabelledLogs:
         self.load_uncertainty_n = 0.0
 
     def recordings(self, most_rows: int) -> Iterator[tuple[Recording, str]]:
-        """Yield each usable recording with friction, bounds, velocity and usable rows, and its load in words.
+        """Yield each usable recording with friction, bounds, velocity and usable rows, and a text on its load.
 
-        Of a log with more rows than these only some recordings are yielded, spread evenly over it.
+        If a log has more than ``most_rows`` rows, only some of its recordings are yielded, evenly spread over it.
         """
         of_file: dict[str, list[LabelledRecording]] = {}
         for each in self.labelled():
@@ -259,7 +259,7 @@ class LabelledLogs:
             yield from map(self._finished, own[::every])
 
     def loss_in_words(self) -> str:
-        """State what looks like a loss; empty if nothing does."""
+        """Describe the apparent loss; empty if there is none."""
         return "" if self.loss is None else self.loss.sentence(self.cylinder)
 
     def _finished(self, each: LabelledRecording) -> tuple[Recording, str]:
@@ -272,12 +272,12 @@ class LabelledLogs:
         evidence: Sequence[OffsetEvidence] = (),
         digests: Mapping[str, str] | None = None,
     ) -> list[LabelledRecording]:
-        """Read, check and label each log; return its usable recordings, yet to be ``finished``.
+        """Read, check and label each log. Return its usable recordings, which ``finished`` then completes.
 
         Args:
-            seen: Recordings of earlier runs, with which these are compared.
-            evidence: What recordings of earlier runs show of the sensors' offset. Offsets are identified beside those
-                of at most ``MOST_SEARCHED`` of their sessions, evenly spread.
+            seen: Recordings of earlier runs, among which copies are searched for.
+            evidence: Evidence on the sensors' offset from earlier runs. At most ``MOST_SEARCHED`` of their sessions,
+                evenly spread, are used together with the new ones.
             digests: SHA-256 of the files, if they are known.
         """
         logs, seen, of_file = self.logs, seen or SeenRecordings(), partial(self.friction.of_file, keeper=self.keeper)
@@ -304,7 +304,7 @@ class LabelledLogs:
         return labelled
 
     def _labelled_by_session(self, read: Sequence[Converted]) -> list[Converted]:
-        """Label kept recordings once load and mass of their sessions are known; ``refused`` gets the others."""
+        """Label kept recordings once load and mass of their sessions are known; add the others to ``refused``."""
         sessions: dict[str, list[Kept]] = {}
         for each in read:
             sessions.setdefault(each.metadata.session, []).append(each.result)
@@ -331,7 +331,7 @@ def _spread(evidence: Sequence[OffsetEvidence]) -> list[OffsetEvidence]:
 
 
 def inputs(files: Any, channels: Any, model: Any, logs: Logs) -> tuple[Path, ...]:
-    """Return every file and folder that a run on logs reads, as far as they were given as paths."""
+    """List the files and folders that a run on logs reads, if they were given as paths."""
     given = [files] if isinstance(files, str | Path) else list(files)
     paths = [path for path in (*given, channels, model) if isinstance(path, str | Path)]
     return (*existing(paths), *logs.files.values())

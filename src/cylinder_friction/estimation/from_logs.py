@@ -1,7 +1,7 @@
-"""Logger files become files of friction and one page.
+"""Turn logger files into files of friction and one page.
 
-A log goes a straight way: it is read, mapped, aligned, checked, smoothed and labelled. Once all logs of a session are
-labelled, its offset is taken off, and each recording's result is written.
+Each log is read, mapped, aligned, checked, smoothed and labelled. Once all logs of a session are labelled, the
+session's offset is subtracted, and the result of each recording is written.
 """
 
 from __future__ import annotations
@@ -61,11 +61,11 @@ if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
 
 TYPICAL_CLASS = 0.5
-"""Accuracy of most pressure sensors of machines, ± percent of full scale."""
+"""Accuracy of a typical industrial pressure sensor [± % of full scale]."""
 SUMMARY_FILE, PAGE_FILE = "summary.json", "friction.html"
 WRITTEN_BY = "cylinder-friction estimate"
 OF_ONE_RUN = ("new", "news")
-"""What the summary states of the last run alone."""
+"""Entries of the summary that describe only the last run."""
 LABEL_BOUNDS = (
     "they hold friction in about 95 % of the rows (k = 2: smoothing, load, sensor offset), if the sensors are as stated"
 )
@@ -92,29 +92,28 @@ def estimate_logs(
 
     Each Parquet file has a row per sample: what was measured, in SI units, ``velocity_m_s`` (extension positive),
     ``friction_n`` (positive when it opposes positive velocity), ``lower_n``, ``upper_n``, ``usable``, and
-    ``load_force_n`` if a load was taken off. Without a model friction is the off-line label, which looks ahead, less
-    the sensors' offset if strokes determine it. With one it is the real-time estimate; its ``flags`` and the label,
-    ``label_n``, stand beside it. Logs whose results lie in the folder already are not processed again, unless they, or
-    what friction depends on (cylinder, mapping, load, model, code), have changed.
+    ``load_force_n`` if a load was subtracted. Without a model, friction is the off-line label, which looks ahead, less
+    the sensors' offset if strokes determine it. With a model, friction is the real-time estimate, and the columns
+    ``flags`` and ``label_n`` (the label) are added. A log with results in the folder is not processed again unless the
+    log, the cylinder, mapping, load, model or code has changed.
 
     Args:
         files, channels, load, names, units, sensor_class: As in ``read_recordings``.
-        database: Of a bus (DBC), for measurement files of CAN frames.
-        cylinder: Whose recordings they are.
+        database: DBC file of the bus, for measurement files that contain CAN frames.
+        cylinder: The cylinder that was recorded.
         into: A new folder, or one that an earlier call wrote. Files that no earlier call wrote stay in it.
-        model: An estimator or the folder of a saved one; logs are resampled to its rate. None: the off-line label.
-        other_cylinder: Whether a model may be of a cylinder of other areas.
-        file_format: ``parquet``; or ``csv``, a file beside each Parquet file.
+        model: An estimator or the folder of a saved one; logs are resampled to its rate. None uses the off-line label.
+        other_cylinder: Whether to accept a model that was trained for a cylinder with other areas.
+        file_format: ``csv`` writes a CSV file beside each Parquet file; ``parquet`` does not.
         rows_at_once: A log of more rows is cut into parts of about this many, each a recording of its session, so that
-            memory holds one of them.
-        workers: Work on recordings side by side; None: one after the other, here.
+            memory holds only one part.
+        workers: Process recordings in parallel. None processes them one after the other in this process.
 
     Raises:
-        OtherCylinderError: The model was trained for a cylinder of other areas.
+        OtherCylinderError: The model was trained for a cylinder with other areas.
         RecordingError: No file is found, or the mapping is wrong or cannot be guessed. Single files that cannot be
             used are listed in ``refused``.
-        FileExistsError: The folder holds something else, or is, holds or lies in what is read, or another call is
-            writing it.
+        FileExistsError: The folder contains other files, overlaps with an input, or is being written by another call.
 
     Example:
         >>> logs = "data/raw/rig/condition1_*.csv"
@@ -169,7 +168,7 @@ def estimate_logs(
 def _labelled(
     run: LabelledLogs, kept: Sequence[Result], digests: Mapping[str, str], depends_on: Mapping[str, str]
 ) -> list[LabelledRecording]:
-    """Label the new logs, beside what the kept results show."""
+    """Label the new logs, together with the evidence in the kept results."""
     seen, evidence = SeenRecordings(), list[OffsetEvidence]()
     for each in kept if run.logs.files else ():
         shown, samples = unpacked(each.compared)
@@ -187,7 +186,7 @@ def _write_results(
     depends_on: Mapping[str, str],
     listed: Collection[str],
 ) -> list[Result]:
-    """Write the result of each recording; those that cannot be written are ``refused``."""
+    """Write the result of each recording; add recordings that cannot be written to ``refused``."""
     of_file = Counter(each.metadata.source_file for each in labelled)
     given: dict[str, Any] = {"file_format": file_format, "depends_on": depends_on, "listed": listed}
     write = partial(_written, run.friction, folder, run.loss, detailed=len(labelled) <= PLOTTED, **given)
@@ -218,9 +217,9 @@ def _written(
     depends_on: Mapping[str, str],
     listed: Collection[str],
 ) -> Result:
-    """Take the offset off a recording's friction and write its result.
+    """Subtract the offset from a recording's friction and write its result.
 
-    Its log gave ``of_file`` recordings. If ``detailed``, the page draws friction against velocity, too.
+    ``of_file`` is the number of recordings in its log. If ``detailed``, the page also draws friction against velocity.
     """
     finished = friction.finished(labelled.result.read(), offset, loss).described(depends_on=depends_on)
     entry, view = friction.entry(finished, labelled.load), None
@@ -242,7 +241,7 @@ def _written(
 
 
 def _write_summary(target: ResultFolder, result: FrictionOfLogs, files: Sequence[str]) -> None:
-    """Write the summary and the page of all results, unless those that are there state the same."""
+    """Write the summary and the page of all results, unless the existing ones have the same content."""
     page, content = target.folder / PAGE_FILE, result.to_dict()
     stated = json.loads(json.dumps({name: value for name, value in content.items() if name not in OF_ONE_RUN}))
     there = read_json(target.folder / SUMMARY_FILE)
@@ -257,7 +256,7 @@ def _write_summary(target: ResultFolder, result: FrictionOfLogs, files: Sequence
 def _depends_on(
     logs: Logs, cylinder: Cylinder, model: FrictionEstimator | Path | None, file_format: FileFormat
 ) -> dict[str, str]:
-    """Hash what results depend on beside the logs: if something was another one before, all of them are new."""
+    """Hash what results depend on besides the logs. If one of the hashes changes, all logs are processed again."""
     table = logs.recipe.names.table
     given = [path for path in (table, logs.recipe.database) if path is not None and path.is_file()]
     mapping = f"{replace(logs.recipe, cylinder='')}{''.join(map(hash_of, given))}"
@@ -274,7 +273,7 @@ def _depends_on(
 
 
 def _bounds_in_words(run: LabelledLogs, bounded: bool, entries: Sequence[FrictionOfRecording]) -> str:
-    """Return what the bounds hold, or why there are none and what stating the sensors' accuracy would give."""
+    """State what the bounds contain, or why there are none and how stating the sensors' accuracy would help."""
     estimator, assumed = run.friction.estimator, run.logs.assumed
     if estimator is not None:
         return "none: the model was never calibrated" if estimator.bounds is None else estimator.bounds.in_words()

@@ -1,4 +1,4 @@
-"""Logger files become friction models: Stribeck points and curve, LuGre parameters, and files for simulators."""
+"""Identify friction models from logger files: Stribeck curve, LuGre parameters, and files for simulators."""
 
 import shutil
 from collections.abc import Iterable, Mapping, Sequence
@@ -61,11 +61,11 @@ MODELS_FILE, PAGE_FILE = "friction_models.json", "friction_models.html"
 CONFIDENCE, DAMPING_RATIO = 0.95, 0.5
 POPULATION, GENERATIONS = 10, 50
 AS_GOOD = 1.05
-"""Error of the plain model over that of the pressure-scaled one up to which pressure explains nothing."""
+"""Largest ratio of the plain model's error to the pressure-scaled one's at which the plain model is as good."""
 MOST_ROWS = 1 << 20
-"""Of a longer log only some parts are used, spread evenly over it: memory holds all that is identified from."""
+"""Most rows used of one log, because memory holds all of them. Of a longer log, evenly spread parts are used."""
 SIMULATED_RECORDINGS, PIECE_S, POLISHED_PIECE_S = 16, 10.0, 60.0
-"""What differential evolution simulates, and the longest piece of each recording in the last local searches."""
+"""Recordings and length of their pieces [s] in differential evolution; longest piece in the last local searches [s]."""
 INTERVALS_OF_PARAMETERS = (
     f"{INTERVAL_METHOD}; widened to hold what steady sliding alone gives, and what is identified with every velocity "
     f"whose error exceeds the least by at most {100.0 * FITS_ALIKE:g} % of mean |friction|, to {100.0 * LEAST_SHARE:g} "
@@ -80,17 +80,17 @@ INTERVALS_OF_POINTS = (
 
 @dataclass(frozen=True)
 class FrictionModels:
-    """What was identified from logs."""
+    """Curves and models that were identified from logs."""
 
-    folder: Path  # Where the files lie
-    recordings: tuple[str, ...]  # Names
+    folder: Path  # Folder of the files
+    recordings: tuple[str, ...]  # Names of the recordings
     curves: tuple[IdentifiedCurve, ...]  # One per condition
     models: tuple[IdentifiedModel, ...]  # LuGre, plain and pressure-scaled
     refused: list[Quarantined] = field(default_factory=list)
     offsets: list[KnownOffset] = field(default_factory=list)
     guessed: dict[str, Any] | None = None  # As in ``FrictionOfLogs``
     loss: str = ""  # As in ``FrictionOfLogs``
-    simpler: str = ""  # That the model of fewer parameters describes all recordings as well, in words; else empty
+    simpler: str = ""  # A sentence if the model with fewer parameters describes all recordings as well; else empty
     # Friction of steady sliding at each level of pressure and speed, by recording
     levels: Mapping[str, tuple[FrictionLevel, ...]] = field(default_factory=dict)
 
@@ -100,7 +100,7 @@ class FrictionModels:
         return differences(self.levels)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content as JSON-compatible values; what is not known is None."""
+        """Return the content as JSON-compatible values; unknown values are None."""
         return {
             "confidence": CONFIDENCE,
             "intervals_of_points": INTERVALS_OF_POINTS,
@@ -134,25 +134,24 @@ def identify_logs(
 ) -> FrictionModels:
     """Identify Stribeck curve and LuGre parameters from logger files.
 
-    The label is that of ``estimate_logs`` without a model. LuGre is identified in the condition of smallest friction
-    and, with dry friction that grows with the sum of both pressures, in all conditions. The folder gets
-    ``friction_models.json``, a page, and for each model that could be identified a Modelica record (``.mo``) and a
-    MATLAB script (``.m``). A parameter that the motion does not determine has no number, but the reason why.
+    Friction is the label that ``estimate_logs`` makes without a model. One LuGre model is identified in the condition
+    of smallest friction. A second one, whose dry friction grows with the sum of both pressures, is identified in all
+    conditions. The folder gets ``friction_models.json``, a page, and a Modelica record (``.mo``) and MATLAB script
+    (``.m``) for each identified model. A parameter that the motion does not determine has a reason and no number.
 
     Args:
         files, channels, load, names, units, sensor_class: As in ``read_recordings``.
-        database: Of a bus (DBC), for measurement files of CAN frames.
-        cylinder: Whose recordings they are.
+        database: DBC file of the bus, for measurement files that contain CAN frames.
+        cylinder: The cylinder that was recorded.
         into: A new folder, or one that an earlier call wrote. Files that no earlier call wrote stay in it.
         generations: Greatest number of generations of the global search.
-        seed: Of that search.
+        seed: Seeds the global search.
 
     Raises:
         ValueError: Fewer than one generation.
         RecordingError: No file is found or usable, or the mapping is wrong or cannot be guessed. Single files that
             cannot be used are listed in ``refused``.
-        FileExistsError: The folder holds something else, or is, holds or lies in what is read, or another call is
-            writing it.
+        FileExistsError: The folder contains other files, overlaps with an input, or is being written by another call.
 
     Example:
         >>> logs = "data/raw/rig/condition1_*.csv"
@@ -198,7 +197,7 @@ def identify_logs(
 
 
 class ModelSearch:
-    """Identification on recordings of one sample time."""
+    """Identification on recordings with the same sample time."""
 
     def __init__(self, recordings: Sequence[Recording], run: LabelledLogs, generations: int, seed: int) -> None:
         self.run = run
@@ -233,7 +232,7 @@ class ModelSearch:
         return _unidentified(model, self.recordings, problem) if problem else self._identified(model, self.recordings)
 
     def simpler(self, plain: IdentifiedModel, scaled: IdentifiedModel) -> str:
-        """Return that the plain model describes all recordings as well as the pressure-scaled one; else empty."""
+        """State it if the plain model describes all recordings as well as the pressure-scaled one; else empty."""
         if plain.found is None or scaled.found is None:
             return ""
         errors = []
@@ -249,7 +248,7 @@ class ModelSearch:
         )
 
     def simulated(self, identified: IdentifiedModel, recording: Recording) -> Array:
-        """Return the friction of an identified model along a recording [N], shape ``(n,)``."""
+        """Simulate the friction of an identified model along a recording [N], shape ``(n,)``."""
         assert identified.found is not None
         model, velocity = LuGre(identified.pressure_scaled), self.velocities[identified.velocity]
         pressure = _pressure(recording) if identified.pressure_scaled else None
@@ -257,7 +256,7 @@ class ModelSearch:
         return model.simulate(values, velocity(recording), recording.sample_time_s, state, pressure)
 
     def _zeros_n(self, recordings: Sequence[Recording]) -> float:
-        """Return by how much zeros, or an identified load that has absorbed them, may shift friction [N] (k = 2)."""
+        """Return how far the sensors' zeros, or a load identified with them, may shift friction (k = 2) [N]."""
         if self.run.load_uncertainty_n:
             return self.run.load_uncertainty_n
         sessions = {each.metadata.session for each in recordings} & self.run.offsets.keys()
@@ -286,7 +285,7 @@ class ModelSearch:
 
 
 def _loaded(run: LabelledLogs, recordings: Sequence[tuple[Recording, str]]) -> dict[str, Quarantined]:
-    """Return, by name, the recordings whose friction still holds a load: it would pass for another parameter."""
+    """Refuse, by name, recordings whose friction still contains a load, which would distort other parameters."""
     left = {
         each.name: (each.metadata.source_file, load_left(run.friction.entry(each, load))) for each, load in recordings
     }

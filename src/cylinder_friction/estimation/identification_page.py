@@ -1,4 +1,4 @@
-"""The page of an identification: the Stribeck curve, parameters with intervals, and the models against the label."""
+"""Write the page of an identification: Stribeck curve, parameters with intervals, models compared with the label."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ from cylinder_friction.wording import four_digits
 MM_PER_M = 1e3
 CURVE_POINTS = 200
 HEADROOM = 1.25
-"""Height of the curve's figure over its greatest friction; intervals of few strokes may reach far beyond."""
+"""Height of the curve's figure over its greatest friction. Wide intervals of few strokes are cut off there."""
 COLOURS = (ORANGE, BLUE)
 NOT_DETERMINED = "not determined"
 TIP = "%{x:.3~g} mm/s, %{y:.4~g} N<br>%{customdata[0]} strokes, %{customdata[1]} rows<extra></extra>"
@@ -42,16 +42,16 @@ def write_identification_page(
     guessed: Mapping[str, Any] | None,
     **further: Any,
 ) -> None:
-    """Write the page whole; equal input makes equal bytes.
+    """Write the page; equal input gives equal bytes.
 
     Args:
-        path: Of the HTML file.
-        curves: Of every condition.
-        models: Identified or not.
+        path: Path of the HTML file.
+        curves: The curve of every condition.
+        models: All models, also those that could not be identified.
         simulated: Every labelled recording, and the friction of each identified model by title [N], shape ``(n,)``.
-        confidence: Of the intervals.
+        confidence: Confidence level of the intervals.
         offsets, guessed: As in ``write_friction_page``.
-        further: For the template: ``refused``, what could not be used, and ``levels`` as in ``write_friction_page``.
+        further: Passed to the template: ``refused`` (unusable files), and ``levels`` as in ``write_friction_page``.
     """
     drawn = simulated[:PLOTTED]
     titles = [model.title for model in models if model.found is not None]
@@ -78,7 +78,7 @@ def _named(curve: IdentifiedCurve, curves: Sequence[IdentifiedCurve]) -> str:
 
 
 def _stribeck_figure(curves: Sequence[IdentifiedCurve]) -> PageFigure | None:
-    """Return friction against the motion over speed, points with intervals; None without a point."""
+    """Draw friction over speed, points with their intervals; None without a point."""
     figure = PageFigure()
     for number, each in enumerate(curves):
         for way, words, symbol, dash in ((1.0, "extending", "circle", "solid"), (-1.0, "retracting", "square", "dash")):
@@ -157,7 +157,7 @@ def _parameter_table(model: IdentifiedModel) -> Table:
 
 
 def _error_table(simulated: Sequence[tuple[Recording, Mapping[str, Array]]], titles: Sequence[str]) -> Table:
-    """Return each recording's mean absolute label and the mean absolute error of each model in percent of it."""
+    """Tabulate each recording's mean absolute label, and each model's mean absolute error in percent of it."""
     rows: list[list[str | Cell]] = []
     for number, (recording, lines) in enumerate(simulated, start=1):
         label_n, usable = recording.column("friction_n"), recording.usable()

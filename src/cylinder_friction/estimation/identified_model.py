@@ -1,6 +1,6 @@
-"""What an identification determines: each parameter with its interval, or the reason why it has no number.
+"""An identified model: each parameter with its interval, or the reason why it has no number.
 
-Parameters are written as text that simulators read, too: a Modelica record and a MATLAB script.
+The parameters can be written for simulators as a Modelica record and a MATLAB script.
 """
 
 import math
@@ -37,23 +37,23 @@ EQUATION = (
 )
 PRESSURE_SCALE = "(1 + k*p/Fc)*"
 MATLAB_VARIABLE = "friction"
-"""The structure that the script defines; a variable of the script's own name would hide the script."""
+"""Name of the structure that the script defines. The script's own name would hide the script."""
 SIGNS = (
     "F [N] opposes positive velocity v [m/s] when positive; extension is positive.",
     "p [Pa] is the sum of both gauge pressures, at least 0.",
 )
 
 WIDEST = 4.0
-"""Upper over lower limit of an interval above which a parameter is not determined: a factor of 2 either way."""
+"""Largest ratio of an interval's upper to its lower limit if the parameter is determined: a factor of 2 either way."""
 LEAST_PRESSURE_SPAN = 1.5
-"""Greatest over least sum of pressures while usable; below it, pressure and preload take each other's place."""
+"""Least ratio of greatest to least sum of pressures in usable rows. Below it, pressure and preload are inseparable."""
 UNSEPARATED = (
     "part of it may be how dry friction falls with speed, as the Stribeck velocity is not determined; record more "
     "strokes at constant speed, slow ones and fast ones"
 )
 _AT_THE_EDGE = 0.01
 _AT_THE_LIMIT = 0.05
-"""Share of a limit of the search within which the end of an interval counts as that limit."""
+"""Distance from a search limit, as a share of it, within which the end of an interval counts as that limit."""
 _FOLLOWS_FROM = {"bristle_damping_n_s_m": "bristle_stiffness_n_m", "damping_velocity_m_s": "stribeck_velocity_m_s"}
 
 
@@ -65,9 +65,9 @@ class IdentifiedParameter:
     symbol: str
     unit: str
     meaning: str
-    value: float | None  # In its unit; None if the motion does not determine it
-    interval: tuple[float, float] | None  # Confidence interval, in its unit; None without value, or if not searched
-    note: str = ""  # Why there is no value, or its source if that is not the search
+    value: float | None  # Value in ``unit``; None if the motion does not determine it
+    interval: tuple[float, float] | None  # Confidence interval in ``unit``; None without a value or a search for it
+    note: str = ""  # Why there is no value, or where a value comes from that was not searched for
 
 
 @dataclass(frozen=True)
@@ -76,10 +76,10 @@ class IdentifiedModel:
 
     name: str
     title: str
-    recordings: tuple[str, ...]  # Names of those that it was identified from
+    recordings: tuple[str, ...]  # Names of the recordings that it was identified from
     why_not: str = ""  # Why nothing could be identified
     parameters: tuple[IdentifiedParameter, ...] = ()
-    velocity: str = ""  # How velocity is made from position
+    velocity: str = ""  # How velocity is computed from position
     found: Identification | None = None
 
     @property
@@ -107,14 +107,14 @@ class IdentifiedModel:
 def determined(
     model: LuGre, found: Identification, points: Sequence[SteadyPoint], damping_ratio: float, no_viscous: str = ""
 ) -> tuple[IdentifiedParameter, ...]:
-    """List every parameter of the model, without a number if the motion does not determine it.
+    """List every parameter of the model. A parameter that the motion does not determine has no number.
 
     Args:
-        model: What was identified.
-        found: With which result.
-        points: Of steady sliding in the recordings that it was identified from.
-        damping_ratio: Of the mass on its bristles, as assumed.
-        no_viscous: Why viscous friction is not known; empty if nothing speaks against it.
+        model: The identified model.
+        found: The result of its identification.
+        points: Points of steady sliding in the recordings that it was identified from.
+        damping_ratio: Assumed damping ratio of the mass on its bristles.
+        no_viscous: Why viscous friction is not known; empty if it is.
     """
     assert isinstance(found.parameters, LugreParameters)
     searched = {spec.name for spec in model.searched}
@@ -141,12 +141,12 @@ def determined(
 
 
 def meaning(spec: ParameterSpec, pressure_scaled: bool) -> str:
-    """Return what a parameter is, in words; without pressure scaling it holds at the pressures that were recorded."""
+    """Describe a parameter. Without pressure scaling it is valid only at the recorded pressures."""
     return spec.meaning if pressure_scaled else spec.meaning.replace("at zero gauge", "at the recorded")
 
 
 def pressure_problem(pressure_pa: Sequence[np.ndarray]) -> str:
-    """Return why sums of pressures [Pa] of usable rows do not determine how friction grows with them, else nothing."""
+    """State why the sums of pressures in usable rows [Pa] do not show how friction grows with them; else empty."""
     usable_pa = np.concatenate(pressure_pa)
     if not len(usable_pa):
         return "no row is usable"
@@ -188,12 +188,12 @@ def _assumed(spec: ParameterSpec, damping_ratio: float) -> str:
 
 
 def modelica_record(model: IdentifiedModel, cylinder: Cylinder, confidence: float) -> str:
-    """Write a record of the model's name; a parameter without a number has no default, so that its user must set one.
+    """Write a record with the model's name. A parameter without a number has no default, so that users must set it.
 
     Args:
-        model: With parameters.
-        cylinder: Whose.
-        confidence: Of the intervals.
+        model: The model with its parameters.
+        cylinder: The cylinder that it was identified on.
+        confidence: Confidence level of the intervals.
     """
     origin, *comments = _comments(model, cylinder)
     lines = [f'record {model.name} "{_modelica_text(origin)}"', *(f"  // {line}" for line in comments)]
@@ -204,7 +204,7 @@ def modelica_record(model: IdentifiedModel, cylinder: Cylinder, confidence: floa
 
 
 def matlab_script(model: IdentifiedModel, cylinder: Cylinder, confidence: float) -> str:
-    """Write a script that defines a structure; what has no number is NaN. Arguments as for ``modelica_record``."""
+    """Write a script that defines a structure. Unknown parameters are NaN. Arguments as for ``modelica_record``."""
     lines = [f"% {line}" for line in _comments(model, cylinder)]
     for each in model.parameters:
         value = "NaN" if each.value is None else f"{each.value:.9g}"

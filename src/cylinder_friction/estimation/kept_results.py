@@ -1,4 +1,4 @@
-"""Read what ``estimate_logs`` wrote, for programs that continue from its results."""
+"""Read the results of ``estimate_logs``, for programs that continue from them."""
 
 from __future__ import annotations
 
@@ -29,9 +29,9 @@ __all__ = [
 
 
 def kept_recordings(results: Path) -> dict[str, list[dict[str, Any]]]:
-    """Read what the folder states of each recording, by session; nothing without a folder.
+    """Read the folder's entries on its recordings, by session; empty if there is no folder.
 
-    Each entry holds, among others, the recording's ``name``, its log's ``source_file`` and ``source_sha256``, and
+    Each entry contains, among others, the recording's ``name``, its log's ``source_file`` and ``source_sha256``, and
     ``gone``, whether the log was missing in the latest run.
     """
     sessions = defaultdict(list)
@@ -41,14 +41,14 @@ def kept_recordings(results: Path) -> dict[str, list[dict[str, Any]]]:
 
 
 def made_with_model(results: Path) -> str:
-    """Read the SHA-256 of the model with which the folder was written last; empty without a model."""
+    """Read the SHA-256 of the model that the folder's last run used; empty if it used none."""
     return str(_summary(results).get("depends_on", {}).get("model", ""))
 
 
 def restore_summary(results: Path) -> str:
-    """Write a damaged summary anew from the results beside it. Return what was wrong with it; empty if nothing was.
+    """Rebuild a damaged summary from the results beside it. Return what was wrong; empty if nothing was.
 
-    Each result states what the summary lists of it. Only the refused logs are missing, until ``estimate_logs`` runs.
+    Each result contains its entry in the summary. Only the refused logs are missing until ``estimate_logs`` runs again.
     """
     target = ResultFolder(results, SUMMARY_FILE, WRITTEN_BY)
     try:
@@ -68,17 +68,17 @@ def restore_summary(results: Path) -> str:
 
 
 def friction_of(results: Path, name: str) -> Recording:
-    """Read one recording with its friction; the columns are those of its Parquet file.
+    """Read one recording with its friction and all other columns of its Parquet file.
 
     Raises:
         RecordingError: The file is damaged.
-        OSError: There is no such recording.
+        OSError: The recording does not exist.
     """
     return read_recording(results / f"{name}.parquet")
 
 
 def stated_share(model: Path) -> float | None:
-    """Return the share of the label that a saved model's bounds state they hold; None if it has no bounds."""
+    """Return the share of the label that a saved model's bounds should contain; None if the model has no bounds."""
     bounds = loaded_once(model).bounds
     return None if bounds is None else bounds.probability
 

@@ -1,6 +1,6 @@
-"""The results in a folder: one Parquet file per recording that states all that later runs need.
+"""The results in a folder: one Parquet file per recording, with everything that later runs need.
 
-Which logs are new to a folder follows from what its results state: by content, not by name or date.
+The results show which logs are new to the folder. Logs are compared by content, not by name or date.
 """
 
 from __future__ import annotations
@@ -30,26 +30,26 @@ if TYPE_CHECKING:
     from cylinder_friction.recordings.reading_logs import Logs
 
 FileFormat = Literal["parquet", "csv"]
-"""Whether a CSV file is asked for beside the Parquet file."""
+"""``csv`` writes a CSV file beside each Parquet file; ``parquet`` does not."""
 ABOUT, COMPARED = "cylinder_friction_result", "cylinder_friction_compared"
-"""Names of the texts in a result's metadata: what it states, and what later recordings are compared with."""
+"""Keys in a result's metadata: its statements, and the data that later recordings are compared with."""
 SETTLED_S = 10.0
-"""A new file that was changed less than this long ago may still be written: it is left for the next run."""
+"""Least age of a new file's last change [s]. A younger file may still be being written and waits for the next run."""
 LEFT_FOR_NEXT_RUN = f"changed less than {SETTLED_S:g} s ago and left for the next run"
 GONE, KEPT = "its file was not among the logs of the last run", "not among the logs any more, results kept"
 
 
 @dataclass(frozen=True)
 class Result:
-    """What a result states beside its rows."""
+    """The statements of a result besides its rows."""
 
     entry: FrictionOfRecording
-    depends_on: Mapping[str, str]  # SHA-256 of what friction depends on beside the log
-    of_file: int  # How many recordings its log gave
-    beside: tuple[str, ...]  # Files that belong to it, below the folder: its pane, and its friction in another format
+    depends_on: Mapping[str, str]  # SHA-256 of each thing besides the log that friction depends on
+    of_file: int  # Number of recordings in its log
+    beside: tuple[str, ...]  # Its further files, relative to the folder: its pane, and its friction in another format
     bounded: bool  # Whether its friction has bounds
-    offset: KnownOffset | None  # What was known of its session's offset; None with an estimator
-    compared: str = field(repr=False, default="")  # As ``packed`` made it
+    offset: KnownOffset | None  # The offset of its session, as far as it was known; None with an estimator
+    compared: str = field(repr=False, default="")  # Data that later recordings are compared with, from ``packed``
 
     @property
     def file(self) -> str:
@@ -57,7 +57,7 @@ class Result:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """All files of the result, below the folder."""
+        """All files of the result, relative to the folder."""
         return self.file, *self.beside
 
     def texts(self) -> dict[str, str]:
@@ -67,7 +67,7 @@ class Result:
 
 
 def read_result(path: Path) -> Result | None:
-    """Read what a result states; None of a file that ``write_result`` did not write."""
+    """Read the statements of a result; None if ``write_result`` did not write the file."""
     texts = read_beside(path)
     if ABOUT not in texts:
         return None
@@ -83,24 +83,24 @@ def read_result(path: Path) -> Result | None:
 
 
 def write_result(folder: Path, finished: Recording, result: Result, pane: str, listed: Collection[str] = ()) -> None:
-    """Write the files of a result; it counts once all of them are there, whenever the run ends.
+    """Write the files of a result. It counts only once all files exist, so that an aborted run does no harm.
 
     Args:
-        folder: Where they go.
+        folder: The folder of results.
         finished: The recording with its friction.
-        result: What it states.
-        pane: What the page shows of it.
+        result: The statements of the result.
+        pane: The recording's pane of the page.
         listed: Files that an earlier run listed as its own.
 
     Raises:
-        FileExistsError: A file that no earlier run wrote lies in the place of one of them.
+        FileExistsError: A file of the same name exists that no earlier run wrote.
     """
     path = folder / result.file
     earlier = read_result(path) if path.is_file() else None
     own = () if earlier is None else earlier.files
     for name in set(result.files) - {*listed, *own}:
         refuse_foreign(folder / name)
-    for name in {*own, *result.beside} - {result.file}:  # a new result beside an old pane would be taken for whole
+    for name in {*own, *result.beside} - {result.file}:  # a new result with an old pane would count as complete
         (folder / name).unlink(missing_ok=True)
     write_recording(folder, finished, beside=result.texts())
     for name in result.beside:
@@ -113,7 +113,7 @@ def write_result(folder: Path, finished: Recording, result: Result, pane: str, l
 
 
 def packed(evidence: OffsetEvidence | None, samples: Samples) -> str:
-    """Return what later recordings are compared with as text; equal content makes equal text."""
+    """Encode the data that later recordings are compared with as text; equal content gives equal text."""
 
     def plain(content: Any) -> Any:
         return content.tolist() if isinstance(content, np.ndarray) else vars(content)
@@ -122,7 +122,7 @@ def packed(evidence: OffsetEvidence | None, samples: Samples) -> str:
 
 
 def unpacked(text: str) -> tuple[OffsetEvidence | None, Samples]:
-    """Return what ``packed`` was given."""
+    """Decode the text that ``packed`` made."""
     about = json.loads(text)
     evidence, samples = about["evidence"], Samples(**about["samples"])
     if evidence is None:
@@ -137,15 +137,15 @@ def unpacked(text: str) -> tuple[OffsetEvidence | None, Samples]:
 
 @dataclass(frozen=True)
 class Sorted:
-    """Which logs are to be processed, and what becomes of the results that are there."""
+    """The logs to process, and the results to keep."""
 
-    new: dict[str, Path]  # To be processed, by their paths below the root
-    kept: list[Result]  # Those of logs that are gone are marked
-    news: tuple[str, ...]  # One sentence on each kind of change
+    new: dict[str, Path]  # Logs to process, by their paths below the root
+    kept: list[Result]  # Results to keep; a result whose log is gone is marked
+    news: tuple[str, ...]  # One sentence for each kind of change
 
 
 def read_results(folder: Path) -> list[Result]:
-    """Read what the results in a folder state, in the order of their names."""
+    """Read the statements of the results in a folder, in the order of their names."""
     found = (read_result(path) for path in sorted(folder.glob("*.parquet")))
     return [each for each in found if each is not None]
 
@@ -158,19 +158,19 @@ def sort_logs(
     depends_on: Mapping[str, str],
     now_s: float | None = None,
 ) -> Sorted:
-    """Decide which of the logs are new, and which results stay.
+    """Decide which logs are new, and which results to keep.
 
-    A log stays if all of its results are there, made from the same bytes under the same name, with the same cylinder,
-    mapping, model and code. Every other log is new. The other logs of its session are processed again with it: a
-    session's offset and load are identified together. A log that is gone keeps its results.
+    A log is not new if all its results exist and were made from the same bytes under the same name, with the same
+    cylinder, mapping, model and code. Every other log is new. All logs of its session are then processed again, because
+    their offset and load are identified together. The results of a log that is gone are kept.
 
     Args:
         logs: All logs of this run.
-        digests: SHA-256 of each.
-        folder: Where the results lie.
-        results: What they state.
-        depends_on: SHA-256 of what results depend on beside the logs.
-        now_s: The time [s]; None: that of this machine's clock.
+        digests: SHA-256 of each log.
+        folder: The folder of results.
+        results: The statements of its results.
+        depends_on: SHA-256 of each thing besides the logs that results depend on.
+        now_s: The present time [s]; None reads this machine's clock.
     """
     of_file: defaultdict[str, list[Result]] = defaultdict(list)
     for each in results:
@@ -214,7 +214,7 @@ def sort_logs(
 
 
 def _all_there(results: Iterable[Result], digest: str, folder: Path) -> bool:
-    """Return whether these are all results of a log with this SHA-256."""
+    """Check whether ``results`` are all results of a log with this SHA-256."""
     own = list(results)
     alike = all(each.entry.source_sha256 == digest and each.of_file == len(own) for each in own)
     return bool(own) and alike and all((folder / name).is_file() for each in own for name in each.beside)

@@ -1,4 +1,4 @@
-"""What became of logs: of each recording, of each refused file, and of all of them."""
+"""The outcome of a run on logs: one entry per recording and per refused file, and a summary."""
 
 import math
 from collections.abc import Mapping
@@ -14,7 +14,7 @@ from cylinder_friction.recordings.ingesting import Quarantined
 
 @dataclass(frozen=True)
 class FrictionOfRecording:
-    """What became of one recording; friction itself is in its file."""
+    """The summary of one recording; friction itself is in its file."""
 
     name: str
     source_file: str
@@ -22,25 +22,25 @@ class FrictionOfRecording:
     session: str
     rows: int
     duration_s: float
-    usable_percent: float  # Of the rows; not near end stops or edges, whose force balance is not friction alone
-    # Half of extending less retracting at equal positions [N]; None if the piston passed none both ways
+    usable_percent: float  # Share of rows whose force balance is friction alone, not near end stops or edges [%]
+    # Half of extending less retracting friction at equal positions [N]; None if no position was passed both ways
     friction_n: float | None
-    flags_percent: dict[str, float] | None  # Of the rows, by name of the estimator's flag; None without an estimator
-    load: str  # Which load was taken off, in words
-    # Why the estimates are not to be used as they are, and what else is unlike training; empty if nothing is
+    flags_percent: dict[str, float] | None  # Share of rows with each of the estimator's flags [%]; None without one
+    load: str  # The load that was subtracted, in words
+    # Why the estimates must not be used as they are, and what else is unlike training; empty if nothing is
     not_known: str
     unlike_training: str
-    load_left_n: float | None  # A load that friction still holds, about [N]; None if nothing hints at one
-    repairs: tuple[str, ...]  # What reading had to repair
+    load_left_n: float | None  # Approximate load that friction still contains [N]; None if there is no sign of one
+    repairs: tuple[str, ...]  # Repairs made while reading, one sentence each
     condition: str = ""
     asset: str = ""  # The machine, if it is stated
-    # When its first sample was taken, as in ``RecordingMetadata``, and what states that; empty if nothing does
+    # When its first sample was taken, as in ``RecordingMetadata``, and the source of that time; empty if not known
     start: str = ""
     start_source: str = ""
     # Serial number and day of calibration of the sensor behind a column, if they are stated
     sensors: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
     levels: tuple[FrictionLevel, ...] = ()  # Friction of steady sliding at each level of pressure and speed
-    gone: str = ""  # That its file was not among the logs of the last run, in words; empty if it was
+    gone: str = ""  # A sentence if its file was not among the logs of the last run; else empty
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible values."""
@@ -49,20 +49,20 @@ class FrictionOfRecording:
 
 @dataclass(frozen=True)
 class FrictionOfLogs:
-    """What became of the logs."""
+    """The outcome of a run on logs."""
 
-    folder: Path  # Where the files lie
-    bounds: str  # What ``lower_n`` and ``upper_n`` are
+    folder: Path  # Folder of the files
+    bounds: str  # Meaning of ``lower_n`` and ``upper_n``
     recordings: list[FrictionOfRecording] = field(default_factory=list)
     refused: list[Quarantined] = field(default_factory=list)
     offsets: list[KnownOffset] = field(default_factory=list)
-    new: tuple[str, ...] = ()  # Names of the recordings that this call processed; the others are of earlier ones
-    news: tuple[str, ...] = ()  # What is new, gone or left for the next run, if an earlier one was continued
-    # By what the results depend on beside the logs (cylinder, mapping, model, version of the code): its SHA-256
+    new: tuple[str, ...] = ()  # Names of the recordings that this call processed; earlier calls processed the others
+    news: tuple[str, ...] = ()  # What is new, gone or left for the next run, if the folder has results of earlier runs
+    # SHA-256 of each thing besides the logs that results depend on: cylinder, mapping, model, version of the code
     depends_on: Mapping[str, str] = field(default_factory=dict)
-    # From which file channels and units were guessed, and each column's with its reasons; None with a mapping
+    # The file from which channels and units were guessed, and each guess with its reasons; None with a mapping
     guessed: dict[str, Any] | None = None
-    loss: str = ""  # What looks like a loss between sensors and cylinder, in words; empty if nothing does
+    loss: str = ""  # An apparent loss between sensors and cylinder, in words; empty if there is none
 
     @property
     def levels(self) -> dict[str, tuple[FrictionLevel, ...]]:
@@ -71,11 +71,11 @@ class FrictionOfLogs:
 
     @cached_property
     def differences(self) -> tuple[RecordingDifference, ...]:
-        """By how much recordings differ from each other, and what is left of it at equal pressures and speed."""
+        """Differences in friction between recordings, as they are and at equal pressures and speed."""
         return differences(self.levels)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content as JSON-compatible values; what is not known is None."""
+        """Return the content as JSON-compatible values; unknown values are None."""
         return {
             "folder": self.folder.as_posix(),
             "bounds": self.bounds,
@@ -92,7 +92,7 @@ class FrictionOfLogs:
 
 
 def remarks(each: FrictionOfRecording) -> list[str]:
-    """List what is worth knowing of a recording beside its numbers."""
+    """List remarks on a recording besides its numbers."""
     flags = [f"{share:.1f} % {name}" for name, share in (each.flags_percent or {}).items()]
     left = load_left(each)
     gone = [each.gone] if each.gone else []
@@ -109,7 +109,7 @@ def remarks(each: FrictionOfRecording) -> list[str]:
 
 
 def load_left(each: FrictionOfRecording) -> str:
-    """Return what load friction still holds, and what to do; empty if nothing hints at one."""
+    """State the load that friction still contains, and what to do; empty if there is no sign of one."""
     if each.load_left_n is None:
         return ""
     remedy = "map a load cell, use --load position, zero the sensors, or state a second rod (rod_diameter_1_m)"
@@ -117,7 +117,7 @@ def load_left(each: FrictionOfRecording) -> str:
 
 
 def table_rows(result: FrictionOfLogs) -> list[tuple[str, str, float | None, str, str]]:
-    """Return name, start, friction [N], usable share and remarks of every recording and refused file."""
+    """List name, start, friction [N], usable share and remarks of every recording and refused file."""
     rows = [
         (each.name, each.start, each.friction_n, f"{each.usable_percent:.0f}", "; ".join(remarks(each)))
         for each in result.recordings
@@ -126,5 +126,5 @@ def table_rows(result: FrictionOfLogs) -> list[tuple[str, str, float | None, str
 
 
 def known_number(value: Any) -> Any:
-    """Return None for a number that is not known."""
+    """Replace a number that is not known by None."""
     return None if isinstance(value, float) and not math.isfinite(value) else value

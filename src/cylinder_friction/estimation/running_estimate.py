@@ -1,4 +1,4 @@
-"""A saved model's real-time step over a recording, beside its label."""
+"""Run a saved model's real-time step over a labelled recording."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ if TYPE_CHECKING:
     from cylinder_friction.realtime.model import Bounds
 
 OFTEN_MISSED = 3.0
-"""Bounds that miss the label this many times as often as they may are named."""
+"""Bounds are reported if they miss the label this many times as often as stated."""
 
 
 def label_missed(recording: Recording, bounds: Bounds) -> str:
-    """State how seldom bounds hold the label of a recording; empty if they hold it about as often as stated.
+    """State how rarely bounds contain a recording's label; empty if they contain it about as often as stated.
 
-    Rows count as ``bounds_count`` states.
+    ``bounds_count`` selects the rows.
     """
     label_n = recording.column("label_n")
     held = (recording.column("lower_n") <= label_n) & (label_n <= recording.column("upper_n"))
@@ -34,7 +34,7 @@ def label_missed(recording: Recording, bounds: Bounds) -> str:
 
 
 def estimated(labelled: Recording, estimator: FrictionEstimator) -> Recording:
-    """Run an estimator's real-time step over a recording; add friction, bounds and flags, the label beside them.
+    """Run an estimator's real-time step over a recording; add friction, bounds and flags, and keep the label.
 
     Rows before the first valid sample have no estimate: their friction is NaN, and they are not usable.
     """

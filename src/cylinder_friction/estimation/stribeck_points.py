@@ -1,4 +1,4 @@
-"""Points of the Stribeck curve with confidence intervals that know that the rows of one stroke are not independent."""
+"""Points of the Stribeck curve, with confidence intervals for rows that are not independent within a stroke."""
 
 import math
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.motion import steady_rows
 
 SLOW_PARAMETERS = ("static_n", "stribeck_velocity_m_s", "stribeck_exponent")
-"""What only slow sliding determines."""
+"""Parameters that only slow sliding determines."""
 LEAST_RISE = 0.05
 """Friction rises towards standstill if the slowest sliding exceeds Coulomb friction by this share of it."""
 STEADY_VARIATION = 0.4
@@ -33,14 +33,14 @@ class IdentifiedCurve:
     """Points of steady sliding in one condition, and the curve through them."""
 
     condition: str
-    recordings: tuple[str, ...]  # Names
+    recordings: tuple[str, ...]  # Names of the recordings
     points: tuple[StribeckPoint, ...]
-    curve: StribeckCurve | None  # None if the points do not determine one, and ``why_not`` states why
-    why_not: str
-    no_viscous: str = ""  # Why viscous friction is not known; empty if nothing speaks against it
+    curve: StribeckCurve | None  # None if the points do not determine a curve
+    why_not: str  # Why there is no curve
+    no_viscous: str = ""  # Why viscous friction is not known; empty if it is
 
     def with_loss(self, loss: ApparentLoss) -> Self:
-        """Return the points and the curve as far as they are known while a loss between sensors and cylinder is not."""
+        """Widen the points by an unstated loss between sensors and cylinder, which also hides viscous friction."""
         points = [
             replace(each, half_width_n=each.half_width_n + float(loss.most_n(np.array(each.velocity_m_s))))
             for each in self.points
@@ -49,7 +49,7 @@ class IdentifiedCurve:
 
     @property
     def why_not_slow(self) -> str:
-        """Why ``SLOW_PARAMETERS`` of the curve are not determined; empty if they are."""
+        """Reason why the curve's ``SLOW_PARAMETERS`` are not determined; empty if they are."""
         assert self.curve is not None
         exponent = self.curve.stribeck_exponent
         if min(exponent - STRIBECK_EXPONENT.lower, STRIBECK_EXPONENT.upper - exponent) < _AT_THE_LIMIT:
@@ -57,7 +57,7 @@ class IdentifiedCurve:
         return no_rise_seen(self.curve, self.points)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return the content as JSON-compatible values; what is not known is None."""
+        """Return the content as JSON-compatible values; unknown values are None."""
         points = [{**asdict(point), "half_width_n": point.known_half_width_n} for point in self.points]
         content: dict[str, Any] = {"recordings": list(self.recordings), "points": points}
         if self.curve is None:
@@ -71,7 +71,7 @@ class IdentifiedCurve:
 
 
 def no_rise_seen(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> str:
-    """Return why steady sliding does not determine how friction rises towards standstill, empty if it does."""
+    """State why steady sliding does not show how friction rises towards standstill; empty if it does."""
     slowest_m_s = min(abs(point.velocity_m_s) for point in points)
     rise = float(curve.dry_friction(np.array([slowest_m_s]))[0]) / curve.coulomb_n - 1.0
     if is_breakaway_known(curve, points) and rise >= LEAST_RISE:
@@ -85,13 +85,13 @@ def no_rise_seen(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> str:
 def stribeck_points(
     recordings: Sequence[Recording], slowest_m_s: float, confidence: float, zeros_n: float = 0.0
 ) -> tuple[StribeckPoint, ...]:
-    """Return points with intervals, slowest retraction to fastest extension; starts and stops make none.
+    """Compute points with intervals, in the order of velocity. Starts and stops of strokes are not used.
 
     Args:
-        recordings: With ``velocity_m_s``, ``friction_n`` and ``usable``.
-        slowest_m_s: Slower is standstill [m/s].
+        recordings: Recordings with ``velocity_m_s``, ``friction_n`` and ``usable``.
+        slowest_m_s: Speed below which the piston counts as at rest [m/s].
         confidence: Probability of each interval.
-        zeros_n: By how much zeros of the sensors may shift all points [N]; part of each interval.
+        zeros_n: How far the sensors' zeros may shift all points [N]; part of each interval.
     """
     steady = []
     for each in recordings:

@@ -1,4 +1,4 @@
-"""Velocities without delay that friction models are identified with, and how much parameters depend on the choice."""
+"""Candidate velocities without delay for identifying friction models, and how parameters depend on the choice."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -15,30 +15,29 @@ from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.causal_velocity import CausalVelocity
 
 WINDOWS_S = (0.035, 0.055, 0.075, 0.105)
-"""Over which the slope of the position is taken; noise and lag of the position decide which fits friction best."""
+"""Windows for the slope of the position [s]. Noise and lag of the position decide which one fits friction best."""
 NOISE_MULTIPLE = 4.0
-"""Velocity below this many standard deviations of its noise is standstill."""
+"""The piston counts as at rest below this many standard deviations of the velocity's noise."""
 BACKLASH_MULTIPLE = 8.0
 """Half-width of the backlash, in standard deviations of the mean position over the window."""
 FITS_ALIKE = 0.01
-"""A velocity fits alike if its error exceeds the least by at most this share of mean |friction|."""
+"""A velocity fits as well as the best one if its error is greater by at most this share of mean |friction|."""
 LEAST_SHARE = 0.02
-"""Least half-width of an interval, over the value: as much as smoothing of label and velocity bends it if noise is
-small."""
+"""Least half-width of an interval, as a share of the value: the bias by smoothing of label and velocity."""
 EVALUATIONS = 400
 STEADY = {"coulomb_n", "viscous_n_s_m", "retract_ratio"}
-"""Parameters that steady sliding determines too."""
+"""Parameters that steady sliding also determines."""
 
 
 def slope(window: int, backlash_m: float, dead_band_m_s: float) -> Callable[[Recording], Array]:
-    """Return the slope of a line fitted around each sample, as a function from a recording to velocity [m/s].
+    """Make a function that computes velocity [m/s] as the slope of a line fitted around each sample.
 
-    It is the causal velocity of the same window, moved back by its delay of half the window.
+    It equals the causal velocity of the same window, shifted back by its delay of half the window.
 
     Args:
-        window: Samples, odd.
-        backlash_m: Velocity counts while the position pushes the edge of a gap this wide either way; 0: always [m].
-        dead_band_m_s: Slower is zero [m/s].
+        window: Number of samples, odd.
+        backlash_m: Half-width of the backlash operator, which gates the velocity [m]; 0 for none.
+        dead_band_m_s: Speed below which velocity is zero [m/s].
     """
 
     def velocity(recording: Recording) -> Array:
@@ -51,17 +50,17 @@ def slope(window: int, backlash_m: float, dead_band_m_s: float) -> Callable[[Rec
 
 
 def slope_noise(window: int, noise_m: float, sample_time_s: float) -> float:
-    """Return the standard deviation that white noise of the position [m] leaves in its slope over a window [m/s]."""
+    """Return the standard deviation of the slope over a window [m/s] caused by white noise of the position [m]."""
     return noise_m / sample_time_s * math.sqrt(12.0 / (window * (window**2 - 1)))
 
 
 def odd_window(duration_s: float, sample_time_s: float) -> int:
-    """Return a duration in samples, odd and at least 3."""
+    """Convert a duration to a number of samples, odd and at least 3."""
     return max(3, 2 * round((duration_s / sample_time_s - 1.0) / 2.0) + 1)
 
 
 def velocities_on_offer(noise_m: float, sample_time_s: float) -> dict[str, Callable[[Recording], Array]]:
-    """Return candidates by what they are in words: each window with a dead band and with a backlash.
+    """List candidates by their descriptions: each window once with a dead band and once with a backlash.
 
     Args:
         noise_m: Standard deviation of the position's noise [m].
@@ -87,12 +86,12 @@ def widened_intervals(
     mass_kg: float,
     damping_ratio: float,
 ) -> dict[str, tuple[float, float]]:
-    """Widen the intervals of a result to hold what steady sliding and every velocity that fits alike give, and 2 %.
+    """Widen intervals to contain the results of steady sliding and of all equally good velocities, and by 2 % at least.
 
-    A filter and a gate at standstill bend what is identified by more than noise scatters it, bristle stiffness above
-    all. So a local search starts from the best parameters with each velocity. A friction that follows another law has
-    other best parameters over all rows than over steady sliding: the truth may be either, each as uncertain as found.
-    With dry friction that grows with pressure steady sliding alone shows other quantities. Arguments: see ``identify``.
+    A filter and a gate at standstill bias parameters, bristle stiffness above all, by more than noise scatters them. A
+    local search therefore starts from the best parameters with each velocity. If friction follows another law, all rows
+    and steady sliding give different parameters; the interval contains both results with their uncertainties. With dry
+    friction that grows with pressure, steady sliding shows other quantities. Arguments: see ``identify``.
     """
     values = {name: found.parameters.value(name) for name in found.intervals}
     intervals = {
@@ -123,13 +122,13 @@ def widened_intervals(
 def shifted_intervals(
     found: Identification, intervals: Mapping[str, tuple[float, float]], zeros_n: float
 ) -> dict[str, tuple[float, float]]:
-    """Return intervals widened by how far zeros of the sensors may shift friction.
+    """Widen intervals by the largest shift of friction that the sensors' zeros may cause.
 
-    A shift of both directions adds to dry friction while extending, and is taken from it while retracting.
+    A shift adds to dry friction while extending, and subtracts from it while retracting.
 
     Args:
-        found: What was identified.
-        intervals: By parameter.
+        found: The result of the identification.
+        intervals: Interval of each parameter.
         zeros_n: Greatest shift [N].
     """
     shifts = {"coulomb_n": zeros_n, "static_n": zeros_n}

@@ -10,25 +10,25 @@ LOAD_FORCE = "load_force_n"  # Positive when it resists extension [N]
 OIL_TEMPERATURE = "oil_temperature_c"
 REFERENCE_C = 40.0  # Oil temperatures that explain friction count from here [°C]
 OTHER_POSITIONS = ("other_position_1_m", "other_position_2_m")
-"""Positions of other cylinders, on which the load may depend as well [m]."""
+"""Positions of other cylinders [m], on which the load may also depend."""
 DRIVE_FORCE = "drive_force_n"
-"""Force on the piston or rod, measured directly (load cell, motor current): stands in for P1·A1 - P2·A2 if a
-cylinder has no pressure sensors. Positive when it pushes towards extension [N]."""
+"""Force on the piston or rod from a load cell or motor current [N], positive towards extension. It replaces
+P1·A1 - P2·A2 if a cylinder has no pressure sensors."""
 
 UNCERTAINTY_COLUMN = "friction_uncertainty_n"
-"""Expanded uncertainty of a friction label: ``COVERAGE_FACTOR`` standard ones [N]."""
+"""Expanded uncertainty of a friction label [N]: ``COVERAGE_FACTOR`` times the standard uncertainty."""
 COVERAGE_FACTOR = 2.0
-"""From standard to expanded uncertainty, for a level of confidence of about 95 % (JCGM 100:2008, 6.3.3)."""
+"""Ratio of expanded to standard uncertainty, for a confidence level of about 95 % (JCGM 100:2008, 6.3.3)."""
 
 ALL_CONDITIONS = "all"
-"""Beside the names of operating conditions: all of them together."""
+"""Name that stands for all operating conditions together."""
 
 PRESSURES = (PRESSURE_1, PRESSURE_2)
 SAMPLE_COLUMNS = (*PRESSURES, POSITION)
 """The raw sample that every estimator sees, in this order: piston side, rod side, position."""
 
 REQUIRED_COLUMNS = (TIME, *SAMPLE_COLUMNS)
-"""Of a hydraulic recording; a recording with ``drive_force_n`` needs time and position only."""
+"""Columns that a hydraulic recording needs. A recording with ``drive_force_n`` needs only time and position."""
 
 QUANTITIES = {
     TIME: "time",
@@ -40,14 +40,14 @@ QUANTITIES = {
     OIL_TEMPERATURE: "temperature",
     **dict.fromkeys(OTHER_POSITIONS, "length"),
 }
-"""What each measured column holds; its unit is the SI unit of that quantity, temperatures in °C."""
+"""Quantity of each measured column. Its unit is the SI unit of the quantity; temperatures are in °C."""
 
 
 _SHOWN_IN = {"pa": ("bar", 1e-5), "m": ("mm", 1e3), "n": ("N", 1.0), "c": ("°C", 1.0)}
 
 
 def in_shown_unit(column: str, lowest: float, highest: float) -> tuple[str, str, str, str]:
-    """Return what a column is, the unit that people read, and two of its values in that unit, to four digits.
+    """Return a column's description, its display unit, and two of its values in that unit, to four digits.
 
     Example:
         >>> from cylinder_friction.recordings.columns import in_shown_unit
@@ -60,7 +60,7 @@ def in_shown_unit(column: str, lowest: float, highest: float) -> tuple[str, str,
 
 
 def missing_columns(columns: Collection[str]) -> list[str]:
-    """Return which required columns are missing; a drive force stands in for both pressures.
+    """List the required columns that are missing; a drive force replaces both pressures.
 
     Example:
         >>> from cylinder_friction.recordings.columns import missing_columns
@@ -74,7 +74,7 @@ def missing_columns(columns: Collection[str]) -> list[str]:
 
 
 def missing_column(columns: Collection[str]) -> str:
-    """Return a sentence on the first required column that a table lacks; empty if it has all."""
+    """Write a sentence on the first required column that a table lacks; empty if it has all."""
     missing = missing_columns(columns)
     expected = f"{list(REQUIRED_COLUMNS)} (or {TIME}, {POSITION} and {DRIVE_FORCE})"
     got = f"got columns {list(columns)}, expected at least {expected}"

@@ -1,6 +1,6 @@
-"""From one logger file to recordings: read, map, screen, align, check.
+"""Convert one logger file to recordings: read, map, screen, align and check it.
 
-A log too long for memory is cut into parts of some minutes; each part is read as a log of its own.
+A log that is too long for memory is cut into parts of some minutes. Each part is read as a separate log.
 """
 
 from __future__ import annotations
@@ -47,17 +47,17 @@ from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
 ROWS_AT_ONCE = 1 << 18
-"""A longer log is cut into parts of about this many rows: 22 minutes at 200 Hz, 4 minutes at 1 kHz."""
+"""Approximate number of rows of the parts of a long log: 22 minutes at 200 Hz, 4 minutes at 1 kHz."""
 LEAST_SHARE = 0.5
-"""A last part shorter than this share of the part before it is joined to it."""
+"""Least length of a last part, as a share of the part before it; a shorter one is joined to that part."""
 
 
 @dataclass(frozen=True)
 class Recipe:
-    """How a logger's file becomes recordings.
+    """Settings for converting a logger's files to recordings.
 
-    ``channels`` are by column, ``cylinder`` is its name, ``file_format`` is one of ``formats.reading.SETTINGS``, or
-    ``auto``, which looks into the file.
+    ``channels`` maps columns to channels. ``cylinder`` is the cylinder's name. ``file_format`` is one of
+    ``formats.reading.SETTINGS``, or ``auto``, which detects the format from the content.
     """
 
     names: NameRules
@@ -68,17 +68,17 @@ class Recipe:
     csv: CsvOptions = field(default_factory=CsvOptions)
     time: TimeRules = field(default_factory=TimeRules)
     start: StartRules = field(default_factory=StartRules)
-    asset: str = ""  # The machine, if the files' names do not state it
-    database: Path | None = None  # Of a bus (DBC), which files of its frames are decoded with
+    asset: str = ""  # Name of the machine, if the files' names do not state it
+    database: Path | None = None  # DBC file of the bus, for files that contain CAN frames
 
     @classmethod
     def from_settings(
         cls, settings: Mapping[str, Any], names: NameRules, cylinder: Cylinder, load: LoadMode | StatedLoad
     ) -> Recipe:
-        """Make the recipe of an ingest configuration, ``conf/ingest/*.yaml`` as nested dictionaries.
+        """Make the recipe from an ingest configuration (``conf/ingest/*.yaml`` as nested dictionaries).
 
-        ``settings`` holds ``channels``, and if they differ from the defaults ``format``, ``csv``, ``time``, ``start``,
-        ``asset``, ``database`` and ``checks``. Recordings are checked against the cylinder's stroke and areas.
+        ``settings`` contains ``channels``. The keys ``format``, ``csv``, ``time``, ``start``, ``asset``, ``database``
+        and ``checks`` are optional. Recordings are checked against the cylinder's stroke and areas.
         """
         if settings.get("zero", {}).get("method", "none") != "none":
             raise RecordingError(
@@ -112,9 +112,9 @@ class Recipe:
 
 
 def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> list[LoggedTable]:
-    """Read a file's tables with the mapped channels, its only table of more than ``rows`` rows in parts of this size.
+    """Read a file's tables with the mapped channels. A single table of more than ``rows`` rows is read in parts.
 
-    With a stated rate, channels that are named time are read too: they must not contradict that rate.
+    If a rate is stated, channels named time are also read, to check that they do not contradict it.
     """
     read = partial(read_logged_file, path, recipe.file_format, recipe.csv, database=recipe.database, rows=rows)
     wanted = wanted_channels(recipe.channels)
@@ -125,7 +125,7 @@ def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> list[Log
 
 
 def metadata_of(names: PathNames, source_file: str, digest: str, recipe: Recipe) -> RecordingMetadata:
-    """Collect what the recordings of a file have in common; a sample time and a start are each one's own."""
+    """Collect the metadata that a file's recordings share; each has its own sample time and start."""
     stated = recipe.limits.stated_load
     areas_m2 = dict(zip(PRESSURES, recipe.limits.areas_m2 or (0.0, 0.0), strict=True))
     sensors = {column: each.sensor for column, each in recipe.channels.items() if each.sensor is not None}
@@ -158,11 +158,10 @@ def pieces_from(
     screened: bool = True,
     rows_before: int = 0,
 ) -> list[Recording]:
-    """Map, screen and align tables to their unbroken stretches, in SI units at a constant rate, yet to be ``checked``.
+    """Map, screen and align tables. Return unbroken pieces in SI units at a constant rate, which are not checked yet.
 
-    If not ``screened``, bad samples stay where they are, to be looked at, and only repairs of time are stated.
-    ``rows_before`` counts the rows of the file above the tables, if they are a part of it. A clock that is a stated
-    rate runs on from there.
+    Without ``screened``, bad samples are kept for inspection, and only repairs of time are reported. If the tables are
+    a part of a file, ``rows_before`` counts the rows above them; a clock made from a stated rate continues from there.
     """
     mapped = map_signals(tables, recipe.channels)
     signals, notes = mapped.signals, tuple[str, ...]()
@@ -187,12 +186,12 @@ def pieces_from(
 def pieces_of_tables(
     tables: Sequence[LoggedTable], recipe: Recipe, about: RecordingMetadata
 ) -> Iterator[tuple[Recording | RecordingError, str]]:
-    """Yield the pieces of a file in order, and which of several each is; memory holds one part of a long file.
+    """Yield the pieces of a file in order, each with its number among several; memory holds one part of a long file.
 
-    A part of a long file that gives no piece yields its error.
+    A part of a long file without a piece yields its error.
 
     Raises:
-        RecordingError: The file cannot be read, or a file that is not long gives no piece.
+        RecordingError: The file cannot be read, or a file that is not read in parts has no piece.
     """
     if tables[0].more is None:
         pieces = pieces_from(tables, recipe, about)
@@ -211,8 +210,8 @@ def pieces_of_tables(
         for each in found:
             number += 1
             if isinstance(each, Recording):
-                rules = replace(rules, rate_hz=rules.rate_hz or 1.0 / each.sample_time_s)  # the first part's for all
-                restarted |= each.metadata.start < last  # A start that goes back is one of a clock that restarted
+                rules = replace(rules, rate_hz=rules.rate_hz or 1.0 / each.sample_time_s)  # the first part sets it
+                restarted |= each.metadata.start < last  # an earlier start shows a restarted clock
                 last = each.metadata.start
                 each = each.described(name=f"{about.name}_part{number:0{width}d}")
                 each = each.described(start="", start_source="") if restarted else each
@@ -229,7 +228,7 @@ def _without_short_end(parts: Iterator[LoggedTable]) -> Iterator[LoggedTable]:
             if held is not None:
                 yield held
             held = part
-    except RecordingError:  # below a part that is whole
+    except RecordingError:  # the part before this one is complete
         if held is not None:
             yield held
         raise
@@ -238,6 +237,6 @@ def _without_short_end(parts: Iterator[LoggedTable]) -> Iterator[LoggedTable]:
 
 
 def checked(piece: Recording, recipe: Recipe) -> Recording:
-    """Check a piece. The first check that it does not pass raises ``RecordingError``."""
+    """Check a piece. The first check that fails raises ``RecordingError``."""
     findings = inspect_recording(piece.columns, recipe.limits, piece.sample_time_s)
     return checked_recording(piece.metadata, piece.columns, findings)

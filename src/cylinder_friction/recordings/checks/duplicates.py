@@ -1,6 +1,6 @@
-"""Copies of a recording, which would count twice, and recordings of one session that overlap in time.
+"""Find copies of a recording, which would count twice, and recordings of one session that overlap in time.
 
-A copy has the same bytes, or the same samples in another file or format. Anything less exact is not searched for.
+A copy has the same bytes, or the same samples in another file or format. Only exact copies are searched for.
 """
 
 import hashlib
@@ -12,15 +12,15 @@ from cylinder_friction.recordings.columns import DRIVE_FORCE, SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Columns, RecordingError, RecordingMetadata
 
 RESOLUTION = {"position_m": 1e-9, DRIVE_FORCE: 1e-6}
-"""Samples that differ by less are the same, read in another unit or format [m, N]; pressures: 1e-3 Pa."""
+"""Largest difference of samples that count as equal, because units or formats differ [m, N]; pressures: 1e-3 Pa."""
 OVERLAP_S = 2.0
-"""Shortest overlap that is named [s]: starts are rounded."""
-MOST_NAMED = 3  # Pairs that a sentence names at most
+"""Shortest overlap that is reported [s], because starts are rounded."""
+MOST_NAMED = 3  # Most pairs that a sentence names
 
 
 @dataclass(frozen=True)
 class Samples:
-    """What identifies a recording: its samples, and when it was made."""
+    """The identity of a recording: a hash of its samples, and its time."""
 
     values: str  # SHA-256 of its samples
     session: str
@@ -29,7 +29,7 @@ class Samples:
 
     @classmethod
     def of(cls, metadata: RecordingMetadata, columns: Columns) -> "Samples":
-        """Hash a recording's columns as logged; a zero that is taken off later may differ from run to run."""
+        """Hash a recording's columns as logged, because a zero that is subtracted may differ from run to run."""
         digest = hashlib.sha256()
         for name in (*SAMPLE_COLUMNS, DRIVE_FORCE):
             if name in columns:
@@ -40,12 +40,12 @@ class Samples:
 
 @dataclass
 class SeenRecordings:
-    """Recordings of a run, and of earlier runs."""
+    """Recordings of this run and of earlier runs."""
 
-    files: dict[str, str] = field(default_factory=dict)  # The file of each, by its name
-    digests: dict[str, str] = field(default_factory=dict)  # The file of each SHA-256
-    samples: dict[str, Samples] = field(default_factory=dict)  # By its name
-    names: dict[str, str] = field(default_factory=dict)  # Of the recording with these samples, by their SHA-256
+    files: dict[str, str] = field(default_factory=dict)  # File by name of its recording
+    digests: dict[str, str] = field(default_factory=dict)  # File by SHA-256 of its bytes
+    samples: dict[str, Samples] = field(default_factory=dict)  # Samples by name of the recording
+    names: dict[str, str] = field(default_factory=dict)  # Name of the recording by SHA-256 of its samples
 
     def remember(self, name: str, file: str, digest: str, samples: Samples) -> None:
         """Remember a recording of an earlier run, its file and the file's SHA-256."""
@@ -67,7 +67,7 @@ class SeenRecordings:
         """Return a sentence on recordings of one session that overlap in time; empty if none do."""
         sessions: dict[tuple[str, bool], list[tuple[float, float, str]]] = {}
         for name, each in self.samples.items():
-            if "T" in each.start:  # a day alone places nothing
+            if "T" in each.start:  # a day without a time shows no overlap
                 utc = each.start.endswith("Z")
                 begin_s = float(np.datetime64(each.start.rstrip("Z"), "ms").astype(np.int64)) * 1e-3
                 sessions.setdefault((each.session, utc), []).append((begin_s, begin_s + each.duration_s, name))

@@ -1,4 +1,4 @@
-"""What is plausible for a cylinder, in numbers, and what a check of a recording finds."""
+"""Limits of what is plausible for a cylinder, and the findings of a recording's checks."""
 
 import math
 from collections.abc import Mapping
@@ -9,22 +9,22 @@ from cylinder_friction.recordings.recording import expect
 from cylinder_friction.recordings.stated_load import StatedLoad
 
 LoadMode = Literal["none", "measured", "position"]
-"""What the cylinder carries: nothing, what ``load_force_n`` measures, or a load that position decides."""
+"""Load of the cylinder: none, measured as ``load_force_n``, or a function of position."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class CheckRules:
-    """What is plausible for any cylinder."""
+    """Limits for any cylinder."""
 
-    minimum_duration_s: float = 5.0  # A shorter recording is refused [s]
-    # A slower one is refused: velocity and its reversals come out of the filters too late [Hz]
+    minimum_duration_s: float = 5.0  # Shortest recording that is accepted [s]
+    # Lowest sample rate that is accepted [Hz]. At a lower one, filters delay velocity and its reversals too much
     minimum_rate_hz: float = 50.0
-    # Beyond any hydraulic cylinder; better that of the cylinder, 1.5 times its rated pressure: nothing else shows for
-    # sure that bar were read as MPa [Pa]
+    # Highest credible pressure [Pa]. The default suits any hydraulic cylinder; better is 1.5 times the rated pressure,
+    # because only this limit shows for sure that bar were read as MPa
     highest_pressure_pa: float = 7e7
-    # The higher of the two pressures gets above this once in a recording. To be lowered for pneumatics [Pa].
+    # Pressure that the higher of the two must exceed once in a recording [Pa]; lower it for pneumatics
     least_peak_pressure_pa: float = 2e5
-    least_travel: float = 0.01  # Less motion than this share of the stroke is none
+    least_travel: float = 0.01  # Least travel of a recording, as a share of the stroke
 
     def __post_init__(self) -> None:
         for name in ("minimum_duration_s", "minimum_rate_hz", "highest_pressure_pa"):
@@ -36,16 +36,16 @@ class CheckRules:
 
 @dataclass(frozen=True)
 class CheckLimits(CheckRules):
-    """What is plausible for one cylinder."""
+    """Limits for one cylinder."""
 
     stroke_m: float  # Length of travel [m]
-    # piston_area_m2, annulus_area_m2: A1 and A2; without them the force balance is not checked [m²]
+    # piston_area_m2, annulus_area_m2: A1 and A2 [m²]; without them the force balance is not checked
     piston_area_m2: float | None = None
     annulus_area_m2: float | None = None
-    load: LoadMode = "none"  # What the cylinder carries, see ``LoadMode``
-    steps: Mapping[str, float] = field(default_factory=dict)  # Of the converters behind columns, in the columns' units
-    rod_diameter_1_m: float = 0.0  # 0 without a rod on side 1
-    stated_load: StatedLoad | None = None  # A constant load in place of what a load cell would measure
+    load: LoadMode = "none"
+    steps: Mapping[str, float] = field(default_factory=dict)  # Converter step of each column, in the column's unit
+    rod_diameter_1_m: float = 0.0  # Diameter of the rod on side 1 [m]; 0 without one
+    stated_load: StatedLoad | None = None  # A constant load, used in place of a load cell
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -66,20 +66,20 @@ class CheckLimits(CheckRules):
 
 
 Outcome = Literal["ok", "noted", "repaired", "refused"]
-"""Nothing wrong; odd but usable; wrong and repaired; not usable."""
+"""``noted``: odd but usable; ``repaired``: wrong but repaired; ``refused``: not usable."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """What one check of a recording states."""
+    """The result of one check of a recording."""
 
     check: str  # Short and stable name of the check, for example ``pressure_stuck``
-    outcome: Outcome  # What follows from it
-    text: str  # One sentence with its numbers; if something is wrong, also what was expected and what to do
+    outcome: Outcome
+    text: str  # One sentence with numbers; if something is wrong, also what was expected and what to do
 
 
 def spoken(column: str, value: float) -> str:
-    """Return a value of a column as an engineer writes it: pressures in bar, the rest in the column's own unit."""
+    """Format a value of a column for people: pressures in bar, others in the column's own unit."""
     if column.endswith("_pa"):
         return f"{value / 1e5:.4g} bar"
     unit = {"_m": " m", "_n": " N", "_c": " °C"}.get(column[-2:], "")

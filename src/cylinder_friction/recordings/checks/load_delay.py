@@ -1,11 +1,11 @@
-"""How late a load cell is beside the pressures: the filter of its amplifier, or a logger of its own, holds it back.
+"""Estimate how late a load cell is compared with the pressures, by its amplifier's filter or its own logger.
 
-While the piston slides on in one direction, friction hardly changes, so that the drive force F changes with the load L
-at once:
+While the piston slides in one direction, friction hardly changes. The drive force F then changes at once with the
+load L:
 
     F(t) - F(t - w) = L(t + delay) - L(t + delay - w) + residual
 
-The delay is the one that leaves the least residual over all such rows, to a fraction of a sample.
+The delay with the least residual over all such rows is found to a fraction of a sample.
 """
 
 import math
@@ -16,26 +16,26 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.checks.limits import Finding
 
-WINDOW_S = 0.1  # Time over which changes are taken, w [s]
-LONGEST_S = 0.25  # Greatest delay, late or early, that is searched [s]
-CLEAR_SHARE = 0.1  # The load changes clearly if it changes by this share of its range within a window
-LEAST_S = 0.5  # Fewest rows with a clear change, as a duration [s]
-GREATEST_RESIDUAL = 0.5  # Share of the drive force's changes, as a variance, that the load may leave unexplained
-SURE = 3.0  # A delay is noted from this many standard errors on
-SHORTEST_S = 5e-3  # Shortest delay that is noted [s]
+WINDOW_S = 0.1  # Window over which changes are computed, w [s]
+LONGEST_S = 0.25  # Longest delay, late or early, that is searched for [s]
+CLEAR_SHARE = 0.1  # Least change of the load within a window that is used, as a share of the load's range
+LEAST_S = 0.5  # Least total duration of rows with such a change [s]
+GREATEST_RESIDUAL = 0.5  # Largest share of the variance of the drive force's changes that the load may not explain
+SURE = 3.0  # Least delay that is noted, in standard errors
+SHORTEST_S = 5e-3  # Least delay that is noted [s]
 
 
 def check_load_delay(
     drive_n: Array, load_n: Array, rows: NDArray[np.int64], direction: Array, sample_time_s: float
 ) -> list[Finding]:
-    """Return the finding ``load_delay`` if the load cell is clearly late or early.
+    """Note ``load_delay`` if the load cell is clearly late or early.
 
     Args:
-        drive_n: What drives the piston, shape ``(n,)`` [N].
-        load_n: What the load cell reads, shape ``(n,)`` [N].
-        rows: Indices of rows, evenly chosen, in which the piston clearly moves, shape ``(m,)``.
-        direction: 1 extending, -1 retracting, of each of these rows, shape ``(m,)``.
-        sample_time_s: Between two samples [s].
+        drive_n: Drive force on the piston, shape ``(n,)`` [N].
+        load_n: Reading of the load cell, shape ``(n,)`` [N].
+        rows: Indices of evenly chosen rows in which the piston clearly moves, shape ``(m,)``.
+        direction: 1 for extending and -1 for retracting in each of these rows, shape ``(m,)``.
+        sample_time_s: Time between two samples [s].
     """
     delay = _delay(drive_n, load_n, rows, direction, sample_time_s)
     if delay is None or abs(delay[0]) < max(SHORTEST_S, SURE * delay[1]):
@@ -53,13 +53,13 @@ def check_load_delay(
 def _delay(
     drive_n: Array, load_n: Array, rows: NDArray[np.int64], direction: Array, sample_time_s: float
 ) -> tuple[float, float] | None:
-    """Return how much later the load was logged than the pressures, and its standard error [s].
+    """Estimate how much later than the pressures the load was logged, and the standard error [s].
 
-    Rows within a window count as one. None if the load changes too little, or explains too little, to show a delay.
+    Rows within one window count as one. The result is None if the load changes or explains too little.
     """
     window, most = (max(1, round(time_s / sample_time_s)) for time_s in (WINDOW_S, LONGEST_S))
     stride = int(np.diff(rows).min()) if len(rows) > 1 else 1
-    # The rows before which the piston has moved in one direction for a whole window
+    # Select rows before which the piston has moved in one direction for a whole window
     began, place, turned = (
         np.searchsorted(rows, rows - window),
         np.arange(len(rows)),

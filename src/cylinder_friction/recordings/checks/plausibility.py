@@ -1,13 +1,13 @@
-"""Friction takes energy out of a motion. Signals in which it puts energy in are swapped, inverted or of a wrong sign.
+"""Check that friction opposes motion. If it drives the motion, signals are swapped, inverted or have a wrong sign.
 
-The drive force F = P1·A1 - P2·A2 less the load is regressed, over rows of clear and even motion, on the direction of
+Over rows of clear and even motion, the drive force F = P1·A1 - P2·A2 less the load is regressed on the direction of
 motion and a smooth function of position:
 
     F = b·sign(v) + a0 + a1·x + a2·x² + a3·x³
 
-b is half the difference between extension and retraction at equal position: friction, whatever constant offset the
-pressure sensors have and whatever load position alone decides. It must be positive. The residual shows whether the
-pressures stand at their sides: P1 and P2 rise and fall together, and only weighted with their own areas they cancel.
+b is half the difference between extension and retraction at equal positions. It is friction, which must be positive,
+free of constant sensor offsets and of a load that depends on position alone. The residual shows whether the pressures
+are swapped: P1 and P2 rise and fall together, and cancel only if each is weighted with its own area.
 """
 
 import math
@@ -22,19 +22,19 @@ from cylinder_friction.recordings.checks.limits import CheckLimits, Finding, Loa
 from cylinder_friction.recordings.checks.load_delay import check_load_delay
 from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, POSITION, PRESSURES
 
-HALF_WINDOW_S = 0.05  # Velocity is the difference over twice this time [s]
-ROWS = 5_000  # Rows used at most, spread evenly: more do not make the result more certain
-FEWEST_ROWS = 20  # Of clear motion in either direction
+HALF_WINDOW_S = 0.05  # Half the time over which velocity is computed as a difference [s]
+ROWS = 5_000  # Most rows used, evenly spread; more do not make the result more certain
+FEWEST_ROWS = 20  # Fewest rows of clear motion in each direction
 SURE = 3.0
-"""A mean differs from zero if it is this many standard errors away; strokes count as independent, rows do not."""
+"""A mean differs from zero if it is this many standard errors away. Strokes count as independent, rows do not."""
 BETTER = 2.0
-"""A hypothesis is preferred if its residual is below 1/2 of the other's, 1/3 if nothing else is against that."""
+"""Least ratio of residuals at which the hypothesis with the smaller one is preferred; 3 without further evidence."""
 LEAST_OVERLAP = 0.2
-"""Share of the variance of direction that position must leave unexplained; with less, the two are inseparable."""
+"""Least share of the variance of direction that position does not explain. Below it, the two are inseparable."""
 NEGLIGIBLE = 1e-14
-"""A combination of terms whose square sum is a smaller share of the largest one is not shown."""
+"""Least square sum of a combination of terms that rows determine, as a share of the largest one."""
 GREATEST_N_MM, HIGH_N_MM, LOW_N_MM = 100.0, 10.0, 0.2
-"""Friction per millimetre of seal, around piston and rod: beyond any seal; rare; only low-friction seals [N/mm]."""
+"""Friction per length of seal around piston and rod [N/mm]: above any seal's, rarely exceeded, low-friction seals."""
 
 
 @dataclass(frozen=True)
@@ -42,9 +42,9 @@ class Balance:
     """The force balance of one interpretation of the signals."""
 
     friction_n: float  # Half the difference between extension and retraction, b [N]
-    residual_n: float  # Root mean square of what neither b nor position explains [N]
+    residual_n: float  # Root mean square of the force that neither b nor position explains [N]
     extending_n: float  # Mean force against the motion while extending [N]
-    retracting_n: float  # The same while retracting [N]
+    retracting_n: float  # Mean force against the motion while retracting [N]
     sure_n: float  # Smallest size of ``friction_n`` that differs from zero [N]
 
     @property
@@ -68,15 +68,15 @@ class Balance:
 
 
 def check_friction(columns: Mapping[str, Array], sample_time_s: float, limits: CheckLimits) -> list[Finding]:
-    """Find in ``direction`` what is swapped or inverted, in ``friction_size`` a wrong unit, and a ``load_delay``.
+    """Check ``direction`` (swapped or inverted signals), ``friction_size`` (a wrong unit) and ``load_delay``.
 
-    Refuses only what is clear: friction that drives the motion, or signals that balance far better the other way round.
-    What could also be an unstated load or offset is noted.
+    A recording is refused only if friction clearly drives the motion, or if forces balance far better with signals
+    swapped or inverted. A finding that an unstated load or offset could explain is only noted.
 
     Args:
-        columns: Of a uniformly sampled recording in SI units, without NaN.
+        columns: Columns of a uniformly sampled recording in SI units, without NaN.
         sample_time_s: Its sample time [s].
-        limits: Of its cylinder, with its load and areas; without areas only a ``drive_force_n`` can be checked.
+        limits: Limits of its cylinder, with load and areas; without areas only a ``drive_force_n`` can be checked.
     """
     rows, direction = _clear_motion(columns[POSITION], sample_time_s, limits.stroke_m)
     shape = _position_terms(columns[POSITION][rows])
@@ -106,10 +106,10 @@ def check_friction(columns: Mapping[str, Array], sample_time_s: float, limits: C
 
 
 def _clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> tuple[NDArray[np.int64], Array]:
-    """Return the rows of clear motion, evenly chosen, shape ``(m,)``, and 1 if the piston extends there, else -1.
+    """Choose rows of clear motion evenly, shape ``(m,)``; return them and the direction: 1 extending, -1 retracting.
 
-    There the piston moves faster than a fifth of its usual top speed, at least 5 % of the stroke away from the end
-    stops, and its speed changes within a quarter of a second by less than the top speed.
+    In these rows, the piston is faster than a fifth of its usual top speed and at least 5 % of the stroke away from the
+    end stops. Its speed changes by less than the top speed within a quarter of a second.
     """
     half = max(1, round(HALF_WINDOW_S / sample_time_s))
     first, last, step = 2 * half, len(position_m) - 2 * half, max(1, len(position_m) // ROWS)
@@ -136,7 +136,7 @@ def _clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> t
 
 
 def _undecidable(columns: Mapping[str, Array], direction: Array, shape: Array, limits: CheckLimits) -> str:
-    """Return why the force balance cannot show the direction of friction; empty if it can."""
+    """State why the force balance cannot show the direction of friction; empty if it can."""
     if limits.areas_m2 is None and DRIVE_FORCE not in columns:
         return "the areas of the cylinder are not known"
     if limits.load == "measured" and LOAD_FORCE not in columns:
@@ -149,14 +149,14 @@ def _undecidable(columns: Mapping[str, Array], direction: Array, shape: Array, l
 
 
 def _factors(terms: Array, wanted: Array) -> Array:
-    """Solve the normal equations, with nothing of what rows do not show: many times as fast as an SVD of the rows."""
+    """Solve the normal equations without terms that rows do not determine; many times as fast as an SVD of the rows."""
     sizes, axes = np.linalg.eigh(terms.T @ terms)
     axes = axes[:, sizes > NEGLIGIBLE * sizes[-1]]
     return np.asarray(axes @ ((axes.T @ (terms.T @ wanted)).T / sizes[-axes.shape[1] :]).T)
 
 
 def _position_terms(position_m: Array) -> Array:
-    """Return the powers 0 to 3 of standardised positions, shape ``(n, 4)``."""
+    """Compute the powers 0 to 3 of standardised positions, shape ``(n, 4)``."""
     if not len(position_m):
         return np.empty((0, 4))
     scaled = (position_m - position_m.mean()) / max(float(np.std(position_m)), 1e-12)
@@ -177,7 +177,7 @@ def _balances(direction: Array, shape: Array, *forces: Array) -> list[Balance]:
 
 
 def _inverted_load(as_is: Balance, turned: Balance, load: LoadMode) -> list[Finding]:
-    """Return a refusal if the forces balance only with the load cell's sign reversed."""
+    """Refuse the recording if its forces balance only with the load cell's sign reversed."""
     opposes = as_is.weaker_n < -as_is.sure_n and turned.weaker_n > 0.5 * turned.friction_n
     better = opposes or as_is.residual_n > (BETTER + 1.0) * turned.residual_n
     if load != "measured" or not (turned.dissipates and better):
@@ -190,7 +190,7 @@ def _inverted_load(as_is: Balance, turned: Balance, load: LoadMode) -> list[Find
 
 
 def _direction(as_is: Balance, swapped: Balance, load: LoadMode) -> list[Finding]:
-    """Compare the four interpretations: as it is, pressures swapped, position inverted, both."""
+    """Compare four interpretations: signals as they are, pressures swapped, position inverted, or both."""
     clearly_wrong = as_is.drives or (load != "position" and as_is.weaker_n < -as_is.sure_n)
     ratio = as_is.residual_n / max(swapped.residual_n, 1e-12)
     if ratio > (BETTER if clearly_wrong else BETTER + 1.0) and (swapped.dissipates or swapped.drives):
@@ -214,7 +214,7 @@ def _direction(as_is: Balance, swapped: Balance, load: LoadMode) -> list[Finding
 
 
 def _opposing(as_is: Balance, load: LoadMode, remedy: str) -> list[Finding]:
-    """Refuse friction that drives the motion, with this ``remedy``; note what may be an unstated load."""
+    """Refuse friction that drives the motion, and advise the ``remedy``; note what may be an unstated load."""
     if as_is.drives:
         text = f"friction would drive the piston: {as_is.in_words()}; expected it to oppose the motion; {remedy}"
         return [Finding("direction", "refused", text)]
@@ -235,7 +235,7 @@ def _opposing(as_is: Balance, load: LoadMode, remedy: str) -> list[Finding]:
 
 
 def _second_rod(as_is: Balance, alike: Balance) -> str:
-    """Return the advice to state a second rod if equal areas explain what looks like a load; else nothing."""
+    """Advise to state a second rod if equal areas explain an apparent load; else empty."""
     if as_is.weaker_n > 0.0 or not 0.0 < 0.5 * alike.friction_n < alike.weaker_n:
         return ""
     return (
@@ -245,7 +245,7 @@ def _second_rod(as_is: Balance, alike: Balance) -> str:
 
 
 def _size(as_is: Balance, areas_m2: tuple[float, float], rod_1_m: float) -> list[Finding]:
-    """Relate friction to the length of seals that causes it: pressures in a wrong unit show here."""
+    """Relate friction to the length of the seals, which shows pressures in a wrong unit."""
     bore_m2 = areas_m2[0] + math.pi / 4.0 * rod_1_m**2
     bore_m, rod_m = (math.sqrt(4.0 * area / math.pi) for area in (bore_m2, bore_m2 - areas_m2[1]))
     gradient = as_is.friction_n / (math.pi * (bore_m + rod_m + rod_1_m) * 1e3)

@@ -1,6 +1,6 @@
-"""Where a position cannot be right: it jumps, is held or is disturbed.
+"""Find faults of a position signal: jumps, held values and disturbances.
 
-A piston has mass: from one sample to the next its velocity changes little. If it changes more, the sensor is at fault.
+A piston has mass, so that its velocity changes little between two samples. If it changes more, the sensor is faulty.
 """
 
 import numpy as np
@@ -10,35 +10,35 @@ from cylinder_friction.recordings.checks.limits import Finding, Outcome
 
 CHECK = "position_steps"
 NOISE, STROKES = 12.0, 2e-3
-"""A second difference is a fault above this multiple of the usual one, and above this share of the stroke."""
-TOGETHER_S = 0.3  # Faults closer to each other than this are one [s]
+"""Limits above which a second difference is a fault: a multiple of the usual one, and a share of the stroke."""
+TOGETHER_S = 0.3  # Longest time between faults that count as one [s]
 SMALL, SLIGHT = 0.01, 0.05
-"""A jump, and a disturbance, of less than these shares of the stroke are noted: a stick-slip or impact may look so."""
-LINE_S = 0.1  # A jump's height is measured between straight lines over this time on either side [s]
+"""Shares of the stroke below which a jump, and a disturbance, is only noted: stick-slip or an impact may look alike."""
+LINE_S = 0.1  # Duration of the straight lines on either side between which a jump's height is measured [s]
 FEWEST_HELD, MOST_SINGLE = 5, 3
-"""This many equal values before a jump are a held value; a single sample that is off bends this many rows at most."""
+"""Fewest equal values before a jump that are a held value; most rows whose second difference one bad sample affects."""
 STILL_S, ALIVE_S = 1.0, 2.0
-"""A value without any noise for this long is held, if the sensor has noise elsewhere for this long in all [s]."""
+"""Shortest time without noise that is a held value, and least total time with noise elsewhere [s]."""
 UP_AND_DOWN, CHANGES = 0.25, 0.95
-"""With noise, this share of the steps goes up, as many go down, and this share is not zero."""
+"""Of a signal with noise: least share of steps up, and of steps down; least share of steps that are not zero."""
 ALTERNATES, QUIETEST = 0.6, 0.1
-"""White noise changes the sign of its fourth difference at 80 % of the samples. Noise is usual as in the quietest
-tenth of the stretches that have any."""
+"""Least share of samples at which noise changes the sign of the fourth difference (80 % for white noise); quantile of
+the stretches with noise that gives the usual noise."""
 NOISY_S, NOISIER, FAINT = 0.5, 20.0, 1e-3
-"""A stretch of this time [s] is noisy above this multiple of that, if its fourth differences exceed this share of the
-stroke."""
-RANGE_END_SHARE = 0.01  # This close to an end of the stroke, a position may be the end of its sensor's range
+"""Duration of a stretch [s]. It is noisy above this multiple of the usual noise, if its fourth differences exceed this
+share of the stroke."""
+RANGE_END_SHARE = 0.01  # Distance from an end of the stroke, as a share, within which the sensor's range may end
 
 
 def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> list[Finding]:
-    """Return the finding ``position_steps``, if there is one: refused at a jump, a held value or a disturbance.
+    """Refuse a position with a jump, a held value or a disturbance (finding ``position_steps``).
 
-    Small jumps, slight disturbances, single samples that are off, and a value without the noise that the sensor has
-    elsewhere, are noted.
+    Small jumps, slight disturbances, single bad samples, and a value without the noise that the sensor has elsewhere
+    are only noted.
 
     Args:
-        position_m, time_s: Of a uniformly sampled recording, shape ``(n,)``.
-        stroke_m: Of the cylinder [m].
+        position_m, time_s: Columns of a uniformly sampled recording, shape ``(n,)``.
+        stroke_m: Stroke of the cylinder [m].
     """
     step_s = float(time_s[1] - time_s[0])
     bend_m = np.abs(np.diff(position_m, 2))
@@ -67,9 +67,9 @@ def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> l
 
 
 def _noisy(x_m: Array, time_s: Array, rows: int, stroke_m: float) -> str:
-    """Name stretches of ``rows`` with far more noise than the quietest; empty if there are none.
+    """Name stretches of ``rows`` rows with far more noise than the quietest ones; empty if there are none.
 
-    Fourth differences leave little of a motion; those of noise change their sign at most samples.
+    Fourth differences remove most of a motion. Those of noise change their sign at most samples.
     """
     change_m = np.diff(x_m, 4)
     stretches_m = change_m[: len(change_m) // rows * rows].reshape(-1, rows)
@@ -90,7 +90,7 @@ def _noisy(x_m: Array, time_s: Array, rows: int, stroke_m: float) -> str:
 
 
 def _described(x_m: Array, time_s: Array, first: int, last: int, stroke_m: float) -> tuple[str, Outcome]:
-    """Describe the fault whose second differences run from row ``first`` to ``last``; no words for a single sample."""
+    """Describe the fault with second differences in rows ``first`` to ``last``; empty for a single bad sample."""
     held = first
     while held > 0 and x_m[held - 1] == x_m[first]:
         held -= 1
@@ -110,7 +110,7 @@ def _described(x_m: Array, time_s: Array, first: int, last: int, stroke_m: float
 
 
 def _height(x_m: Array, first: int, last: int, line: int) -> float:
-    """Return how much higher the line behind a fault is than the line before it, in the middle between them [m]."""
+    """Measure how much higher the line after a fault is than the line before it, in the middle between them [m]."""
     rows, middle = np.arange(len(x_m)), 0.5 * (first + last)
     sides = slice(max(0, first - line), first), slice(last + 1, last + 1 + line)
     if min(len(x_m[side]) for side in sides) < 2:
@@ -120,9 +120,9 @@ def _height(x_m: Array, first: int, last: int, line: int) -> float:
 
 
 def _still(x_m: Array, time_s: Array, rows: int, stroke_m: float) -> str:
-    """State if the position is exactly the same for ``rows`` or more, although it has noise elsewhere, also at rest.
+    """State if the position is exactly constant for ``rows`` rows or more, although the sensor has noise elsewhere.
 
-    Noise goes up and down at almost every sample; steps of a converter do not, nor does a motion.
+    Noise goes up and down at almost every sample; converter steps and motion do not.
     """
     steps_m = np.diff(x_m)
     stretches_m = steps_m[: len(steps_m) // rows * rows].reshape(-1, rows)

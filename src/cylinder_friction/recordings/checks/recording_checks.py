@@ -21,18 +21,18 @@ from cylinder_friction.recordings.columns import (
 )
 from cylinder_friction.recordings.recording import Columns, Recording, RecordingError, RecordingMetadata
 
-RATE_TOLERANCE = 1e-3  # A logger's clock may be off by this share of its rate
-LOWEST_PRESSURE_PA = -2e5  # Gauge: vacuum and a sensor's offset [Pa]
-POSITION_SLACK = 0.05  # Share of the stroke by which position may read beyond it
-STUCK_TRAVEL = 0.25  # A sensor that stays exactly constant over more than this share of the stroke is stuck
+RATE_TOLERANCE = 1e-3  # Largest error of a logger's clock, as a share of its rate
+LOWEST_PRESSURE_PA = -2e5  # Lowest credible gauge pressure: vacuum and a sensor's offset [Pa]
+POSITION_SLACK = 0.05  # Largest reading of position beyond the stroke, as a share of the stroke
+STUCK_TRAVEL = 0.25  # Travel, as a share of the stroke, beyond which an exactly constant sensor is stuck
 LEAST_SPANS = {"pressure": 1e3, "force": 1e-3}
-"""By what a live sensor on a moving cylinder changes at least [Pa, N]."""
-NOISY_SHARE = 0.25  # A sensor that changes in this share of the rows shows noise, and never stays constant for long
-NEXT_STEP = 1.5  # Values at most this many steps of the converter apart are neighbours
+"""Least change of a live sensor on a moving cylinder [Pa, N]."""
+NOISY_SHARE = 0.25  # Share of rows with a change from which on a sensor shows noise and never stays constant for long
+NEXT_STEP = 1.5  # Largest distance of neighbouring values, in converter steps
 
 
 def checked_recording(metadata: RecordingMetadata, columns: Columns, findings: Iterable[Finding]) -> Recording:
-    """Return the columns as a recording, with what its checks only noted among its repairs.
+    """Make a recording of columns that pass their checks; findings that are only noted join its repairs.
 
     Raises:
         RecordingError: The first finding that is a refusal, see ``inspect_recording``.
@@ -49,8 +49,8 @@ def checked_recording(metadata: RecordingMetadata, columns: Columns, findings: I
 class _Survey:
     """Extremes of a column, and the constant stretch over which the piston travels furthest.
 
-    ``step`` is that of the column's converter, 0 if it is not known. A stretch between two neighbouring steps does not
-    count: the value changed by less than the converter shows.
+    ``step`` is the column's converter step, 0 if not known. A stretch between two neighbouring steps does not count,
+    because the value changed by less than the converter resolves.
     """
 
     def __init__(self, values: Array, position_m: Array, step: float) -> None:
@@ -77,16 +77,16 @@ class _Survey:
             yield Finding(check, "refused", text)
 
     def worst(self, low: float, high: float) -> tuple[float, int]:
-        """Return the value furthest outside of two bounds, and its row, counted from 1."""
+        """Find the value furthest outside of two bounds; return it and its row, counted from 1."""
         if low - self.lowest > self.highest - high:
             return self.lowest, self.lowest_row + 1
         return self.highest, self.highest_row + 1
 
 
 def _unexplained(values: Array, runs: NDArray[np.int64], step: float) -> Array:
-    """Return the share of each constant stretch that a converter of this step does not explain, shape ``(m,)``.
+    """Compute the share of each constant stretch that the converter's step does not explain, shape ``(m,)``.
 
-    Between two neighbouring steps nothing is; at an end of the recording, if the next value is not known, half.
+    The share is 0 between two neighbouring steps, and 1/2 at an end of the recording, whose next value is not known.
     """
     start, end, last = runs[:, 0], runs[:, 1], len(values) - 1
     before, behind = (np.abs(values[at] - values[start]) for at in (np.maximum(start - 1, 0), np.minimum(end, last)))
@@ -96,13 +96,13 @@ def _unexplained(values: Array, runs: NDArray[np.int64], step: float) -> Array:
 
 
 def inspect_recording(table: Columns, limits: CheckLimits, sample_time_s: float) -> Iterator[Finding]:
-    """Yield what is not in order, refusals included. After missing columns or values no further check is made.
+    """Yield everything that is wrong with a table. After missing columns or values, no further check is made.
 
     The names of the checks, in their order: ``columns``, ``length``, ``finite``, ``rate``, ``position_range``,
     ``motion``, ``position_steps``; for each pressure ``pressure_range``, ``pressure_alive``, ``pressure_stuck``, for
-    both ``pressures_differ`` and ``unit_plausible``, or in their place ``force_alive`` and ``force_stuck``;
-    ``load_alive`` and ``load_stuck``; ``direction``, ``friction_size`` and ``load_delay``. The last three need signals
-    that passed and known areas.
+    both ``pressures_differ`` and ``unit_plausible``; with a drive force ``force_alive`` and ``force_stuck`` instead;
+    ``load_alive`` and ``load_stuck``; ``direction``, ``friction_size`` and ``load_delay``. The last three are checked
+    only if the areas are known and the signals have passed the other checks.
     """
     if missing := missing_column(table):
         yield Finding("columns", "refused", f"{missing}; map it to a channel")
@@ -203,7 +203,7 @@ def _of_pressures(columns: dict[str, Array], seen: dict[str, _Survey], limits: C
             "twice or mapped twice; correct the mapping"
         )
         yield Finding("pressures_differ", "refused", text)
-    # Without pressure throughout, the unit is too small, or the supply was off.
+    # If pressure is low throughout, its unit is too small, or the supply was off.
     name = max(PRESSURES, key=lambda column: seen[column].highest)
     if seen[name].highest < limits.least_peak_pressure_pa:
         text = (
@@ -233,7 +233,7 @@ def _alive(name: str, kind: str, seen: _Survey, limits: CheckLimits) -> Iterator
 
 
 def _of_load(load_n: Array, seen: _Survey, limits: CheckLimits) -> Iterator[Finding]:
-    """Check that a load cell changes. Unlike a pressure, a load may stay constant unless the cell's noise ceases."""
+    """Check that a load cell changes. Unlike a pressure, a load may be constant, unless only the noise stops."""
     if seen.span == 0.0:
         text = f"load_force_n is constant (at {seen.highest:.4g} N); the load cell is idle, stuck or not connected"
         yield Finding("load_alive", "noted", text)

@@ -1,7 +1,7 @@
-"""Single samples that no sensor can have read: out of its range, at the end of it, spikes, infinities.
+"""Screen signals for bad samples: outside the sensor's range, at the end of it, spikes, infinities.
 
-Works on signals as they were logged, before any resampling: a filter would smear one bad sample over its neighbours.
-A few bad samples become NaN, missing samples, and are reported; many make the file unusable.
+Signals are screened as logged, because resampling would smear a bad sample over its neighbours. A few bad samples
+become missing samples (NaN) and are reported. Many bad samples make the file unusable.
 """
 
 import math
@@ -31,19 +31,19 @@ KINDS = {
     ),
     "infinite": (", expected finite numbers", "check the channel and how it was exported"),
 }
-"""What is wrong with a bad sample of each kind, and what to do about it."""
+"""The fault behind each kind of bad sample, and the remedy."""
 OVERRANGE = 0.05
-"""A reading may lie beyond the sensor's range by this share of its span: 4-20 mA is live from 3.2 to 20.8 mA, close to
-what NAMUR NE 43 takes for the limits of a failure."""
+"""Largest valid reading beyond the sensor's range, as a share of its span: 4-20 mA is live from 3.2 to 20.8 mA, close
+to the failure limits of NAMUR NE 43."""
 MOST_BAD, FEW_ROWS, LONGEST_BAD = 1e-3, 5, 10
-"""Share of a signal's rows that may be bad in one way, or these few rows; more in a row than the last are a failure."""
+"""Largest share of a signal's rows with one kind of bad sample, number that is always allowed, and most in a row."""
 SPIKE_NOISE, SPIKE_RANGE, SPIKE_STEPS = 12.0, 0.03, 5.0
-"""A spike is this many times the ordinary excursion of a sample from its neighbours, this share of the range over which
-the signal moves, and this many steps of the converter."""
-PLACES = 4096  # A signal's own scale is estimated from at most this many samples
-BESIDE = 5  # A sample is compared with this many on either side
-MOST_ODD = 3  # Of those 11 samples this many may be odd: four in a row are an event, not a spike
-QUIET = 0.1  # The others lie within this share of a spike's height; after a pressure surge they settle elsewhere
+"""Least height of a spike: a multiple of a sample's usual distance from its neighbours, a share of the signal's range,
+and a number of converter steps."""
+PLACES = 4096  # Most samples from which a signal's own scale is estimated
+BESIDE = 5  # Number of samples on either side that a sample is compared with
+MOST_ODD = 3  # Most odd samples among these 11: four in a row are an event, not a spike
+QUIET = 0.1  # Largest spread of the other samples, as a share of a spike's height; it is wider around a surge
 
 
 def screen_signals(
@@ -51,13 +51,13 @@ def screen_signals(
 ) -> tuple[dict[str, Signal], tuple[str, ...]]:
     """Replace bad samples by NaN; return the signals, and one sentence per column and kind of bad sample.
 
-    A signal without a bad sample is returned as it came, the same object. Samples that are missing already stay so.
-    Of a sensor without ``limits`` only spikes and infinities show. A position sensor may rest at the end of its range
-    if that is the end of the stroke; without ``stroke_m`` no position is called saturated.
+    A signal without a bad sample is returned as the same object. Missing samples stay missing. Without ``limits``, only
+    spikes and infinities are found. A position sensor may rest at the end of its range if that is the end of the
+    stroke; without ``stroke_m``, no position is reported as saturated.
 
     Raises:
-        RecordingError: A sensor reads what it cannot, or rests at the end of its range, or jumps, for too many rows or
-            for too many in a row. The message names the column and the first such row, counted from 1.
+        RecordingError: Too many samples of one kind are bad, in all or in a row. The message names the column and the
+            first bad row, counted from 1.
     """
     screened, notes = dict(signals), list[str]()
     for column, signal in signals.items():
@@ -74,7 +74,7 @@ def screen_signals(
 
 
 def _bad_samples(values: Array, sensor: SensorLimits | None, low_end: float, high_end: float) -> dict[str, Mask]:
-    """Find the bad samples of each kind, shape ``(n,)``; a kind without any is absent."""
+    """Find the bad samples of each kind, shape ``(n,)``; a kind without bad samples is absent."""
     beyond = OVERRANGE * (sensor.high - sensor.low) if sensor else math.inf
     low, high = (sensor.low - beyond, sensor.high + beyond) if sensor else (-math.inf, math.inf)
     least, most = (float(values.min()), float(values.max())) if len(values) else (0.0, 0.0)
@@ -92,7 +92,7 @@ def _bad_samples(values: Array, sensor: SensorLimits | None, low_end: float, hig
 
 
 def _spikes(values: Array, height: float) -> NDArray[np.int64]:
-    """Find the samples of spikes: up to three that lie far from the median of eleven, while the others agree."""
+    """Find the samples of spikes: up to three of eleven lie far from the median, while the others agree."""
     jumps = np.flatnonzero(np.abs(values[1:] - values[:-1]) > 0.7 * height) + 1
     suspects = (jumps[:, None] + np.arange(MOST_ODD)).ravel()
     suspects = suspects[(suspects >= BESIDE) & (suspects < len(values) - BESIDE)]
@@ -106,7 +106,7 @@ def _spikes(values: Array, height: float) -> NDArray[np.int64]:
 def _note(
     column: str, kind: str, bad: Mask, rows: NDArray[np.int64], values: Array, sensor: SensorLimits | None
 ) -> str:
-    """Write a sentence on the bad samples of one kind among the logged ``rows``; raises as ``screen_signals``."""
+    """Write a sentence on the bad samples of one kind among the logged ``rows``; raise as ``screen_signals``."""
     first, count, few = int(rows[int(np.argmax(bad))]), int(bad.sum()), max(FEW_ROWS, math.floor(MOST_BAD * len(bad)))
     longest, (wrong, remedy) = int(np.diff(true_runs(bad), axis=1).max()), KINDS[kind]
     value = spoken(column, values[first]) if math.isfinite(values[first]) else values[first]
@@ -119,10 +119,10 @@ def _note(
 
 
 def _ends(column: str, sensor: SensorLimits | None, stroke_m: float | None) -> tuple[float, float]:
-    """Return the bounds between which a sensor is not at an end of its range.
+    """Return the bounds outside of which a sensor is at an end of its range.
 
-    The low end of a sensor that starts at zero is no saturation: a vented chamber reads it. Nor is the end of a
-    position sensor that reaches the end of the stroke.
+    The low end of a range that starts at zero does not count, because a vented chamber reads zero. The end of a
+    position sensor's range does not count either if it is the end of the stroke.
     """
     if sensor is None or (column == "position_m" and stroke_m is None):
         return -math.inf, math.inf
@@ -135,9 +135,9 @@ def _ends(column: str, sensor: SensorLimits | None, stroke_m: float | None) -> t
 
 
 def _spike_height(values: Array, step: float | None) -> float:
-    """Return how far a sample must lie from its neighbours to be a spike, from samples spread over the signal.
+    """Estimate how far a spike lies from its neighbours at least, from samples spread over the signal.
 
-    Quantiles, so that bad samples themselves do not count: the 95 % quantile of how far a sample sticks out of its
+    Bad samples do not affect the estimate, because it uses quantiles: the 95 % quantile of a sample's distance from its
     two neighbours, and the range without 1 % at either end.
     """
     if len(values) < 2 * BESIDE + 1:

@@ -1,4 +1,4 @@
-"""What the cells of a table are: numbers, dates as loggers write them, missing, or words; one by one and by column."""
+"""Parse the cells of text tables, singly and by column: numbers, loggers' dates, missing values, or words."""
 
 import csv
 import re
@@ -17,14 +17,14 @@ MISSING = (
     "", "nan", "NaN", "NAN", "-nan", "-NaN", "NA", "N/A", "n/a", "null", "NULL", "Null", "None", "-", "--", "---",
     "#N/A", "#NV", "nan(ind)", "-nan(ind)", "1.#IND", "-1.#IND", "1.#QNAN", "-1.#QNAN", "EOF",
 )  # fmt: skip
-"""What loggers write if a sample is missing; ``1.#IND`` and the like are what C libraries on Windows print for NaN,
-``EOF`` stands below a column that ends before others."""
+"""Cells of a missing sample. C libraries on Windows print NaN as ``1.#IND`` and the like. ``EOF`` is written below a
+column that ends before others."""
 
 OVER_RANGE = (
     "∞", "+∞", "-∞", "OL", "+OL", "-OL", "OVER", "+OVER", "-OVER", "Over", "OVERLOAD", "Overload", "overload",
     "OVERFLOW", "Overflow", "OVERRANGE", "Overrange", "+++++", "++++++", "-----", "------", "*****", "******",
 )  # fmt: skip
-"""What loggers write in place of a value beyond the range of their input."""
+"""Cells of a value beyond the range of the logger's input."""
 
 POINT_NUMBER = r"[+-]? *(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 COMMA_NUMBER = r"[+-]? *(?:\d+,?\d*|,\d+)(?:[eE][+-]?\d+)?"
@@ -42,19 +42,19 @@ def is_missing(cell: str) -> bool:
 
 
 def is_number(cell: str, decimal: str | None) -> bool:
-    """Tell whether a cell is a number with this decimal sign; None allows point and comma."""
+    """Check whether a cell is a number with this decimal sign; None allows point and comma."""
     return bool((decimal != "," and _POINT.fullmatch(cell)) or (decimal != "." and _COMMA.fullmatch(cell)))
 
 
 def is_value(cell: str, decimal: str | None) -> bool:
-    """Tell whether a cell is a number, a date or a time of day."""
+    """Check whether a cell is a number, a date or a time of day."""
     return is_number(cell, decimal) or bool(_DATE_OR_CLOCK.fullmatch(cell))
 
 
 def split_cells(line: str, delimiter: str) -> list[str]:
-    """Split a line into cells, without the blanks and the quotation marks around them.
+    """Split a line into cells, and strip blanks and quotation marks.
 
-    Under ``whitespace`` a unit in brackets stays with the name before it.
+    With the delimiter ``whitespace``, a unit in brackets stays with the name before it.
     """
     line = line.rstrip("\r\n")
     if delimiter == "whitespace":
@@ -81,7 +81,7 @@ _HALF_DAYS = pa.array([f"{hour or 12:02d}{half}" for half in ("am", "pm") for ho
 
 
 def states_zone(column: Any) -> bool:
-    """Tell whether every cell of a column is a time stamp with its time zone."""
+    """Check whether every cell of a column is a time stamp with a time zone."""
     if pa.types.is_timestamp(column.type):
         return column.type.tz is not None
     if not pa.types.is_string(column.type) or column.null_count == len(column):
@@ -90,16 +90,16 @@ def states_zone(column: Any) -> bool:
 
 
 class CellValues(NamedTuple):
-    """What a column holds."""
+    """The values of a column."""
 
     values: NDArray[Any]  # Numbers, dates, or numbers and text, shape ``(n,)``
-    unit: str = ""  # That every cell states; ``s`` for times of day, which are seconds since midnight
-    clock: bool = False  # Whether they are times of day
-    note: str = ""  # What was taken as missing
+    unit: str = ""  # Unit that every cell states; ``s`` for times of day, which are seconds since midnight
+    clock: bool = False  # Whether the values are times of day
+    note: str = ""  # Which cells were read as missing
 
 
 def column_values(column: Any, decimal: str, name: str) -> CellValues:
-    """Read a column of Arrow; a null is NaN (or NaT), a date is ``datetime64[ns]`` (UTC if it has a zone)."""
+    """Read an Arrow column; a null becomes NaN or NaT, a date ``datetime64[ns]`` (in UTC if it has a time zone)."""
     kind, types = column.type, pa.types
     if types.is_null(kind):
         return CellValues(np.full(len(column), np.nan))
@@ -120,10 +120,10 @@ def column_values(column: Any, decimal: str, name: str) -> CellValues:
 
 
 def _text_values(column: Any, decimal: str, name: str) -> CellValues:
-    """Read a column of text as numbers (``7.2``, ``+  7.2``, ``7.2 bar``), dates or times of day; else as text.
+    """Read a text column as numbers (``7.2``, ``+  7.2``, ``7.2 bar``), dates or times of day; else keep the text.
 
-    Under a decimal comma a point is no decimal sign: such a cell stays text, for it may be a thousands separator.
-    Signs of a value beyond the range are missing samples.
+    If the decimal sign is a comma, a cell with a point stays text, because the point may separate thousands. Cells that
+    mark a value beyond the range become missing samples.
     """
     text = pc.utf8_trim_whitespace(column.cast(pa.string()))
     text = pc.if_else(pc.is_in(text, pa.array(MISSING)), None, text)
@@ -150,7 +150,7 @@ def _text_values(column: Any, decimal: str, name: str) -> CellValues:
 
 
 def _numbers(text: Any, number: Any, decimal: str) -> NDArray[Any]:
-    """Read the cells that are a ``number`` as such, and the others as text; a null is NaN."""
+    """Convert the cells that match ``number``, and keep the others as text; a null becomes NaN."""
     plain = pc.if_else(number, text, None)
     plain = pc.replace_substring(plain, ",", ".") if decimal == "," else plain
     plain = pc.replace_substring(pc.utf8_ltrim(plain, characters="+ "), " ", "")
@@ -164,13 +164,13 @@ def _numbers(text: Any, number: Any, decimal: str) -> NDArray[Any]:
 
 
 def holds_decimal_commas(column: Any) -> bool:
-    """Tell whether every cell of a column of text is a number under a decimal comma."""
+    """Check whether every cell of a text column is a number with a decimal comma."""
     text = pc.utf8_trim_whitespace(column)
     return bool(pc.all(pc.match_substring_regex(text, f"^(?:{COMMA_NUMBER})$")).as_py())
 
 
 def _clock_seconds(text: Any) -> Array | None:
-    """Read times of day (08:15:00,125; 08:15 PM) or minutes and seconds (15:00.1) [s]; None if a cell is neither."""
+    """Convert times of day (08:15:00,125; 08:15 PM) or minutes and seconds (15:00.1) to seconds; None for others."""
     for pattern, missing in ((f"^{_CLOCK_PARTS}$", {}), (_MINUTES, {"H": "0", "half": ""})):
         if (fields := _fields(text, pattern)) is not None:
             fields |= {key: pc.if_else(fields["M"].is_null(), None, value) for key, value in missing.items()}
@@ -180,10 +180,10 @@ def _clock_seconds(text: Any) -> Array | None:
 
 
 def _date_stamps(text: Any, name: str) -> NDArray[np.datetime64] | None:
-    """Read dates with or without a time of day as ``datetime64[ns]``, or None if a cell is none; null is NaT.
+    """Convert dates with or without a time of day to ``datetime64[ns]``; a null becomes NaT. None for other cells.
 
-    With dots the day comes first. With strokes the first row that can only be read one way settles it for the column.
-    A time zone is taken off: the stamps are then in UTC.
+    In dates with dots the day comes first. In dates with slashes, the first row that can only be read one way decides
+    for the column. Stamps with a time zone are converted to UTC.
     """
     for pattern in (_YEAR_FIRST, _DOTS, _EITHER, _NAMED_MONTH):
         if (fields := _fields(text, pattern)) is None:
@@ -199,7 +199,7 @@ def _date_stamps(text: Any, name: str) -> NDArray[np.datetime64] | None:
 
 
 def _fields(text: Any, pattern: str) -> dict[str, Any] | None:
-    """Split cells by the groups of a pattern; None if a cell does not match."""
+    """Split cells into the groups of a pattern; None if a cell does not match."""
     parts = pc.extract_regex(text, pattern=pattern)
     if parts.null_count > text.null_count:
         return None
@@ -207,7 +207,7 @@ def _fields(text: Any, pattern: str) -> dict[str, Any] | None:
 
 
 def _month_first(fields: dict[str, Any], text: Any, name: str) -> bool:
-    """Tell whether dates such as 01/02/2026 have the month first; refuse dates that do not show it."""
+    """Decide whether dates such as 01/02/2026 begin with the month; refuse dates that do not show it."""
     first, second = (fields[key].cast(pa.int64()) for key in ("d", "m"))
     if pc.any(pc.greater(second, 12)).as_py():
         return True
@@ -222,7 +222,7 @@ def _month_first(fields: dict[str, Any], text: Any, name: str) -> bool:
 
 
 def _stamps(fields: dict[str, Any]) -> Any | None:
-    """Parse the fields as ISO 8601; return instants in UTC, or None if a cell is no date or time of day."""
+    """Parse the fields as ISO 8601 and return instants in UTC; None if a cell is no date or time of day."""
     hour, fraction = pc.utf8_lpad(fields["H"], 2, "0"), pc.utf8_rpad(fields["f"], 9, "0")
     if "half" in fields:
         half = pc.utf8_lower(fields["half"])

@@ -1,4 +1,4 @@
-"""Channels of a binary file, found one by one, are put together to tables by their length."""
+"""Combine the channels of a binary file into tables of equal length."""
 
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
@@ -15,9 +15,9 @@ from cylinder_friction.recordings.recording import RecordingError
 
 @dataclass(frozen=True)
 class Channel:
-    """One channel, by its path within the file, that is read when it is asked for: values of shape ``(length,)``.
+    """One channel of a file, named by its path in it. ``read`` loads its values, shape ``(length,)``.
 
-    ``sample_time_s`` is what the file states in place of a time channel [s].
+    ``sample_time_s`` is the sample time that the file states instead of a time channel [s].
     """
 
     name: str
@@ -29,17 +29,17 @@ class Channel:
 
 @dataclass
 class Found:
-    """What a walk through a file comes upon: channels, and names of what is none (single values, text, objects)."""
+    """Channels found in a file, and names of its other contents (single values, text, objects)."""
 
     channels: list[Channel] = field(default_factory=list)
     others: list[str] = field(default_factory=list)
 
 
 def column_arrays(name: str, shape: tuple[int, ...]) -> list[tuple[str, int, Any]]:
-    """List the channels that an array of this shape holds: name, length, and index of the channel's values in it.
+    """List the channels of an array of this shape: name, length, and index of the channel's values in the array.
 
-    A vector, standing or lying, is one channel. A matrix is one per column, name_1, name_2, ...; its longer side is
-    time. What has fewer than two values or more than two axes is none.
+    A row or column vector is one channel. A matrix gives the channels name_1, name_2, ...; its longer side is time. An
+    array with fewer than two values or more than two axes gives no channel.
     """
     if len(shape) == 1 or (len(shape) == 2 and 1 in shape):
         return [(name, max(shape), ())] if max(shape) > 1 else []
@@ -52,9 +52,9 @@ def column_arrays(name: str, shape: tuple[int, ...]) -> list[tuple[str, int, Any
 
 
 def tables_by_length(found: Found, wanted: Collection[str] | None, separator: str) -> list[LoggedTable]:
-    """Make one table of all channels of a length (and of a stated sample time), in the order of the file.
+    """Make one table of all channels with the same length and stated sample time, in the order of the file.
 
-    If there are several, a table is named by the group its channels share, otherwise by its length.
+    If there are several tables, each is named by the group that its channels share, or else by its length.
     """
     if not found.channels and wanted is not None and found.others:
         return [LoggedTable(pd.DataFrame(), unread=tuple(found.others))]
@@ -86,7 +86,7 @@ def table_of(
 ) -> LoggedTable:
     """Read channels of one length as a table, with a channel ``time`` [s] first if a sample time is given.
 
-    What is named time is loaded beside what is wanted, for it must not contradict.
+    Channels named time are always loaded, to check that they do not contradict the clock.
     """
     if sample_time_s is not None:
         length, step = channels[0].length, sample_time_s
@@ -100,7 +100,7 @@ def table_of(
 
 
 def numeric(values: NDArray[Any]) -> NDArray[Any]:
-    """Give numbers the machine's own byte order; true and false become 1 and 0, half precision single."""
+    """Convert to the machine's byte order, booleans to 1 and 0, and half to single precision."""
     if values.dtype.kind == "b":
         return values.astype(np.uint8)
     if values.dtype.kind == "f" and values.dtype.itemsize not in (4, 8):

@@ -1,8 +1,8 @@
-"""Clocks of tables in one form: date and time of day joined, numbers that are dates as dates, oldest row first.
+"""Bring the clocks of tables into one form: date and time of day joined, dates instead of numbers, oldest row first.
 
-A text table with several time columns of one name, each followed by the channels of its rate, becomes several tables.
-So write the TwinCAT Scope (``Name;p1;p2;Name;x``), LabVIEW (``X_Value``) and others that log at several rates. A group
-that ends before the others is padded with empty cells, or its rows are simply shorter.
+A text table with several time columns of one name, each before the channels of its rate, becomes several tables. The
+TwinCAT Scope (``Name;p1;p2;Name;x``), LabVIEW (``X_Value``) and others that log at several rates write such tables. If
+a group ends before the others, its cells are empty, or the rows are shorter.
 """
 
 from collections import Counter
@@ -27,27 +27,27 @@ DAY = np.timedelta64(1, "D")
 MILLISECONDS = ("ms", "msec", "millisecond", "milliseconds", "millisekunden")
 """Names of a column that holds the milliseconds of a stamp beside it."""
 FEWEST_ROWS = 20
-"""In fewer rows the order may be chance."""
+"""Fewest rows that show an order; in fewer, the order may be chance."""
 
 
 def beside_clocks(names: Collection[str]) -> set[str]:
-    """Name the columns that may hold a part of time: dates, times of day, milliseconds."""
+    """Name the columns that may be a part of a time stamp: dates, times of day, milliseconds."""
     return {name for name in names if words_of(name).quantity == "time" or name.casefold() in MILLISECONDS}
 
 
 class Columns(NamedTuple):
-    """What columns of Arrow hold."""
+    """The content of Arrow columns."""
 
     columns: list[Column]
-    units: dict[str, str]  # That their cells state, by name
+    units: dict[str, str]  # Units that their cells state, by name
     notes: list[str]
     utc: bool  # Whether time stamps state their time zone
 
 
 def columns_of(named: Iterable[tuple[str, Any]], decimal: str, wanted: Collection[str] | None) -> Columns:
-    """Read columns of Arrow by their names; what nobody asked for and cannot be read is left out.
+    """Read named Arrow columns. A column that is not wanted is left out if it cannot be read.
 
-    Date and time of day, or whole seconds and milliseconds, are put together.
+    Date and time of day, or whole seconds and milliseconds, are joined.
     """
     columns, units, clocks, notes, utc = list[Column](), dict[str, str](), list[str](), list[str](), False
     for name, column in named:
@@ -66,7 +66,7 @@ def columns_of(named: Iterable[tuple[str, Any]], decimal: str, wanted: Collectio
 
 
 def _joined(columns: list[Column], clocks: Collection[str], wanted: Collection[str] | None) -> list[Column]:
-    """Put date and time of day together; ``clocks`` are the names of columns of times of day, in seconds."""
+    """Join dates with times of day; ``clocks`` names the columns of times of day, which are in seconds."""
     dates = [name for name, values in columns if values.dtype.kind == "M"]
     days = [name for name, values in columns if name in dates and _known(values, DAY)]
     found = dict(columns)
@@ -85,7 +85,7 @@ def _joined(columns: list[Column], clocks: Collection[str], wanted: Collection[s
 
 
 def _known(stamps: NDArray[Any], step: np.timedelta64) -> bool:
-    """Tell whether there are stamps, all of them multiples of a step."""
+    """Check whether there are stamps and all of them are multiples of ``step``."""
     known = stamps[~np.isnat(stamps)].astype(np.int64)
     return len(known) > 0 and not (known % step.astype("timedelta64[ns]").astype(np.int64)).any()
 
@@ -99,7 +99,7 @@ def _in_place(columns: list[Column], old: set[str], stamps: NDArray[Any], name: 
 
 
 def with_dates(table: LoggedTable) -> LoggedTable:
-    """Make dates of a table's numbers of days, ticks and the like since a known date; a note states which.
+    """Convert a table's numbers of days, ticks and the like since a known date to dates; a note states which.
 
     Numbers since 1970 stay numbers.
     """
@@ -125,9 +125,9 @@ def with_dates(table: LoggedTable) -> LoggedTable:
 
 
 def oldest_first(table: LoggedTable) -> LoggedTable:
-    """Turn a table round that was written newest row first; a note states it.
+    """Reverse a table that was written newest row first, and add a note.
 
-    It was if a column of dates, or one that is named time, falls, and none rises.
+    A table is reversed if a column of dates or one named time falls, and none rises.
     """
     ways = [
         _way(values.to_numpy())
@@ -141,13 +141,13 @@ def oldest_first(table: LoggedTable) -> LoggedTable:
 
 
 def steps_of(values: NDArray[Any]) -> NDArray[Any]:
-    """Take the differences of numbers or dates, without what is missing."""
+    """Compute the differences of numbers or dates, without missing ones."""
     known = values[~pd.isna(values)]
     return np.diff(known.astype(np.int64) if known.dtype.kind in "Miu" else known)
 
 
 def _way(values: NDArray[Any]) -> int:
-    """Return 1 for values that rise, -1 for values that fall, 0 for others."""
+    """Return 1 if values rise, -1 if they fall, else 0."""
     steps = steps_of(values)
     if len(steps) < FEWEST_ROWS - 1:
         return 0
@@ -155,14 +155,14 @@ def _way(values: NDArray[Any]) -> int:
 
 
 def repeated_names(names: Sequence[str]) -> set[str]:
-    """Find names that occur again behind another column: they may be those of time columns."""
+    """Find names that occur again after another column, because they may be time columns."""
     counts = Counter(names)
     adjacent = {one for one, other in pairwise(names) if one == other}
     return {name for name, count in counts.items() if name and count > 1} - adjacent
 
 
 def padded(lines: list[str], delimiters: Collection[str]) -> list[str]:
-    """Give rows below a line of repeated names as many cells as that one has."""
+    """Pad the rows below a line of repeated names to its number of cells."""
     for number, line in enumerate(lines):
         if line[:1].isdecimal():  # a row, as most lines are
             continue
@@ -174,16 +174,16 @@ def padded(lines: list[str], delimiters: Collection[str]) -> list[str]:
 
 
 def _padded(line: str, delimiter: str, width: int) -> str:
-    """Add empty cells behind a row's last one, up to ``width`` of them; return any other line as it is."""
+    """Append empty cells to a row up to ``width`` cells; return any other line unchanged."""
     first = next((cell for cell in split_cells(line, delimiter) if cell), "")
     bare = line.rstrip("\r\n")
     return bare + delimiter * (width - 1 - bare.count(delimiter)) + line[len(bare) :] if is_value(first, None) else line
 
 
 def split_groups(columns: list[Column], units: dict[str, str], repeated: Collection[str]) -> list[LoggedTable]:
-    """Make one table for each time column of a ``repeated`` name, named ``group 1``, ...; else one table.
+    """Make a table ``group 1``, ... for each time column of a ``repeated`` name; without one, make a single table.
 
-    A group ends with its last row that holds anything.
+    A group ends with its last row that is not empty.
     """
     names = [name for name, _ in columns]
     clock = next((name for name in names if name in repeated and _are_clocks(columns, name)), None)
@@ -197,7 +197,7 @@ def split_groups(columns: list[Column], units: dict[str, str], repeated: Collect
 
 
 def _are_clocks(columns: list[Column], name: str) -> bool:
-    """Tell whether every column of a name holds rising stamps; of channels without a sample it may be empty."""
+    """Check whether all columns of a name have rising stamps, or are empty because their channels have no samples."""
     rising = [_rises(values) for other, values in columns if other == name]
     return True in rising and False not in rising
 

@@ -1,4 +1,4 @@
-"""Text tables: comma, semicolon, tab or blank separated, with whatever a logger writes above them."""
+"""Read text tables separated by comma, semicolon, tab or blanks, with any lines of a logger above them."""
 
 import re
 from collections.abc import Collection, Iterator
@@ -23,21 +23,21 @@ from cylinder_friction.recordings.start import Start, start_in_header
 
 _FEWEST_LINES = 20
 LARGEST_STEP = 4.0
-"""From one row to the next a value changes by no more than so many times its largest change in the rows before."""
+"""Largest change of a value to the next row, as a multiple of its largest change in the rows before."""
 _LARGEST_HEAD, _USUAL_LINES = 64 * HEAD_SIZE, 500
 
 
 def read_delimited(
     source: FileSource, wanted: Collection[str] | None, csv: CsvOptions = AUTOMATIC, rows: int | None = None
 ) -> list[LoggedTable]:
-    """Read the table of a text file. Its first lines show the layout; Arrow reads the rows in one pass.
+    """Read the table of a text file: find the layout in its first lines, then parse the rows with Arrow in one pass.
 
-    A file with several time columns of one name gives a table for each, with the channels behind it. A file of many
-    more than ``rows`` rows is read in parts of about that size: runs of whole lines, so that memory holds one of them.
+    A file with several time columns of one name gives a table for each, with the channels after it. A file with many
+    more than ``rows`` rows is read in parts of about ``rows`` whole lines, so that memory holds only one part.
 
     Raises:
-        RecordingError: The file is no such table: another encoding, no rows of numbers, a line with more or fewer
-            values than the others, a header that comes again, or dates with two readings.
+        RecordingError: The file is not such a table: it has another encoding, no rows of numbers, a line with more or
+            fewer values than the others, a repeated header, or ambiguous dates.
     """
     try:
         return _read(source, open_text(source, csv.encoding), wanted, csv, rows)
@@ -89,7 +89,7 @@ def _parts(rows: "_Rows", step: int, wanted: Collection[str] | None) -> Iterator
 
 
 def _line_end(text: Text, place: int) -> int:
-    """Find the byte behind the end of the line that contains ``place``, at most the end of the text."""
+    """Find the byte after the line that contains ``place``, at most the end of the text."""
     while place < text.end:
         block = text.file.read_at(min(HEAD_SIZE, text.end - place), place)
         if (found := block.find(b"\n")) >= 0:
@@ -125,14 +125,14 @@ def _tables(rows: "_Rows", wanted: Collection[str] | None) -> list[LoggedTable]:
 
 
 def _first_lines(text: Text, options: CsvOptions) -> tuple[list[bytes], Layout]:
-    """Take enough of the first whole lines to contain names and rows, and find their layout."""
+    """Read enough of the first whole lines to contain names and rows, and find their layout."""
     size = HEAD_SIZE
     while True:
         head = text.file.read_at(min(size, text.end - text.start), text.start)
         lines: list[bytes] = head.splitlines(keepends=True)
         if size < text.end - text.start:
             lines = lines[:-1] if len(lines) > _FEWEST_LINES or size >= _LARGEST_HEAD else []
-        for most in (_USUAL_LINES, len(lines)):  # what stands above the rows may be long
+        for most in (_USUAL_LINES, len(lines)):  # the lines above the rows may be many
             try:
                 return lines, find_layout([line.decode() for line in lines[:most]], options)
             except RecordingError:
@@ -143,20 +143,20 @@ def _first_lines(text: Text, options: CsvOptions) -> tuple[list[bytes], Layout]:
 
 @dataclass
 class _Rows:
-    """The rows of a text table from byte ``begin`` on. It can name the line of a row that is wrong."""
+    """The rows of a text table from byte ``begin`` on; errors name the line of a wrong row."""
 
     text: Text
     layout: Layout
     begin: int
-    first: int  # The byte where the first row of all begins
-    start: Start | None  # What the lines above it state
-    ended: str = ""  # That channels end before others, in words
+    first: int  # The byte where the first row of the table begins
+    start: Start | None  # The start that the lines above the rows state
+    ended: str = ""  # A sentence if channels end before others
 
     def parsed(self, loaded: list[int]) -> tuple[Any, str]:
-        """Parse the columns of these numbers as a ``pyarrow.Table``, and the decimal sign they were read with."""
+        """Parse the columns with these numbers. Return a ``pyarrow.Table`` and the decimal sign that was used."""
         sign = self.layout.decimal or "."
         table = self._parsed(loaded, sign)
-        # Whole numbers at first, and the first decimal sign further down than was looked.
+        # The first lines have whole numbers, so that the decimal sign occurs only further down.
         if self.layout.decimal is None and self.layout.delimiter != ",":
             texts = [column for column in table.columns if pa.types.is_string(column.type)]
             floats = any(pa.types.is_floating(column.type) for column in table.columns)
@@ -200,9 +200,9 @@ class _Rows:
         return pa.BufferReader(content.strip(b"\t"))
 
     def _ended_early(self) -> str:
-        """State that the last rows lack channels that ended before, as a scope writes them; empty if they may not.
+        """State that channels ended early, if the last rows are shorter, as a scope writes them; empty otherwise.
 
-        The first short row must continue the row before: its cells may be those of other channels.
+        The first short row must continue the row before, because its cells could belong to other channels.
         """
         names, rows = self.layout.names, [split_cells(line, self.layout.delimiter) for _, line in self._lines()]
         widths = [len(row) for row in rows]
@@ -226,7 +226,7 @@ class _Rows:
         )
 
     def _padded(self, content: bytes) -> bytes:
-        """Pad every row to as many cells as there are names, for a group may end before the others."""
+        """Pad every row to the number of names, because a group may end before the others."""
         lines = [line for line in re.split(rb"\r\n|\n|\r", content) if line]
         delimiter, width = self.layout.delimiter.encode(), len(self.layout.names)
         missing = [width - 1 - line.count(delimiter) for line in lines]
@@ -235,7 +235,7 @@ class _Rows:
         return b"\n".join(line + delimiter * count for line, count in zip(lines, missing, strict=True))
 
     def _lines(self) -> list[tuple[int, str]]:
-        """List the rows that are not empty, each with its number within the file, counted from 1."""
+        """List the rows that are not empty, each with its line number in the file, counted from 1."""
         read_at, places = self.text.file.read_at, range(self.first, self.begin, HEAD_SIZE)
         before = sum(read_at(min(HEAD_SIZE, self.begin - place), place).count(b"\n") for place in places)
         content = read_at(self.text.end - self.begin, self.begin).decode(errors="replace")
@@ -253,7 +253,7 @@ class _Rows:
                 )
 
     def refuse_second_header(self, column: Any, name: str) -> None:
-        """Refuse a column that contains its own name: the logger was started twice with one file."""
+        """Refuse a column that contains its own name, because the logger was started twice with one file."""
         row = pc.index(pc.utf8_trim_whitespace(column), name).as_py()
         if row >= 0:
             number, line = self._lines()[row]

@@ -1,4 +1,4 @@
-"""Excel workbooks (.xlsx) through openpyxl: each sheet is read as the text table it would be if saved as such."""
+"""Read Excel workbooks (.xlsx) with openpyxl; each sheet is read as if it had been saved as a text table."""
 
 from collections.abc import Collection
 from dataclasses import replace
@@ -15,9 +15,9 @@ _AS_TEXT = CsvOptions(delimiter="\t", decimal=".", encoding="utf-8")
 
 
 def read_excel(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Read one table per sheet, several if it has several time columns. A formula is read as its last value.
+    """Read one table per sheet, or several if it has several time columns. A formula is read as its last value.
 
-    A sheet without rows of numbers is left out; if none has any, the reason of the first is given.
+    Sheets without rows of numbers are left out. If no sheet has such rows, the error of the first sheet is raised.
     """
     import openpyxl
 
@@ -39,7 +39,7 @@ def read_excel(source: FileSource, wanted: Collection[str] | None) -> list[Logge
 
 
 def _as_text(sheet: Any) -> FileSource:
-    sheet.reset_dimensions()  # some writers state too few
+    sheet.reset_dimensions()  # some programs state too small a size
     rows = []
     for row in sheet.iter_rows(values_only=True):
         cells = [_cell(value) for value in row]

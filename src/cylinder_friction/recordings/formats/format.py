@@ -1,4 +1,4 @@
-"""What a file format is to the package: how it is recognized, what reads it, and the tables that reading gives."""
+"""Definition of a file format: how it is recognized, its reader, and the tables that the reader returns."""
 
 from __future__ import annotations
 
@@ -25,25 +25,25 @@ Column = tuple[str, NDArray[Any]]
 
 @dataclass(frozen=True)
 class LoggedTable:
-    """Channels of a file that share their rows, as the logger names them, in its units."""
+    """Channels of a file that share their rows, with the logger's names and units."""
 
-    # One column per channel: numbers, time stamps (``datetime64[ns]``), or text if a cell is no number. A missing
-    # value is NaN. Names are stripped of blanks; a name may occur twice.
+    # One column per channel: numbers, time stamps (``datetime64[ns]``), or text if a cell is not a number. A missing
+    # value is NaN. Names are stripped of blanks and may occur twice.
     channels: pd.DataFrame
     # The unit that the file itself states, by channel; a channel without one is absent
     units: Mapping[str, str] = field(default_factory=dict)
-    name: str = ""  # Of the table or group within the file; empty if the file has only one
-    unread: tuple[str, ...] = ()  # Names of channels that were there but not asked for
-    notes: tuple[str, ...] = ()  # What the reader repaired, one sentence each, for example a last line that was cut off
-    start: Start | None = None  # When its clock was at 0 s, as the file states it beside the rows
-    utc: bool = False  # Whether its time stamps are in UTC; if not, their time zone is not stated
-    # Reads the parts behind this one, each with the same channels, if the table is too long to be read at once
+    name: str = ""  # Name of the table or group in the file; empty if the file has only one
+    unread: tuple[str, ...] = ()  # Names of channels that were not wanted
+    notes: tuple[str, ...] = ()  # Repairs by the reader, one sentence each, for example a last line that was cut off
+    start: Start | None = None  # When its clock was at 0 s, as the file states it outside the rows
+    utc: bool = False  # Whether its time stamps are in UTC; otherwise their time zone is not stated
+    # Reads the parts after this one, with the same channels, if the table is too long to be read at once
     more: Callable[[], Iterator[LoggedTable]] | None = None
-    parts: int = 1  # How many there are, about
+    parts: int = 1  # Approximate number of parts
 
 
 def named_columns(columns: Sequence[Column]) -> pd.DataFrame:
-    """Make a table of columns, without a copy; a name may occur twice or be damaged."""
+    """Make a table of columns without a copy; names may occur twice or be damaged."""
     table = pd.DataFrame(dict(enumerate(values for _, values in columns)), copy=False)
     table.columns = pd.Index([name for name, _ in columns], dtype=object)
     return table
@@ -54,16 +54,16 @@ class Format:
     """One file format. A module beside this one defines it, and ``reading.FORMATS`` lists it."""
 
     name: str
-    what: str  # In messages: ``an HDF5 file``
-    # Reads the wanted channels of a ``FileSource``. ``takes`` names the further arguments: ``csv`` (``CsvOptions``),
-    # ``rows`` (a longer table is read in parts of so many, unless it is None), ``database`` (path of a bus's, or None).
+    what: str  # Name in messages: ``an HDF5 file``
+    # Reads the wanted channels of a ``FileSource``. ``takes`` names its further arguments: ``csv`` (``CsvOptions``),
+    # ``rows`` (a longer table is read in parts of this size; None: whole), ``database`` (path of a DBC file or None)
     read: Callable[..., list[LoggedTable]]
     takes: tuple[str, ...] = ()
-    starts: tuple[bytes, ...] = ()  # How its files begin
-    fits: Callable[[bytes], bool] | None = None  # Whether a file with this head has the format, beyond ``starts``
+    starts: tuple[bytes, ...] = ()  # Bytes that its files begin with
+    fits: Callable[[bytes], bool] | None = None  # Recognizes the format by a file's head, in addition to ``starts``
     library: str = ""  # The library that only this format needs, and the extra of this package that brings it
     extra: str = ""
-    # What crashes over a damaged file, in messages. Such a format is read in an isolated process; others are not.
+    # Name in messages of the library that damaged files crash. Only such formats are read in an isolated process
     crashes: str = ""
 
     def refuse_missing_library(self) -> None:
@@ -74,7 +74,7 @@ class Format:
 
 @contextmanager
 def guarded(what: str) -> Iterator[None]:
-    """Turn whatever a library raises over a damaged file into a ``RecordingError``, and keep its warnings quiet."""
+    """Convert a library's errors on a damaged file to ``RecordingError``, and suppress its warnings."""
     quiet = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
     try:

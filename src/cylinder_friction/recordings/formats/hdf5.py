@@ -1,4 +1,4 @@
-"""HDF5: datasets by their path, compound datasets as tables."""
+"""Read HDF5 files: datasets as channels named by their paths, compound datasets as tables."""
 
 from collections.abc import Collection
 from functools import partial
@@ -25,9 +25,9 @@ _STEPS = ("dt", "sample_time", "sample_time_s", "sampling_time", "sampling_inter
 def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
     """Read one table per compound dataset, and one of all other datasets of equal length.
 
-    A dataset's name is its path, ``pressures/P1``. Units come from its attribute ``unit`` or ``units``. If a dataset,
-    its group or the file states a sampling rate [Hz] or a sample time [s] as an attribute and there is no time among
-    the channels, a channel ``time`` is made of it.
+    A dataset's name is its path, such as ``pressures/P1``. Its attribute ``unit`` or ``units`` states its unit. If the
+    channels include no time, a channel ``time`` is made from a sampling rate [Hz] or sample time [s] that the dataset,
+    its group or the file states as an attribute.
     """
     import h5py
 
@@ -80,7 +80,7 @@ def _sample_time_s(node: Any) -> float | None:
 
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
-# A user's block of 512 bytes or a power of two times that may stand before the signature.
+# A user block of 512 bytes, or of a power of two times 512 bytes, may precede the signature.
 FORMAT = Format(
     "hdf5",
     "an HDF5 file",

@@ -1,4 +1,4 @@
-"""Read binary files in one process of their own: a damaged file can crash or hang the C library that reads it."""
+"""Read binary files in an isolated process, because a damaged file can crash or hang the C library that reads it."""
 
 import multiprocessing
 import os
@@ -21,26 +21,26 @@ if sys.platform != "win32":
     import resource
 
 LIMIT_S, LIMIT_PER_BYTE_S = 60.0, 1.0 / 2e6
-"""Time limit for a small file [s]; each byte of a file adds to it."""
+"""Time limit for an empty file [s], and additional time per byte [s]."""
 LIMIT_BYTES, LIMIT_BYTES_PER_BYTE = 4 << 30, 50
-"""Memory limit for a small file [bytes]; each byte of a file adds to it."""
+"""Memory limit for an empty file [bytes], and additional bytes per byte of the file."""
 
 
 _LOCK = threading.Lock()
 _READERS: dict[int, tuple[ProcessPoolExecutor, BaseProcess]] = {}
-"""The pool of one process, and that process, by the process that started it; a fork starts its own."""
+"""The reading process and its pool, by the id of the process that started them; a fork starts its own."""
 
 
 def _reader() -> ProcessPoolExecutor:
-    """Start the process for the first file, and again after it died."""
+    """Start the process for the first file, and restart it if it has died."""
     pool, process = _READERS.get(os.getpid(), (None, None))
     if (
         pool is None or process is None or wait([process.sentinel], 0)
-    ):  # is_alive may miss that another thread reaped it
+    ):  # is_alive may not notice that another thread reaped it
         main = sys.modules["__main__"].__dict__
         hidden: dict[str, Any] = {name: main.pop(name) for name in ("__file__", "__spec__") if name in main}
         main["__spec__"] = None
-        try:  # a script without a guard would run again in the process
+        try:  # otherwise a script without a main guard would run again in the process
             pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _begin)
             pid = pool.submit(os.getpid).result()
         finally:
@@ -50,12 +50,12 @@ def _reader() -> ProcessPoolExecutor:
 
 
 def read_isolated(path: Path, of: Format, wanted: Collection[str] | None, more: Mapping[str, Any]) -> list[LoggedTable]:
-    """Read a file's tables; ``more`` are the format's further arguments.
+    """Read a file's tables; ``more`` contains the format's further arguments.
 
-    In a daemon, which may have no processes of its own, the file is read in place.
+    In a daemon, which may not start processes, the file is read in the same process.
 
     Raises:
-        RecordingError: The file is damaged; reading it crashed the library or took too long.
+        RecordingError: The file is damaged, or reading it crashed the library or took too long.
     """
     size, path = path.stat().st_size, path.absolute()  # the process stays in the folder where it was started
     more = {name: value.absolute() if isinstance(value, Path) else value for name, value in more.items()}
@@ -84,7 +84,7 @@ def _end() -> None:
 
 
 def _begin() -> None:
-    """Prepare the process: Ctrl-C is its parent's, its libraries are silent, and it ends with its parent."""
+    """Prepare the process: leave Ctrl-C to its parent, silence its libraries, and end with its parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 1)
