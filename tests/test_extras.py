@@ -33,6 +33,7 @@ NEED_EXTRAS = (
     "commands.ui",
     "deployment.mlflow_ui",
     "deployment.scoring_model",
+    "deployment.served_model",
     "estimators.training",
     "execution.cluster",
     "params.composing",

@@ -80,11 +80,7 @@ def friction_finding(
     if not friction:
         slowest = f"nothing slides faster than {1e3 * view.slowest_m_s:.2g} mm/s away from the end stops"
         return Finding("friction", "refused", f"{slowest}; record strokes")
-    held = (
-        f"{four_digits(load_n)} N does not turn with the direction, as a load or a sensor's zero"
-        if view.carries_load
-        else ""
-    )
+    held = f"{four_digits(load_n)} N does not turn with the direction" if view.carries_load else ""
     held = held or too_uneven(load_n, half_n, zero_n, plan)
     if half_n < 0.0 or (not held and min(each.mean_n for each in friction.values()) <= 0.0):
         found = f"{half_n:.0f} N at equal position" if half_n < 0.0 else f"{text} against the motion"
