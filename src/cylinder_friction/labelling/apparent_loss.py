@@ -17,42 +17,42 @@ from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.wording import four_digits
 
 LEAST_SHARE = 0.75
-"""A force that grows with speed is named if at the highest speed it exceeds this share of mean friction: what of
-friction itself grows stays below. How much of it grows with the square of speed is too uncertain to decide it."""
+"""A force that grows with speed is reported if it exceeds this share of mean friction at the highest speed. The part of
+friction itself that grows stays below. The part that grows with the square of speed is too uncertain to decide by."""
 HIGHEST_SPEED = 0.98
 """Quantile of the speed of steady sliding that counts as the highest."""
 STRIBECK_SPEEDS_M_S = (0.003, 0.006, 0.012, 0.025)
 MOST_SESSIONS = 12
 LEAST_BLOCKS = 30
 MARGIN = 1.1
-"""By this factor a loss may be larger than it looks."""
+"""Factor by which a loss may be larger than it looks."""
 _PRESSURE_POWER = 0.8
 _ROUNDS = 12
 
 
 @dataclass(frozen=True)
 class ApparentLoss:
-    """A force against motion that grows with speed as a line between sensors and cylinder would make it."""
+    """A force against motion that grows with speed, as a loss in a line between sensors and cylinder would."""
 
-    square_n: float  # At ``speed_m_s``, growing with the square of speed [N]
-    linear_n: float  # At ``speed_m_s``, growing with speed, of which friction itself is a part [N]
-    friction_n: float  # Mean friction without the former [N]
-    speed_m_s: float  # The highest speed of steady sliding [m/s]
+    square_n: float  # Part that grows with the square of speed, at ``speed_m_s`` [N]
+    linear_n: float  # Part that grows with speed, at ``speed_m_s`` [N]; includes viscous friction
+    friction_n: float  # Mean friction without ``square_n`` [N]
+    speed_m_s: float  # Highest speed of steady sliding [m/s]
 
     unknown_viscous = "part of it may be what a line between sensors and cylinder loses; state sensor.line_loss"
 
     @property
     def named(self) -> bool:
-        """Whether it is more than what of friction itself grows with speed."""
+        """Whether the force is larger than the part of friction that itself grows with speed."""
         return self.square_n + self.linear_n > LEAST_SHARE * self.friction_n
 
     def most_n(self, velocity_m_s: Array) -> Array:
-        """Return how large the loss may be [N], shape ``(n,)``: what friction does not share, and what it may."""
+        """Compute the largest possible loss [N], shape ``(n,)``, as if none of the force were friction."""
         part = np.abs(velocity_m_s) / self.speed_m_s
         return np.asarray(MARGIN * part * (self.square_n * part + self.linear_n))
 
     def sentence(self, cylinder: Cylinder) -> str:
-        """Return what it looks like, and what to do."""
+        """Describe the force and what to do about it."""
         ratio = cylinder.annulus_area_m2 / cylinder.piston_area_m2
         growing_n = self.square_n + self.linear_n
         lost_bar = 1e-5 * growing_n / (cylinder.piston_area_m2 * (1.0 + ratio**3))
@@ -65,10 +65,10 @@ class ApparentLoss:
 
 
 def apparent_loss(evidence: Sequence[OffsetEvidence]) -> ApparentLoss | None:
-    """Return the force that looks like a loss in steady sliding, named or not: the median over conditions.
+    """Fit the force that looks like a loss in steady sliding, large or small: the median over conditions.
 
-    None without pressures, or with too little sliding. Beside it friction of each condition is Coulomb, Stribeck,
-    viscous and pressure-dependent friction, none of which is negative, and each session has an offset.
+    Returns None without pressures or with too little sliding. In the fit, friction of each condition has Coulomb,
+    Stribeck, viscous and pressure-dependent parts, none of them negative, and each session has an offset.
     """
     conditions: dict[str, dict[str, list[SlidingBlocks]]] = {}
     for each in evidence:
@@ -90,19 +90,19 @@ def apparent_loss(evidence: Sequence[OffsetEvidence]) -> ApparentLoss | None:
 
 
 def named_loss(evidence: Sequence[OffsetEvidence]) -> ApparentLoss | None:
-    """Return ``apparent_loss`` if it is more than what of friction itself grows with speed."""
+    """Compute ``apparent_loss``; return None if friction's own growth with speed may explain the force."""
     loss = apparent_loss(evidence)
     return loss if loss is not None and loss.named else None
 
 
 def loss_of_labels(labelled: Sequence[Recording], cylinder: Cylinder) -> ApparentLoss | None:
-    """Return ``named_loss`` of labelled recordings."""
+    """Compute ``named_loss`` from labelled recordings."""
     plan, nan = OffsetPlan(), math.nan
     return named_loss([offset_evidence(each, cylinder, plan, nan, nan, "") for each in labelled])
 
 
 def _fitted(sessions: Sequence[SlidingBlocks]) -> ApparentLoss:
-    """Return what sessions of one condition show, by least squares with Huber's weights and no negative term."""
+    """Fit the sessions of one condition by least squares, with Huber's weights and no negative term."""
     blocks, session = (
         SlidingBlocks.together(sessions),
         np.repeat(np.arange(len(sessions)), [len(s.stroke) for s in sessions]),

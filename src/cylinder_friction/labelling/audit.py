@@ -10,14 +10,14 @@ from cylinder_friction.recordings.columns import ALL_CONDITIONS
 from cylinder_friction.signals.motion import EVENTS, event_masks, near_events
 
 STRATA = ("all", "steady", "events", *EVENTS)
-"""All usable rows; those away from and those near starts, stops and reversals; and each kind of event."""
+"""All usable rows; rows away from starts, stops and reversals; rows near them; and rows near each kind of event."""
 
 
 @dataclass(frozen=True)
 class AuditRow:
-    """Errors of the label against true friction, of one filter in one condition and stratum.
+    """Errors of one filter's label against true friction, in one condition and stratum.
 
-    Errors are in newtons, positive if the label is above the truth. Only simulated recordings have a truth; nothing is
+    Errors are in newtons, positive if the label is above the truth. Only simulated recordings have a truth. No model is
     trained on it.
     """
 
@@ -59,8 +59,8 @@ class _Sums:
 class Audit:
     """Collects the labels' errors one recording at a time, so that memory holds only sums.
 
-    Call ``add`` for each recording with a known truth, then read ``rows``. Audits of several processes are combined in
-    the order of their recordings, with the same bits as one.
+    Call ``add`` for each recording with a known truth, then read ``rows``. ``merge`` combines audits of several
+    processes; in the order of the recordings, the result has the same bits as a single audit.
     """
 
     event_window_s: float  # Rows within this time of a start, stop or reversal count as near it [s]
@@ -77,7 +77,7 @@ class Audit:
     ) -> None:
         """Add one recording: the label of each filter by its name, and the truth, all of shape ``(n,)``.
 
-        ``usable`` are the rows usable for every filter, so that all are compared on the same rows.
+        ``usable`` marks the rows that are usable for every filter, so that all filters are compared on the same rows.
         """
         window = round(self.event_window_s / sample_time_s)
         near = near_events(true_velocity_m_s, window)
@@ -91,7 +91,7 @@ class Audit:
                     sums.add(error[rows], true_friction_n[rows])
 
     def merge(self, other: "Audit") -> None:
-        """Add what another audit collected; recordings one by one in their order give the very bits of ``add``."""
+        """Add the sums of another audit. Audits of one recording each, in order, give the same bits as ``add``."""
         for key, sums in other._sums.items():
             self._sums.setdefault(key, _Sums()).merge(sums)
 

@@ -11,12 +11,12 @@ from cylinder_friction.arrays import Array, Mask
 
 @dataclass(frozen=True)
 class Averages:
-    """Means over pieces of recordings, all of shape ``(pieces,)``; a subclass adds its group's numbers, from 0."""
+    """Means over pieces of recordings, all of shape ``(pieces,)``; a subclass adds group numbers, counted from 0."""
 
     group: ClassVar[str]
-    """Field that numbers the stroke or cluster a piece belongs to."""
+    """Name of the field with the number of each piece's stroke or cluster."""
 
-    force_n: Array  # Drive force less whatever load is known, inertia included [N]
+    force_n: Array  # Drive force minus any known load, inertia included [N]
     position_m: Array
     velocity_m_s: Array
     acceleration_m_s2: Array

@@ -5,25 +5,25 @@ opposes extension:
 
     friction = P1·A1 - P2·A2 - m·a - F_load                                                                 (mode none)
 
-If a drive force was measured in place of the pressures, it stands for P1·A1 - P2·A2.
+If a drive force was measured instead of the pressures, it replaces P1·A1 - P2·A2.
 
-The measured pressures already are the action of the oil on the piston, its compressibility included. A stiffness of
-the oil therefore has no place beside them. Three further modes exist, each for its own reason:
+The measured pressures already contain the whole action of the oil on the piston, including its compressibility. The
+equation therefore has no term for the oil's stiffness. Three further modes exist, each for its own reason:
 
 ``trapped_oil``
-    For ports that are closed and pressures that are not measured: the oil's spring *replaces* the pressure term,
-    P1·A1 - P2·A2 ≈ -K_h·(x - x_ref), K_h = β·(A1²/V1 + A2²/V2), both chambers' volumes taken at x_ref, where the
-    two pressures balance.
+    For closed ports without measured pressures: the oil's spring *replaces* the pressure term,
+    P1·A1 - P2·A2 ≈ -K_h·(x - x_ref), K_h = β·(A1²/V1 + A2²/V2). The volumes V1 and V2 of the chambers are those at
+    x_ref, the position at which the two pressures balance.
 
 ``external``
-    A real spring between rod and frame: k·(x - x_ref) is subtracted beside the load.
+    A real spring between rod and frame: k·(x - x_ref) is subtracted in addition to the load.
 
 ``paper_literal``
-    Equations (3) and (4) of Jamshidi et al. as printed: K_eq·x stands beside the measured pressures, with
-    K_eq = β·A1/L1 + β·A2/L2 (both springs act on the piston, so they add) and L the lengths of the oil columns.
-    This counts the oil's force twice, and x has no physical zero: mid-stroke K_eq·x is millions of newtons where
-    friction is hundreds. To the left, (4) also keeps the signs of inertia and spring that belong to the right. The
-    mode is a demonstration of that; percentages of such a label mean nothing. At standstill, where neither equation
+    Equations (3) and (4) of Jamshidi et al. as printed: K_eq·x is added to the measured pressures, with
+    K_eq = β·A1/L1 + β·A2/L2 (both springs act on the piston, so they add) and the lengths L of the oil columns. This
+    counts the oil's force twice, and x has no physical zero: at mid-stroke, K_eq·x is millions of newtons while
+    friction is hundreds. In retraction, (4) also keeps the signs that inertia and spring have in extension. The mode
+    only demonstrates these errors; percentages of such a label mean nothing. At standstill, for which neither equation
     is defined, the last direction holds.
 """
 
@@ -51,11 +51,11 @@ class Stiffness:
     """
 
     mode: StiffnessMode = "none"
-    bulk_modulus_pa: float = 1.4e9  # Of the oil, β [Pa]; for ``trapped_oil`` and ``paper_literal``
-    external_stiffness_n_m: float = 0.0  # Of the spring between rod and frame, k [N/m]; for ``external``
-    # Position at which the spring gives no force, x_ref [m]; for ``trapped_oil`` and ``external``
+    bulk_modulus_pa: float = 1.4e9  # Bulk modulus β of the oil [Pa]; for ``trapped_oil`` and ``paper_literal``
+    external_stiffness_n_m: float = 0.0  # Stiffness k of the spring between rod and frame [N/m]; for ``external``
+    # Position x_ref at which the spring exerts no force [m]; for ``trapped_oil`` and ``external``
     reference_m: float = 0.125
-    dead_volume_m3: float = 1.2e-4  # Oil of each chamber that the piston cannot displace [m³]; for both oil springs
+    dead_volume_m3: float = 1.2e-4  # Oil in each chamber that the piston cannot displace [m³]; for both oil springs
 
     def __post_init__(self) -> None:
         if self.mode not in get_args(StiffnessMode):
@@ -69,12 +69,12 @@ def friction_label(
     cylinder: Cylinder,
     stiffness: Stiffness,
 ) -> Array:
-    """Return friction [N], shape ``(n,)``, positive when it opposes positive velocity.
+    """Compute friction [N], shape ``(n,)``, positive when it opposes positive velocity.
 
-    A positive load resists extension; it is 0 if there is none.
+    A positive load resists extension; without a load, pass 0.
 
     Raises:
-        RecordingError: The oil's spring is to replace or to join the pressures, but a drive force was measured.
+        RecordingError: The mode has a spring of oil, but a drive force was measured instead of the pressures.
     """
     force_n = drive_force(signals, cylinder)
     inertia = cylinder.moving_mass_kg * signals.acceleration_m_s2
@@ -92,14 +92,14 @@ def friction_label(
     if stiffness.mode == "paper_literal":
         spring = paper_stiffness(position_m, cylinder, stiffness) * position_m
         direction = last_direction(signals.velocity_m_s)
-        # (3) and (4) give an unsigned force; the direction makes it the signed one.
+        # (3) and (4) give an unsigned force; the direction gives it its sign.
         unsigned = direction * (force_n - load_force_n) - spring - inertia
         return direction * unsigned
     return force_n - inertia - load_force_n
 
 
 def drive_force(signals: SmoothSignals | SmoothDrive, cylinder: Cylinder) -> Array:
-    """Return what drives the piston, P1·A1 - P2·A2 or the measured drive force [N], shape ``(n,)``."""
+    """Compute the force that drives the piston [N], shape ``(n,)``: P1·A1 - P2·A2 or the measured drive force."""
     if isinstance(signals, SmoothDrive):
         return signals.drive_force_smooth_n
     return (
@@ -108,7 +108,7 @@ def drive_force(signals: SmoothSignals | SmoothDrive, cylinder: Cylinder) -> Arr
 
 
 def trapped_oil_stiffness(cylinder: Cylinder, stiffness: Stiffness) -> float:
-    """Return K_h = β·(A1²/V1 + A2²/V2) [N/m] with the volumes at the reference position."""
+    """Compute K_h = β·(A1²/V1 + A2²/V2) [N/m] with the volumes at the reference position."""
     area_1, area_2 = cylinder.piston_area_m2, cylinder.annulus_area_m2
     volume_1 = stiffness.dead_volume_m3 + area_1 * stiffness.reference_m
     volume_2 = stiffness.dead_volume_m3 + area_2 * (cylinder.stroke_m - stiffness.reference_m)
@@ -116,9 +116,9 @@ def trapped_oil_stiffness(cylinder: Cylinder, stiffness: Stiffness) -> float:
 
 
 def paper_stiffness(position_m: Array, cylinder: Cylinder, stiffness: Stiffness) -> Array:
-    """Return K_eq = β·A1/L1 + β·A2/L2 [N/m], shape ``(n,)``: equations (1) and (2), side by side.
+    """Compute K_eq = β·A1/L1 + β·A2/L2 [N/m], shape ``(n,)``: the sum of equations (1) and (2).
 
-    The dead volume lengthens either oil column, without which the stiffness has no bound at the ends.
+    The dead volume lengthens each oil column. Without it, the stiffness would be infinite at the ends of the stroke.
     """
     area_1, area_2 = cylinder.piston_area_m2, cylinder.annulus_area_m2
     inside = np.clip(position_m, 0.0, cylinder.stroke_m)

@@ -1,7 +1,7 @@
 """The offset of the sensors' zeros in each session of logger files, and the evidence for it.
 
-The evidence is a vented interval on which sensors were zeroed, strokes in both directions
-(``labelling.offset_identification``), or the stated uncertainty alone, with the reason why nothing better is known.
+The evidence is one of three: an interval with vented chambers, in which the sensors were zeroed; strokes in both
+directions (``labelling.offset_identification``); or the stated uncertainty alone, with the reason for having no more.
 """
 
 import math
@@ -26,14 +26,14 @@ VENTED, STROKES, STATED, NOTHING = "vented interval", "strokes in both direction
 """Sources of an offset or its uncertainty."""
 
 LEAST_SESSIONS, LEAST_NARROWING_OF_FEW = 12, 0.4
-"""With fewer sessions, which hardly show how much friction differs, strokes must leave at most this share of the stated
-uncertainty."""
+"""With fewer sessions than the first number, strokes must leave at most the second number, as a share of the stated
+uncertainty, because few sessions hardly show how much friction differs."""
 UNEXPECTED = 1.5
-"""Multiple of the plan's asymmetry above which friction may be asymmetric in its own way in each session."""
+"""Multiple of the plan's asymmetry above which each session's friction may have an asymmetry of its own."""
 LEAST_IN_CONDITION = 3
-"""Fewest sessions of a condition whose deviations from their mean are identified."""
+"""Least number of sessions of a condition for identifying their deviations from the mean."""
 ODD_SHARE = 0.1
-"""Largest share of uneven sessions that are left out; if more are uneven, friction or zeros cause it, not a load."""
+"""Largest share of uneven sessions that may be left out; if more are uneven, friction or zeros are the cause."""
 
 
 @dataclass(frozen=True)
@@ -45,8 +45,9 @@ class OffsetEvidence:
     stated_n: float | None
     vented_n: float | None  # Offset read with vented chambers and subtracted, as friction [N]; None if not read
     sliding: SlidingBlocks | None  # None without labels
-    why_not: str = ""  # Why strokes do not count for the offset; empty if they do
-    uneven: str = ""  # Why the force that does not turn with the direction exceeds the stated zeros; else empty
+    why_not: str = ""  # Reason why strokes do not count for the offset; empty if they do
+    # Reason why the force that does not turn with the direction is too large for the stated zeros; else empty
+    uneven: str = ""
     condition: str = ""
 
     @property
@@ -67,10 +68,10 @@ class KnownOffset:
     session: str
     source: str  # ``VENTED``, ``STROKES``, ``STATED`` or ``NOTHING``
     words: str  # Evidence for it, or the reason why there is none
-    # Expanded uncertainties (k = 2) of the offset and as stated for the zeros, as friction [N]; NaN where not known
+    # Expanded uncertainties (k = 2) of the offset, and of the zeros as stated, as friction [N]; NaN if unknown
     uncertainty_n: float = math.nan
     stated_n: float = math.nan
-    offset_n: float = math.nan  # Offset to subtract from friction; if vented, subtracted already [N]; NaN if unknown
+    offset_n: float = math.nan  # Offset to subtract from friction [N]; already subtracted if vented; NaN if unknown
 
     @property
     def value(self) -> str:
@@ -87,11 +88,11 @@ def offset_evidence(
     """Collect the evidence of a labelled recording.
 
     Args:
-        labelled: Recording with friction, velocity and usable rows; without a known session it is a session of its own.
-        cylinder: Its areas.
+        labelled: Recording with friction, velocity and usable rows. Without a session name, it is its own session.
+        cylinder: Cylinder, for its areas.
         plan: How offsets are identified.
         uneven_n, friction_n: Half the sum and half the difference of friction up and down at equal position [N].
-        why_not: Why strokes cannot show an offset; empty if they may.
+        why_not: Reason why strokes cannot show an offset; empty if they may.
     """
     session, zeros = labelled.metadata.session or labelled.name, labelled.metadata.zero_offset
     identified = () if LOAD_FORCE in labelled.metadata.uncertainty else (LOAD_FORCE,)  # it has no sensor
@@ -114,7 +115,7 @@ def offset_evidence(
 
 
 def too_uneven(uneven_n: float, friction_n: float, zero_n: float | None, plan: OffsetPlan) -> str:
-    """State why ``uneven_n`` [N] is too large for zeros of standard uncertainty ``zero_n`` [N]; empty if it is not."""
+    """Explain why ``uneven_n`` [N] is too large for zeros with standard uncertainty ``zero_n`` [N]; else empty."""
     largest_n = math.inf if zero_n is None else COVERAGE_FACTOR * math.hypot(zero_n, plan.asymmetry * friction_n)
     if not abs(uneven_n) > largest_n:
         return ""
@@ -126,9 +127,9 @@ def too_uneven(uneven_n: float, friction_n: float, zero_n: float | None, plan: O
 
 
 def known_offsets(evidence: Sequence[OffsetEvidence], cylinder: Cylinder, plan: OffsetPlan) -> list[KnownOffset]:
-    """Find the offset of each session, in their order; common friction is found from all sessions together.
+    """Find the offset of each session, in order of appearance; all sessions together determine the common friction.
 
-    The order of the evidence changes no digit.
+    The order of the evidence changes no digit of the results.
     """
     order = list(dict.fromkeys(each.session for each in evidence))
     evidence = sorted(evidence, key=lambda each: (each.session, each.sliding_key))
@@ -148,7 +149,7 @@ def known_offsets(evidence: Sequence[OffsetEvidence], cylinder: Cylinder, plan: 
 def _deviations(
     left: set[str], evidence: Sequence[OffsetEvidence], model: OffsetModel | None, plan: OffsetPlan
 ) -> dict[str, KnownOffset]:
-    """Collect the deviation of each session that is ``left`` from the mean of its condition, if strokes show it."""
+    """Find how far each session in ``left`` deviates from the mean of its condition, if strokes show it."""
     conditions: dict[str, list[SlidingBlocks]] = {}
     for each in evidence:
         if each.strokes is not None and len(set(each.strokes.direction.tolist())) == 2:
@@ -167,8 +168,8 @@ def deviation_model(
 ) -> OffsetModel | None:
     """Fit the model whose offsets are deviations from the mean of one condition; None if strokes do not show them.
 
-    Friction's asymmetry is common to the sessions of a condition, zeros are not. ``of_all`` is the model of all
-    conditions, which is used if there is only one.
+    The sessions of a condition share friction's asymmetry but not their zeros. ``of_all`` is the model of all
+    conditions; if there is only one condition, it is used.
     """
     names = {each.session for each in sliding}
     if len(names) < LEAST_IN_CONDITION:
@@ -183,7 +184,7 @@ def deviation_model(
 def training_models(
     train: Sequence[Recording], cylinder: Cylinder, plan: OffsetPlan, *, always: bool = False
 ) -> tuple[dict[str, OffsetModel], str]:
-    """Fit the models of the offsets of a pipeline's sessions, by condition; or state why there are none.
+    """Fit the offset models of a pipeline's sessions, by condition; without a model, return the reason.
 
     There is one model of ``ALL_CONDITIONS`` if strokes show the training sessions' offsets, or if ``always`` is set.
     Otherwise there is a model for each condition whose sessions show their deviations from the mean.
@@ -202,12 +203,12 @@ def training_models(
 
 
 def of_condition(recordings: Sequence[Recording], condition: str) -> list[Recording]:
-    """Select the recordings of a condition, in their order; all for ``ALL_CONDITIONS``."""
+    """Select the recordings of a condition, in their order; ``ALL_CONDITIONS`` selects all."""
     return [each for each in recordings if condition in (ALL_CONDITIONS, each.metadata.condition)]
 
 
 def without_offsets(recordings: Sequence[Recording], models: Mapping[str, OffsetModel]) -> list[Recording]:
-    """Subtract from labelled recordings, in their order, the offsets that the model of their condition finds."""
+    """Subtract from labelled recordings the offsets that their condition's model finds; keep the order."""
     for condition, model in models.items():
         found = {each.name: each for each in model.corrected(of_condition(recordings, condition))}
         recordings = [found.get(each.name, each) for each in recordings]
@@ -215,7 +216,7 @@ def without_offsets(recordings: Sequence[Recording], models: Mapping[str, Offset
 
 
 def _own_asymmetry_n(model: OffsetModel) -> float:
-    """Compute the shift of a session's friction by its own asymmetry, as fitted [N] (k = 1)."""
+    """Compute how far a session's own asymmetry, as fitted, shifts its friction [N] (k = 1)."""
     return 0.5 * model.plan.asymmetry_sd * model.level_n
 
 
@@ -232,9 +233,9 @@ def _deviation(found: SessionOffset, model: OffsetModel) -> KnownOffset:
 
 
 def mean_uncertainty_n(known: Sequence[KnownOffset]) -> float:
-    """Compute the possible shift of sessions' mean friction by the sensors' zeros [N] (k = 2); 0 if unknown.
+    """Compute how far the sensors' zeros may shift the sessions' mean friction [N] (k = 2); 0 if unknown.
 
-    Stated zeros differ between sessions; the rest of identified zeros is partly common to all.
+    Stated zeros are independent between sessions. The error left in identified zeros is partly common to all sessions.
     """
     own = [each.uncertainty_n for each in known if math.isfinite(each.uncertainty_n)]
     alike = any(each.source == STROKES for each in known)
@@ -242,7 +243,7 @@ def mean_uncertainty_n(known: Sequence[KnownOffset]) -> float:
 
 
 def cautious(plan: OffsetPlan, sessions: Collection[str]) -> OffsetPlan:
-    """Widen the plan's difference of asymmetry between sessions, the more the fewer sessions there are."""
+    """Raise the plan's spread of asymmetry between sessions; the fewer sessions there are, the more it rises."""
     return replace(plan, asymmetry_sd=max(plan.asymmetry_sd, plan.asymmetry / max(len(sessions), 1)))
 
 
@@ -274,7 +275,7 @@ def _known(session: str, own: Sequence[OffsetEvidence], model: OffsetModel | Non
 
 
 def undetermined(found: SessionOffset, model: OffsetModel, plan: OffsetPlan) -> str:
-    """State why strokes have not determined an offset as the plan expects friction to be, empty if they have."""
+    """Explain why strokes do not determine an offset under the plan's assumptions on friction; empty if they do."""
     for missing, way, count in (
         ("retracting", "extending", found.strokes_retract),
         ("extending", "retracting", found.strokes_extend),

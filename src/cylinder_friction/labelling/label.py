@@ -36,7 +36,7 @@ from cylinder_friction.signals.smooth_signals import (
 )
 
 InertiaMode = Literal["given", "identified"]
-"""The moving mass is the cylinder's, or is identified in each session whose motion determines it."""
+"""Source of the moving mass: the cylinder's, or identified in each session whose motion determines it."""
 
 ONLY_FOR_LABELS = (
     "pressure_1_smooth_pa",
@@ -61,10 +61,10 @@ class Labeller:
     cylinder: Cylinder  # Areas, stroke and moving mass
     stiffness: Stiffness = field(default_factory=Stiffness)  # Spring in the equation of motion, if any
     end_stop_margin_m: float = 0.003  # Rows this near an end stop are not usable [m]
-    # The external force: ``none``, it is zero; ``measured`` by a load cell; ``position``, a smooth function of position
-    # that is identified in each session
+    # Source of the external force. ``none``: it is zero. ``measured``: a load cell. ``position``: a smooth function of
+    # position, identified in each session
     load: LoadMode = "none"
-    inertia: InertiaMode = "given"  # ``given``, the moving mass is the cylinder's; ``identified`` in each session
+    inertia: InertiaMode = "given"  # Source of the moving mass: ``given`` by the cylinder, or ``identified``
     load_plan: LoadPlan = field(default_factory=LoadPlan)  # How a load is identified, for ``load="position"``
     # How a mass is identified, for ``inertia="identified"``
     motion_plan: MotionPlan = field(default_factory=MotionPlan)
@@ -116,8 +116,7 @@ class Labeller:
     def identify_sessions(
         self, sessions: Mapping[str, Iterable[Recording]], signal_filter: SignalFilter
     ) -> dict[str, SessionIdentification]:
-        """Identify load and mass of each session, by its name; empty if neither is to be identified.
-
+        """Identify load and mass of each session, by session name; empty if neither is to be identified.
 
         Raises:
             RecordingError: As ``identify``; the message names the session.
@@ -135,9 +134,9 @@ class Labeller:
     ) -> Recording:
         """Add ``friction_n`` and ``usable`` to a recording that ``signal_filter`` has smoothed.
 
-        An identified load is added as ``load_force_n``, and if the sensors' uncertainty is stated,
-        ``friction_uncertainty_n``, which includes those of smoothing and of an identified load. Load and mass of the
-        session are required if ``needs_identification``.
+        An identified load is added as ``load_force_n``. If the sensors' uncertainty is stated, the recording also gets
+        ``friction_uncertainty_n``, which includes smoothing and an identified load. If ``needs_identification``, pass
+        the session's load and mass as ``identified``.
 
         Raises:
             RecordingError: The recording's columns and ``load`` contradict each other.
@@ -160,7 +159,7 @@ class Labeller:
     def labelled(
         self, recording: Recording, signal_filter: SignalFilter, identified: SessionIdentification | None = None
     ) -> Recording:
-        """Label a recording, without the columns that only labelling needs, for storage and training."""
+        """Label a recording and drop the columns that only labelling needs, for storage and training."""
         return self.label(recording, signal_filter, identified).without_columns(*ONLY_FOR_LABELS)
 
     def audit(
@@ -171,9 +170,9 @@ class Labeller:
         into: Audit,
         identified: SessionIdentification | None = None,
     ) -> None:
-        """Add the errors of every filter's label of a raw recording, on the rows that are usable for all of them.
+        """Label a raw recording with every filter and add the errors, on the rows that are usable for all filters.
 
-        The truth has ``friction_n`` and ``velocity_m_s`` at the same rows.
+        ``truth`` has ``friction_n`` and ``velocity_m_s`` at the same rows.
         """
         labels: dict[str, Array] = {}
         usable = np.ones(len(recording), dtype=np.bool_)
@@ -217,10 +216,10 @@ class Labeller:
     def _load(
         self, recording: Recording, identified: SessionIdentification | None, smooth: Callable[[], Array | None]
     ) -> Array | float:
-        """Compute the load [N]; ``smooth`` gives the measured one, smoothed.
+        """Compute the load [N]; ``smooth`` returns the smoothed measured load.
 
         Raises:
-            RecordingError: A load was measured if none is expected, or the other way round.
+            RecordingError: The recording has a measured load but none is expected, or the reverse.
         """
         measured = LOAD_FORCE in recording.columns
         if measured != (self.load == "measured"):
@@ -247,14 +246,14 @@ def label(
 ) -> list[Recording]:
     """Label recordings as the pipeline does: with velocity, friction and the mask of usable rows.
 
-    It adds ``velocity_m_s``, ``friction_n`` and ``usable``; ``load_force_n`` if the load is identified, and
-    ``friction_uncertainty_n`` if the sensors' uncertainty is stated. Labels look ahead: they are made off line.
+    It adds ``velocity_m_s``, ``friction_n`` and ``usable``; ``load_force_n`` if the load is identified; and
+    ``friction_uncertainty_n`` if the sensors' uncertainty is stated. Labels use future samples, so make them off line.
 
     Args:
         recordings: Raw recordings in SI units, of any sessions and conditions, in the order of the result.
-        cylinder: Its areas, stroke and moving mass.
+        cylinder: Cylinder, for its areas, stroke and moving mass.
         signal_filter: Smooths pressures and differentiates position; None: ``AdaptiveWindow`` with its defaults.
-        load: As in ``Labeller``; or the load itself that position decides, the same in all sessions.
+        load: As in ``Labeller``; or a known load that depends on position and is the same in all sessions.
         inertia, stiffness, end_stop_margin_m: As in ``Labeller``.
 
     Raises:
@@ -284,10 +283,10 @@ def label(
 def position_load(
     recordings: Iterable[Recording], cylinder: Cylinder, *, signal_filter: SignalFilter | None = None
 ) -> PositionLoad:
-    """Identify a load that position decides, such as a weight on a boom: the mean over the recordings' sessions.
+    """Identify a load that depends on position, such as a weight on a boom: the mean over the recordings' sessions.
 
-    Pass it to an estimator of a machine without a load cell. Strokes in both directions over the same travel are
-    needed. The arguments are those of ``label``.
+    Pass the load to an estimator of a machine without a load cell. The recordings need strokes in both directions over
+    the same travel. The arguments are those of ``label``.
 
     Raises:
         RecordingError: There is no recording, or the strokes of a session do not determine its load.
@@ -307,8 +306,8 @@ def position_load(
 def with_common_load(recording: Recording, load: PositionLoad) -> Recording:
     """Relabel a recording with a common ``load`` in place of its own session's load, if any.
 
-    Its own session's load has absorbed the sensors' offset and the uneven part of friction; a common load leaves
-    both in friction. Rows at which the common load is not known are not usable.
+    A session's own load has absorbed the sensors' offset and the uneven part of friction; a common load leaves both in
+    friction. Rows at which the common load is unknown become unusable.
     """
     load_n = load.of(recording)
     own_n = recording.column(LOAD_FORCE) if LOAD_FORCE in recording.columns else 0.0
@@ -323,7 +322,7 @@ def with_common_load(recording: Recording, load: PositionLoad) -> Recording:
 
 
 def other_positions(recording: Recording) -> tuple[str, ...]:
-    """List the columns of a recording with positions of other cylinders, on which its load may depend."""
+    """List a recording's columns with positions of other cylinders, on which its load may depend."""
     return tuple(column for column in OTHER_POSITIONS if column in recording.columns)
 
 
@@ -338,8 +337,8 @@ def by_session(recordings: Iterable[Recording]) -> dict[str, list[Recording]]:
 def usable_rows(position_m: Array, stroke_m: float, margin_m: float, support: Support) -> Mask:
     """Mark the usable rows, shape ``(n,)``.
 
-    Unusable are rows within ``margin_m`` of an end stop, whose reaction would be counted as friction; every row whose
-    filter's support includes such a row; and the rows at either edge of the recording whose support is incomplete.
+    Three kinds of rows are unusable: rows within ``margin_m`` of an end stop, whose reaction would count as friction;
+    rows whose filter's support includes such a row; and rows at the edges of the recording with incomplete support.
     """
     stopped = (position_m <= margin_m) | (position_m >= stroke_m - margin_m)
     usable = ~widened(stopped, before=support.after, after=support.before)

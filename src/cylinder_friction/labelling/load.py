@@ -1,16 +1,16 @@
 """The load as a smooth function of positions, identified from the symmetry of strokes up and down.
 
-The driving force less inertia is load plus friction. Friction changes its sign with the direction, and the load at a
+The driving force minus inertia is load plus friction. Friction changes its sign with the direction; the load at a
 position does not:
 
     F_drive - m·a = L(x) + F_C·sgn(v) + s_2·v + k·v·abs(v)
 
 L is a polynomial in position, and in the positions of other cylinders if it depends on them; cross-validation chooses
-its orders. Friction is assumed equal in both directions, over rows that clearly move: Coulomb and viscous friction, and
-quadratic friction if lines between sensors and cylinder lose pressure, each term as far as strokes determine it. **A
-difference of friction between the directions that does not depend on position cannot be told from load**: half of it
-goes into L. Its size is therefore stated, as a share of friction, and enters the load's uncertainty beside the scatter
-of the strokes.
+its orders. Only rows that clearly move count, and friction is assumed equal in both directions. It has Coulomb and
+viscous terms, and a quadratic term for lines between sensors and cylinder that lose pressure, each if strokes determine
+it. **A difference of friction between the directions that does not depend on position cannot be told from load**: half
+of it goes into L. Its size is therefore stated, as a share of friction, and adds to the load's uncertainty from the
+scatter of the strokes.
 """
 
 import math
@@ -41,26 +41,26 @@ GRID = 51
 POOLED_PLACES = 129
 """Number of positions at which the mean load of several sessions is stored."""
 OTHER_REACH_M = 0.01
-"""Largest distance of another position from those of the strokes at which their load still holds [m]."""
+"""Largest distance between another cylinder's position and its position in the strokes at which the load holds [m]."""
 GREATEST_OTHER_ORDER = 1
 MOST_OTHER_PLACES = 33
 MOST_SCATTER = 0.2
 """Uncertainty of the load, as a share of Coulomb friction, above which the load counts as unknown."""
 LEAST_SPREAD = 0.25
-"""Least root mean square deviation, over ``OTHER_REACH_M``, of another position from a function of the piston's own, so
-that a load can be identified over it. With less, lag between the two, which turns with the direction, looks like
-load."""
+"""Least independent motion of another position for a load that depends on it: the root mean square deviation from a
+function of the piston's position, over ``OTHER_REACH_M``. With less, a lag between the two positions turns with the
+direction and looks like load."""
 
 _FOLDS = 5
 _BLOCKS_PER_DIRECTION = 10
 _AS_GOOD = 1.01
-"""Largest ratio of the chosen order's cross-validated error to the least error."""
+"""Largest ratio of a chosen model's error to the least error."""
 _ALIKE = 1.1
-"""Factor on the least residual up to which another set of speed terms describes friction equally well. Coulomb friction
-is uncertain by its difference between such sets. Terms that describe friction better, but that strokes do not
-determine, make the load uncertain by its difference with them."""
+"""Factor on the least residual up to which another set of speed terms describes friction equally well. The difference
+of Coulomb friction between such sets is part of its uncertainty. If other terms describe friction better but strokes do
+not determine them, the change that they make to the load is part of the load's uncertainty."""
 _OWN_SHARE = 0.05
-"""Viscous friction is identified if position and direction leave this share of velocity's square unexplained."""
+"""Least share of velocity's square that position and direction must leave unexplained to identify viscous friction."""
 _LEAST_POINTS_PER_COEFFICIENT = 4
 
 
@@ -68,20 +68,20 @@ _LEAST_POINTS_PER_COEFFICIENT = 4
 class LoadPlan:
     """Settings for the identification of a load from strokes.
 
-    The defaults suit a bench of some hundred newtons of friction. ``asymmetry`` limits the result: strokes cannot show
-    it, so state what you know of the seals.
+    The defaults suit a bench with some hundred newtons of friction. ``asymmetry`` limits the accuracy: strokes cannot
+    show it, so state what you know of the seals.
 
     Raises:
         ValueError: A number is out of its range.
     """
 
-    slowest_m_s: float = 2e-3  # Least velocity; below it friction is neither Coulomb nor viscous [m/s]
-    settling_travel_m: float = 2e-3  # Travel after a start or reversal that does not count [m]
+    slowest_m_s: float = 2e-3  # Least speed [m/s]; below it, friction is neither Coulomb nor viscous
+    settling_travel_m: float = 2e-3  # Travel after a start or reversal that is ignored [m]
     greatest_order: int = 8  # Greatest order of the polynomial in position
-    # Standard uncertainty of the difference of friction between the directions, half of it over Coulomb friction; the
-    # data cannot determine it
+    # Standard uncertainty of the asymmetry, which the data cannot determine: half the difference of friction between
+    # the directions, over Coulomb friction
     asymmetry: float = 0.15
-    repeats: int = 200  # Bootstrap samples
+    repeats: int = 200  # Number of bootstrap samples
     seed: int = 0  # Seed of the bootstrap
     confidence: float = 0.95  # Probability of the intervals
 
@@ -98,10 +98,10 @@ class LoadPlan:
 
 @dataclass(frozen=True)
 class LoadIdentification:
-    """A load that depends on position, identified from one session, and the friction found beside it.
+    """A load that depends on position, identified from one session, and the friction identified with it.
 
-    ``load_n`` evaluates it, ``uncertainty_n`` states its standard uncertainty; both are in newtons, positive if the
-    load resists extension. Outside ``coverage`` the load is not known.
+    ``load_n`` computes the load, positive if it resists extension, and ``uncertainty_n`` its standard uncertainty, both
+    in newtons. Outside ``coverage`` the load is unknown.
     """
 
     # Coefficients of Legendre polynomials in position, scaled so that ``range_m`` is -1 to 1 [N]
@@ -110,10 +110,10 @@ class LoadIdentification:
     # Standard uncertainty of the load from the scatter of strokes, at ``GRID`` equidistant positions [N]
     scatter_n: tuple[float, ...]
     asymmetry_n: float  # Standard uncertainty of the load from friction that may differ between the directions [N]
-    coulomb_n: float  # Coulomb friction, half the difference between up and down at no speed [N]
-    coulomb_interval_n: tuple[float, float]  # Its confidence interval [N]
+    coulomb_n: float  # Coulomb friction: half the difference between up and down, extrapolated to zero speed [N]
+    coulomb_interval_n: tuple[float, float]  # Confidence interval of Coulomb friction [N]
     viscous_n_s_m: float  # Viscous friction [N s/m]; 0 if the speeds do not determine it
-    viscous_interval_n_s_m: tuple[float, float]  # Its confidence interval, then (0, 0)
+    viscous_interval_n_s_m: tuple[float, float]  # Its confidence interval [N s/m]; (0, 0) if not determined
     load_range_n: tuple[float, float]  # Least and greatest load over the coverage [N]
     # Number of strokes
     strokes_extend: int
@@ -121,8 +121,8 @@ class LoadIdentification:
     residual_n: float  # Median absolute residual of the points [N]
     confidence: float  # Probability of the intervals
     others: tuple[str, ...] = ()  # Columns of the other positions that the load depends on
-    other_order: int = 0  # Greatest order in each of these
-    around: OthersCovered | None = None  # Where strokes of both directions went, in these
+    other_order: int = 0  # Greatest order of the polynomial in each of the other positions
+    around: OthersCovered | None = None  # Other positions that strokes of both directions passed; None without others
 
     @property
     def order(self) -> int:
@@ -135,9 +135,9 @@ class LoadIdentification:
         return (POSITION, *self.others)
 
     def load_n(self, positions_m: Array) -> Array:
-        """Compute the load [N], shape ``(n,)``; outside the coverage's range that of its nearer end.
+        """Compute the load [N], shape ``(n,)``; outside the coverage's range, the load at its nearer end.
 
-        ``positions_m`` has shape ``(n, positions)``, or ``(n,)`` if the load depends on one.
+        ``positions_m`` has shape ``(n, positions)``, or ``(n,)`` if the load depends on one position.
         """
         if self.around is None:
             return np.asarray(
@@ -192,7 +192,7 @@ class LoadIdentification:
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Self:
-        """Return what ``to_dict`` gave."""
+        """Build the object from the content of ``to_dict``."""
         kept: dict[str, Any] = {
             key: tuple(value) if isinstance(value, list) else value for key, value in content.items()
         }
@@ -204,9 +204,9 @@ class LoadIdentification:
 
 
 def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] = ()) -> LoadIdentification:
-    """Identify the load from the strokes of one session; their force is without inertia.
+    """Identify the load from the strokes of one session, whose force does not contain inertia.
 
-    ``others`` are the columns of the other positions of the points.
+    ``others`` names the columns of ``points.others_m``.
 
     Raises:
         RecordingError: Strokes of both directions do not overlap, or there are too few points.
@@ -264,7 +264,7 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
         loads = (along @ fit.coefficients[:of_load])[coverage.holds(grid)]
     else:
         along = _polynomials(around.middles_m, coverage, around, order, other_order)
-        # A bootstrap draw may leave a place without strokes of one direction, and so without a known load.
+        # A bootstrap draw may leave a place without strokes of one direction; its load would then be unknown.
         covariance = clustered_covariance(design, fit, blocks)[:of_load, :of_load]
         of_cells_n = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", along, covariance, along), 0.0))
         sure = of_cells_n < MOST_SCATTER * coulomb
@@ -298,9 +298,9 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
 def pooled_load(sessions: Sequence[LoadIdentification]) -> PositionLoad:
     """Average the loads of sessions, for an estimator to subtract.
 
-    A load of one position is known at positions that all sessions know; a load of several positions, at those that any
-    session knows. Its uncertainty is that of a further session: the spread between sessions (of two or more), combined
-    with the uncertainty of each session's own load.
+    The mean of loads of one position is known at positions that all sessions know; with several positions, at positions
+    that any session knows. Its uncertainty applies to a further session: it combines the spread between two or more
+    sessions with the uncertainty of each session's own load.
 
     Raises:
         RecordingError: There is no session, or they share no stretch of position.
@@ -327,7 +327,7 @@ def refuse_unlike_loads(sessions: Mapping[str, LoadIdentification], common: Posi
     """Refuse sessions that cannot all carry the common load.
 
     Raises:
-        RecordingError: The load of a session is further from it than twice its own standard uncertainty.
+        RecordingError: A session's load differs from the common load by over twice the session's standard uncertainty.
     """
     positions_m = _places(common)
     for name, each in sessions.items():
@@ -344,7 +344,7 @@ def refuse_unlike_loads(sessions: Mapping[str, LoadIdentification], common: Posi
 
 
 def _worst_along(grid: Array, position_m: Array, values: Array) -> Array:
-    """Find the largest of the values nearest to each place of the grid; interpolate linearly if there is none."""
+    """Find the largest of the values nearest to each grid position; interpolate at positions without values."""
     nearest = np.rint((position_m - grid[0]) / (grid[1] - grid[0])).astype(np.int64)
     worst = np.full(len(grid), np.nan)
     np.fmax.at(worst, np.clip(nearest, 0, len(grid) - 1), values)
@@ -353,7 +353,7 @@ def _worst_along(grid: Array, position_m: Array, values: Array) -> Array:
 
 
 def _pooled_over_several(sessions: Sequence[LoadIdentification]) -> PositionLoad:
-    """Average over the sessions that know a place."""
+    """Average loads of several positions; at each place, over the sessions that know the load there."""
     ranges_m = [(each.coverage.range_m, *(each.around.ranges_m if each.around else ())) for each in sessions]
     axes = []
     for number, column in enumerate(sessions[0].columns):
@@ -371,7 +371,7 @@ def _pooled_over_several(sessions: Sequence[LoadIdentification]) -> PositionLoad
     from scipy.ndimage import distance_transform_edt  # Only loads by several positions need it
 
     nearest = distance_transform_edt(~everywhere, return_distances=False, return_indices=True)
-    # Between a known place and an unknown one the load is that of the sessions that know the known one.
+    # At an unknown place, average the sessions that know the nearest known place.
     goes_on = known[:, np.ravel_multi_index(tuple(nearest), shape).ravel()]
     count = goes_on.sum(axis=0)
     mean_n = np.where(goes_on, loads_n, 0.0).sum(axis=0) / count
@@ -402,7 +402,7 @@ def _scaled(position_m: Array, range_m: tuple[float, float]) -> Array:
 def _polynomials(
     positions_m: Array, coverage: TravelCovered, around: OthersCovered | None, order: int, other_order: int
 ) -> Array:
-    """Compute every product of Legendre polynomials in the positions, shape ``(n, products)``."""
+    """Compute all products of the Legendre polynomials in each position, shape ``(n, products)``."""
     products = legendre.legvander(_scaled(positions_m[:, 0], coverage.range_m), order)
     for other_m, range_m in zip(positions_m.T[1:], [] if around is None else around.extents_m, strict=True):
         along = legendre.legvander(_scaled(other_m, range_m), other_order)
@@ -411,9 +411,9 @@ def _polynomials(
 
 
 def _determined(design: Array, drawn: Array, confidence: float) -> bool:
-    """Check whether strokes determine dry friction and each term of speed, drawn in this order, none of them negative.
+    """Check whether strokes determine dry friction and each term of speed as positive.
 
-    The last column of the design is the last of these terms.
+    ``drawn`` has a column for each of them, in this order. The last column of ``design`` is the last of these terms.
     """
     positive = all(quantile_interval(each, confidence)[0] > 0.0 for each in drawn.T)
     return positive and _own_share(design) >= _OWN_SHARE
@@ -422,8 +422,8 @@ def _determined(design: Array, drawn: Array, confidence: float) -> bool:
 def _own_share(design: Array) -> float:
     """Compute the share of velocity's square, the last column, that position and direction do not explain.
 
-    It is nearly zero if all strokes of a direction have one speed: viscous friction then cannot be told from Coulomb
-    friction and, if the directions differ in speed, from a constant load.
+    The share is nearly zero if all strokes of a direction have one speed. Viscous friction then cannot be told from
+    Coulomb friction or, if the speeds of the directions differ, from a constant load.
     """
     others, velocity = design[:, :-1], design[:, -1]
     residual = velocity - others @ np.linalg.lstsq(others, velocity, rcond=None)[0]
@@ -431,10 +431,10 @@ def _own_share(design: Array) -> float:
 
 
 def _blocks(points: StrokePoints, direction: Array) -> tuple[NDArray[np.int64], Array]:
-    """Assign each point to a block; return the direction of each block too.
+    """Assign each point to a block; also return the direction of each block.
 
-    A stroke is a block, but if one direction has few strokes they are cut, so that each direction has about
-    ``_BLOCKS_PER_DIRECTION`` blocks or more.
+    A stroke is a block. If a direction has few strokes, they are cut, so that each direction has at least about
+    ``_BLOCKS_PER_DIRECTION`` blocks.
     """
     piece = np.zeros(len(points), dtype=np.int64)
     for each in (-1.0, 1.0):
@@ -448,7 +448,7 @@ def _blocks(points: StrokePoints, direction: Array) -> tuple[NDArray[np.int64], 
 
 
 def _vary_by_themselves(points: StrokePoints, coverage: TravelCovered) -> bool:
-    """Check whether each of the other positions varies while the piston's own rests."""
+    """Check whether each of the other positions varies independently of the piston's position."""
     along = legendre.legvander(_scaled(points.position_m, coverage.range_m), _FOLDS)
     left_m = points.others_m - along @ np.linalg.lstsq(along, points.others_m, rcond=None)[0]
     return bool((np.sqrt(np.mean(left_m**2, axis=0)) >= LEAST_SPREAD * OTHER_REACH_M).all())
@@ -461,9 +461,9 @@ def _orders(
     blocks: NDArray[np.int64],
     plan: LoadPlan,
 ) -> tuple[int, int]:
-    """Choose the orders in position and in the others with the fewest coefficients.
+    """Choose the orders of the polynomial in position and in the other positions.
 
-    Only orders that predict left-out blocks best, within a hundredth, are candidates.
+    Of the orders whose error on left-out blocks is within 1 % of the least, take those with the fewest coefficients.
     """
     direction = np.sign(points.velocity_m_s)
     others = points.others_m.shape[1]

@@ -1,15 +1,15 @@
-"""The moving mass, and friction beside it, identified from how force and acceleration vary together.
+"""The moving mass and friction, identified from how force and acceleration vary together.
 
     F_drive - F_load = m·a + s_2·v + F_C·sgn(v) + F_0
 
-Force, velocity and acceleration come from one filter; before the regression every column of it, the direction's sign
-included, is averaged over the same short blocks (parallel filtering: Gautier, Janot and Vandanjon 2013). What the
-filters remove from one signal and not from another lies above the blocks' pass band and so causes no bias, and
+Force, velocity and acceleration come from one filter. Before the regression, each column, including the direction's
+sign, is averaged over the same short blocks (parallel filtering: Gautier, Janot and Vandanjon 2013). Frequencies that
+the filter removes from one signal but not from another lie above the blocks' pass band, so they cause no bias, and
 residuals of neighbouring blocks are nearly independent. Noise of the acceleration still biases the mass towards zero,
-so the identification needs filter windows that leave acceleration clean.
+so choose filter windows that leave the acceleration clean.
 
-A hydraulic cylinder's motion seldom determines its mass: six kilograms at 1 m/s² are 6 N beside hundreds of friction.
-The interval then shows it, and ``mass_known`` is False.
+A hydraulic cylinder's motion seldom determines its mass: 6 kg at 1 m/s² are 6 N, while friction is hundreds of newtons.
+The interval is then wide, and ``mass_known`` is False.
 """
 
 import math
@@ -27,7 +27,7 @@ from cylinder_friction.recordings.recording import RecordingError
 
 _LEAST_BLOCKS = 40
 _OUTLIER_MULTIPLE = 3.0
-"""Huber's threshold, so that friction that is neither Coulomb nor viscous keeps its full weight in the residuals."""
+"""Huber's threshold, wide enough to keep the full weight of friction that is neither Coulomb nor viscous."""
 
 
 @dataclass(frozen=True)
@@ -38,9 +38,9 @@ class MotionPlan:
         ValueError: A number is out of its range.
     """
 
-    slowest_m_s: float = 1e-3  # Blocks with a slower row are left out, as sticking has no Coulomb friction [m/s]
-    block_s: float = 0.05  # Duration that is averaged before the regression [s]
-    cluster_s: float = 1.0  # Residuals of two such intervals count as independent [s]
+    slowest_m_s: float = 1e-3  # Speed below which a row excludes its block, as Coulomb's law ends at sticking [m/s]
+    block_s: float = 0.05  # Duration of a block, averaged before the regression [s]
+    cluster_s: float = 1.0  # Duration of a cluster; residuals of two clusters count as independent [s]
     confidence: float = 0.95  # Probability of the intervals
 
     def __post_init__(self) -> None:
@@ -60,30 +60,30 @@ class MotionPoints(Averages):
     group = "cluster"
 
     direction: Array  # Mean sign of velocity
-    cluster: NDArray[np.int64]  # Which stretch of ``cluster_s`` the block belongs to, counted from 0
+    cluster: NDArray[np.int64]  # Number of the block's cluster of ``cluster_s``, counted from 0
 
 
 @dataclass(frozen=True)
 class MotionIdentification:
-    """The coefficients of the regression; intervals are pairs in the unit of their coefficient."""
+    """Coefficients of the regression, each with its confidence interval in the same unit."""
 
     mass_kg: float  # Moving mass, m [kg]
-    mass_interval_kg: tuple[float, float]  # Its interval [kg]
+    mass_interval_kg: tuple[float, float]  # Interval of the mass [kg]
     viscous_n_s_m: float  # Viscous friction, s_2 [N s/m]
-    viscous_interval_n_s_m: tuple[float, float]  # Its interval [N s/m]
+    viscous_interval_n_s_m: tuple[float, float]  # Interval of viscous friction [N s/m]
     coulomb_n: float  # Coulomb friction, F_C [N]
-    coulomb_interval_n: tuple[float, float]  # Its interval [N]
-    # Constant force, F_0 [N]: offset of a sensor, friction that differs between the directions, or the mean of a load
-    # that was identified beside it
+    coulomb_interval_n: tuple[float, float]  # Interval of Coulomb friction [N]
+    # Constant force, F_0 [N]: a sensor's offset, a difference of friction between the directions, or the mean of a load
+    # identified at the same time
     offset_n: float
-    offset_interval_n: tuple[float, float]  # Its interval [N]
+    offset_interval_n: tuple[float, float]  # Interval of the constant force [N]
     residual_n: float  # Root mean square residual of the blocks [N]
     blocks: int  # Number of blocks in the regression
     confidence: float  # Probability of the intervals
 
     @property
     def mass_known(self) -> bool:
-        """Whether the motion determines the mass: it is positive, and its interval no wider than itself."""
+        """Whether the motion determines the mass: it is positive, and its interval is no wider than the mass."""
         low, high = self.mass_interval_kg
         return self.mass_kg > 0.0 and high - low <= self.mass_kg
 
@@ -97,7 +97,7 @@ class MotionIdentification:
         )
 
     def sentence(self) -> str:
-        """State in words whether the mass could be determined."""
+        """State in words whether the motion determines the mass."""
         low, high = self.mass_interval_kg
         found = f"{self.mass_kg:.4g} kg, {100 * self.confidence:g} % interval {low:.4g} to {high:.4g} kg"
         if self.mass_known:
@@ -121,8 +121,8 @@ def motion_points(
 ) -> MotionPoints:
     """Average one recording over blocks whose rows are all usable and all in motion.
 
-    Arrays have shape ``(n,)`` and are smooth; the force is the drive force less load, meaningful where ``usable``
-    (everywhere without that mask).
+    Arrays have shape ``(n,)`` and are smooth. The force is the drive force minus the load; it is valid in ``usable``
+    rows, or in all rows without that mask.
     """
     size = max(1, round(plan.block_s / sample_time_s))
     count = len(force_n) // size
@@ -142,7 +142,7 @@ def motion_points(
 
 
 def identify_motion(points: MotionPoints, confidence: float = 0.95, load_order: int = 0) -> MotionIdentification:
-    """Identify mass, viscous and Coulomb friction and offset of one session, with their intervals.
+    """Identify mass, viscous friction, Coulomb friction and offset of one session, with their intervals.
 
     A polynomial in position of ``load_order`` represents an unknown load; its constant is the offset.
 

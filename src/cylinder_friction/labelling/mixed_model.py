@@ -1,9 +1,9 @@
-"""A linear mixed model of several groups, each with effects of its own and strokes whose rows share an error.
+"""A linear mixed model of several groups. Each group has its own effects and strokes whose rows share an error.
 
-The common coefficients are found by generalised least squares after the groups' own effects are eliminated, and the
-variances by restricted maximum likelihood (Henderson 1975; Patterson and Thompson 1971). The search for variances
-evaluates the likelihood often. Sums that do not depend on variances are therefore made beforehand, over groups and over
-strokes of equal length, as a stroke's weight depends only on its number of rows.
+Generalised least squares finds the common coefficients after the groups' own effects are eliminated. Restricted maximum
+likelihood finds the variances (Henderson 1975; Patterson and Thompson 1971). That search evaluates the likelihood
+often, so sums that do not depend on variances are computed once: over groups, and over strokes of equal length, since a
+stroke's weight depends only on its number of rows.
 """
 
 from __future__ import annotations
@@ -20,29 +20,29 @@ from cylinder_friction.arrays import Array
 
 @dataclass(frozen=True)
 class Evidence:
-    """Sums of products of the columns of own effects, design and response, in this order. All else follows."""
+    """Sums of products of the columns of own effects, design and response, in this order: all that the fit needs."""
 
     rows: int
-    common: Array  # Of design and response, shape ``(size + 1, size + 1)``
-    own: Array  # Of each group's own effects with all columns, shape ``(groups, effects, columns)``
-    # The same of the sums over each stroke, those of equally many rows added up; flattened, ``(lengths, products)`` and
-    # ``(groups, lengths, products)``, the latter with zeros if a group has strokes of fewer lengths
+    common: Array  # Products of design and response, shape ``(size + 1, size + 1)``
+    own: Array  # Products of each group's own effects with all columns, shape ``(groups, effects, columns)``
+    # The same products of the columns' sums over each stroke, added up over strokes of equal length and flattened:
+    # ``(lengths, products)`` and ``(groups, lengths, products)``, padded with zeros for groups with fewer lengths
     common_strokes: Array
     own_strokes: Array
-    lengths: Array  # Rows of the strokes in ``common_strokes``, shape ``(lengths,)``
-    own_lengths: Array  # The same of ``own_strokes``, shape ``(groups, lengths)``
+    lengths: Array  # Number of rows of the strokes in ``common_strokes``, shape ``(lengths,)``
+    own_lengths: Array  # Number of rows of the strokes in ``own_strokes``, shape ``(groups, lengths)``
     stroke_counts: Array  # Number of strokes of each of ``lengths``, shape ``(lengths,)``
 
     @classmethod
     def of(cls, columns: Array, effects: int, rows: NDArray[np.int64], stroke: NDArray[np.int64]) -> Self:
-        """Sum the evidence of groups, one after the other.
+        """Sum the evidence of groups whose rows follow one another.
 
         Args:
-            columns: Those of a group's own effects, those of the common coefficients, and what is explained, shape
+            columns: Columns of a group's own effects, then of the common coefficients, then the response, shape
                 ``(rows, columns)``.
             effects: Number of a group's own effects.
             rows: Number of rows of each group, shape ``(groups,)``.
-            stroke: The stroke of each row, ascending, none in two groups, shape ``(rows,)``.
+            stroke: Number of each row's stroke, ascending, shape ``(rows,)``; no stroke spans two groups.
         """
         first, ends, size = np.flatnonzero(np.diff(stroke, prepend=-1)), np.cumsum(rows), columns.shape[1] - effects
         counts, sums = np.diff(first, append=len(stroke)), np.add.reduceat(columns, first)
@@ -67,13 +67,13 @@ class Evidence:
         )
 
     def reduced(self, noise: float, stroke: float, deviations: Array) -> Reduced:
-        """Build the normal equations of the common coefficients, the groups' own effects eliminated.
+        """Build the normal equations of the common coefficients, with the groups' own effects eliminated.
 
-        Rows of a stroke are equally correlated, so that their covariance is inverted by their sums alone.
+        Rows of a stroke are equally correlated, so their sums suffice to invert their covariance.
 
         Args:
             noise: Standard deviation of a row.
-            stroke: Standard deviation of what the rows of a stroke share.
+            stroke: Standard deviation of the error that the rows of a stroke share.
             deviations: Prior standard deviations of the groups' own effects, shape ``(groups, effects)``.
         """
         ratio, effects = (stroke / noise) ** 2, deviations.shape[1]
@@ -83,7 +83,7 @@ class Evidence:
         own *= (deviations / noise**2)[:, :, None]
         own[:, :, :effects] *= deviations[:, None, :]
         log_determinant = 2.0 * self.rows * math.log(noise) + float(self.stroke_counts @ np.log(growth))
-        for place in range(effects):  # Cholesky's decomposition of all groups at a time; without rounding, pivots >= 1
+        for place in range(effects):  # Cholesky's decomposition of all groups at once; without rounding, pivots >= 1
             pivot = np.maximum(1.0 + own[:, place, place], 1.0)
             log_determinant += float(np.log(pivot).sum())
             own[:, place] /= np.sqrt(pivot)[:, None]
@@ -95,21 +95,21 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Reduced:
-    """The summed contributions of the groups, and the last of their own effects given the common coefficients."""
+    """Summed contributions of the groups, and the last of each group's own effects given the common coefficients."""
 
-    normal: Array  # Precision of the coefficients, moment in the last row and column, square in the corner
+    normal: Array  # Precision of the coefficients; the moment in the last row and column, the square in the corner
     log_determinant: float
     spread: Array  # Standard deviation of the last effect, shape ``(groups,)``
-    last: Array  # What it shares with design and response, in units of ``spread``, shape ``(groups, size + 1)``
+    last: Array  # Products of that effect with design and response, over ``spread``, shape ``(groups, size + 1)``
 
 
 @dataclass(frozen=True)
 class Posterior:
-    """The common coefficients, given all groups."""
+    """Posterior of the common coefficients, given all groups."""
 
     coefficients: Array
     precision: Array
-    minus_twice_likelihood: float  # Restricted, but for a constant
+    minus_twice_likelihood: float  # Minus twice the restricted log-likelihood, up to a constant
 
     def last_effect(self, parts: Reduced) -> tuple[Array, Array]:
         """Compute posterior means and standard deviations of the last of the groups' own effects."""
@@ -119,7 +119,7 @@ class Posterior:
 
 
 def solved(precision: Array, moment: Array, parts: Reduced) -> Posterior:
-    """Solve for the common coefficients from their prior, ``precision`` times mean, and all groups."""
+    """Solve for the common coefficients; ``precision`` and ``moment``, precision times mean, are their prior."""
     precision, moment = precision + parts.normal[:-1, :-1], moment + parts.normal[:-1, -1]
     coefficients: Array = np.asarray(np.linalg.solve(precision, moment))
     likelihood = parts.log_determinant + float(parts.normal[-1, -1] - moment @ coefficients)

@@ -1,28 +1,28 @@
 """The offset of the pressure sensors' zeros in each session's friction label, identified without knowing the truth.
 
-Friction changes its sign with the direction of motion, a sensor's zero does not. Over steady sliding, averaged in
+Friction changes its sign with the direction of motion; a sensor's zero does not. Over steady sliding, averaged in
 short blocks, the label of a session is a linear mixed model (Henderson 1975):
 
     label = direction·g(speed, pressure, load, temperature, position) + h(pressure, load)
             + offset + asymmetry·mean level + scale·direction·level + stroke + noise
 
-g is friction and h its asymmetry, common to all sessions of a cylinder. Each session has an offset of its own, whose
-prior is the stated uncertainty of the sensors' zeros; a scale, as friction differs from day to day; and an asymmetry
-of its own. Blocks of a stroke share an error, so that strokes, not rows, count. The standard deviations of scale,
-stroke and noise are found by restricted maximum likelihood, all else by generalised least squares
-(``labelling.mixed_model``). Without a column of the oil's temperature each session also has a slope of its own over
-speed, as cold oil makes fast strokes heavier.
+All sessions of a cylinder share friction g and its asymmetry h. Each session has its own offset, whose prior is the
+stated uncertainty of the sensors' zeros; its own scale, as friction differs from day to day; and its own asymmetry.
+Blocks of a stroke share an error, so the number of strokes counts, not the number of rows. Restricted maximum
+likelihood finds the standard deviations of scale, stroke and noise; generalised least squares finds all else
+(``labelling.mixed_model``). Without a column of the oil's temperature, each session also has its own slope over speed,
+as cold oil makes fast strokes heavier.
 
-Strokes do not separate an asymmetry of a session's own from its offset, so that its standard deviation is stated and
-enters the uncertainty; few sessions do not show how large it is, and if they differ by more than that and the zeros
-explain, it is taken to be as large as they show. Nor do strokes separate **the mean offset of all sessions from the
-asymmetry common to them**: it stays 0, as uncertain as the sensors' zeros make it, divided by the root of the number
-of sessions.
+Strokes do not separate a session's own asymmetry from its offset. The standard deviation of that asymmetry is therefore
+stated and adds to the uncertainty. If sessions differ by more than the stated asymmetry and zeros explain, the fit uses
+the larger value that they show. Nor do strokes separate **the mean offset of all sessions from their common
+asymmetry**: the mean offset stays 0, and its uncertainty is that of the sensors' zeros, divided by the square root of
+the number of sessions.
 
-Only the mean of both pressures, weighted by their areas, explains friction: each pressure by itself contains friction,
-as their difference is the label. With a measured load it is the load that shows how the mean divides between them. A
-gain error of the sensors is not identified; what of it does not change with direction goes into the offset, or where
-all sessions share it and it grows with the load, into h.
+Only the mean of both pressures, weighted by their areas, explains friction. A single pressure contains friction itself,
+since the label is the difference of both. With a measured load, the load shows how the mean divides between them. The
+fit does not identify a gain error of the sensors. Its part that does not change with direction goes into the offset or,
+if all sessions share it and it grows with the load, into h.
 """
 
 from __future__ import annotations
@@ -59,55 +59,53 @@ from cylinder_friction.recordings.columns import (
 from cylinder_friction.recordings.recording import IdentifiedZero, Recording, RecordingError
 
 POSITION_ORDER = 12
-"""Order of the polynomial in position: ripple of the bore, where strokes do not average it out."""
+"""Order of the polynomial in position, which describes ripple of the bore that strokes do not average out."""
 LEAST_OWN_SHARE = 0.02
-"""If the direction explains all but this share of the mean pressure's variance, as behind a servo valve, pressure does
-not explain friction: it would explain the difference between the directions, and with it the zeros."""
+"""Least share of the mean pressure's variance that the direction must not explain. With less, as behind a servo valve,
+pressure is left out of friction: it would explain the difference between the directions, and with it the zeros."""
 _NOTHING = 1e6
 PASSES = 2
-"""The second pass knows the level of friction of each block, to which scale and asymmetry are relative."""
-
+"""Number of passes; from the second on, the friction level of each block is known, to which scale and asymmetry are
+relative."""
 MOST_SEARCHED = 100
-"""Standard deviations of what sessions have of their own are sought with at most so many sessions, evenly spread."""
+"""Greatest number of sessions, evenly spread, in the search for standard deviations between sessions."""
 LEAST_NARROWING = 0.75
-"""Strokes that leave a larger share of the stated uncertainty than this have determined nothing."""
+"""Largest share of the stated uncertainty that strokes may leave; if they leave more, they determine nothing."""
 _SURE = np.array([1.0, 1.0, 0.8, 1.0, 1.0])
-"""By how much logarithms may be off; the third, of the asymmetry, by little: only a large one is taken for that."""
+"""Prior standard deviations of the logarithms; small for the third, so that only a large asymmetry is found."""
 _LEAST_ASYMMETRY = 1e-4
 _LEAST_NOISE = 1e-4
-"""Over friction's level, for simulated friction without noise: with none, the equations would be singular."""
+"""Least noise over friction's level; simulated friction without noise would make the equations singular."""
 _STARTS = (0.003, 0.03, 0.15)
-"""A second start of the search for a session's own asymmetry: offsets and asymmetry each explain much."""
+"""Further starts of the search for a session's own asymmetry, since offset and asymmetry explain much the same."""
 _FEW = 0.25
-"""Share of the common asymmetry by which two sessions may differ; it falls with the number of sessions, which show it.
-"""
+"""Share of the common asymmetry by which two sessions may differ; it falls as the number of sessions grows."""
 _QUANTITY, _RIPPLE = 0.3, 0.05
-"""Standard deviations of what explains friction, over its level: per standardised quantity, and per order of position.
-Where more is allowed, what the directions do not have in common is taken for friction, and leaves the offset."""
+"""Prior standard deviations of friction's coefficients over its level: per standardised quantity, and per order of
+position. Greater values would let friction absorb differences between the directions that belong to the offset."""
 _GUESS = np.log([0.01, 0.01, 0.03, 0.03])
-"""Logarithms of the standard deviations of noise, stroke (over friction's level), scale and slope; each may be off by
-e."""
+"""Logarithms of the expected standard deviations of noise and stroke (over friction's level), scale and slope."""
 
 
 @dataclass(frozen=True)
 class SessionOffset:
     """The offset of one session's friction label, with its uncertainty; subtract it from the label.
 
-    All numbers are forces [N], with standard uncertainties (k = 1). ``common_uncertainty_n`` is the part that more
-    strokes of this session cannot reduce, as all sessions share it.
+    All numbers are forces [N], with standard uncertainties (k = 1). All sessions share ``common_uncertainty_n``, so
+    more strokes of one session cannot reduce it.
     """
 
     session: str
-    offset_n: float  # Posterior mean; 0 where nothing is known but the prior [N]
-    # Standard uncertainty (k = 1): of the strokes, of the session's own asymmetry, and ``common_uncertainty_n`` [N]
+    offset_n: float  # Posterior mean of the offset; 0 if only the prior is known [N]
+    # Standard uncertainty from strokes, the session's own asymmetry and ``common_uncertainty_n`` together [N]
     standard_uncertainty_n: float
-    common_uncertainty_n: float  # Part of it that is common to all sessions: of their mean offset [N]
+    common_uncertainty_n: float  # Part common to all sessions: the uncertainty of their mean offset [N]
     prior_n: float  # Stated standard uncertainty of the sensors' zeros, as friction [N]
-    # Number of strokes; with none in one of the directions, offset and friction's level are not separated
+    # Number of strokes; offset and level of friction are separated only if both numbers are positive
     strokes_extend: int
     strokes_retract: int
-    sliding_s: float  # Steady sliding that was used [s]
-    even_n: float = math.nan  # Half the sum of mean friction extending and retracting: what does not turn [N]
+    sliding_s: float  # Duration of the steady sliding that was used [s]
+    even_n: float = math.nan  # Force that does not turn: half the sum of mean friction extending and retracting [N]
 
     @property
     def relative_uncertainty_n(self) -> float:
@@ -120,7 +118,7 @@ class SessionOffset:
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """Return what ``to_dict`` wrote."""
+        """Build the object from the content of ``to_dict``."""
         return cls(**content)
 
 
@@ -129,7 +127,7 @@ class OffsetModel:
     """Friction common to all sessions of a cylinder, and the offset of each session of the fit.
 
     ``fit_offset_model`` makes it. ``identify`` finds the offset of a further session, and ``corrected`` subtracts
-    offsets from labels. It is as good as the sessions: at least a dozen, with strokes in both directions.
+    offsets from labels. Give the fit at least a dozen sessions with strokes in both directions.
     """
 
     plan: OffsetPlan
@@ -139,35 +137,35 @@ class OffsetModel:
     # Mean and standard deviation by which each quantity that explains friction is standardised
     means: tuple[float, ...]
     deviations: tuple[float, ...]
-    # Smallest and largest value of each
+    # Smallest and largest value of each quantity
     lowest: tuple[float, ...]
     highest: tuple[float, ...]
     level_n: float  # Mean absolute friction [N]
     noise_n: float  # Standard deviation of a block [N]
-    stroke_n: float  # Standard deviation of what the blocks of a stroke share [N]
-    scale: float  # Standard deviation of a session's friction over that of all sessions
-    slope: float  # The same of its dependence on standardised speed; 0 if the oil's temperature explains it
-    coefficients: tuple[float, ...]  # Of friction and its common asymmetry, over ``level_n``
-    precision: tuple[tuple[float, ...], ...]  # Inverse of their covariance
+    stroke_n: float  # Standard deviation of the error that the blocks of a stroke share [N]
+    scale: float  # Standard deviation between sessions of friction relative to the common friction
+    slope: float  # Standard deviation of its slope over standardised speed; 0 if the oil's temperature explains it
+    coefficients: tuple[float, ...]  # Coefficients of friction and its common asymmetry, over ``level_n``
+    precision: tuple[tuple[float, ...], ...]  # Inverse of the coefficients' covariance
     common_uncertainty_n: float  # Standard uncertainty of the mean offset of all sessions [N]
-    sessions: Mapping[str, SessionOffset] = field(default_factory=dict)  # Of those it was fitted to
+    sessions: Mapping[str, SessionOffset] = field(default_factory=dict)  # Offsets of the sessions of the fit
 
     @property
     def speed_place(self) -> int:
-        """Place of the speed among the quantities that explain friction."""
+        """Index of the speed among the quantities that explain friction."""
         return 2 if PRESSURE_1 in self.inputs else 0
 
     @property
     def even_places(self) -> list[int]:
-        """Places of what explains the common asymmetry, h, among what explains friction: constant, pressure, load."""
+        """Indices, among the terms of friction, of the terms of its common asymmetry h: constant, pressure, load."""
         pressure = [1] if PRESSURE_1 in self.inputs else []
         return [0, *pressure, *([self.speed_place + 4] if LOAD_FORCE in self.inputs else [])]
 
     def about_mean(self) -> Self:
         """Make the model with each session's deviation from their mean as its offset.
 
-        The mean cannot be told from an asymmetry of friction and stays in friction, as uncertain as the stated zeros of
-        these sessions leave it. The deviations are right if asymmetry does not change between sessions.
+        The mean cannot be told from an asymmetry of friction. It stays in friction, with the uncertainty of the stated
+        zeros of these sessions. The deviations are right if asymmetry does not change between sessions.
         """
         mean_n = sum(each.offset_n for each in self.sessions.values()) / len(self.sessions)
         return self._shifted(mean_n, _common_n(self.sessions.values()))
@@ -189,16 +187,16 @@ class OffsetModel:
 
     @property
     def even_spread_n(self) -> float:
-        """Spread of sessions in the force that does not turn with the direction [N]; 0 for one session."""
+        """Standard deviation between sessions of the force that does not turn with the direction [N]; 0 for one."""
         values = [each.even_n for each in self.sessions.values() if math.isfinite(each.even_n)]
         return float(np.std(values, ddof=1)) if len(values) > 1 else 0.0
 
     def identify(self, recordings: Iterable[Recording]) -> SessionOffset:
         """Identify the offset of a further session from its own labelled recordings, given the friction of the others.
 
-        The model does not change. ``recordings`` may be truncated, to see what the first seconds determine; without
-        steady sliding the offset is 0, as uncertain as stated. For a session of the fit take its offset from
-        ``sessions``: here its strokes would count twice.
+        The model does not change. Truncate ``recordings`` to see what the first seconds determine; without steady
+        sliding, the offset is 0 with the stated uncertainty. For a session of the fit, take the offset from
+        ``sessions``, because ``identify`` would count its strokes twice.
 
         Raises:
             RecordingError: The recordings are of several sessions, lack labels or a column of ``inputs``, or do not
@@ -221,8 +219,8 @@ class OffsetModel:
     def corrected(self, recordings: Sequence[Recording]) -> list[Recording]:
         """Subtract their session's offset from the labels of recordings, and state its uncertainty.
 
-        Pressures stay as measured; the zeros most likely to make up the offset are noted in the metadata, from which
-        ``Recording.zeroed`` takes them off. Sessions of the fit have the offset found there, others are identified.
+        Pressures stay as measured. The metadata notes the zeros that most likely make up the offset;
+        ``Recording.zeroed`` subtracts them. Sessions of the fit keep their offset; other sessions are identified.
 
         Raises:
             RecordingError: As ``identify``.
@@ -245,7 +243,7 @@ class OffsetModel:
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """Return what ``to_dict`` wrote."""
+        """Build the object from the content of ``to_dict``."""
         lists = {name: tuple(value) for name, value in content.items() if isinstance(value, list)}
         return cls(
             **{
@@ -293,7 +291,7 @@ class OffsetModel:
 class _Seen:
     """The evidence of sessions, whose own effects are a scale, a slope if the model has one, and an offset.
 
-    A session's own asymmetry is part of that offset until ``offsets`` leaves it out, as the two do not separate.
+    The offset includes a session's own asymmetry, as strokes do not separate the two; ``offsets`` takes it out.
     """
 
     evidence: Evidence
@@ -301,7 +299,7 @@ class _Seen:
     level_n: Array  # Mean friction of each session
 
     def reduced(self, noise_n: float, stroke_n: float, asymmetry_sd: float, friction: Sequence[float]) -> Reduced:
-        """Reduce the evidence, given standard deviations; ``friction`` has those of scale and slope."""
+        """Reduce the evidence, given standard deviations; ``friction`` has the ones of scale and, if any, slope."""
         offset_n = np.hypot(self.prior_n, 0.5 * asymmetry_sd * self.level_n)
         deviations = np.empty((len(offset_n), 1 + len(friction)))
         deviations[:, :-1], deviations[:, -1] = friction, offset_n
@@ -323,16 +321,16 @@ def fit_offset_model(
 ) -> OffsetModel:
     """Identify the friction common to the sessions of a cylinder, and the offset of each session, together.
 
-    The recordings are labelled. Sliding is explained by speed and position, and by pressures, oil temperature and a
-    measured load if they are among ``columns`` and every recording has them. A session alone, or strokes in one
-    direction alone, do not separate offset from asymmetry or from friction's level: the offset then stays as uncertain
-    as the plan's asymmetry or the stated zeros make it. A session has one zero: recordings zeroed each for itself share
-    what is left on average.
+    Give labelled recordings. Speed and position explain friction, and so do pressures, oil temperature and a measured
+    load if they are among ``columns`` and every recording has them. A single session does not separate offset from
+    asymmetry, and strokes in one direction do not separate offset from the level of friction. The offset then keeps the
+    uncertainty of the plan's asymmetry or of the stated zeros. A session has one offset: if its recordings were zeroed
+    one by one, it is their mean.
 
     Raises:
         RecordingError: There is no recording, nothing slides steadily, there are no labels, or the uncertainty of a
-            sensor's zero is not stated. That of a load identified from position never is: such a load has absorbed
-            the offset already.
+            sensor's zero is not stated. A load identified from position never states it, because such a load has
+            already absorbed the offset.
 
     Example:
         >>> from dataclasses import replace
@@ -349,10 +347,10 @@ def offset_model(
     plan: OffsetPlan | None = None,
     columns: Collection[str] = EXPLAINING,
 ) -> OffsetModel:
-    """Fit the model of ``fit_offset_model`` from the steady sliding of each recording, without its signals.
+    """Fit the model of ``fit_offset_model`` from the steady sliding of each recording, without the signals.
 
-    Use it if recordings do not fit into memory together: keep the ``sliding_blocks`` of each, which are small. The
-    result is the same bit for bit.
+    Use it if the recordings do not fit into memory together: keep only the small ``sliding_blocks`` of each. The result
+    is the same bit for bit.
 
     Raises:
         RecordingError: As ``fit_offset_model``.
@@ -383,7 +381,7 @@ def offset_model(
 
 
 def _asymmetry_seen(sessions: Sequence[SlidingBlocks]) -> float:
-    """Compute the asymmetry of friction: root mean square over sessions, less the part that zeros explain."""
+    """Compute the asymmetry of friction: root mean square over sessions, minus the part that zeros explain."""
     squares = []
     for session in sessions:
         ways = [session.label_n[session.direction == sign] for sign in (1.0, -1.0)]
@@ -439,14 +437,14 @@ def _own_share(values: Array, direction: Array) -> float:
 
 
 def _empty_model(blocks: SlidingBlocks, cylinder: Cylinder, plan: OffsetPlan, columns: Collection[str]) -> OffsetModel:
-    """Make a model of scales alone."""
+    """Make a model that has only the scales of its quantities, before a fit."""
     common = set(columns).intersection(blocks.columns)
     inputs = tuple(sorted(common - ({PRESSURE_1, PRESSURE_2} if not {PRESSURE_1, PRESSURE_2} <= common else set())))
     quantities = _quantities(blocks, inputs, cylinder)
     deviations, rounding = quantities.std(axis=0), 1e-9 * np.abs(quantities).max(axis=0)
     level_n = float(np.mean(np.abs(blocks.label_n)))
     deviations = np.where(deviations > rounding, deviations, 1.0)
-    if LOAD_FORCE in inputs:  # A load that hardly varies explains nothing: were it to, zeros would be taken for it
+    if LOAD_FORCE in inputs:  # A load that hardly varies must explain nothing, or it would absorb the zeros
         place = 3 + 2 * (PRESSURE_1 in inputs)
         deviations[place : place + 2] = np.maximum(deviations[place : place + 2], level_n)
     if PRESSURE_1 in inputs and _own_share(quantities[:, 0], blocks.direction) < LEAST_OWN_SHARE:
@@ -479,10 +477,10 @@ def _floats(values: Array) -> tuple[float, ...]:
 def _fitted(
     model: OffsetModel, plan: OffsetPlan, sessions: Sequence[SlidingBlocks], guess: Array, expected: Array
 ) -> tuple[OffsetModel, Array, tuple[Array, Array]]:
-    """Fit a model, without sessions, with the levels of friction of ``model``.
+    """Fit a model, without its sessions, given the friction levels of ``model``.
 
-    Return it with its logarithmic standard deviations, whose search begins at ``guess`` and expects values near
-    ``expected``, and with the posterior means and standard deviations of the sessions' offsets.
+    Return the model, the logarithms of its standard deviations, and the posterior means and standard deviations of the
+    sessions' offsets. The search for the logarithms begins at ``guess`` and expects values near ``expected``.
     """
     seen, every = model._seen(sessions), -(-len(sessions) // MOST_SEARCHED)
     searched = seen if every == 1 else model._seen(sessions[::every])
@@ -526,8 +524,8 @@ def _with_sessions(
 ) -> OffsetModel:
     """Add the offset of each session of the fit to the model.
 
-    The mean offset cannot be told from an asymmetry: it stays 0, as uncertain as the zeros leave it, unless the zeros
-    may be much larger than an asymmetry.
+    The mean offset cannot be told from an asymmetry. It therefore stays 0, with the uncertainty of the zeros, unless
+    the zeros may be much larger than an asymmetry.
     """
     stated_n = _common_n(sessions)
     common_n = seen_n = 1.0 / math.hypot(1.0 / stated_n, 1.0 / max(model.plan.asymmetry * model.level_n, 1e-9))

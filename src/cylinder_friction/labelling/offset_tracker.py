@@ -1,4 +1,4 @@
-"""The tracker with which a real-time step learns a session's offset, from the friction of several sessions."""
+"""Fit of the tracker by which a real-time step learns a session's offset, from the friction of several sessions."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -29,12 +29,12 @@ from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, PR
 from cylinder_friction.recordings.recording import Recording, RecordingError
 
 UNLIMITED = 1e30
-"""Limit of a quantity that is no input, as JSON has no infinity."""
+"""Limit of a quantity that is not an input, as JSON has no infinity."""
 SLOWER, WORTHWHILE = 2.0 / 3.0, 1e-3
-"""Share of the plan's slowest speed from which sliding counts in real time, and the least gain for it, as a share of
-mean friction: slower sliding adds errors from friction's history, but waiting for faster strokes leaves the offset."""
+"""Alternative least speed in real time, as a share of the plan's, and the least gain for using it, as a share of mean
+friction. Slower sliding adds errors from friction's history, but waiting for faster strokes leaves the offset in."""
 LEAST_KNOWN = 0.75
-"""Largest share of the stated uncertainty that is left of zeros that count as known."""
+"""Largest uncertainty of zeros that count as known, as a share of the stated uncertainty."""
 FOLDS, LEAST_SESSIONS = 4, 2
 CAUTION = (1.0, 1.5, 2.2, 3.3, 5.0)
 CHOICES = {
@@ -43,11 +43,11 @@ CHOICES = {
     "learning": CAUTION,
     "stating": CAUTION,
 }
-"""Candidates for ``OffsetTracker.careful``; the first friction at rest is so large that rest shows no offset."""
+"""Candidates for ``OffsetTracker.careful``; the first value of ``resting`` is so large that rest shows no offset."""
 MARGIN = 0.5
-"""Share of its span by which a quantity may leave the range of training before its blocks no longer count."""
+"""Share of a quantity's training span by which it may leave that span before its blocks no longer count."""
 RANGED_PLACES = (0, 2, 5, 7)
-"""Pressure, speed, load and temperature among ``QUANTITIES``."""
+"""Indices of pressure, speed, load and temperature among ``QUANTITIES``."""
 
 
 def fit_offset_tracker(
@@ -57,14 +57,14 @@ def fit_offset_tracker(
 
     Args:
         recordings: Labelled recordings with identified offsets (``OffsetModel.corrected``).
-        cylinder: Its areas and moving mass.
-        inputs: Columns of a sample: both pressures and the position; a measured load must be one; the oil's
-            temperature may be.
+        cylinder: Cylinder, for its areas and moving mass.
+        inputs: Columns of a sample: both pressures, the position, the load if it is measured, and optionally the oil's
+            temperature.
         plan: How offsets are identified.
 
     Raises:
-        RecordingError: An input that the force balance needs is missing, no zeros were identified, or there is one
-            session.
+        RecordingError: An input that the force balance needs is missing, no zeros were identified, or there is only
+            one session.
     """
     plan = plan or OffsetPlan()
     needed = [*PRESSURES, *([LOAD_FORCE] if LOAD_FORCE in recordings[0].columns else [])]
@@ -80,7 +80,7 @@ def fit_offset_tracker(
             f"but got {_sessions(recordings)[0]!r} alone; give recordings of another session"
         )
     prior_n = max(zero_uncertainty_n(recording, cylinder) or 0.0 for recording in recordings)
-    # The uncertainty of the surest session is nearly all common: strokes do not show the mean offset of all sessions
+    # The smallest uncertainty is almost all common: strokes do not show the mean offset of all sessions
     common_n = min(zero_uncertainty_n(recording.zeroed(), cylinder) or 0.0 for recording in recordings)
 
     def fitted(slowest: float, chosen: Sequence[Recording]) -> OffsetTracker:
@@ -95,9 +95,9 @@ def fit_offset_tracker(
 
 
 def zeros_are_known(recordings: Sequence[Recording]) -> bool:
-    """Check whether several sessions state identified zeros, on average clearly surer than their sensors are stated.
+    """Check whether several sessions have identified zeros, on average clearly less uncertain than stated.
 
-    If friction did not show them, it would not show those of the next session either.
+    If friction does not show the zeros of these sessions, it does not show those of the next session either.
     """
     if len(_sessions(recordings)) < LEAST_SESSIONS or not all(
         recording.metadata.identified_zero for recording in recordings
@@ -119,9 +119,9 @@ def _sessions(recordings: Sequence[Recording]) -> list[str]:
 def _chosen(
     recordings: Sequence[Recording], inputs: Sequence[str], fitted: Callable[[Sequence[Recording]], OffsetTracker]
 ) -> tuple[float, dict[str, float]]:
-    """Choose the settings of ``careful`` by leaving sessions out; return the offset's mean absolute error too.
+    """Choose the settings of ``careful`` by leaving sessions out; return them after the offset's mean absolute error.
 
-    Each setting is chosen from ``CHOICES`` in turn: the uncertainty by its likelihood, all others by that error.
+    Each setting is chosen from ``CHOICES`` in turn: ``stating`` by its likelihood, all others by that error.
     """
     sessions = _sessions(recordings)
     folds = []
@@ -143,7 +143,7 @@ def _chosen(
 
 
 def _errors(tracker: OffsetTracker, recording: Recording, inputs: Sequence[str]) -> tuple[Array, Array]:
-    """Compute the offset's error and stated variance at each sample, without what all sessions share."""
+    """Compute the offset's error and its stated variance at each sample, without the part common to all sessions."""
     samples = recording.samples(inputs)
     place = list(inputs).index("position_m")
     found = tracker.rows(samples, causal_velocity(recording), place, tracker.new_state())
@@ -161,7 +161,7 @@ def _unlikely(error_n: Array, variance: Array) -> float:
 
 
 def _tracker(model: OffsetModel, recording: Recording, inputs: Sequence[str], prior_n: float) -> OffsetTracker:
-    """Build the tracker of a model; the friction that it knows has its coefficients in SI units, not standardised."""
+    """Build the tracker from a model; the tracker's friction coefficients are in SI units, not standardised."""
     places, step_s = _places(model), recording.sample_time_s
     count = len(model.means)
     standard = np.array(model.coefficients[1 : 1 + count]) / np.array(model.deviations) * model.level_n
@@ -203,7 +203,7 @@ def _weights(recording: Recording, cylinder: Cylinder, inputs: Sequence[str], pr
     for place, column in enumerate(inputs):
         if column in areas:
             weights[BALANCE, place] = areas[column]
-            zero = stated[column].zero if column in stated else 0.0  # a load that position decides has no sensor
+            zero = stated[column].zero if column in stated else 0.0  # a load that depends on position has no sensor
             weights[ZERO, place] = areas[column] * zero**2 / max(prior_n, 1e-9) ** 2
         if column in PRESSURES:
             weights[PRESSURE, place] = abs(areas[column]) / whole
@@ -213,7 +213,7 @@ def _weights(recording: Recording, cylinder: Cylinder, inputs: Sequence[str], pr
 
 
 def _ranges(model: OffsetModel, places: Sequence[int]) -> Array:
-    """Compute the range of each ranged quantity, widened; all numbers for one that is no input."""
+    """Compute the widened range of each ranged quantity; unlimited for a quantity that is not an input."""
     lower, upper = np.full(QUANTITIES, -UNLIMITED), np.full(QUANTITIES, UNLIMITED)
     slack = MARGIN * (np.array(model.highest) - np.array(model.lowest))
     lower[places], upper[places] = model.lowest - slack, model.highest + slack
@@ -221,6 +221,6 @@ def _ranges(model: OffsetModel, places: Sequence[int]) -> Array:
 
 
 def _places(model: OffsetModel) -> list[int]:
-    """List the place of each quantity of a model with pressures among ``QUANTITIES``."""
+    """List the index among ``QUANTITIES`` of each quantity of a model with pressures."""
     load = [5, 6] if LOAD_FORCE in model.inputs else []
     return [*range(5), *load, *(range(7, QUANTITIES) if OIL_TEMPERATURE in model.inputs else [])]

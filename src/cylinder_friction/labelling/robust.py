@@ -20,7 +20,7 @@ class RobustFit:
 
     coefficients: Array  # Shape ``(k,)``
     weights: Array  # Weight of each row, in (0, 1], shape ``(n,)``
-    residuals: Array  # Target less fit, shape ``(n,)``
+    residuals: Array  # Target minus fit, shape ``(n,)``
 
 
 def robust_fit(design: Array, target: Array, multiple: float = HUBER_NOISE_MULTIPLE) -> RobustFit:
@@ -51,9 +51,9 @@ def robust_fit(design: Array, target: Array, multiple: float = HUBER_NOISE_MULTI
 
 
 def clustered_covariance(design: Array, fit: RobustFit, clusters: NDArray[np.int64]) -> Array:
-    """Return the coefficients' covariance, shape ``(k, k)``; infinite unless there are more clusters than coefficients.
+    """Compute the coefficients' covariance, shape ``(k, k)``; infinite without more clusters than coefficients.
 
-    Residuals of one cluster may be correlated, those of two clusters must not be.
+    Residuals of one cluster may be correlated; residuals of two clusters must not be.
 
     Source: sandwich covariance by clusters, Liang and Zeger 1986.
     """
@@ -71,8 +71,8 @@ def clustered_covariance(design: Array, fit: RobustFit, clusters: NDArray[np.int
 def clustered_half_widths(design: Array, fit: RobustFit, clusters: NDArray[np.int64], confidence: float) -> Array:
     """Compute half the width of each confidence interval, shape ``(k,)``; infinite with too few clusters.
 
-    Source: ``clustered_covariance``, with Student's t of as many degrees of freedom as there are clusters beyond
-    coefficients.
+    Source: ``clustered_covariance``, with Student's t; its degrees of freedom are the number of clusters minus the
+    number of coefficients.
     """
     free = int(clusters.max()) + 1 - design.shape[1]
     if free < 1:
@@ -87,9 +87,9 @@ def bootstrap_coefficients(
 ) -> Array:
     """Fit blocks drawn with replacement; return the coefficients, shape ``(repeats, k)``.
 
-    Blocks are drawn within their group, as many as it has, so that no draw is without a direction. The weights stay
-    those of the robust fit of all rows, so a draw costs one solution of ``k`` equations. The design has shape
-    ``(n, k)``; ``blocks`` numbers the block of each row from 0, ``groups`` is the group of each block.
+    Each group contributes as many blocks as it has, so every draw has both directions. All draws use the weights of the
+    robust fit, so a draw costs one solution of ``k`` equations. ``design`` has shape ``(n, k)``, ``blocks`` numbers the
+    block of each row from 0, and ``groups`` has the group of each block.
 
     Source: Künsch 1989 for blocks; Davison and Hinkley 1997, section 3.8, for draws within strata.
     """

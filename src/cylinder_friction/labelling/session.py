@@ -40,10 +40,10 @@ def identify_session(
 ) -> SessionIdentification:
     """Identify the load and moving mass of one session.
 
-    The mass comes first, together with a load of any smooth shape; then the load, after the inertia of that mass is
-    subtracted if the motion determines it, otherwise the inertia of the given mass.
+    The mass is identified first, together with a load of any smooth shape. The load follows, after subtraction of the
+    inertia of that mass if the motion determines it, otherwise of the given mass.
 
-    A plan is None if its quantity is not to be identified. The force of the strokes includes inertia. ``others`` are
+    A plan is None if its quantity is not to be identified. The force of the strokes includes inertia. ``others`` names
     the columns of the other positions that the load depends on.
 
     Raises:

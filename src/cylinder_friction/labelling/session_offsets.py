@@ -19,8 +19,8 @@ class Corrected:
 
     recordings: Mapping[str, Sequence[Recording]]
     sessions: list[dict[str, Any]]  # Role, condition and offset of each session
-    tracker: OffsetTracker | None  # How an estimator learns the offset; None if it cannot
-    left_alone_because: str = ""  # Why no offset was identified; empty if they were
+    tracker: OffsetTracker | None  # Tracker by which an estimator learns the offset; None if it cannot
+    left_alone_because: str = ""  # Reason why no offsets were identified; empty if they were
 
 
 def take_offsets(
@@ -31,20 +31,20 @@ def take_offsets(
     identify: Literal["auto", "always", "never"],
     own_loads: bool,
 ) -> Corrected:
-    """Subtract the offset of each session from its labels, if it is not known already and strokes show it.
+    """Subtract the offset of each session from its labels, if strokes show it.
 
-    Friction is identified from the training sessions alone; every other session is identified by itself.
+    The training sessions alone determine friction; every other session is identified by itself.
 
     Args:
         recordings: Labelled recordings by role.
-        cylinder: Its areas turn pressures into friction.
+        cylinder: Cylinder, whose areas convert pressures to friction.
         plan: How offsets are identified.
         channels: Inputs of the estimators, from which they learn the offset.
-        identify: ``auto`` leaves offsets alone that strokes do not show; ``always`` and ``never`` do not look.
+        identify: ``auto`` subtracts only offsets that strokes show; ``always`` subtracts all; ``never`` subtracts none.
         own_loads: Whether each session has a load of its own, which hides the offset.
 
     Raises:
-        RecordingError: Offsets are to be identified in any case, and cannot be.
+        RecordingError: ``identify`` is ``always``, but offsets cannot be identified.
     """
     always = identify == "always"
     reason = "" if always else _left_alone(recordings, cylinder, identify, own_loads)
@@ -67,7 +67,7 @@ def take_offsets(
 
 
 def _left_alone(recordings: Mapping[str, Sequence[Recording]], cylinder: Cylinder, wanted: str, own_loads: bool) -> str:
-    """Explain why offsets are not looked for; empty if they are."""
+    """Explain why offsets are not identified; empty if they are."""
     if wanted == "never":
         return "offset.identify is never"
     if own_loads:

@@ -21,7 +21,7 @@ EXPLAINING = (PRESSURE_1, PRESSURE_2, LOAD_FORCE, OIL_TEMPERATURE)
 """Columns that may explain friction beside speed and position."""
 
 LOADED = {"position": "a load identified from position has absorbed the sensors' offset"}
-"""Why offsets are not identified beside a load, by the load's mode."""
+"""Reason why offsets are not identified if there is a load, by the load's mode."""
 
 
 @dataclass(frozen=True)
@@ -32,15 +32,15 @@ class OffsetPlan:
         ValueError: A number is out of its range.
     """
 
-    slowest_m_s: float = 6e-3  # Velocity below which rows are left out, as friction depends on its history [m/s]
-    settling_s: float = 0.2  # Time after a start or reversal that does not count [s]
+    slowest_m_s: float = 6e-3  # Speed below which rows are ignored, as friction depends on its history [m/s]
+    settling_s: float = 0.2  # Time after a start or reversal that is ignored [s]
     block_s: float = 0.1  # Duration of a block [s]
     # Standard uncertainty of the asymmetry common to all sessions: half the difference of friction between the
-    # directions over its mean, as ``LoadPlan.asymmetry``
+    # directions, over mean friction
     asymmetry: float = 0.15
     # Least standard deviation, from session to session, of the ratio of friction retracting to friction extending
     asymmetry_sd: float = 0.005
-    # Time within which a sensor's zero may drift by as much as its stated uncertainty, in real time [s]
+    # Time in which a sensor's zero may drift by its stated uncertainty, for the real-time tracker [s]
     drift_s: float = 3600.0
 
     def __post_init__(self) -> None:
@@ -57,12 +57,12 @@ class SlidingBlocks:
 
     session: str
     prior_n: float  # Stated standard uncertainty of the sensors' zeros, as friction [N]
-    sliding_s: float  # Duration [s]
-    # Label [N], direction, and stroke, counted from 0, of each block, shape ``(blocks,)``
+    sliding_s: float  # Duration of the steady sliding [s]
+    # Of each block, shape ``(blocks,)``: mean label [N], direction, and number of the stroke, counted from 0
     label_n: Array
     direction: Array
     stroke: NDArray[np.int64]
-    columns: dict[str, Array]  # Mean of each column that may explain friction
+    columns: dict[str, Array]  # Mean over each block of each column that may explain friction
 
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
@@ -77,7 +77,7 @@ class SlidingBlocks:
 
     @classmethod
     def together(cls, parts: Sequence[Self]) -> Self:
-        """Join the sliding of several recordings or sessions, one after the other, under the name of the first."""
+        """Join the sliding of several recordings or sessions in their order, under the name of the first."""
         before = np.cumsum([0, *(1 + int(part.stroke.max(initial=-1)) for part in parts)])
         common = [name for name in parts[0].columns if all(name in part.columns for part in parts)]
         return cls(
@@ -94,10 +94,10 @@ class SlidingBlocks:
 def sliding_blocks(
     recording: Recording, cylinder: Cylinder, plan: OffsetPlan | None = None, prior_n: float | None = None
 ) -> SlidingBlocks:
-    """Find the steady sliding of a labelled recording, with the stated uncertainty of its zeros unless given.
+    """Find the steady sliding of a labelled recording; without ``prior_n``, use the stated uncertainty of its zeros.
 
     Raises:
-        RecordingError: It lacks labels, or the uncertainty of a sensor's zero is not stated.
+        RecordingError: The recording lacks labels, or the uncertainty of a sensor's zero is not stated.
     """
     plan = plan or OffsetPlan()
     names = ["friction_n", "velocity_m_s", "position_m"]
@@ -120,7 +120,7 @@ def sliding_blocks(
 
 
 def stated_zero_n(recording: Recording, cylinder: Cylinder) -> float:
-    """Compute ``zero_uncertainty_n``; raise ``RecordingError`` for a recording without it."""
+    """Compute ``zero_uncertainty_n``; raise ``RecordingError`` if it is None."""
     known_n = zero_uncertainty_n(recording, cylinder)
     if known_n is not None:
         return known_n
@@ -138,7 +138,7 @@ def stated_zero_n(recording: Recording, cylinder: Cylinder) -> float:
 
 
 def zero_uncertainty_n(recording: Recording, cylinder: Cylinder) -> float | None:
-    """Compute the standard uncertainty of a label from the stated zeros of its sensors [N], or None if one is not."""
+    """Compute a label's standard uncertainty from the stated zeros of its sensors [N]; None if one is not stated."""
     stated = recording.metadata.uncertainty
     areas = sensor_areas(recording, cylinder)
     if any(column not in stated for column in areas):
@@ -147,6 +147,6 @@ def zero_uncertainty_n(recording: Recording, cylinder: Cylinder) -> float | None
 
 
 def sensor_areas(recording: Recording, cylinder: Cylinder) -> dict[str, float]:
-    """Compute the derivative of the label by each sensor's zero, a measured load's included [m², or 1 for a force]."""
+    """Compute the label's derivative by each sensor's zero, including a measured load's [m², or 1 for a force]."""
     load = {LOAD_FORCE: -1.0} if LOAD_FORCE in recording.columns else {}
     return sensitivities(recording, cylinder) | load

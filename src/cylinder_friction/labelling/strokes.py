@@ -1,4 +1,4 @@
-"""Strokes: motion one way, long enough that friction has settled, with its first and last position."""
+"""Strokes in one direction, long enough for friction to settle, and the travel that they cover."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ POINT_DURATION_S = 0.1
 BINS = 100
 CELLS_PER_REACH = 2
 LEAST_SHARE = 0.1
-"""Least share of the travel of all strokes that must be common to both directions."""
+"""Least share of the travel of all strokes that both directions must cover."""
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class StrokePoints(Averages):
     first_m: Array
     last_m: Array
     others_m: Array  # Mean of each of the other positions that the load depends on, shape ``(points, others)`` [m]
-    stroke: NDArray[np.int64]  # Stroke of the piece, counted from 0
+    stroke: NDArray[np.int64]  # Number of the piece's stroke, counted from 0
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class TravelCovered:
         return self.stretches_m[0][0], self.stretches_m[-1][1]
 
     def holds(self, position_m: Array) -> Mask:
-        """Check whether each position lies in one of the sections, of the positions' shape."""
+        """Mark the positions that lie in one of the sections, in the shape of ``position_m``."""
         inside = np.zeros(np.shape(position_m), dtype=np.bool_)
         for first, last in self.stretches_m:
             inside |= (position_m >= first) & (position_m <= last)
@@ -64,7 +64,7 @@ def stroke_points(
 ) -> StrokePoints:
     """Average the strokes of one recording into points.
 
-    A stroke is an unbroken run of usable rows that move one way at ``slowest_m_s`` or faster. Its first
+    A stroke is an unbroken run of usable rows that move in one direction at ``slowest_m_s`` or faster. Its first
     ``settling_travel_m``, in which bristles bend and the rig takes up its backlash, is left out. All arrays have shape
     ``(n,)``; velocity and acceleration are smooth, and the drive force is valid in ``usable`` rows. ``others_m`` are
     the other positions on which the load depends, shape ``(n, others)``.
@@ -90,7 +90,7 @@ def coverage_of(points: StrokePoints) -> TravelCovered:
     """Find the travel with strokes in both directions.
 
     Raises:
-        RecordingError: There is no stroke in one of the directions, or they have hardly any travel in common.
+        RecordingError: One of the directions has no stroke, or the directions have hardly any travel in common.
     """
     spans = {}
     for name, sign in (("extend", 1.0), ("retract", -1.0)):
@@ -124,7 +124,7 @@ class OthersCovered:
     # Start of the first cell of each other position [m], and number of its cells
     first_m: tuple[float, ...]
     counts: tuple[int, ...]
-    known: tuple[int, ...]  # Cells that strokes passed, by section, then cell of each position, numbered row by row
+    known: tuple[int, ...]  # Flat indices of the cells that strokes passed, row-major over section and cells
 
     def holds(self, positions_m: Array) -> Mask:
         """Mark positions, shape ``(n, 1 + others)``, at which strokes of both directions passed, ``(n,)``."""
@@ -144,7 +144,7 @@ class OthersCovered:
 
     @property
     def extents_m(self) -> list[tuple[float, float]]:
-        """Range of the cells of each other position, known or not [m]."""
+        """Range of all cells of each other position, known or not [m]."""
         of_each = zip(self.first_m, self.counts, strict=True)
         return [(first_m, first_m + count * self.cell_m) for first_m, count in of_each]
 
@@ -161,7 +161,7 @@ def _sections(position_m: Array, range_m: tuple[float, float]) -> NDArray[np.int
 
 
 def others_covered(points: StrokePoints, reach_m: float) -> OthersCovered:
-    """Find the other positions at which strokes of both directions passed, or within ``reach_m`` of them.
+    """Find the other positions within ``reach_m`` of those at which strokes of both directions passed.
 
     Raises:
         RecordingError: Strokes of both directions never passed with the other positions within ``2 * reach_m``.

@@ -10,7 +10,7 @@ from cylinder_friction.signals.noise import noise_deviation
 from cylinder_friction.signals.smooth_signals import SignalFilter, at_cylinder, has_pressures
 
 DITHER = 0.5
-"""Noise in steps of a converter from which rounding acts as noise, which averaging reduces (Widrow 1961)."""
+"""Least noise, in steps of the converter, from which rounding acts as noise that averaging reduces (Widrow 1961)."""
 
 
 def smoothing_deviation(recording: Recording, cylinder: Cylinder, signal_filter: SignalFilter) -> Array:
@@ -38,21 +38,21 @@ def label_uncertainty(
 ) -> Array | None:
     """Compute the expanded uncertainty (k = 2, about 95 %) of the friction label [N], shape ``(n,)``, or None.
 
-    Friction is P1·A1 - P2·A2 - m·a - F_load, so that (JCGM 100:2008, GUM, equations 10 and 11a)
+    Friction is P1·A1 - P2·A2 - m·a - F_load, so (JCGM 100:2008, GUM, equations 10 and 11a)
 
         U² = 4·[A1²·u²(P1) + A2²·u²(P2) + u²(F_load) + u_s²],    u²(x) = zero² + (span·x)² + resolution²/12
 
-    where zero and span are each sensor's standard uncertainties and resolution is one step of its converter, within
-    which the reading is uniformly distributed. A measured drive force takes the place of both pressures. The terms add
-    in quadrature, as two sensors are independent. ``smoothing_n``, u_s, is the standard deviation that the label's
-    filter leaves, one or ``(n,)``; it includes the converter's steps where noise spreads them (``DITHER``), and the
-    resolution then does not count once more. The inertia is left out, whose uncertainty is newtons while the sensors'
-    is hundreds. A sensor's zero is constant within a recording, so that averaging rows does not reduce it.
-    ``load_uncertainty_n`` is the standard uncertainty (k = 1) of an identified load, one or ``(n,)``;
+    Here zero and span are each sensor's standard uncertainties, and resolution is one step of its converter, within
+    which the reading is uniformly distributed. A measured drive force replaces both pressures. The terms add in
+    quadrature, as sensors are independent. ``smoothing_n``, u_s, is the standard deviation that the label's filter
+    leaves, a number or ``(n,)``. If noise spreads the converter's steps (``DITHER``), u_s includes them, and the
+    resolution does not count again. Inertia is left out: its uncertainty is newtons, while the sensors' is hundreds. A
+    sensor's zero is constant within a recording, so averaging rows does not reduce its uncertainty.
+    ``load_uncertainty_n`` is the standard uncertainty (k = 1) of an identified load, a number or ``(n,)``;
     ``measured_load`` states whether ``load_force_n``, if the recording has it, is subtracted in the label.
 
-    Returns None if the uncertainty of a sensor that enters the label is not stated, as unknown is not zero; that of
-    a measured load may come from ``load_uncertainty_n`` instead.
+    Returns None if a sensor behind the label states no uncertainty, as unknown is not zero. A measured load may use
+    ``load_uncertainty_n`` instead.
     """
     areas = sensitivities(recording, cylinder)
     load_covered = LOAD_FORCE not in recording.metadata.uncertainty and bool(np.any(load_uncertainty_n))
@@ -73,9 +73,9 @@ def label_uncertainty(
 
 
 def line_uncertainty(recording: Recording, cylinder: Cylinder, velocity_m_s: Array) -> Array | float:
-    """Compute the standard uncertainty (k = 1) of the label from losses that are stated [N], ``(n,)``, or 0.
+    """Compute the label's standard uncertainty (k = 1) from the stated losses of lines [N], ``(n,)``; 0 without them.
 
-    Both lines have the same error, so that their uncertainties add.
+    Both lines have the same error, so their uncertainties add.
     """
     lines = recording.metadata.line_loss
     areas = {name: abs(area) for name, area in sensitivities(recording, cylinder).items() if name in lines}

@@ -9,7 +9,7 @@ POSITION_BINS = 30
 LEAST_ROWS_A_BIN = 10
 
 LOAD_SHARE = 0.5
-"""Share of friction above which a force that does not turn with the direction is a load."""
+"""Share of friction above which a force that does not turn with the direction counts as a load."""
 
 
 def holds_load(load_n: float, half_difference_n: float) -> bool:
@@ -20,9 +20,9 @@ def holds_load(load_n: float, half_difference_n: float) -> bool:
 def up_and_down(
     position_m: Array, velocity_m_s: Array, friction_n: Array, usable: NDArray[np.bool_], slowest_m_s: float
 ) -> tuple[float, float]:
-    """Compute half the sum and half the difference of the force up and down at equal positions, medians [N].
+    """Compute the medians of half the sum and half the difference of the force up and down at equal positions [N].
 
-    A force that depends on position alone, such as a load's weight, is in the sum and not in the difference.
+    A force that depends on position alone, such as a load's weight, appears in the sum, not in the difference.
     """
     moving = np.flatnonzero(usable & (np.abs(velocity_m_s) > slowest_m_s))
     down = velocity_m_s[moving] < 0.0
@@ -40,7 +40,7 @@ def up_and_down(
 
 
 def _medians(values: Array, bins: NDArray[np.uint8], count: int) -> tuple[Array, NDArray[np.int64]]:
-    """Compute the median of the values of each bin, anything for an empty one, and how many it holds: ``(count,)``."""
+    """Compute each bin's median and number of values, ``(count,)``; the median of an empty bin is arbitrary."""
     counts, order = np.bincount(bins, minlength=count), np.argsort(values)
     ordered = values[order[np.argsort(bins[order], kind="stable")]]  # small numbers sort fast
     starts = np.minimum(np.cumsum(counts) - counts, len(values) - 1)

@@ -126,7 +126,7 @@ def golden_samples(recordings: list[Recording], inputs: Sequence[str] = SAMPLE_C
 
 
 def _turns(recording: Recording, moving: NDArray[np.bool_]) -> Array:
-    """Mark with 1 that the piston first moves against its last motion, else 0."""
+    """Mark with 1 each row at which the piston starts to move against its last motion; all other rows are 0."""
     rows = np.flatnonzero(moving)
     direction = np.sign(recording.column("velocity_m_s")[rows])
     result = np.zeros(len(moving))
@@ -172,7 +172,7 @@ def _stopped(recordings: list[Recording]) -> Array:
 
 
 def _corrupted(samples: Array) -> Array:
-    """Put invalid values in from the first row on: in the first input, the last, several, and all."""
+    """Insert invalid values from the first row on: in the first input, the last, several inputs, and all."""
     result, last = samples.copy(), samples.shape[1] - 1
     result[0, 0], result[1, last], result[2:4] = np.nan, -np.inf, np.nan
     result[650, 0] = np.nan
