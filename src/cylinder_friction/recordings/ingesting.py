@@ -1,4 +1,4 @@
-"""A folder of logged files becomes a folder of recordings; what is unusable is set aside with the reason."""
+"""Convert a folder of logged files to a folder of recordings; list unusable files with the reason."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from cylinder_friction.recordings.storage import write_recording
 
 @dataclass(frozen=True)
 class Source:
-    """Where logged files lie (``pattern`` is a glob, with ``**`` for folders below) and what they mean."""
+    """The folder of logged files, a glob ``pattern`` for them (``**`` for folders below), and their recipe."""
 
     folder: Path
     pattern: str
@@ -34,7 +34,7 @@ class Source:
 
 @dataclass(frozen=True)
 class Quarantined:
-    """A file, by its path below the source, or a ``piece`` of one, that did not become a recording, and why."""
+    """A file (its path below the source), or a ``piece`` of one, that did not become a recording, and why."""
 
     file: str
     reason: str
@@ -47,7 +47,7 @@ class Quarantined:
 
 @dataclass
 class Ingested:
-    """What became of the files, in the order of their paths."""
+    """The outcome of ingesting, in the order of the files' paths."""
 
     files: int = 0
     notes: list[str] = field(default_factory=list)
@@ -58,7 +58,7 @@ class Ingested:
         return [metadata for metadata, _ in self.recordings if metadata.repairs]
 
     def summary(self) -> str:
-        """Describe for a person what happened: one line in all, one per repair and one per refusal."""
+        """Summarize the outcome for a person: one line in total, one per repair and one per refusal."""
         seconds = sum(rows * metadata.sample_time_s for metadata, rows in self.recordings)
         lines = [
             f"{len(self.recordings)} recordings ({seconds / 3600.0:.3g} h) from {self.files} files; "
@@ -71,15 +71,15 @@ class Ingested:
 
 
 def ingest_folder(source: Source, into: Path, quarantine_file: Path, workers: Workers | None = None) -> Ingested:
-    """Write ``into`` whole, one Parquet file per usable recording, and the others' reasons as ``quarantine_file``.
+    """Write one Parquet file per usable recording into ``into``, and the reasons of refusals as ``quarantine_file``.
 
-    One bad file never stops the others, and memory holds one file at a time, or one in each of the ``workers``.
+    A bad file does not stop the others. Memory holds one file at a time, or one in each of the ``workers``.
 
     Raises:
-        RecordingError: The mapping is wrong, there is no file, or none is usable.
+        RecordingError: The mapping is wrong, no file is found, or no file is usable.
     """
     check_mapping(source.recipe.channels)
-    # A dangling link is a file too: one that cannot be read.
+    # A dangling link counts as a file that cannot be read.
     found = (path for path in source.folder.glob(source.pattern) if not path.is_dir())
     paths = sorted(path for path in found if path != source.recipe.names.table)
     if not paths:
@@ -114,7 +114,7 @@ def ingest_folder(source: Source, into: Path, quarantine_file: Path, workers: Wo
 
 
 def _written(file: LoggedFile, folder: Path) -> list[Converted | Quarantined]:
-    """Write the recordings of a file into a folder; in place of each return its path and its number of rows."""
+    """Write the recordings of a file into a folder; replace each by its path and number of rows."""
 
     def written(each: Converted) -> Converted:
         path = write_recording(folder, each.result, uuid.uuid4().hex)
@@ -125,30 +125,30 @@ def _written(file: LoggedFile, folder: Path) -> list[Converted | Quarantined]:
 
 @dataclass(frozen=True)
 class LoggedFile:
-    """A file to be converted, and all that its conversion depends on.
+    """A file to be converted, and everything that its conversion depends on.
 
-    ``name`` is its path below the source, with ``/``, from which condition and session are taken.
+    ``name`` is its path below the source, with ``/``. It states condition and session.
     """
 
     name: str
     path: Path
     recipe: Recipe
     digest: str = ""  # SHA-256 of its bytes
-    rows: int | None = None  # If it has more rows, it is cut into parts of about this many; None: it is read whole
-    tables: tuple[LoggedTable, ...] = ()  # What it holds, if it was read before
+    rows: int | None = None  # Approximate number of rows of the parts that a longer file is cut into; None: not cut
+    tables: tuple[LoggedTable, ...] = ()  # Its tables, if it was read before
 
 
 @dataclass(frozen=True)
 class Converted:
-    """A recording of a file, usable as far as the file itself shows, or what a later step made of it."""
+    """A recording that passed the checks of its file, or the result of a later step."""
 
     metadata: RecordingMetadata
-    result: Any  # The recording
-    samples: Samples  # By which a copy is known
+    result: Any  # The recording, or the result of a later step
+    samples: Samples  # Its identity, by which copies are found
 
 
 def converted(file: LoggedFile) -> Iterator[Converted | Quarantined]:
-    """Read, map, screen, align and check a file; yield each recording, or why there is none."""
+    """Read, map, screen, align and check a file; yield each recording, or the reason why there is none."""
     piece = ""
     try:
         about = metadata_of(file.recipe.names.names(file.name), file.name, file.digest, file.recipe)
@@ -172,7 +172,7 @@ def recordings_of(
     rows: int | None = None,
     tables: Mapping[str, Sequence[LoggedTable]] | None = None,
 ) -> Iterator[Recording | Quarantined]:
-    """Yield the recordings of each file in turn, and for what is unusable the reason; see ``usable``."""
+    """Yield the recordings of each file in turn, or the reason why they are unusable; see ``usable``."""
     seen = SeenRecordings()
     for each in usable(files, recipe, converted, seen, rows=rows, tables=tables):
         yield each.result if isinstance(each, Converted) else each
@@ -181,7 +181,7 @@ def recordings_of(
 
 
 def digest_of(path: Path) -> str:
-    """Hash a file's bytes (SHA-256); a file that cannot be read gets an empty text, and reading it states why."""
+    """Hash a file's bytes (SHA-256); empty for a file that cannot be read, which a later step then refuses."""
     try:
         return hash_of(path)
     except OSError:
@@ -193,10 +193,10 @@ Item = TypeVar("Item")
 
 
 def shown(items: Iterable[Item], words: str, total: int, unit: str, **look: Any) -> Iterable[Item]:
-    """Return the items, with a bar on standard error if that is a terminal; further options are those of tqdm."""
+    """Show a progress bar over the items if standard error is a terminal; further options are passed to tqdm."""
     if not (sys.stderr and sys.stderr.isatty()):
         return items
-    from tqdm import tqdm  # Only who watches waits for it
+    from tqdm import tqdm  # slow to import, so only if a bar is shown
 
     return tqdm(items, words, total, unit=unit, **look)
 
@@ -212,17 +212,17 @@ def usable(
     tables: Mapping[str, Sequence[LoggedTable]] | None = None,
     workers: Workers | None = None,
 ) -> Iterator[OfFile | Quarantined]:
-    """Do the ``work`` on each file; yield what it finds in order, without copies of a file or a recording.
+    """Do the ``work`` on each file; yield its results in order, and refuse copies of a file or a recording.
 
     Args:
-        files: By their paths below the source, with ``/``.
-        recipe: By which they are converted; its channels have passed ``check_mapping``.
-        work: Converts one file; what it returns can be pickled if there are ``workers``.
-        seen: What was converted before; these recordings are added.
+        files: Files by their paths below the source, with ``/``.
+        recipe: Recipe for converting them; its channels have passed ``check_mapping``.
+        work: Converts one file. With ``workers``, its results must be picklable.
+        seen: Recordings that were converted before; the new ones are added.
         rows: As in ``LoggedFile``.
-        digests: SHA-256 of each file, if it is known.
-        tables: What was read of some files already.
-        workers: Work on files side by side; None: one after the other, here.
+        digests: SHA-256 of each file, if known.
+        tables: Tables of files that were already read.
+        workers: Process files in parallel. None processes them one after the other in this process.
     """
     workers, copies, own = workers or Workers(), list[Quarantined](), list[LoggedFile]()
     for name, path in files.items():
@@ -253,7 +253,7 @@ def usable(
 
 
 def other_rates(metadata: Sequence[RecordingMetadata]) -> dict[str, Quarantined]:
-    """Return, by name, the recordings that do not share the commonest sample time: no estimator takes two rates."""
+    """Refuse, by name, recordings without the commonest sample time, because an estimator has one rate."""
     counts = Counter(entry.sample_time_s for entry in metadata)
     common, count = counts.most_common(1)[0] if counts else (0.0, 0)
     return {
@@ -268,12 +268,12 @@ def other_rates(metadata: Sequence[RecordingMetadata]) -> dict[str, Quarantined]
 
 
 def none_usable(where: str, files: int, first: Quarantined) -> RecordingError:
-    """Return the error for a run in which every file was refused."""
+    """Make the error for a run in which every file was refused."""
     return RecordingError(f"{where}: none of {files} files is usable; the first, {first.file}: {first.reason}")
 
 
 def _not_read(source: Source, matching: list[Path]) -> list[str]:
-    """Name the files that the pattern leaves out: among logs in .csv, one may end in .CSV."""
+    """Name files that the pattern may leave out by mistake, such as .CSV among .csv files."""
     beside = {path for path in source.folder.rglob("*") if not path.is_dir() and not path.name.startswith(".")}
     left_out = sorted(beside - set(matching) - {source.recipe.names.table})
     if not left_out:

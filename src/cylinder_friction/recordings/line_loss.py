@@ -1,4 +1,4 @@
-"""What the line between a pressure sensor and its chamber loses, as a mapping states it."""
+"""Pressure loss in the line between a pressure sensor and its chamber, as stated in a mapping."""
 
 import math
 from dataclasses import dataclass
@@ -10,28 +10,28 @@ from cylinder_friction.arrays import Array
 OIL_DENSITY_KG_M3 = 870.0
 BAR_PA = 1e5
 RECTANGULAR = 1.0 / math.sqrt(3.0)
-"""From the half-width of a rectangular distribution to its standard deviation (JCGM 100:2008, 4.3.7)."""
+"""Ratio of standard deviation to half-width of a rectangular distribution (JCGM 100:2008, 4.3.7)."""
 
 
 @dataclass(frozen=True)
 class LineLoss:
-    """Loss of pressure between a sensor at a valve or block and its chamber: at a speed of the piston, or of a hose.
+    """Pressure loss between a sensor at a valve or block and its chamber, stated at one speed or by a hose's size.
 
-    A loss that was measured at one speed grows with the square of speed, but for its laminar part. That of a hose
-    follows from its dimensions (Hagen and Poiseuille; turbulent: Blasius), without fittings.
+    A loss stated at one speed grows with the square of speed, except for its laminar part. The loss of a hose without
+    fittings is computed from its dimensions (laminar: Hagen and Poiseuille; turbulent: Blasius).
 
     Raises:
-        ValueError: Neither way is stated, or both are, or a number is out of its range.
+        ValueError: Neither or both of the two are stated, or a number is out of range.
     """
 
-    bar: float | None = None  # Lost at ``speed_m_s`` [bar]
-    speed_m_s: float | None = None  # Of the piston [m/s]
-    laminar_percent: float = 0.0  # Part of it that is in proportion to speed [%]
-    length_m: float | None = None  # Of the hose [m]
-    bore_mm: float | None = None  # Its inner diameter [mm]
-    oil_mm2_s: float | None = None  # Kinematic viscosity of the oil at work [mm²/s]
-    uncertainty_percent: float = 20.0  # Within which the stated loss is right, ± [%]
-    area_m2: float = 0.0  # Of the piston on this side, for the flow through a hose [m²]; set from the cylinder
+    bar: float | None = None  # Loss at ``speed_m_s`` [bar]
+    speed_m_s: float | None = None  # Speed of the piston [m/s]
+    laminar_percent: float = 0.0  # Part of the loss that is proportional to speed [%]
+    length_m: float | None = None  # Length of the hose [m]
+    bore_mm: float | None = None  # Inner diameter of the hose [mm]
+    oil_mm2_s: float | None = None  # Kinematic viscosity of the oil during operation [mm²/s]
+    uncertainty_percent: float = 20.0  # Largest error of the stated loss [± %]
+    area_m2: float = 0.0  # Area of the piston on this side, for the flow in a hose [m²]; set from the cylinder
 
     def __post_init__(self) -> None:
         measured, hose = (self.bar, self.speed_m_s), (self.length_m, self.bore_mm, self.oil_mm2_s)
@@ -51,16 +51,16 @@ class LineLoss:
         return RECTANGULAR * self.uncertainty_percent / 100.0
 
     def in_words(self) -> str:
-        """Return the statement in words."""
+        """Describe the loss in words."""
         unsure = f"± {self.uncertainty_percent:g} %"
         if self.bar is not None:
             return f"{self.bar:g} bar at {self.speed_m_s:g} m/s {unsure}"
         return f"{self.length_m:g} m of {self.bore_mm:g} mm bore {unsure}"
 
     def lost_pa(self, velocity_m_s: Array) -> Array:
-        """Return by how much the sensor reads above its chamber [Pa], shape ``(n,)``.
+        """Compute how much higher the sensor's pressure is than its chamber's [Pa], shape ``(n,)``.
 
-        ``velocity_m_s`` is the piston's, positive while oil flows towards the chamber.
+        ``velocity_m_s`` is the velocity of the piston, positive while oil flows towards the chamber.
         """
         if self.bar is not None and self.speed_m_s is not None:
             part, laminar = velocity_m_s / self.speed_m_s, self.laminar_percent / 100.0

@@ -1,6 +1,6 @@
-"""How a text table is laid out: what separates its cells, where its rows begin, and what stands above them.
+"""Detect the layout of a text table: its delimiter, its first row, and the names and units above the rows.
 
-Those are names and units (``P1 [bar]``, ``P1 / bar``, or a line of units). By default everything is detected.
+Units are stated with the names (``P1 [bar]``, ``P1 / bar``) or on a line of their own.
 """
 
 import codecs
@@ -20,12 +20,12 @@ HEADERS = ("auto", "names_units")
 
 @dataclass(frozen=True)
 class CsvOptions:
-    """How a text file is to be read."""
+    """Options for reading a text file; everything that is ``auto`` is detected."""
 
-    delimiter: str = "auto"  # Between two values: one character, ``whitespace`` (runs of blanks and tabs), or ``auto``
-    decimal: str = "auto"  # The decimal sign, ``.`` or ``,``, or ``auto``
-    encoding: str = "auto"  # Of the characters, for example ``utf-8`` or ``cp1252``, or ``auto``
-    # ``names_units`` (a line of names and a line of units stand right above the rows), or ``auto``, which finds them
+    delimiter: str = "auto"  # Delimiter of values: one character, ``whitespace`` (runs of blanks and tabs), or ``auto``
+    decimal: str = "auto"  # Decimal sign: ``.``, ``,`` or ``auto``
+    encoding: str = "auto"  # Character encoding, for example ``utf-8`` or ``cp1252``, or ``auto``
+    # ``names_units`` (a line of names and a line of units are right above the rows), or ``auto``
     header: str = "auto"
 
     def __post_init__(self) -> None:
@@ -42,25 +42,25 @@ class CsvOptions:
 AUTOMATIC = CsvOptions()
 
 DELIMITERS = ("\t", ";", ",", "|", "whitespace")
-MOST_COLUMNS = 10_000  # Of a text table
+MOST_COLUMNS = 10_000  # Most columns of a text table
 LOOKED_AT = 100
 _LEAST_SCORE = 0.3
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Of a text table."""
+    """The layout of a text table."""
 
     delimiter: str  # One character or ``whitespace``
-    decimal: str | None  # ``.`` or ``,``; None if the rows looked at hold whole numbers only
-    names: list[str]  # '' for a last column that only a delimiter at the end of each row makes
-    units: dict[str, str]  # By name
-    first_row: int  # Lines above the first row
+    decimal: str | None  # ``.`` or ``,``; None if the rows looked at have only whole numbers
+    names: list[str]  # Names of the columns; '' for an empty last column after a delimiter at the end of each row
+    units: dict[str, str]  # Units by name
+    first_row: int  # Number of lines above the first row
 
 
 @dataclass(frozen=True)
 class _Grid:
-    """The lines looked at, split by one delimiter."""
+    """The lines that are looked at, split by one delimiter."""
 
     delimiter: str
     decimal: str | None
@@ -71,11 +71,11 @@ class _Grid:
 
     @property
     def trailing(self) -> bool:
-        """Whether every row ends in a delimiter, so that its last cell is no channel, unless it has a name."""
+        """Whether every row ends with a delimiter; its last cell is then a channel only if it has a name."""
         return self.width > 1 and not any(row[-1] for row in self.rows if len(row) == self.width)
 
     def is_row(self, cells: list[str]) -> bool:
-        """Return whether every numeric column holds a value or nothing, and at least one holds a value."""
+        """Check whether every numeric column has a value or is empty, and at least one has a value."""
         if len(cells) != self.width:
             return False
         values = sum(is_value(cells[index], self.decimal) for index in self.numeric)
@@ -84,13 +84,13 @@ class _Grid:
 
 
 def find_layout(lines: list[str], options: CsvOptions) -> Layout:
-    """Find the layout of a table in its first whole lines; refuse lines with no layout, or with two."""
+    """Find the layout of a table in its first whole lines; refuse lines with no layout or an ambiguous one."""
     content = [index for index, line in enumerate(lines) if line.strip()]
     stated = "whitespace" if options.delimiter == " " else options.delimiter
     delimiters = DELIMITERS if stated == "auto" else (stated,)
     lines = padded(lines, delimiters)
     decimal = None if options.decimal == "auto" else options.decimal
-    # Of delimiters that occur in no line all make the same grid, of one column.
+    # All delimiters that occur in no line give the same grid of one column.
     looked_at = [lines[index] for index in content[-LOOKED_AT:]]
     absent = [each for each in delimiters if each != "whitespace" and each not in "".join(looked_at)]
     tried = [each for each in delimiters if each not in absent[1:]]
@@ -108,19 +108,19 @@ def find_layout(lines: list[str], options: CsvOptions) -> Layout:
 
 
 def _grid(lines: list[str], delimiter: str, decimal: str | None) -> _Grid | None:
-    """Split lines into cells. Return None if no column holds numbers or dates."""
+    """Split lines into cells; None if no column has numbers or dates."""
     decimal = "." if delimiter == "," and decimal is None else decimal
     rows = [split_cells(line, delimiter) for line in lines]
     if not rows:
         return None
-    # The later of two equally common widths: a header is above the rows.
+    # Of two equally common widths the later one is taken, because a header is above the rows.
     width, _ = Counter(len(row) for row in reversed(rows)).most_common(1)[0]
     if width > MOST_COLUMNS:
         raise RecordingError(
             f"has {width:,} columns, expected at most {MOST_COLUMNS:,}; export the channels of the cylinder alone"
         )
     full = [row for row in rows if len(row) == width]
-    # A short file is half header.
+    # The upper half of a short file may be its header.
     lower = full[len(full) // 2 :]
     values = [sum(is_value(cell, decimal) for cell in column) for column in zip(*lower, strict=True)]
     missing = [sum(map(is_missing, column)) for column in zip(*lower, strict=True)]
@@ -131,10 +131,10 @@ def _grid(lines: list[str], delimiter: str, decimal: str | None) -> _Grid | None
 
 
 def _likelihood(grid: _Grid, lines: list[str]) -> tuple[bool, bool, bool, float, int]:
-    """Make a key that ranks the ways to split a file's lines.
+    """Return a key that ranks the ways to split a file's lines.
 
-    First whether a line of names, or the first row, has as many cells as the rows: 3,845 below one name is a number
-    with a decimal comma, below two names it is two. Then the share of cells that are numbers or dates.
+    The first criterion is whether a line of names, or the first row, has as many cells as the rows: 3,845 is one number
+    with a decimal comma below one name, and two numbers below two names. The second is the share of numbers and dates.
     """
     if grid.width == 1:
         fits = not any(sign in lines[0] for sign in "\t;,|")
@@ -147,20 +147,20 @@ def _likelihood(grid: _Grid, lines: list[str]) -> tuple[bool, bool, bool, float,
 
 
 def _first_row(grid: _Grid, lines: list[str], content: list[int]) -> int:
-    """Find the first row's line; ``content`` holds those of the lines that are not empty."""
+    """Find the line of the first row; ``content`` lists the lines that are not empty."""
 
     @cache
     def is_row(position: int) -> bool:
         return grid.is_row(split_cells(lines[content[position]], grid.delimiter))
 
     for first in range(len(content)):
-        # A line of the preamble may look like a row; most lines after it then do not. A row may be damaged.
+        # A line of the preamble may look like a row, but most lines after it do not. Some rows may be damaged.
         after = range(first + 1, min(first + 11, len(content)))
         if is_row(first) and 2 * sum(map(is_row, after)) >= len(after):
             break
     else:
         raise RecordingError("no row of numbers was found below its header; expected one line per sample")
-    # Rows in which a sensor reads 'overload' come before: they are no header, for their first number, time, is there.
+    # Include rows before it in which a sensor reads 'overload': they begin with a time, as no header does.
     while first > 0:
         cells = split_cells(lines[content[first - 1]], grid.delimiter)
         if len(cells) != grid.width or not is_value(cells[grid.numeric[0]], grid.decimal):
@@ -170,7 +170,7 @@ def _first_row(grid: _Grid, lines: list[str], content: list[int]) -> int:
 
 
 def _decimal(rows: list[list[str]], grid: _Grid) -> str | None:
-    """Tell the decimal sign that these rows show; None if they hold whole numbers only."""
+    """Find the decimal sign of these rows; None if they have only whole numbers."""
     cells = [row[index] for row in rows if len(row) == grid.width for index in grid.numeric]
     points = sum("." in cell and is_number(cell, ".") for cell in cells)
     commas = sum("," in cell and is_number(cell, ",") for cell in cells) if grid.delimiter != "," else 0
@@ -178,16 +178,16 @@ def _decimal(rows: list[list[str]], grid: _Grid) -> str | None:
 
 
 _DATE_PATTERN = re.compile(r"^(?=.*([dmyjths])\1)[dmyjths]+(?:[-/.:, ]+[dmyjthsfz0]+)+$", re.IGNORECASE)
-"""What stands in the place of a unit above dates: 'dd.mm.yyyy hh:mm:ss', 'TT.MM.JJJJ hh:mm'."""
+"""Date formats in the place of a unit above dates: 'dd.mm.yyyy hh:mm:ss', 'TT.MM.JJJJ hh:mm'."""
 
 _UNIT_WORDS = ("unit", "units", "einheit", "einheiten")
-"""What stands before the units in a line of them."""
+"""First cells of a line of units."""
 
 
 def _units_in_line(cells: list[str]) -> list[str] | None:
-    """Tell the units of a line that holds mostly units; None for another line.
+    """Read the units of a line that consists mostly of units; None for another line.
 
-    A cell that is empty, no unit (``NO.`` above row numbers), or the format of the dates below it has the unit ''.
+    An empty cell, a cell without a unit (``NO.`` above row numbers), and a date format give the unit ''.
     """
     units, count = [], 0
     for cell in cells:
@@ -201,7 +201,7 @@ def _units_in_line(cells: list[str]) -> list[str] | None:
     return units if count and 2 * count > filled - sum(map(bool, map(_DATE_PATTERN.match, cells))) else None
 
 
-SCOPE_TIME = "Name"  # what the TwinCAT Scope calls every time column
+SCOPE_TIME = "Name"  # Name that the TwinCAT Scope gives every time column
 _SCOPE_KEY = re.compile(
     r"symbol(comment|based|name)|data-type|sampletime\[ms\]|variablesize|index(group|offset)|netid|port|bitmask|"
     r"(unit )?(offset|scalefactor)|unit|(start|end)time"
@@ -212,8 +212,8 @@ _COMMENT = ("#", "%", "//", ";", "'")
 def _names_and_units(above: list[str], grid: _Grid, mode: str) -> tuple[list[str], dict[str, str]]:
     """Find channels and their units in the lines above the first row; ``mode`` is ``CsvOptions.header``.
 
-    A line of names has a cell for each column, or lacks the last one. A last column that only a delimiter at the end of
-    each row makes is named ''.
+    A line of names has a cell for each column, or lacks the last one. An empty last column after a delimiter at the end
+    of each row is named ''.
     """
     block: list[list[str]] = []
     for line in reversed([line for line in above if line.strip()]):
@@ -244,7 +244,7 @@ def _names_and_units(above: list[str], grid: _Grid, mode: str) -> tuple[list[str
 
 
 def _refuse_other_width(above: list[str], grid: _Grid) -> None:
-    """Refuse a line of names with too few or too many cells: the columns could not be identified."""
+    """Refuse a line of names with too few or too many cells, because its columns cannot be identified."""
     number, line = max(((number, line) for number, line in enumerate(above, start=1) if line.strip()), default=(0, ":"))
     cells = split_cells(line, grid.delimiter)
     plain = not line.lstrip().startswith(_COMMENT) and ":" not in line and "=" not in line
@@ -256,10 +256,10 @@ def _refuse_other_width(above: list[str], grid: _Grid) -> None:
 
 
 def _scope_names(above: list[str], grid: _Grid) -> tuple[list[str], list[str] | None] | None:
-    """Find the names of a TwinCAT Scope's channels and their units, which it writes as ``V (Voltage)``.
+    """Find the channels of a TwinCAT Scope and their units, which it writes as ``V (Voltage)``.
 
-    The line of names is ``Name;Axis.Pos;Name;Axis.Vel``, or ``Name;p1;p2;Name;x`` if channels share a time column,
-    which is in ms. SymbolName;...;SymbolName;... and the like may follow below it.
+    The line of names is ``Name;Axis.Pos;Name;Axis.Vel``, or ``Name;p1;p2;Name;x`` if channels share a time column. Time
+    is in ms. Lines such as SymbolName;...;SymbolName;... may follow.
     """
     found: dict[str, list[str]] = {}
     for cells in reversed([split_cells(line, grid.delimiter) for line in above]):

@@ -1,4 +1,4 @@
-"""MATLAB files: version 5 (``save -v6`` and ``-v7``) through SciPy, version 7.3 as the HDF5 that it is."""
+"""Read MATLAB files: version 5 (``save -v6`` and ``-v7``) with SciPy, version 7.3 as HDF5."""
 
 from collections.abc import Collection, Mapping
 from functools import partial
@@ -18,11 +18,11 @@ VERSION_5 = b"MATLAB 5.0 MAT-file"
 
 
 def walk(name: str, value: Any, found: Found, unit: str = "") -> None:
-    """Add to ``found`` what a variable holds.
+    """Add the channels of a variable to ``found``.
 
     Args:
-        name: Of the variable, or the path to the field: ``log.P1``; ``log_2.P1`` within an array of structs.
-        value: An array, a mapping (struct), a list (array of structs, cell array), or anything else (no channel).
+        name: Name of the variable or path of the field: ``log.P1``, or ``log_2.P1`` within an array of structs.
+        value: An array, a mapping (struct) or a list (array of structs, cell array); other values are no channels.
     """
     if isinstance(value, dict):
         walk_struct(name, value, found, unit)
@@ -40,10 +40,10 @@ def _values(values: NDArray[Any], at: Any) -> NDArray[Any]:
 
 
 def walk_struct(name: str, struct: Mapping[str, Any], found: Found, unit: str = "") -> None:
-    """Add a struct's fields, or the variables of a file (name '').
+    """Add the fields of a struct, or the variables of a file (name '').
 
-    A text field ``unit`` or ``units`` states the unit of the struct's arrays; a struct ``units`` of texts states it
-    for the fields it names. Simulink's 'structure with time' and the ``X`` and ``Y`` of dSPACE name their channels.
+    A text field ``unit`` or ``units`` states the unit of the struct's arrays. A struct ``units`` of texts states the
+    units of the fields it names. Simulink's 'structure with time' and dSPACE's ``X`` and ``Y`` name their channels.
     """
     path = f"{name}." if name else ""
     if isinstance(signals := struct.get("signals"), dict | list):
@@ -69,9 +69,9 @@ def walk_struct(name: str, struct: Mapping[str, Any], found: Found, unit: str = 
 
 
 def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Read the file's vectors, matrices and structs as channels; those of one length share a table.
+    """Read the file's vectors, matrices and structs as channels; channels of one length share a table.
 
-    Single values, text and objects are no channels and only named, as ``unread``.
+    Single values, text and objects are no channels. Their names are listed in ``unread``.
     """
     if not source.head.startswith(VERSION_5):
         return _read_73(source, wanted)
@@ -79,7 +79,7 @@ def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[Logg
 
     handle: Any = source.handle()
     content = scipy.io.loadmat(handle, simplify_cells=True, verify_compressed_data_integrity=True)
-    if "None" in content:  # SciPy's name for objects; the last one is left
+    if "None" in content:  # SciPy names every object so; only the last one is kept
         content["an object"] = content.pop("None")
     found = Found()
     walk_struct("", {name: _tree(value) for name, value in content.items() if not name.startswith("__")}, found)
@@ -87,7 +87,7 @@ def read_matlab(source: FileSource, wanted: Collection[str] | None) -> list[Logg
 
 
 def _tree(value: Any) -> Any:
-    """Bring a variable as SciPy gives it into the shape that the walk expects."""
+    """Convert a variable from SciPy to the types that ``walk`` expects."""
     if isinstance(value, dict):
         return {str(key): _tree(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple) or (isinstance(value, np.ndarray) and value.dtype == object):
@@ -109,17 +109,17 @@ def _read_73(source: FileSource, wanted: Collection[str] | None) -> list[LoggedT
 
 
 class _References(list[Any]):
-    """What a dataset of references points to: a cell array, or one field of an array of structs."""
+    """The objects that a dataset of references points to: a cell array, or one field of an array of structs."""
 
 
 def _tree73(node: Any) -> Any:
-    """Read an object of the file in the shape that the walk expects: array, dict, list or text."""
+    """Read an object of the file as a type that ``walk`` expects: array, dict, list or text."""
     import h5py
 
     if isinstance(node, h5py.Group):
         fields = {name: _tree73(node[name]) for name in node}
         lengths = {len(value) if isinstance(value, _References) else -1 for value in fields.values()}
-        if len(lengths) == 1 and min(lengths) > 0:  # every field is references of one number: an array of structs
+        if len(lengths) == 1 and min(lengths) > 0:  # all fields have equally many references: an array of structs
             return [{key: value[index] for key, value in fields.items()} for index in range(lengths.pop())]
         return fields
     if "MATLAB_empty" in node.attrs or "MATLAB_object_decode" in node.attrs or node.shape is None:
@@ -132,7 +132,7 @@ def _tree73(node: Any) -> Any:
 
 
 def _add_table73(file: Any, found: Found) -> None:
-    """Add the columns of a file's one table or timetable, and the timetable's row times if they are durations."""
+    """Add the columns of a file's only table or timetable, and a timetable's row times if they are durations."""
     hidden = file.get("#refs#", {})
     tables = [hidden[name] for name in hidden if {"data", "varNames"} <= set(getattr(hidden[name], "keys", set)())]
     if len(tables) != 1:
@@ -149,7 +149,7 @@ def _add_table73(file: Any, found: Found) -> None:
 
 
 def _rows(node: Any) -> int:
-    """Tell the length of a vector of floating-point numbers; 0 for anything else."""
+    """Return the length of a vector of floating-point numbers; 0 for anything else."""
     dtype = getattr(node, "dtype", None)
     return int(node.size) if dtype is not None and dtype.kind == "f" and max(node.shape) == node.size else 0
 

@@ -1,4 +1,4 @@
-"""MDF 3 and 4 (CANape, INCA, vector loggers) through asammdf."""
+"""Read MDF 3 and 4 (CANape, INCA, Vector loggers) with asammdf."""
 
 import io
 from collections.abc import Collection, Iterator
@@ -16,16 +16,16 @@ from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.start import Start
 
-_LOCAL_TIME = 1  # Bit of a header's time flags (ASAM MDF 4.1)
-_PLAIN_BUS_EVENT = 4  # Bit of a channel group's flags (ASAM MDF 4.1): frames that are not decoded
+_LOCAL_TIME = 1  # Bit in a header's time flags (ASAM MDF 4.1)
+_PLAIN_BUS_EVENT = 4  # Bit in a channel group's flags (ASAM MDF 4.1) that marks raw frames
 
 
 def read_mdf(source: FileSource, wanted: Collection[str] | None, database: Path | None = None) -> list[LoggedTable]:
-    """Read one table a channel group, its master (time) first; conversions are applied.
+    """Read one table per channel group, with its master (time) first; conversions are applied.
 
-    A sample that the file marks as invalid is NaN. Text is no channel and only named, as ``unread``. Groups of raw bus
-    frames are decoded with the bus's ``database``, a DBC file, and left out without one; a file of nothing else is then
-    refused.
+    Samples that the file marks as invalid become NaN. Text is no channel; its name is listed in ``unread``. Groups of
+    raw bus frames are decoded with ``database``, the DBC file of the bus. Without it they are left out, and a file with
+    nothing else is refused.
     """
     with _opened(source) as file:
         start = _start(file)
@@ -46,11 +46,11 @@ def read_mdf(source: FileSource, wanted: Collection[str] | None, database: Path 
 
 @contextmanager
 def _opened(source: FileSource) -> Iterator[Any]:
-    """Open a measurement file with asammdf; the file itself stays as it is."""
+    """Open a measurement file with asammdf, without changing the file."""
     import asammdf
 
     open_mdf: Any = asammdf.MDF  # its types lack some arguments
-    # It finishes an unfinished file in place, so it gets a copy of that.
+    # asammdf finishes an unfinished file in place, so it gets a copy.
     unfinished = source.head.startswith(b"UnFinMF")
     with (
         io.BytesIO(source.all_bytes) if unfinished else source.opened() as opened,
@@ -75,7 +75,7 @@ def _decoded(file: Any, database: Path, wanted: Collection[str] | None) -> list[
 
 
 def _start(file: Any) -> Start | None:
-    """Tell when the measurement started: MDF 4 states UTC or local time, MDF 3 mostly local time."""
+    """Read the start of the measurement: MDF 4 states UTC or local time, MDF 3 mostly local time."""
     header = file.header
     if not getattr(header, "abs_time", 0):
         return None

@@ -1,4 +1,4 @@
-"""Parquet, as data loggers in the cloud and pandas write it."""
+"""Read Parquet files, as written by cloud data loggers and pandas."""
 
 from collections.abc import Collection, Iterator
 from dataclasses import replace
@@ -14,11 +14,11 @@ from cylinder_friction.recordings.recording import RecordingError
 
 
 def read_parquet(source: FileSource, wanted: Collection[str] | None, rows: int | None = None) -> list[LoggedTable]:
-    """Read the file's one table, of more than ``rows`` rows in parts; only the wanted columns are read, in one thread.
+    """Read the wanted columns of the file's table in one thread; read more than ``rows`` rows in parts.
 
-    The index that pandas stores is a channel if it has a name or holds time stamps (then named ``index``); row numbers
-    are left out. Text is read as in a text table: dates, times of day, numbers. Units come from a field's metadata, key
-    ``unit`` or ``units``.
+    An index that pandas stored is a channel if it has a name or contains time stamps (then named ``index``). Row
+    numbers are left out. Text is parsed as in a text table: dates, times of day, numbers. A field's metadata states its
+    unit under the key ``unit`` or ``units``.
     """
     with _opened(source) as file:
         count, wanted = file.metadata.num_rows, _wanted_here(file, wanted)
@@ -39,18 +39,18 @@ def _parts(source: FileSource, wanted: Collection[str] | None, rows: int) -> Ite
 
 
 def _opened(source: FileSource) -> Any:
-    """Open the file, which is read page by page and not a row group at once."""
+    """Open the file so that it is read page by page instead of by whole row groups."""
     return pq.ParquetFile(source.handle(), buffer_size=1 << 20, pre_buffer=False, page_checksum_verification=True)
 
 
 def _wanted_here(file: Any, wanted: Collection[str] | None) -> Collection[str] | None:
-    """Choose the channels to read; nothing, not even time, if the file has none of the wanted ones."""
+    """Choose the channels to read; none, not even time, if the file has none of the wanted ones."""
     there = wanted is None or any(_name(field) in wanted for field in file.schema_arrow)
     return wanted if there else ()
 
 
 def _is_read(field: Any, wanted: Collection[str] | None) -> bool:
-    """Return whether a field is a channel that is wanted, or may be time: then it must not contradict the clock."""
+    """Check whether a field is a wanted channel, or may be time, which must not contradict the clock."""
     if pa.types.is_nested(field.type) or _is_row_number(field):
         return False
     return wanted is None or _name(field) in wanted or bool(wanted and beside_clocks([_name(field)]))
@@ -87,5 +87,5 @@ def _unit(field: Any) -> str:
     return str(unit.decode(errors="replace")).strip()
 
 
-# Hundreds of hours come this way, and Arrow withstands damage: it is read in the caller's process.
+# Parquet is read in the caller's process for speed, and because Arrow does not crash over damaged files.
 FORMAT = Format("parquet", "a Parquet file", read_parquet, ("rows",), starts=(b"PAR1",))

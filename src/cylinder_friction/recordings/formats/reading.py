@@ -1,4 +1,4 @@
-"""One call for every format: the content of a file shows which of them it has."""
+"""Read logger files of every format through one function, which detects the format by content."""
 
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import replace
@@ -27,9 +27,9 @@ FORMATS = {
 }
 """Every format by its name."""
 SETTINGS = tuple(FORMATS)
-"""What ``format`` may be in a configuration, beside ``auto``."""
+"""Values of ``format`` in a configuration, besides ``auto``."""
 MOST_WHOLE = 2 * 10**9
-"""A file of a format that is not read in parts is read up to this size [bytes]."""
+"""Largest file of a format that cannot be read in parts [bytes]."""
 
 _OTHERS = {
     b"PK": "a ZIP file: unpack it; of a spreadsheet save the table as .xlsx or CSV",
@@ -47,14 +47,14 @@ _OWN_FILES = {
     ".bin": "; if it is catman's, export it as text (ASCII)",
     ".blf": "; if it is a trace of a bus, decode it with the bus's database and save the signals as MDF 4",
 }
-"""Endings of what measurement programs write for themselves, and what they export that is read here."""
+"""Endings of the own formats of measurement programs, and the export that can be read instead."""
 
 
 def format_of(head: bytes, setting: str = "auto", suffix: str = "") -> Format:
-    """Tell the format of a file by its first bytes and by what the configuration calls it.
+    """Determine the format of a file by its first bytes and by the configuration's setting.
 
     Raises:
-        RecordingError: The file is of none of these formats; ``suffix``, its ending, shows what to export in its place.
+        RecordingError: The file has none of these formats. By its ending ``suffix``, the message states what to export.
         ValueError: The setting is not known.
     """
     if setting not in ("auto", *SETTINGS):
@@ -81,18 +81,18 @@ def read_logged_file(
     database: Path | None = None,
     rows: int | None = None,
 ) -> list[LoggedTable]:
-    """Read what a logger's file holds, one table for channels that share their rows.
+    """Read a logger's file: one table for the channels that share their rows.
 
     Args:
         file_format: One of ``SETTINGS``, or ``auto`` to go by the content.
-        csv: How text is to be read; by default everything is found out.
-        wanted: Names of the channels to load; the others are only named, as ``unread``. None loads all.
-        database: Of a bus (DBC), with which the frames in a measurement file are decoded.
-        rows: A file's only table of more rows comes in parts of about so many: the first one here, and its ``more``.
-            Text and Parquet are read part by part; of another format a large file is refused. None reads all at once.
+        csv: Options for text; by default everything is detected.
+        wanted: Names of the channels to load; the others are only listed in ``unread``. None loads all.
+        database: DBC file of the bus, to decode the frames in a measurement file.
+        rows: Approximate rows per part of a longer single table: the first part is returned, ``more`` reads the others.
+            Text and Parquet are read part by part; large files of other formats are refused. None reads all at once.
 
     Raises:
-        RecordingError: The file cannot be opened or read, is damaged, or holds no channels with rows.
+        RecordingError: The file cannot be opened or read, is damaged, or has no channels with rows.
         ValueError: The format is not known.
     """
     source = open_source(path)

@@ -1,4 +1,4 @@
-"""A file's bytes, unpacked if they are gzipped, and its characters up to the end of its last whole line."""
+"""Open a file's bytes, unpacked if they are gzipped, and its text up to the end of its last whole line."""
 
 import codecs
 import gzip
@@ -17,33 +17,33 @@ import pyarrow as pa
 from cylinder_friction.recordings.recording import RecordingError
 
 HEAD_SIZE = 65536
-"""Bytes that show what a file is."""
+"""Number of first bytes from which a file's format is detected."""
 MOST_IN_MEMORY = 1 << 26
-"""A gzipped file is unpacked in memory up to this size [bytes], a larger one on disk."""
+"""Largest gzipped file that is unpacked in memory [bytes]; a larger one is unpacked on disk."""
 GZIP = b"\x1f\x8b"
 BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 MOST_INDIVISIBLE = 256 * 10**6
-"""A text that cannot be read in parts is read whole up to this size [bytes]."""
+"""Largest text that is read whole if it cannot be read in parts [bytes]."""
 _TAIL = 1 << 16
-_READ_AT_ONCE = 1 << 22  # A file up to this size is held in memory [bytes]
+_READ_AT_ONCE = 1 << 22  # Largest file that is held in memory [bytes]
 _EOF = re.compile(rb"(?<=[\r\n])[\s;,|\"]*EOF(?:[\s;,|\"]|EOF)*\Z")
 
 
 @dataclass(frozen=True)
 class FileSource:
-    """What a reader takes its bytes from: the path, or the unpacked bytes of a gzipped file."""
+    """The source of a reader's bytes: a path, or the unpacked bytes of a gzipped file."""
 
     origin: Path | bytes
     head: bytes  # The first ``HEAD_SIZE`` bytes
-    size: int  # Of the whole [bytes]
-    kept: Any = None  # Keeps the temporary file that ``origin`` names
+    size: int  # Size of the whole file, unpacked [bytes]
+    kept: Any = None  # Keeps the temporary file alive that ``origin`` names
 
     def handle(self) -> str | io.BytesIO:
-        """Give what a library opens: the path as text, or the bytes as a file."""
+        """Return the path as text, or the bytes as a file, for a library to open."""
         return io.BytesIO(self.origin) if isinstance(self.origin, bytes) else str(self.origin)
 
     def opened(self) -> BinaryIO:
-        """Open the bytes as a file that the caller closes; libraries leave their own open over a damaged file."""
+        """Open the bytes as a file that the caller closes, because libraries leave damaged files open."""
         return io.BytesIO(self.origin) if isinstance(self.origin, bytes) else self.origin.open("rb")
 
     @cached_property
@@ -52,7 +52,7 @@ class FileSource:
 
 
 def open_source(path: Path) -> FileSource:
-    """Open a file, unpacked if it is gzipped; refuse what cannot be opened, is empty, or a damaged gzip."""
+    """Open a file, unpacked if it is gzipped; refuse one that cannot be opened, is empty, or is a damaged gzip file."""
     if path.exists() and not path.is_file():
         raise RecordingError("is no regular file; copy what comes from it into one")
     try:
@@ -76,7 +76,7 @@ def _unpacked(path: Path) -> FileSource:
         head = content[:HEAD_SIZE]
         if len(content) < MOST_IN_MEMORY:
             return FileSource(content, head, len(content))
-        unpacked = NamedTemporaryFile()  # noqa: SIM115 - removed with the source
+        unpacked = NamedTemporaryFile()  # noqa: SIM115 - it is removed with the source
         unpacked.write(content)
         shutil.copyfileobj(file, unpacked, HEAD_SIZE)
         unpacked.flush()
@@ -84,7 +84,7 @@ def _unpacked(path: Path) -> FileSource:
 
 
 def is_text(head: bytes) -> bool:
-    """Tell whether bytes are text: it may end in zero bytes, after a power loss, and hold rare damaged characters."""
+    """Check whether bytes are text, which may contain rare damaged characters and end with zero bytes (power loss)."""
     if any(head.startswith(mark) for mark in BYTE_ORDER_MARKS if mark != codecs.BOM_UTF8):
         return True
     body = head.rstrip(b"\0")
@@ -97,21 +97,21 @@ class Text:
     """A text as UTF-8."""
 
     file: Any  # A ``pyarrow.NativeFile``: the file itself, or its characters in memory
-    start: int  # Where the text begins, behind a byte order mark [bytes]
-    end: int  # Where its last whole line ends, less the line end [bytes]
-    notes: tuple[str, ...]  # What was left out to get there
-    quote: str | bool  # What stands around cells; False if nothing does
+    start: int  # Byte where the text begins, after a byte order mark
+    end: int  # Byte where its last whole line ends, without the line end
+    notes: tuple[str, ...]  # What was left out, one sentence each
+    quote: str | bool  # Quotation mark around cells; False without one
 
 
 def open_text(source: FileSource, encoding: str) -> Text:
     """Open a text up to its last whole line.
 
-    A last line without its end is left out, for its last number may be cut. So are the zero bytes that a logger leaves
-    behind when it loses power. ``notes`` report both. Under ``auto`` the encoding is that of the byte order mark, or
-    UTF-8, or cp1252 if the beginning is not UTF-8.
+    A last line without a line end is left out, because its last number may be cut off. Zero bytes that a logger leaves
+    when it loses power are left out, too. ``notes`` reports both. ``auto`` takes the encoding from the byte order mark;
+    without one it is UTF-8, or cp1252 if the beginning is not UTF-8.
 
     Raises:
-        RecordingError: The bytes are no text in that encoding, or not one line is whole.
+        RecordingError: The bytes are not text in that encoding, or there is no whole line.
     """
     mark = next((mark for mark in BYTE_ORDER_MARKS if source.head.startswith(mark)), b"")
     if encoding == "auto":
@@ -155,7 +155,7 @@ def _ended(file: Any, start: int, quote: str | bool) -> Text:
     if (zeros := len(tail) - len(body)) > 1:
         notes.append(f"{zeros} zero bytes at its end were left out, as a logger leaves them that loses power")
     if body.rstrip(b' \t\n\r\f\v;,|"').endswith(b"EOF") and (match := _EOF.search(body)):
-        body = body[: match.start()]  # a last line that only states its end, perhaps in every cell
+        body = body[: match.start()]  # a last line that only marks the end, perhaps in every cell
     whole = max(body.rfind(b"\n"), body.rfind(b"\r")) + 1
     if 0 < whole < len(body):
         cut = body[whole:][:80].decode(errors="replace")

@@ -1,4 +1,4 @@
-"""TDMS (LabVIEW, DIAdem) through npTDMS."""
+"""Read TDMS files (LabVIEW, DIAdem) with npTDMS."""
 
 from collections.abc import Collection
 from dataclasses import replace
@@ -17,16 +17,16 @@ from cylinder_friction.recordings.mapping.units import quantity_of
 from cylinder_friction.recordings.start import NEVER_FALLS, Start
 
 FIRST_ROWS = 256
-"""Rows that show whether a channel is a clock."""
+"""Number of first rows that decide whether a channel is a clock."""
 EVEN_SHARE = 1e-3
-"""Steps of a clock without a name are this even, as a share of a step."""
+"""Largest deviation between the steps of an unnamed clock, as a share of a step."""
 
 
 def read_tdms(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
-    """Read one table a group, or several if a group's channels differ in length or rate.
+    """Read one table per group, or several if a group's channels differ in length or rate.
 
-    Waveforms carry their time as properties: ``wf_increment`` and ``wf_start_offset`` make a channel ``time`` [s]. It
-    counts from the earliest ``wf_start_time`` in the file, so that groups keep their distance in time.
+    A waveform states its time as properties: a channel ``time`` [s] is made from ``wf_increment`` and
+    ``wf_start_offset``. It counts from the earliest ``wf_start_time`` in the file, so that groups share one clock.
     """
     import nptdms
 
@@ -44,7 +44,7 @@ def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | N
     named = [(channel.name.strip(), channel) for channel in group.channels()]
     valid = [(name, channel) for name, channel in named if len(channel) and channel.dtype.kind in "biufMOU"]
     others = [name for name, channel in named if not len(channel) or channel.dtype.kind not in "biufMOU"]
-    # A logged clock takes precedence over the one that the writer of waveforms made up, whatever it is called.
+    # A logged clock of any name takes precedence over the clock that waveform properties define.
     timed = any(_is_clock(channel, name) for name, channel in valid)
     alike: dict[tuple[int, float | None, float], list[Channel]] = {}
     for name, channel in valid:
@@ -64,7 +64,7 @@ def _unit(channel: Any) -> str:
 
 
 def _is_clock(channel: Any, name: str) -> bool:
-    """Tell whether a channel rises as time does, which its name or its unit states, or its even steps show."""
+    """Check whether a channel rises, and its name, its unit or its even steps show that it is time."""
     if channel.dtype.kind not in "iufM":
         return False
     values = np.asarray(channel[:FIRST_ROWS])
@@ -77,7 +77,7 @@ def _is_clock(channel: Any, name: str) -> bool:
 
 
 def _clock(channel: Any, first: np.datetime64 | None) -> tuple[float | None, float]:
-    """Read a waveform's sample time and the time of its first sample [s]; None and 0 for other channels."""
+    """Read a waveform's sample time and the time of its first sample [s]; None and 0.0 for other channels."""
     step = channel.properties.get("wf_increment")
     if not isinstance(step, int | float) or not 0.0 < step < float("inf"):
         return None, 0.0

@@ -1,4 +1,4 @@
-"""What a channel of a logged file is: how well it fits a column, and which units it fits."""
+"""Rate how well the channels of a logged file fit each column, and which units their values fit."""
 
 from __future__ import annotations
 
@@ -22,35 +22,35 @@ from cylinder_friction.recordings.timeline.timestamps import stamps_to_datetimes
 
 @dataclass(frozen=True)
 class ChannelFacts:
-    """One channel."""
+    """What names, units and values show about one channel."""
 
-    table: int  # Place of its table among the file's
+    table: int  # Index of its table in the file
     table_name: str
     name: str
     words: Words
-    unit: str  # Unit that the file or the name states; empty if neither does
-    stated_by: str  # ``file`` or ``name``; empty without a unit
-    values: Array  # As numbers, shape ``(n,)``; NaN for other cells. Empty for dates and text.
-    dates: bool  # Whether it holds dates
-    # low, high: Of the finite values; NaN if there are none
+    unit: str  # Unit that the file or the name states; empty without one
+    stated_by: str  # Source of the unit, ``file`` or ``name``; empty without a unit
+    values: Array  # Values as numbers, shape ``(n,)``; NaN for other cells. Empty for dates and text.
+    dates: bool  # Whether its values are dates
+    # low, high: Least and greatest finite value; NaN if there are none
     low: float
     high: float
-    rising: bool  # Whether the values, or dates, rise and hardly ever fall; those of a coarse clock stay for some rows
+    rising: bool  # Whether values or dates rise and hardly ever fall; a coarse clock may repeat them for some rows
     step: float  # Median step between two rows [its unit, dates in ns]
-    mean_step: float  # From the first to the last [its unit, dates in ns]
-    counts: bool  # Whether it steps by exactly 1
+    mean_step: float  # Mean step from the first to the last row [its unit, dates in ns]
+    counts: bool  # Whether every step is exactly 1
     leads: bool  # Whether it is the first channel of its table
-    text: str  # Its first cell that is no number; empty if there is none
+    text: str  # Its first cell that is not a number; empty if there is none
 
     def described(self) -> str:
-        """Tell its values in words."""
+        """Describe its values in words."""
         if self.dates:
             return "dates"
         return "no numbers" if math.isnan(self.low) else f"values {self.low:.4g} to {self.high:.4g}"
 
 
 def facts_of(tables: Sequence[LoggedTable]) -> list[ChannelFacts]:
-    """Look at every channel that a mapping could name: one whose name occurs once in its table."""
+    """Collect the facts of every channel that a mapping can name: its name must be unique in its table."""
     return [
         _facts(index, table, str(name), table.channels[name], leads=name == table.channels.columns[0])
         for index, table in enumerate(tables)
@@ -60,7 +60,7 @@ def facts_of(tables: Sequence[LoggedTable]) -> list[ChannelFacts]:
 
 
 def clocks_of(table: LoggedTable, known: Collection[str] = ()) -> list[ChannelFacts]:
-    """Find the channels of a table that are time by name, unit and values, beside those ``known`` to be."""
+    """Find the channels of a table that are time by name, unit and values, besides those ``known`` to be time."""
     names = [str(name) for name in table.channels.columns if name not in known]
     named = [name for name in names if words_of(name).quantity == "time"]
     facts = [_facts(0, table, name, table.channels[name], leads=False) for name in named if named.count(name) == 1]
@@ -115,12 +115,12 @@ LIKELY_UNITS = {
     "force": (("N", 100.0, 5e6), ("kN", 0.1, 5000.0)),
     "temperature": (("°C", -40.0, 120.0), ("°F", -40.0, 250.0)),
 }
-"""Units of each quantity, likeliest first, and the bounds of the greatest value on a common cylinder.
+"""Units of each quantity, likeliest first, each with bounds of the greatest value on a common cylinder.
 
-For time of the step, for length of the travel. The pressures of one file share a unit, so all must fit it together.
+For time they bound the step, for length the travel. The pressures of one file share a unit, which all must fit.
 """
 
-GREATEST_PRESSURE_PA = 7e7  # no force of a cylinder exceeds that of this pressure on its piston
+GREATEST_PRESSURE_PA = 7e7  # Greatest pressure by which the force of a cylinder is bounded
 
 
 def usual_unit(column: str) -> str:
@@ -131,11 +131,11 @@ Ranked = Sequence[tuple[ChannelFacts, float]]
 
 SIDES = dict(zip(PRESSURES, (1, 2), strict=True))
 EVEN_SHARE = 0.01
-"""The median step of an even clock differs from the mean step by no more than this share."""
+"""Largest difference between median and mean step of an even clock, as a share."""
 
 
 def ranked_channels(column: str, facts: Sequence[ChannelFacts], clock_given: bool) -> Ranked:
-    """Rank the channels that could fill a column, with their scores, best first, then in the file's order."""
+    """List the channels that could fill a column with their scores, best first; equal ones in the file's order."""
     scores = [
         (channel, _time_score(channel, clock_given) if column == TIME else _score(column, channel)) for channel in facts
     ]
@@ -143,14 +143,14 @@ def ranked_channels(column: str, facts: Sequence[ChannelFacts], clock_given: boo
 
 
 def _score(column: str, channel: ChannelFacts) -> float:
-    """Rate how well a channel fits a column; 0 or less if not at all."""
+    """Rate how well a channel fits a column; 0 or less if it does not fit."""
     quantity, words = QUANTITIES[column], channel.words
     measures = quantity_of(channel.unit) if channel.unit else None
     signal = electrical(channel.unit) is not None
     if channel.dates or not channel.low <= channel.high or (channel.unit and measures != quantity and not signal):
         return 0.0
     named = words.quantity == quantity
-    # Any force may be in newtons: only a name makes it a load.
+    # Any force may be in newtons, so only the name shows that it is a load.
     if not named and (measures != quantity or column == LOAD_FORCE):
         return 0.0
     if not named and words.quantity is not None:
@@ -167,10 +167,10 @@ def _score(column: str, channel: ChannelFacts) -> float:
 
 
 def _time_score(channel: ChannelFacts, clock_given: bool) -> float:
-    """Rate how well a channel fits time. Rows that are counted are no time, nor is any channel that happens to rise.
+    """Rate how well a channel fits time. A row counter is not time, nor is any channel that happens to rise.
 
-    Without a name or a unit of time only the first channel of a table may be time, if it rises evenly. A channel that
-    is named time and steps by 1 is time if the unit of time is given.
+    Without a name or unit of time, only the first channel of a table may be time, if it rises evenly. A channel that is
+    named time and steps by 1 is time if the unit of time is given.
     """
     named = channel.words.quantity == "time"
     if channel.dates:

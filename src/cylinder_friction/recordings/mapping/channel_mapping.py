@@ -1,4 +1,4 @@
-"""Where each column of a recording comes from: a logger's channel, its unit, its sensor, and which way it counts."""
+"""Map a logger's channels to the columns of a recording, with unit, sensor, sign and offset."""
 
 import itertools
 import math
@@ -21,22 +21,22 @@ from cylinder_friction.recordings.recording import RecordingError, SensorUncerta
 class SensorScale:
     """A sensor as its data sheet states it."""
 
-    # What it reads at the two ends of its signal, in ``unit``; the first may be the larger one
+    # Readings at the two ends of its signal, in ``unit``; the first may be the larger one
     range: tuple[float, float]
-    unit: str  # Of ``range``, for example bar
-    # What the channel holds at the two ends of ``range``, in the channel's own unit: (4, 20) mA, (0, 10) V, (0, 4095)
-    # counts. None if the logger has done that sum already.
+    unit: str  # Unit of ``range``, for example bar
+    # Values of the channel at the two ends of ``range``, in the channel's own unit: (4, 20) mA, (0, 10) V, (0, 4095)
+    # counts. None if the logger has already converted the signal.
     signal: tuple[float, float] | None = None
-    bits: int | None = None  # Of the converter that spreads ``range`` over 2^bits steps, if known
-    accuracy_percent: float | None = None  # Stated accuracy, ± percent of full scale, if known
-    # Standard uncertainty (k = 1) of the zero, in ``unit``, if a calibration states it; it takes the accuracy's
-    # place for the zero, and the accuracy then holds for the span alone
+    bits: int | None = None  # Resolution of the converter, which divides ``range`` into 2^bits steps, if known
+    accuracy_percent: float | None = None  # Stated accuracy [± % of full scale], if known
+    # Standard uncertainty (k = 1) of the zero, in ``unit``, if a calibration states it. The accuracy then applies to
+    # the span alone
     zero_uncertainty: float | None = None
-    # How late its signal is, for example by the filter of its amplifier [s]; taken off its time stamps
+    # Delay of its signal, for example by the filter of its amplifier [s]; subtracted from its time stamps
     delay_s: float = 0.0
-    line_loss: LineLoss | None = None  # Of a pressure sensor away from the cylinder: what the line to it loses
+    line_loss: LineLoss | None = None  # Pressure loss in the line to a pressure sensor away from the cylinder
     serial: str = ""  # Serial number
-    calibrated: str = ""  # Day of its last calibration, 2026-03-27
+    calibrated: str = ""  # Day of its last calibration, such as 2026-03-27
 
     def __post_init__(self) -> None:
         for name in ("range", "signal"):
@@ -59,7 +59,7 @@ class SensorScale:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """Make the sensor of a dictionary, for example out of YAML, in which pairs are lists."""
+        """Make the sensor from a dictionary, for example from YAML, in which pairs are lists."""
         pairs = {key: tuple(values[key]) for key in ("range", "signal") if values.get(key) is not None}
         texts = {key: str(values[key]) for key in ("serial", "calibrated") if values.get(key) is not None}
         line = {} if values.get("line_loss") is None else {"line_loss": LineLoss(**values["line_loss"])}
@@ -67,19 +67,19 @@ class SensorScale:
 
     @property
     def identity(self) -> dict[str, str]:
-        """Serial number and day of calibration, as far as they are stated."""
+        """Serial number and day of calibration, if stated."""
         stated = {"serial": self.serial, "calibrated": self.calibrated}
         return {name: value for name, value in stated.items() if value}
 
     @property
     def full_scale(self) -> float:
-        """Extent of the range, in ``unit``."""
+        """Span of the range, in ``unit``."""
         return abs(self.range[1] - self.range[0])
 
     def reading(self, signal: Array) -> Array:
-        """Work out what the sensor reads, in ``unit``, from its signal: linear, and beyond the ends too.
+        """Convert the signal to readings in ``unit``: linearly, also beyond the ends.
 
-        If the logger has done that sum already, return the signal.
+        If the logger has already converted the signal, it is returned unchanged.
         """
         if self.signal is None:
             return signal
@@ -89,43 +89,43 @@ class SensorScale:
 
 @dataclass(frozen=True)
 class SensorLimits:
-    """What a sensor can read, in the column's unit."""
+    """Limits of a sensor's readings, in the column's unit."""
 
     low: float
     high: float
-    step: float | None  # One step of its converter; None if not known
-    described: str  # The range as the logger's user knows it, for messages: ``0 to 250 bar (4 to 20 mA)``
+    step: float | None  # Step of its converter; None if not known
+    described: str  # The range as the user states it, for messages: ``0 to 250 bar (4 to 20 mA)``
 
 
 STANDARD_ATMOSPHERE_PA = 101325.0
-"""What an absolute pressure is above gauge pressure (ISO 2533); the weather's ±3 kPa is left in the zero."""
+"""Absolute less gauge pressure [Pa] (ISO 2533). The weather's ±3 kPa remain as an error of the zero."""
 
 
 @dataclass(frozen=True)
 class ChannelMapping:
-    """Where one column of a recording comes from.
+    """The source of one column of a recording.
 
-    With x what the sensor reads, in its unit, the column is sign · (x - offset), in the column's own unit, less one
-    standard atmosphere if pressure is absolute.
+    The column is sign · (x - offset), where x is the sensor's reading in its unit. The result is converted to the
+    column's unit. One standard atmosphere is subtracted from absolute pressures.
     """
 
-    channel: str = ""  # The logger's name of the channel; empty only for a ``time_s`` that is made from ``rate_hz``
-    # What the logger writes it in: a unit of the column's quantity, or V, mA or count with a ``sensor``. Empty only for
-    # a time channel that holds dates.
+    channel: str = ""  # The logger's name of the channel; empty only for ``time_s`` if ``rate_hz`` is given
+    # Unit of the logged values: a unit of the column's quantity, or V, mA or count with a ``sensor``. Empty only for a
+    # time channel with dates.
     unit: str = ""
-    sign: int = 1  # -1 if the sensor is mounted backwards, so that extension and what drives it are positive
-    table: str = ""  # Name of the file's table that holds the channel; needed if its name occurs in several
-    # Channel that stamps this one, if tables have their own; by default the channel of ``time_s``, out of this one's
-    # own table
+    sign: int = 1  # -1 if the sensor is mounted backwards, so that extension and the force driving it are positive
+    table: str = ""  # Name of the file's table with the channel; needed if several tables have a channel of this name
+    # Time channel of this channel, if tables have their own ones; by default the channel of ``time_s`` in the same
+    # table
     time: str = ""
-    time_unit: str = ""  # Of that channel, if the file does not state it
-    sensor: SensorScale | None = None  # What the channel's signal means, and what the sensor can read
-    # What the sensor reads if the column is to be zero, in the sensor's unit: of a position sensor, its reading with
-    # the rod in
+    time_unit: str = ""  # Unit of that time channel, if the file does not state it
+    sensor: SensorScale | None = None  # Scale and limits of the sensor
+    # Reading at which the column is zero, in the sensor's unit; for a position sensor the reading with the rod
+    # retracted
     offset: float = 0.0
-    # Of ``time_s`` alone, in place of a channel: rows come at this rate, the first at 0 s [Hz]
+    # Rate of the rows in place of a time channel, only for ``time_s`` [Hz]; the first row is at 0 s
     rate_hz: float | None = None
-    # Names that it has in other files of the same logger: the first that a file holds, if ``channel`` is missing
+    # Names of the channel in other files of the same logger. If ``channel`` is missing, the first name found is used
     alternatives: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
@@ -149,7 +149,7 @@ class ChannelMapping:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Self:
-        """Make the mapping of a nested dictionary, for example out of YAML."""
+        """Make the mapping from a nested dictionary, for example from YAML."""
         sensor = values.get("sensor")
         others = values.get("alternatives") or ()
         if isinstance(others, str):
@@ -158,44 +158,44 @@ class ChannelMapping:
         return cls(**{**values, **made})
 
     def for_stroke(self, column: str, stroke_m: float) -> Self:
-        """Give the channel the sensor that a percentage of the stroke means; return any other one as it is."""
+        """Add a sensor if the channel is a percentage of the stroke; return any other mapping unchanged."""
         if self.sensor is not None or not units.of_stroke(column, self.unit):
             return self
         return replace(self, sensor=SensorScale((0.0, stroke_m), "m", signal=(0.0, 100.0)))
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Every name that the channel may have, the usual one first."""
+        """All names that the channel may have, the usual one first."""
         return tuple(filter(None, (self.channel, *self.alternatives)))
 
     @property
     def reading_unit(self) -> str:
-        """Unit of what the sensor reads, once its electrical signal is understood."""
+        """Unit of the sensor's readings after its electrical signal has been converted."""
         return self.sensor.unit if self.sensor is not None and self.sensor.signal is not None else self.unit
 
     @property
     def absolute(self) -> bool:
-        """Whether the channel holds absolute pressure."""
+        """Whether the channel is an absolute pressure."""
         return units.stated_reference(self.reading_unit) == "absolute"
 
     def column_values(self, raw: Array, column: str) -> Array:
-        """Convert a channel's cells to the column's values; return the array itself if there is nothing to convert."""
+        """Convert a channel's cells to the column's values; return the array itself if nothing changes."""
         reading = raw if self.sensor is None else self.sensor.reading(raw)
         zeroed = reading if self.offset == 0.0 else reading - self.offset
         return self.counted(units.to_column_unit(zeroed, self.reading_unit, column))
 
     def counted(self, values: Array) -> Array:
-        """Count values in the column's unit as the column does: sign, then atmosphere."""
+        """Apply the sign to values in the column's unit, and subtract the atmosphere from absolute pressures."""
         signed = values if self.sign == 1 else -values
         return signed - STANDARD_ATMOSPHERE_PA if self.absolute else signed
 
 
 def check_mapping(mapping: Mapping[str, ChannelMapping]) -> None:
-    """Refuse a mapping that could not make a recording of any file.
+    """Refuse a mapping that cannot make a recording from any file.
 
     Raises:
-        RecordingError: A column is unknown or a required one is not mapped, a unit does not fit, or one channel is to
-            fill two columns.
+        RecordingError: A column is unknown or a required one is not mapped, a unit does not fit, or one channel fills
+            two columns.
     """
     for column in mapping:
         if column not in QUANTITIES:
@@ -215,7 +215,7 @@ def check_mapping(mapping: Mapping[str, ChannelMapping]) -> None:
 
 
 def _problem(column: str, source: ChannelMapping) -> str:
-    """Say what a column's mapping contradicts; empty if nothing. A unit that does not fit is refused."""
+    """State a contradiction in a column's mapping; empty if there is none. A unit that does not fit is refused."""
     sensor = source.sensor
     if column == TIME:
         if source.unit:
@@ -247,7 +247,7 @@ def wanted_channels(mapping: Mapping[str, ChannelMapping]) -> set[str]:
 
 
 def sensor_limits(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorLimits]:
-    """Work out what each stated sensor can read, by column: unit, offset, gauge and sign applied as to the samples."""
+    """Compute the limits of each stated sensor by column, with unit, offset, atmosphere and sign applied."""
     limits = {}
     for column, source in mapping.items():
         sensor = source.sensor
@@ -266,11 +266,11 @@ def sensor_limits(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorLimi
 
 
 def sensor_uncertainty(mapping: Mapping[str, ChannelMapping]) -> dict[str, SensorUncertainty]:
-    """Work out the standard uncertainty of each sensor whose accuracy is stated, by column, before any zeroing.
+    """Compute the standard uncertainty of each sensor with a stated accuracy, by column, before any zeroing.
 
-    A stated accuracy of ± a % of full scale bounds the error and no more, so every error within it is as likely
-    as any other: u = a·FS / √3 (JCGM 100:2008, GUM, 4.3.7). It is counted as an error of the zero, for it is the same
-    in a whole recording and may stand at any reading; the span gets none on top, for the accuracy is for both together.
+    A stated accuracy of ± a % of full scale only bounds the error, so that all errors within it are equally likely:
+    u = a·FS / √3 (JCGM 100:2008, GUM, 4.3.7). It counts as an error of the zero, because it is constant in a recording
+    and possible at any reading. No error of the span is added, because the accuracy covers both together.
     """
     stated = {}
     for column, source in mapping.items():
@@ -288,7 +288,7 @@ def sensor_uncertainty(mapping: Mapping[str, ChannelMapping]) -> dict[str, Senso
 
 
 def sensor_step(column: str, sensor: SensorScale, channel_unit: str = "") -> float | None:
-    """Work out one step of the converter in the column's unit: one count, or the range over 2^bits; None if unknown."""
+    """Compute the converter's step in the column's unit: one count, or the range over 2^bits; None if not known."""
     if sensor.signal is not None and units.electrical(channel_unit) == "count":
         steps = abs(sensor.signal[1] - sensor.signal[0])
     elif sensor.bits is not None:

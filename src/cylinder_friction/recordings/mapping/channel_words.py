@@ -1,4 +1,4 @@
-"""What a channel's name means: its quantity, its side of the piston, where it is measured, its unit."""
+"""Interpret a channel's name: its quantity, its side of the piston, its place of measurement, its unit."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from functools import cache
 from cylinder_friction.recordings.mapping.units import electrical, quantity_of, unit_in_name
 
 TIME_NAMES = ("time", "t", "time_s", "timestamp", "timestamps", "zeit", "x_value", "name", "channel name")
-"""Whole names of time channels, in small letters: X_Value is LabVIEW's, Name the TwinCAT Scope's, Channel name
-DAQExpress's."""
+"""Whole names of time channels, in lower case. X_Value is used by LabVIEW, Name by the TwinCAT Scope, Channel name by
+DAQExpress."""
 
 
 @dataclass(frozen=True)
 class Vocabulary:
-    """Words that stand alone, and stems that may be part of a longer (German) word."""
+    """Separate words, and stems that may be part of a longer (German) word."""
 
     words: frozenset[str]
     stems: tuple[str, ...] = ()
 
     def rank(self, token: str) -> int:
-        """Rate a hit: 0 for none, 1 for a letter or two, 2 for a whole word."""
+        """Rate a match: 0 for none, 1 for one or two letters, 2 for a whole word."""
         if any(stem in token for stem in self.stems):
             return 2
         if token in self.words:
@@ -42,7 +42,7 @@ QUANTITY_WORDS = {
     "force": _words("f fx fz load last", "force kraft loadcell kraftmess friction reibung"),
     "other": _words("v u vel speed acc", "velocity geschwindigkeit beschleunigung acceleration spannung voltage strom"),
 }
-"""Words for each quantity; the first quantity wins if two are named in words of equal length."""
+"""Words for each quantity. If words of equal rank name two quantities, the first quantity is taken."""
 
 PISTON_SIDE = _words("1 a cap bore blind bottom", "piston kolben boden")
 ROD_SIDE = _words("2 b rod ring head gland", "stange annul ringseit ringraum rodside")
@@ -59,23 +59,23 @@ _BRACKETS = re.compile(r"\[[^\]]*\]|\([^)]*\)|/\s*\S+$")
 
 @dataclass(frozen=True)
 class Words:
-    """What a name means."""
+    """The meaning of a name."""
 
-    quantity: str | None  # Which quantity, ``other`` for one that a recording does not hold, None if unknown
+    quantity: str | None  # Quantity; ``other`` for one that recordings do not contain, None if unknown
     side: int  # 1 for the piston side, 2 for the rod side, 0 if unknown, -1 for a pressure elsewhere
-    unit: str  # Unit that the name itself ends in, for example of ``jib_x_m``; empty if none
+    unit: str  # Unit at the end of the name, as in ``jib_x_m``; empty without one
     wanted_value: bool  # Whether it is a set point
-    # at_valve, at_cylinder: Where it is measured
+    # at_valve, at_cylinder: Whether it is measured there
     at_valve: bool
     at_cylinder: bool
     carried: bool  # Whether a force is called a load
-    rest: tuple[str, ...]  # All other words of the name: cylinders of one machine differ here
-    side_word: str  # The word from which the side was concluded
+    rest: tuple[str, ...]  # All other words of the name, in which the cylinders of one machine differ
+    side_word: str  # The word that shows the side
 
 
 @cache
 def words_of(name: str) -> Words:
-    """Read what a channel's name means."""
+    """Interpret a channel's name."""
     bracketed = unit_in_name(name)
     plain, unit = (_BRACKETS.sub(" ", name), bracketed) if bracketed is not None else _without_unit(name)
     tokens = _tokens(plain)
@@ -98,14 +98,14 @@ def words_of(name: str) -> Words:
 
 
 def _tokens(name: str) -> list[str]:
-    """Split a name into words; ``PA`` and ``Pa`` are a pressure and a port, ``pa`` only as the whole name."""
+    """Split a name into words. ``PA`` and ``Pa`` are split into pressure and port, ``pa`` only as the whole name."""
     found = [str(word) for word in _TOKEN.findall(name)]
     ports = ("PA", "PB", "Pa", "Pb", *(("pa", "pb") if len(found) == 1 else ()))
     return [part for word in found for part in (word if word in ports else [word])]
 
 
 def _without_unit(name: str) -> tuple[str, str]:
-    """Take the unit off a name that ends in one, and return both, if it fits what stands before it."""
+    """Split the unit off a name that ends with one, if it fits the rest of the name; return both."""
     match = _ENDING.match(name)
     if match is None or match["unit"] == "pA":  # the pressure at port A
         return name, ""
@@ -130,14 +130,14 @@ def _quantity(tokens: Sequence[str]) -> str | None:
 
 
 def _before(token: str, tokens: Sequence[str], found: str | None) -> bool:
-    """Tell whether a letter comes before the one that ``found`` was read from: ``x_p`` is a position."""
+    """Check whether a letter precedes the one that ``found`` was read from: ``x_p`` is a position."""
     vocabulary = QUANTITY_WORDS[found or "other"]
     others = [index for index, other in enumerate(tokens) if vocabulary.rank(other.casefold()) == 1]
     return bool(others) and tokens.index(token) < others[0]
 
 
 def _side(tokens: Collection[str], quantity: str | None) -> tuple[int, str]:
-    """Find the side and its word; letters and digits count only with a word for pressure."""
+    """Find the side and its word. Single letters and digits count only together with a word for pressure."""
     for side, vocabulary in ((2, ROD_SIDE), (1, PISTON_SIDE), (-1, ELSEWHERE)):
         for token in tokens:
             rank = vocabulary.rank(token)

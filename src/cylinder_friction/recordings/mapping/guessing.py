@@ -1,4 +1,4 @@
-"""A first mapping of a file that nobody has described yet: guesses from names, units and values, with their reasons."""
+"""Guess a first mapping of a file from names, units and values, with reasons."""
 
 import math
 import re
@@ -42,33 +42,33 @@ from cylinder_friction.recordings.start import epoch_of
 
 SIDE_WORDS = {1: "piston side", 2: "rod side"}
 
-NEARLY = 3.0  # candidates within this distance of the best score are named beside it
+NEARLY = 3.0  # Largest distance from the best score of candidates that are also named
 
 BELOW_ZERO = 0.05
-"""A position that falls below zero by more than this share of its travel does not count from the retracted end."""
+"""Share of its travel beyond which a position below zero shows that it does not count from the retracted end."""
 
 MOST_TAGS, LEAST_RECURRENCE = 1000, 10
-"""Names of channels in a column: at most so many, each so many times."""
+"""Most different names, and least mean number of rows per name, of a column that names channels."""
 _VALUES = re.compile(r"val|wert|messwert|reading|data", re.IGNORECASE)
 
 
 @dataclass(frozen=True)
 class GuessedColumn:
-    """Where a column may come from."""
+    """The guessed source of a column."""
 
     column: str
     channel: ChannelFacts | None  # The best guess; None if nothing fits
-    unit: str = ""  # Of that channel; empty if it holds dates
-    # reasons, checks: For the guess, and what the user should look at, one sentence each
+    unit: str = ""  # Unit of that channel; empty for dates
+    # reasons, checks: Reasons for the guess, and what the user should check, one sentence each
     reasons: tuple[str, ...] = ()
     checks: tuple[str, ...] = ()
     others: tuple[ChannelFacts, ...] = ()  # Other channels that could be meant, best first
     fitting: tuple[str, ...] | None = None  # Units that the values fit; None if the unit is stated or given
-    rate_hz: float | None = None  # Of time, if it is given in place of a channel
+    rate_hz: float | None = None  # Rate of the rows, if it is given in place of a time channel [Hz]
 
     @property
     def known(self) -> bool:
-        """Whether nothing about it is left to be stated; a percentage is of the stroke."""
+        """Whether the user need not state anything more about it; a percentage is of the stroke."""
         if self.channel is None:
             return self.rate_hz is not None
         return electrical(self.unit) is None or of_stroke(self.column, self.unit)
@@ -79,13 +79,13 @@ class GuessedMapping:
     """A first mapping."""
 
     path: Path
-    columns: dict[str, GuessedColumn]  # By column, those that a recording needs first
-    unused: tuple[ChannelFacts, ...]  # Channels that no column took
+    columns: dict[str, GuessedColumn]  # Guess of each column, the required ones first
+    unused: tuple[ChannelFacts, ...]  # Channels that fill no column
     ambiguous: frozenset[str] = frozenset()  # Names of channels that occur in several tables
     stamps: dict[str, ChannelFacts] = field(default_factory=dict)  # Time channel of each column that has one
 
     def mapped(self, column: str) -> ChannelMapping:
-        """Make the mapping of a column for which a channel was found, or of time whose rate was given."""
+        """Make the mapping of a column with a guessed channel, or of time with a given rate."""
         guessed = self.columns[column]
         if guessed.rate_hz is not None:
             return ChannelMapping(rate_hz=guessed.rate_hz)
@@ -94,14 +94,14 @@ class GuessedMapping:
         return ChannelMapping(guessed.channel.name, guessed.unit, table=table, time=time)
 
     def place_of(self, column: str) -> tuple[str, str]:
-        """Tell which table and which time channel a mapping must name for a column; empty if it need not."""
+        """Return the table and the time channel that a column's mapping must name; empty if not needed."""
         channel, stamp, main = self.columns[column].channel, self.stamps.get(column), self.columns[TIME].channel
         several = channel is not None and column != TIME and channel.name in self.ambiguous
         own = stamp is not None and main is not None and stamp.name != main.name
         return channel.table_name if channel and several else "", stamp.name if stamp and own else ""
 
     def to_dict(self) -> dict[str, Any]:
-        """Give the guess of every column with its reasons, and what to check, as JSON-compatible values."""
+        """Return each column's guess, reasons and checks as JSON-compatible values."""
         return {
             name: {
                 "channel": each.channel.name,
@@ -114,21 +114,21 @@ class GuessedMapping:
         }
 
 
-@np.errstate(over="ignore", invalid="ignore")  # a damaged file may hold numbers at the limit of the representable
+@np.errstate(over="ignore", invalid="ignore")  # damaged files may contain numbers near the limit of a float
 def guess_mapping(
     tables: Sequence[LoggedTable],
     path: Path,
     cylinder: Cylinder | None = None,
     units: Mapping[str, str] | None = None,
 ) -> GuessedMapping:
-    """Guess a first mapping of a file, as far as names, units and values determine one.
+    """Guess a mapping of a file, as far as names, units and values determine one.
 
     Args:
-        tables: The file's, with all channels loaded.
-        path: Of the file.
-        cylinder: Whose recording it is: units that exceed its stroke or force are left out. None: any.
-        units: Units by quantity, for channels whose unit the file does not state; for time also the rate of the rows,
-            ``200 Hz``.
+        tables: The tables of the file, with all channels loaded.
+        path: Path of the file.
+        cylinder: The recorded cylinder, to exclude units with which values exceed its stroke or force. None: any.
+        units: Units by quantity, for channels whose unit the file does not state. For time, a rate of the rows such as
+            ``200 Hz`` is also allowed.
     """
     facts = facts_of(tables)
     rate_hz = stated_rate((units or {}).get("time", ""))
@@ -138,7 +138,7 @@ def guess_mapping(
     forces = (LOAD_FORCE,) if any(column in chosen for column in SIDES) else (DRIVE_FORCE, LOAD_FORCE)
     for column in (*forces, OIL_TEMPERATURE):
         _take_first_free(column, ranked, chosen)
-    # A force stands in if no pressure was found.
+    # A drive force replaces pressures if none was found.
     driven_by = (DRIVE_FORCE,) if DRIVE_FORCE in chosen else PRESSURES
     wanted = [TIME, *driven_by, POSITION, *(column for column in (LOAD_FORCE, OIL_TEMPERATURE) if column in chosen)]
     chosen = {column: channel for column, channel in chosen.items() if column in wanted}
@@ -165,9 +165,9 @@ def guess_mapping(
 
 
 def _time_unknown(ranked: Ranked, facts: Sequence[ChannelFacts]) -> str:
-    """Say why no channel may be taken for time, and what to do; empty if one may.
+    """State why no channel is accepted as time, and what to do; empty if one is.
 
-    What is named time but cannot be read comes before channels that only rise.
+    A channel that is named time but cannot be read is reported before channels that only rise.
     """
     if ranked and (ranked[0][0].dates or ranked[0][0].unit or ranked[0][0].words.quantity == "time"):
         return ""
@@ -188,7 +188,7 @@ def _time_unknown(ranked: Ranked, facts: Sequence[ChannelFacts]) -> str:
 
 
 def _refuse_row_per_tag(tables: Sequence[LoggedTable], clocks: Sequence[ChannelFacts]) -> None:
-    """Refuse a table with one row per value: a column of names that recur, and a column of values."""
+    """Refuse a table with one row per value, which has a column of recurring names and a column of values."""
     for table in tables:
         for tags, cells in table.channels.items():
             names = list(dict.fromkeys(cell for cell in cells if isinstance(cell, str)))
@@ -205,9 +205,9 @@ def _refuse_row_per_tag(tables: Sequence[LoggedTable], clocks: Sequence[ChannelF
 
 
 def _of_one_cylinder(ranked: dict[str, Ranked]) -> dict[str, ChannelFacts]:
-    """Choose pressures and position of the cylinder whose channels fit best; cylinders differ in the rest of the name.
+    """Choose pressures and position of the cylinder that fits best; cylinders differ in the rest of the names.
 
-    If no cylinder has all three, return the best of each column.
+    If no cylinder has all three, the best channel of each column is returned.
     """
     groups: dict[tuple[str, ...], dict[str, tuple[ChannelFacts, float]]] = {}
     for column in SAMPLE_COLUMNS:
@@ -232,7 +232,7 @@ def _take_first_free(column: str, ranked: dict[str, Ranked], chosen: dict[str, C
 
 
 def _stamps(ranked: Ranked, chosen: dict[str, ChannelFacts]) -> dict[str, ChannelFacts]:
-    """Find the time channel of each column: the best of its table."""
+    """Find the time channel of each column: the best one in its table."""
     stamps: dict[str, ChannelFacts] = {}
     for column, channel in chosen.items():
         free = (time for time, _ in ranked if time.table == channel.table and time not in chosen.values())
@@ -264,7 +264,7 @@ def _guessed(
 
 
 def _meaning(column: str, channel: ChannelFacts) -> str:
-    """Say why a channel was taken for a column."""
+    """State why a channel was chosen for a column."""
     quantity = QUANTITIES[column].replace("length", "position")
     side = SIDES.get(column)
     if side is not None and channel.words.side == side:
@@ -297,7 +297,7 @@ def _with_unit(
     cylinder: Cylinder | None,
     units: Mapping[str, str],
 ) -> GuessedColumn:
-    """Add the unit, the reasons for it, what to check about it, and all that fit if it is stated nowhere."""
+    """Add the unit, its reasons and checks, and all fitting units if it is stated nowhere."""
     column, given = guess.column, units.get(QUANTITIES[guess.column])
     if channel.dates:
         return replace(guess, reasons=("holds dates",))

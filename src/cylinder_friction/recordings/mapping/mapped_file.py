@@ -1,4 +1,4 @@
-"""A file's tables become signals: each column found, in its own unit, beside the time stamps that belong to it."""
+"""Convert a file's tables to signals: each mapped column in its own unit, with its time stamps."""
 
 from __future__ import annotations
 
@@ -21,36 +21,36 @@ from cylinder_friction.recordings.recording import RecordingError, Signal
 from cylinder_friction.recordings.start import SECONDS_SINCE_1970, Start, epoch_of, is_future
 from cylinder_friction.recordings.timeline.timestamps import stamps_to_datetimes, stamps_to_seconds
 
-RATE_AGREES = 0.05  # a stated rate may be off that of a time channel by this share: stamps are rounded, samples lost
-TIME_UNITS_S = (1.0, 1e-3, 1e-6, 1e-7, 1e-9)  # what a time channel without a unit may count in [s]
-ENDS_TOGETHER = 0.95  # columns that end within this share of their rows are of one rate
-FEWEST_ROWS = 10  # in fewer no rate shows
-MOST_TIMES_SLOWER = 20  # an end at a smaller share of the rows may be chance
-MOST_NAMES = 40  # channels that a message lists; a measurement file may have thousands
+RATE_AGREES = 0.05  # Largest difference of a stated rate from a time channel's, as a share: stamps are rounded or lost
+TIME_UNITS_S = (1.0, 1e-3, 1e-6, 1e-7, 1e-9)  # Possible units of a time channel without a stated unit [s]
+ENDS_TOGETHER = 0.95  # Least ratio of the lengths of columns with one rate, and of valid values in one without gaps
+FEWEST_ROWS = 10  # Fewest rows that show a rate
+MOST_TIMES_SLOWER = 20  # Largest ratio of rates that is detected; an earlier end of a column may be chance
+MOST_NAMES = 40  # Most channels that a message lists; a measurement file may have thousands
 
 
 class MappedFile(NamedTuple):
-    """What a file holds, in the project's terms."""
+    """The mapped content of a file."""
 
-    # By column, in its own unit; those of one table share their time stamps, the same object
+    # Signals by column, in the column's unit; signals of one table share their time stamps (the same object)
     signals: dict[str, Signal]
-    notes: tuple[str, ...]  # What the reader repaired and what stays unknown, one sentence each
+    notes: tuple[str, ...]  # Repairs by the reader and what remains unknown, one sentence each
     start: Start | None = None  # When its clock was at 0 s
 
 
 class _Clock(NamedTuple):
-    """Where the time stamps of a table come from: a channel of a table, or a rate (then ``channel`` is empty)."""
+    """The source of time stamps: a channel of a table, or a stated rate if ``channel`` is empty."""
 
     table: int
     channel: str
 
 
 def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapping]) -> MappedFile:
-    """Take the columns of a file that the mapping, which passed ``check_mapping``, finds a channel for.
+    """Read the mapped columns of a file; the mapping has passed ``check_mapping``.
 
     Raises:
-        RecordingError: A channel or its time is missing or occurs twice, a cell holds text, the file states another
-            unit than the mapping, or two channels cannot share one clock.
+        RecordingError: A channel or its time is missing or occurs twice, a cell is text, the units of file and mapping
+            differ, or two channels cannot share one clock.
     """
     there = {str(name) for table in tables for name in (*table.channels.columns, *table.unread)}
     mapping = {
@@ -87,7 +87,7 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
 
 
 def _start(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Array]) -> Start | None:
-    """Tell when the clock of a file was at 0 s: as its time stamps state it, else as it states it beside its rows."""
+    """Find when the clock of a file was at 0 s, from its time stamps, or else from its other content."""
     for clock, time_s in stamps.items():
         table = tables[clock.table]
         raw = table.channels[clock.channel] if clock.channel else None
@@ -102,7 +102,7 @@ def _start(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Array]) -> Sta
 
 
 def _take_delays(signals: dict[str, Signal], mapping: Mapping[str, ChannelMapping]) -> list[str]:
-    """Move the stamps of sensors of a stated delay; returns a note for each. Those of one clock keep one array."""
+    """Subtract stated delays from the stamps of sensors; return notes. Equal delays of one clock share an array."""
     notes = []
     earlier: dict[tuple[int, float], Array] = {}
     for column, signal in signals.items():
@@ -118,7 +118,7 @@ def _take_delays(signals: dict[str, Signal], mapping: Mapping[str, ChannelMappin
 
 
 def _clock(tables: Sequence[LoggedTable], place: int, column: str, mapping: Mapping[str, ChannelMapping]) -> _Clock:
-    """Find what stamps a column: the channel it names itself, else the one of ``time_s`` in its own table."""
+    """Find the clock of a column: the time channel that it names, or else the channel of ``time_s`` in its table."""
     source, time = mapping[column], mapping[TIME]
     if not source.time and time.rate_hz is not None:
         return _Clock(place, "")
@@ -139,9 +139,9 @@ def _clock(tables: Sequence[LoggedTable], place: int, column: str, mapping: Mapp
 
 
 def _refuse_rate(tables: Sequence[LoggedTable], of: Sequence[int], rate_hz: float) -> None:
-    """Refuse a stated rate for tables of unlike lengths, or one that a time channel beside the rows contradicts.
+    """Refuse a stated rate if tables differ in length, or if a time channel contradicts it.
 
-    It contradicts the rate if neither its mean nor its median step confirms it.
+    A time channel contradicts the rate if neither its mean nor its median step confirms it.
     """
     for clock in (clock for index in of for clock in clocks_of(tables[index])):
         if logged_hz := _other_rate(clock, [rate_hz]):
@@ -159,9 +159,9 @@ def _refuse_rate(tables: Sequence[LoggedTable], of: Sequence[int], rate_hz: floa
 
 
 def _other_rate(clock: ChannelFacts, own_hz: Sequence[float]) -> float | None:
-    """Return the rate of a clock if neither its mean nor its median step confirms any of ``own_hz``, else None.
+    """Return the rate of a clock if neither its mean nor its median step confirms any of ``own_hz``; else None.
 
-    A clock without a unit may run in any; one that steps by 1 counts rows and confirms every rate.
+    A clock without a unit may have any unit. A clock that steps by 1 counts rows and confirms every rate.
     """
     if not clock.unit and not clock.dates and clock.counts:
         return None
@@ -173,7 +173,7 @@ def _other_rate(clock: ChannelFacts, own_hz: Sequence[float]) -> float | None:
 
 
 def _refuse_two_clocks(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Array]) -> None:
-    """Refuse a table with a clock of another step beside the one that stamps its columns, and that stamps none."""
+    """Refuse a table with an unused clock whose step differs from that of the clock in use."""
     for clock, time_s in stamps.items():
         steps_s = np.diff(time_s[np.isfinite(time_s)])
         if not clock.channel or len(steps_s) < FEWEST_ROWS:
@@ -192,9 +192,10 @@ def _refuse_two_clocks(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Ar
 
 
 def _refuse_two_ends(signals: Mapping[str, Signal], mapping: Mapping[str, ChannelMapping]) -> None:
-    """Refuse columns of one clock that end at different rows because they were logged at different rates.
+    """Refuse columns of one clock that end at different rows, because they were logged at different rates.
 
-    One without blanks that ends at a half, a third, ... of the rows is that. Under a stated rate any other end is.
+    This is so if a column without gaps ends at a half, a third, ... of the rows, or at any other row if the rate is
+    stated.
     """
     ends: dict[int, dict[str, int]] = {}
     for column, signal in signals.items():
@@ -220,7 +221,7 @@ def _refuse_two_ends(signals: Mapping[str, Signal], mapping: Mapping[str, Channe
 def _stamps(
     tables: Sequence[LoggedTable], clocks: Mapping[str, _Clock], mapping: Mapping[str, ChannelMapping]
 ) -> dict[_Clock, Array]:
-    """Make the seconds of each clock once; dates of one file count from the earliest among them."""
+    """Convert each clock to seconds once; the dates of one file count from the earliest of them."""
     time = mapping[TIME]
     columns = {clock: column for column, clock in reversed(list(clocks.items()))}
     raw = {clock: tables[clock.table].channels[clock.channel] for clock in columns if clock.channel}
@@ -247,8 +248,8 @@ def _stamps(
 def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping, time_unit: str) -> Array:
     """Read a time channel's numbers in seconds.
 
-    The unit of ``time_s`` is that of the channel it names; another time channel has its own, by the mapping
-    (``time_unit``) or the file.
+    The unit of ``time_s`` applies to the channel that it names. The mapping (``time_unit``) or the file states the unit
+    of another time channel.
     """
     raw, stated = table.channels[channel], table.units.get(channel, "")
     of_time = channel == time.channel
@@ -272,7 +273,7 @@ def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping
 
 
 def _check_stated_unit(table: LoggedTable, column: str, source: ChannelMapping) -> None:
-    """Refuse a channel whose file contradicts the mapping."""
+    """Refuse a channel if the file contradicts the mapping's unit."""
     stated = table.units.get(source.channel, "")
     if not stated:
         return
@@ -295,7 +296,7 @@ def _refuse_other_unit(stated: str, configured: str, channel: str, column: str) 
 
 
 def _find_channel(tables: Sequence[LoggedTable], name: str, table: str, column: str) -> int:
-    """Find the table that holds the channel for ``column``, by its place; any will do if ``table`` is empty."""
+    """Find the index of the table with the channel for ``column``; an empty ``table`` allows any table."""
     searched = [index for index, entry in enumerate(tables) if table in ("", entry.name)]
     if not searched:
         raise RecordingError(
@@ -328,7 +329,7 @@ def _nearest(name: str, there: Sequence[str]) -> str:
 
 
 def _numbers(raw: pd.Series[Any], channel: str, column: str, unit: str) -> Array:
-    """Read a channel's cells as numbers, shape ``(n,)``; an empty cell is NaN. No copy if they are float64."""
+    """Read a channel's cells as numbers, shape ``(n,)``; an empty cell becomes NaN. A float64 array is not copied."""
     if raw.dtype.kind in "iufb":
         return raw.to_numpy(dtype=np.float64)
     if raw.dtype.kind in "mMc":

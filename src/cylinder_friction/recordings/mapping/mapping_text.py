@@ -1,4 +1,4 @@
-"""A first mapping as YAML, every guess marked by a comment; and what it leaves open, in a sentence."""
+"""Write a guessed mapping as YAML with a comment on every guess, and refuse a guess that leaves something open."""
 
 import glob
 import re
@@ -16,10 +16,10 @@ from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.wording import printable
 
 NOT_FOUND = "NOT FOUND"
-"""Placeholder for a channel's name that must be filled in; no file has it, so ingest lists the file's channels."""
+"""Placeholder for a channel's name that the user must fill in; ingest refuses it and lists the file's channels."""
 
-OTHERWISE = {"time": "200Hz"}  # the rate of the rows, if no unit of time fits
-LISTED = 60  # channels that the comment below the mapping lists
+OTHERWISE = {"time": "200Hz"}  # Example of a rate of the rows, if no unit of time fits
+LISTED = 60  # Most channels that the comment below the mapping lists
 
 TEMPLATE = """\
 # First mapping of {file}, made from its names, units and values.
@@ -36,13 +36,13 @@ name_table: null
 {database}channels:
 {channels}
 """
-"""What cannot be guessed. The lines in place of ``{channels}`` are indented by two blanks."""
+"""Text of the mapping file. The lines in place of ``{channels}`` are indented by two blanks."""
 
 
 def mapping_yaml(guess: GuessedMapping, database: Path | None = None) -> str:
     """Write the text of ``conf/ingest/<name>.yaml``, with the file's folder as the source.
 
-    ``database`` (DBC) is that of the bus whose frames the file holds.
+    ``database`` is the DBC file of the bus, if the file contains CAN frames.
     """
     suffix = _suffix(guess.path.name)
     filled = {
@@ -57,7 +57,7 @@ def mapping_yaml(guess: GuessedMapping, database: Path | None = None) -> str:
 
 
 def channel_lines(guess: GuessedMapping) -> list[str]:
-    """Write the lines below ``channels:``, not indented, the channels that no column took listed at their end."""
+    """Write the lines below ``channels:`` without indentation; unused channels are listed at the end."""
     lines = []
     for column in guess.columns.values():
         lines += _column_lines(column, guess)
@@ -103,7 +103,7 @@ def _not_found(column: GuessedColumn) -> list[str]:
 
 
 def _sensor(column: str, channel: ChannelFacts) -> str:
-    """Write a sensor to be corrected: the usual signal of its unit, and a range that no sensor has by chance."""
+    """Write a sensor for the user to correct: the usual signal of its unit, and an implausible range."""
     kind = electrical(channel.unit)
     signal = {"mA": "[4, 20]", "count": "[0, 4095]"}.get(kind or "", "[0, 10]")
     return f"{{range: [0, 1], unit: {_unit(usual_unit(column))}, signal: {signal}}}"
@@ -114,22 +114,22 @@ def _unit(unit: str) -> str:
 
 
 def _suffix(name: str) -> str:
-    """Find the ending of a file's name; of ``log.csv.gz`` both."""
+    """Find the ending of a file's name; both endings of ``log.csv.gz``."""
     match = re.search(r"(\.[A-Za-z0-9]+)?\.[A-Za-z0-9]+$", name) if name.endswith(".gz") else None
     match = match or re.search(r"(?<=.)\.[A-Za-z0-9]+$", name)
     return match[0] if match else ""
 
 
 def quoted(text: str) -> str:
-    """Write text as a YAML scalar on one line, in quotes, whatever it holds."""
+    """Write any text as a quoted YAML scalar on one line."""
     return yaml.safe_dump(text, default_style='"', allow_unicode=True, width=10**9).rstrip("\n")
 
 
 def refuse_unknown(guess: GuessedMapping, units: Mapping[str, str]) -> None:
-    """Refuse columns and units that a file leaves open, and ``units`` that it contradicts, by quantity.
+    """Refuse a guess with open columns or units, or ``units`` (by quantity) that the file contradicts.
 
     Raises:
-        RecordingError: A column, a sensor's range or a unit cannot be guessed; it states what to write.
+        RecordingError: A column, a sensor's range or a unit cannot be guessed; the message states what to write.
     """
     unknown = {name: each.checks for name, each in guess.columns.items() if not each.known}
     if unknown:

@@ -1,4 +1,4 @@
-"""Units as loggers write them (``[Bar]``, ``degC``, ``kp/cm²``, ``barg``), converted to SI, gauge pressure and °C."""
+"""Convert loggers' units (``[Bar]``, ``degC``, ``kp/cm²``, ``barg``) to SI units, gauge pressure and °C."""
 
 import math
 import re
@@ -24,16 +24,16 @@ _SPELLINGS: dict[str, dict[float, str]] = {
         1.0: "m meter metre", 1e-2: "cm", 1e-3: "mm", 1e-6: "um μm micron",
         0.0254: "in inch inches zoll", 0.3048: "ft", 2.54e-5: "mil thou",
     },
-    # A load cell's display shows what hangs on it: as a force, a mass can only mean its weight.
+    # A load cell may display the mass that hangs on it; the force is its weight.
     "force": {
         1.0: "N newton", 1e-6: "uN μN", 10.0: "daN", 1e3: "kN",
         4.4482216152605: "lbf lb lbs", 4448.2216152605: "kip kips",
         9.80665: "kgf kp kg", 9806.65: "tf t",
     },
 }  # fmt: skip
-"""Spellings of the units of each quantity, without blanks, by their factor to the column's unit.
+"""Spellings of the units of each quantity, separated by blanks, by their factor to the column's unit.
 
-Upper and lower case are alike, and so are ``cm²``, ``cm2`` and ``cm^2``.
+Upper and lower case are equivalent, and so are ``cm²``, ``cm2`` and ``cm^2``.
 """
 _TEMPERATURES = {
     (1.0, 0.0): "°C degC gradC C celsius",
@@ -46,20 +46,20 @@ _CONVERSIONS = {
 } | {"temperature": {name.casefold(): both for both, names in _TEMPERATURES.items() for name in names.split()}}
 
 USUAL = frozenset(name for names in _CONVERSIONS.values() for name in names)
-"""Every spelling of a unit that a column may be converted from, in small letters."""
+"""Spellings of all units that can be converted to a column's unit, in lower case."""
 
 _SIGNALS = {
     "V": "V volt volts", "mV": "mV", "mA": "mA", "μA": "μA uA", "%": "%",
     "count": "count counts cnt cnts digit digits lsb raw inc increments",
 }  # fmt: skip
 ELECTRICAL = {name.casefold(): signal for signal, names in _SIGNALS.items() for name in names.split()}
-"""Signals of a sensor that mean something only with its range; a lone A is left out, for it mostly names a port."""
+"""Electrical signals, which need the sensor's range. A is left out, because it often names a port."""
 
 OTHER_QUANTITIES = {
     "m/s", "mm/s", "cm/s", "in/s", "m/s2", "mm/s2", "m/min", "l/min", "lpm", "gpm", "l/s", "m3/s", "cm3/s", "mm2/s",
     "rpm", "1/min", "u/min", "rad/s", "°/s", "rad", "deg", "°", "%", "nm", "n·m", "n*m", "w", "kw", "hz", "khz", "a",
 }  # fmt: skip
-"""What else a logger records of a machine, in small letters."""
+"""Units of other quantities that loggers record, in lower case."""
 
 COMMON = {
     "time": ("s", "ms", "us", "100ns", "min"),
@@ -68,14 +68,14 @@ COMMON = {
     "force": ("N", "kN", "lbf", "kgf", "kip"),
     "temperature": ("°C", "K", "°F"),
 }
-"""Units to offer in a message; the first is the column's own."""
+"""Units that messages suggest; the first is the column's own unit."""
 
 _RARE = "psig psia kg/cm² dm g mN uN μN uV μV MHz deg_c m/s² m/s^2 mm/s² g/s 1/s min-1 J ohm Ω m³/s cm³/s bit bits -"
 KNOWN = frozenset({*USUAL, *ELECTRICAL, *OTHER_QUANTITIES, *_RARE.casefold().split()})
-"""Units in use, in small letters."""
+"""All known units, in lower case."""
 
 _PORTS = frozenset("ABCFGHKPTXY")
-"""Single letters that name a port or an axis sooner than a unit: 'pressure (A)'."""
+"""Single letters that more probably name a port or an axis than a unit: 'pressure (A)'."""
 _IN_BRACKETS = re.compile(r"^(?P<name>.*?)\s*\[\s*(?P<unit>[^\[\]]*?)\s*\]$")
 _IN_PARENTHESES = re.compile(r"^(?P<name>.*?)\s*\(\s*(?P<unit>[^()]*?)\s*\)$")
 _DIVIDED = re.compile(r"^(?P<name>\S+?\s*/\s*|.*\S (?:in|/) )(?P<unit>\S+)$")
@@ -85,7 +85,7 @@ _REFERENCE = re.compile(r"(?P<unit>.+?)[ _,.-]*\(?(?:(?P<absolute>a|abs|absolute
 
 @cache
 def bare(unit: str) -> str:
-    """Return a unit's text without brackets, quotes and blanks around it; ``cm²`` is ``cm2``, ``℃`` ``°C``."""
+    """Strip brackets, quotes and blanks from a unit, and replace ``cm²`` by ``cm2`` and ``℃`` by ``°C``."""
     text = unicodedata.normalize("NFKC", unit).strip().strip("\"'").strip()
     while len(text) > 1 and _BRACKETS.get(text[0]) == text[-1]:
         text = text[1:-1].strip()
@@ -97,12 +97,12 @@ def _squeezed(text: str) -> str:
 
 
 def electrical(unit: str) -> str | None:
-    """Tell V, mV, mA, μA, count or % if a unit is a sensor's signal, else None."""
+    """Return V, mV, mA, μA, count or % if a unit is a sensor's signal; else None."""
     return ELECTRICAL.get(_squeezed(bare(unit)))
 
 
 def of_stroke(column: str, unit: str) -> bool:
-    """Return whether a column is a percentage of the stroke."""
+    """Check whether a column is a percentage of the stroke."""
     return column == POSITION and electrical(unit) == "%"
 
 
@@ -118,13 +118,13 @@ def conversion(unit: str, quantity: str) -> tuple[float, float] | None:
 
 @cache
 def quantity_of(unit: str) -> str | None:
-    """Tell which of a recording's quantities a unit measures; None if none of them."""
+    """Find the quantity of a recording that a unit measures; None if there is none."""
     return next((quantity for quantity in _CONVERSIONS if conversion(unit, quantity) is not None), None)
 
 
 @cache
 def stated_reference(unit: str) -> Literal["gauge", "absolute"] | None:
-    """Tell the reference that a unit of pressure states itself: ``bara``, ``psi(g)``; None if it states none."""
+    """Read the reference that a unit of pressure includes: ``bara``, ``psi(g)``; None if it includes none."""
     text, known = bare(unit), _CONVERSIONS["pressure"]
     match = _REFERENCE.fullmatch(text)
     if _squeezed(text) in known or match is None or _squeezed(match["unit"]) not in known:
@@ -133,16 +133,16 @@ def stated_reference(unit: str) -> Literal["gauge", "absolute"] | None:
 
 
 def stated_rate(unit: str) -> float | None:
-    """Read the rate [Hz] that stands in place of a unit of time: ``200 Hz``; None for a unit."""
+    """Read a rate that is given in place of a unit of time, such as ``200 Hz`` [Hz]; None for a unit."""
     match = re.fullmatch(r"(\d+(?:\.\d+)?) ?(k?)hz", unit.strip(), re.IGNORECASE)
     return float(match[1]) * (1e3 if match[2] else 1.0) if match else None
 
 
 def unit_in_name(name: str) -> str | None:
-    """Find the unit that a header cell states; None without one.
+    """Find the unit in a header cell; None without one.
 
-    What stands in square brackets is taken at its word, unless it is an index such as ``axis[1]``; what stands in
-    parentheses or behind a stroke only if it is a unit in use, for it may be a remark.
+    Text in square brackets is a unit, unless it is an index such as ``axis[1]``. Text in parentheses or after a slash
+    may be a remark, and is a unit only if it is known.
     """
     match = _IN_BRACKETS.match(name)
     if match and match["unit"] and not match["unit"].isdigit():
@@ -155,7 +155,7 @@ def unit_in_name(name: str) -> str | None:
 
 
 def names_a_unit(text: str) -> bool:
-    """Tell whether text in a header is meant as a unit: a lone capital mostly names a port, ``rod`` a side."""
+    """Check whether text in a header is meant as a unit; a single capital often names a port, and ``rod`` a side."""
     text = bare(text)
     if len(text) == 1 and text in _PORTS:
         return False
@@ -163,7 +163,7 @@ def names_a_unit(text: str) -> bool:
 
 
 def check_unit(column: str, unit: str) -> tuple[float, float]:
-    """Return scale and offset to the column's unit; refuse one that is not known or measures something else."""
+    """Return scale and offset to the column's unit; refuse a unit that is unknown or of another quantity."""
     wanted = QUANTITIES[column]
     if wanted == "pressure" and bare(unit) == "mPa":
         raise RecordingError(f"column {column!r}: unit {unit!r} is millipascal; write MPa for megapascal")
@@ -180,9 +180,9 @@ def check_unit(column: str, unit: str) -> tuple[float, float]:
 
 
 def to_column_unit(values: Array, unit: str, column: str) -> Array:
-    """Convert values given in ``unit`` to the column's own unit; return values already in it untouched.
+    """Convert values in ``unit`` to the column's unit; return values already in that unit unchanged.
 
-    Temperatures are converted with their zero, so 32 °F is 0 °C. Refuses as ``check_unit``.
+    Temperatures are converted with their zero: 32 °F is 0 °C. Raises as ``check_unit``.
     """
     scale, offset = check_unit(column, unit)
     scaled = values if scale == 1.0 else values * scale
@@ -190,22 +190,22 @@ def to_column_unit(values: Array, unit: str, column: str) -> Array:
 
 
 def column_scale(column: str, unit: str) -> float:
-    """Tell how many of the column's unit one of ``unit`` is, for differences: 1 °F is 5/9 °C."""
+    """Return the factor from ``unit`` to the column's unit for differences: 1 °F is 5/9 °C."""
     return check_unit(column, unit)[0]
 
 
 @cache
 def units_agree(stated: str, configured: str) -> bool:
-    """Tell whether what a file states of its channel agrees with the configuration: the same unit.
+    """Check whether the unit that a file states for a channel agrees with the configured unit.
 
-    Spellings do not matter (``[Bar]`` and ``bar`` agree), nor does what pressure is counted from. Text that is no unit
-    in use (``rod side``, ``A``, ``-``) contradicts nothing.
+    Spelling does not matter (``[Bar]`` and ``bar`` agree), nor does the reference of a pressure. Text that is not a
+    known unit (``rod side``, ``A``, ``-``) contradicts nothing.
     """
     quantity, signal = quantity_of(configured), electrical(configured)
     if bare(stated) == bare(configured) or not names_a_unit(stated) or (quantity is None and signal is None):
         return True
     if signal is not None or quantity is None:
-        plain = {signal, electrical(stated)} == {"count", "%"}  # numbers either way, whose ends the sensor states
+        plain = {signal, electrical(stated)} == {"count", "%"}  # both are plain numbers, whose range the sensor states
         return plain or electrical(stated) == signal
     one, two = conversion(stated, quantity), conversion(configured, quantity)
     return one is not None and two is not None and math.isclose(one[0], two[0]) and one[1] == two[1]
