@@ -1,4 +1,4 @@
-"""A recording's name, condition, session and load, from its file's path or from a table beside the files."""
+"""Find a recording's name, condition, session and load, from its file's path or from a table beside the files."""
 
 import csv
 import re
@@ -11,13 +11,13 @@ from unicodedata import category
 from cylinder_friction.recordings.recording import RecordingError
 
 ONE_CONDITION = "1"
-"""The condition of files whose names state none."""
+"""Condition of files whose names state none."""
 _REQUIRED = ("file", "condition", "session")
 
 
 @dataclass(frozen=True)
 class PathNames:
-    """What is known of a file: the recording's name, condition, session, load and machine."""
+    """Name, condition, session, load and machine of a file's recording."""
 
     name: str
     condition: str
@@ -28,21 +28,21 @@ class PathNames:
 
 @dataclass(frozen=True)
 class NameRules:
-    """Where condition, session and load of a file come from: exactly one of the three."""
+    """Source of a file's condition, session and load: exactly one of a pattern, a table, or a fixed condition."""
 
-    # Regular expression on the path below the source, with the group ``session``, optionally ``condition`` (without it,
-    # all files are of condition "1"), ``load`` and ``asset``
+    # Regular expression for the path below the source, with the group ``session`` and optionally ``condition`` (by
+    # default "1" for all files), ``load`` and ``asset``
     pattern: str | None = None
     # CSV file with the columns ``file`` (a path below the source), ``condition``, ``session``, optionally ``load`` and
     # ``asset``
     table: Path | None = None
-    # The condition of every file; each is then a session of its own, named as its recording
+    # Condition of every file. Each file is then a session of its own, named as its recording
     condition: str | None = None
 
     def __post_init__(self) -> None:
         if [self.pattern, self.table, self.condition].count(None) != 2:
             raise RecordingError("expected either a name pattern or a table of names, but got both or neither")
-        _ = self._compiled, self._lines  # refuses a wrong pattern or table at once
+        _ = self._compiled, self._lines  # refuse a wrong pattern or table at once
 
     @cached_property
     def _compiled(self) -> re.Pattern[str] | None:
@@ -53,11 +53,11 @@ class NameRules:
         return {} if self.table is None else read_names_table(self.table)
 
     def names(self, relative_path: str) -> PathNames:
-        """Tell what is known of a file, by its path relative to the source, with ``/``.
+        """Find the names of a file by its path relative to the source, with ``/``.
 
         Raises:
-            RecordingError: The pattern does not match, the table has no line for it, or other systems cannot have a
-                file of this name.
+            RecordingError: The pattern does not match, the table has no line for the file, or the name is not allowed
+                on other systems.
         """
         if "\\" in relative_path or {"Cc", "Cs"} & set(map(category, relative_path)):
             raise RecordingError(
@@ -84,11 +84,11 @@ class NameRules:
         return PathNames(name, *(groups.get(each) or "" for each in ("condition", "session", "load", "asset")))
 
     def finds(self, relative_path: str) -> bool:
-        """Whether the pattern finds something in a file's path."""
+        """Check whether the pattern matches a file's path."""
         return self._compiled is not None and self._compiled.search(relative_path) is not None
 
     def lines_without_file(self, relative_paths: Collection[str]) -> list[str]:
-        """Write a sentence for each line of the table that is of no file; empty if names come from a pattern."""
+        """Write a sentence for each line of the table without a file; empty if names come from a pattern."""
         return [
             f"the table of names has a line for {file!r}, which is not there; correct the line, or put the file where "
             "it belongs"
@@ -98,7 +98,7 @@ class NameRules:
 
 
 def compile_name_pattern(pattern: str) -> re.Pattern[str]:
-    """Compile a pattern of file paths; raise ``RecordingError`` if it is invalid or lacks a named group."""
+    """Compile a pattern for file paths; raise ``RecordingError`` if it is invalid or lacks a named group."""
     try:
         compiled = re.compile(pattern)
     except re.error as error:
@@ -112,13 +112,13 @@ def compile_name_pattern(pattern: str) -> re.Pattern[str]:
 
 
 def name_of(path: str) -> str:
-    """Make a recording's name: its file's path without the last suffix, with ``-`` for ``/``."""
+    """Make a recording's name from its file's path: drop the last suffix and replace ``/`` by ``-``."""
     stem = path.rsplit(".", 1)[0] if "." in path.rsplit("/", 1)[-1] else path
     return stem.replace("/", "-")
 
 
 def read_names_table(path: Path) -> dict[str, PathNames]:
-    """Read the lines of a table of names by the file that they are for; a comma, a semicolon or a tab separates."""
+    """Read a table of names by file; its delimiter is a comma, a semicolon or a tab."""
     try:
         text = path.read_text(encoding="utf-8-sig")
     except (OSError, UnicodeDecodeError) as error:

@@ -1,4 +1,4 @@
-"""Logger files read into memory, for notebooks and scripts, by the same steps as the stage ``ingest``."""
+"""Read logger files into memory, for notebooks and scripts, by the same steps as the stage ``ingest``."""
 
 import glob
 import os
@@ -26,7 +26,7 @@ from cylinder_friction.recordings.stated_load import StatedLoad
 
 _PACKAGE = Path(__file__).parents[1]
 FULL_SCALE_BAR = 250.0
-"""Of a pressure sensor whose range is not stated but whose class is: usual in hydraulics."""
+"""Full scale assumed for a pressure sensor whose class is stated but not its range [bar]; common in hydraulics."""
 
 
 def read_recordings(
@@ -42,27 +42,27 @@ def read_recordings(
 ) -> list[Recording]:
     """Read logger files of any format as recordings, in SI units at one constant rate, sorted by path.
 
-    Each file is read, mapped, screened, aligned and checked as the stage ``ingest`` does it. A file that cannot be
-    used is left out with a warning that states why; what was repaired stands in ``metadata.repairs``.
+    Each file is read, mapped, screened, aligned and checked as in the stage ``ingest``. A file that cannot be used is
+    left out with a warning that states why. ``metadata.repairs`` lists repairs.
 
     Args:
         files: One path, a glob such as ``"logs/**/*.csv"``, a folder (all files in it), or several of these.
-        channels: Which channel fills which column: the path of a YAML file such as ``conf/ingest/rig.yaml`` (its
-            rules for time, spikes, zeros and checks hold too), the same as a dictionary, or only what stands under
-            ``channels`` in it. None guesses the mapping from the first file, and a warning states every guess; a unit
-            that no file states is guessed only if the values fit no other.
-        cylinder: Whose recordings they are; they are checked against its stroke and areas.
-        names: Regular expression on a file's path with the groups ``condition`` and ``session`` (and ``load``). By
-            default the ``name_pattern`` or the ``name_table`` of ``channels``; the table lies in the folder of the
-            files. Without any, each file is a session of its own, named as the file, and all belong to condition "1".
-        load: What the cylinder carries: ``none``, ``measured`` (``load_force_n``) or ``position``, decided by
-            position alone. By default ``position`` if ``channels`` states that load, ``measured`` if
+        channels: Mapping of channels to columns: the path of a YAML file such as ``conf/ingest/rig.yaml`` (whose rules
+            for time, spikes, zeros and checks also apply), its content as a dictionary, or only its part under
+            ``channels``. None guesses the mapping from the first file, and a warning states every guess. A unit that
+            no file states is guessed only if the values fit no other unit.
+        cylinder: The cylinder that was recorded; recordings are checked against its stroke and areas.
+        names: Regular expression for a file's path with the groups ``condition`` and ``session`` (and ``load``). By
+            default the ``name_pattern`` or ``name_table`` of ``channels``; the table is in the folder of the files.
+            Without any, each file is a session of its own, named as the file, and all have the condition "1".
+        load: Load of the cylinder: ``none``, ``measured`` (``load_force_n``) or ``position`` (it depends on
+            position alone). By default ``position`` if ``channels`` states that load, ``measured`` if
             ``load_force_n`` is mapped, else ``none``. Or a constant load, ``StatedLoad(4218.0, within_n=40.0)``.
         units: Without ``channels``, the unit of each quantity (``pressure``, ``length``, ``time``, ``force``,
             ``temperature``) that the file does not state, such as ``{"pressure": "bar"}``.
-        sensor_class: Accuracy of the pressure sensors, ± percent of full scale, if ``channels`` states none; full
-            scale is 250 bar if their range is not stated either. None: nothing is assumed.
-        database: Of a bus (DBC), for measurement files of CAN frames.
+        sensor_class: Accuracy of the pressure sensors [± % of full scale] if ``channels`` states none. Full scale is
+            250 bar if their range is not stated either. None assumes nothing.
+        database: DBC file of the bus, for measurement files that contain CAN frames.
 
     Raises:
         RecordingError: No file is found or usable, or the mapping is wrong or cannot be guessed.
@@ -88,17 +88,17 @@ def read_recordings(
 
 @dataclass(frozen=True)
 class Logs:
-    """Logger files and how they become recordings."""
+    """Logger files and the recipe that converts them to recordings."""
 
-    root: Path  # The folder that names are taken below
-    files: dict[str, Path]  # By their paths below it, sorted
+    root: Path  # The folder that names are relative to
+    files: dict[str, Path]  # Files by their paths below ``root``, sorted
     recipe: Recipe
-    guessed: dict[str, Any] | None = None  # From which file, and each column with its reasons; None if mapped
-    assumed: str = ""  # What was assumed of sensors that nobody stated; empty if nothing was
-    tables: Mapping[str, Sequence[LoggedTable]] = field(default_factory=dict)  # Of files that were read already
+    guessed: dict[str, Any] | None = None  # File and guesses with their reasons; None with a mapping
+    assumed: str = ""  # Assumptions on sensors without a stated accuracy; empty if there are none
+    tables: Mapping[str, Sequence[LoggedTable]] = field(default_factory=dict)  # Tables of files that were already read
 
     def with_sensor_class(self, percent: float | None) -> "Logs":
-        """Assume this class of pressure sensors if nothing is stated of their accuracy."""
+        """Assume this class of pressure sensors if their accuracy is not stated."""
         if percent is None:
             return self
         if not 0.0 < percent <= 100.0:
@@ -125,10 +125,10 @@ def find_logs(
     units: Mapping[str, str] | None = None,
     database: str | Path | None = None,
 ) -> Logs:
-    """Find the files and how to read them. Only to guess a mapping is the first file read.
+    """Find the files and the recipe for reading them. The first file is read only if the mapping must be guessed.
 
-    Arguments and errors are those of ``read_recordings``. ``rate_hz`` is the rate of the recordings [Hz], by default as
-    ``channels`` has it, or each file's own; ``database`` (DBC) that of the bus whose frames measurement files hold.
+    Arguments and errors are those of ``read_recordings``. ``rate_hz`` is the rate of the recordings [Hz]; by default
+    the rate in ``channels``, or each file's own rate.
     """
     paths = log_paths([files] if isinstance(files, str | Path) else list(files))
     try:
@@ -155,7 +155,7 @@ def find_logs(
 def _guessed(
     path: Path, cylinder: Cylinder, units: Mapping[str, str], database: Path | None
 ) -> tuple[GuessedMapping, list[LoggedTable]]:
-    """Guess a mapping from a log and warn of every guess. Beside it come the log's tables, unless it has parts."""
+    """Guess a mapping from a log and warn of every guess; also return the log's tables, unless it has parts."""
     for quantity, unit in units.items():
         column = next((column for column in QUANTITIES if QUANTITIES[column] == quantity), None)
         if column is None:
@@ -205,7 +205,7 @@ def _logs(
 
 
 def log_paths(files: Sequence[str | Path]) -> list[Path]:
-    """List the files that paths, folders and patterns name, sorted; raise ``RecordingError`` if one names none."""
+    """List the files named by paths, folders and patterns, sorted; raise ``RecordingError`` if one names no file."""
     found: set[Path] = set()
     for file in files:
         path = Path(file)
@@ -234,7 +234,7 @@ def _name_rules(names: str | None, settings: Mapping[str, Any], root: Path) -> N
 
 
 def _root(paths: Sequence[Path], source: str | None) -> Path:
-    """Find the folder that names are relative to: the configured one if it holds all files, else their own."""
+    """Find the folder that names are relative to: the configured one if all files are in it, else the common one."""
     absolute = [Path(os.path.abspath(path)) for path in paths]  # noqa: PTH100 - without "..", links as they are
     if source is not None and all(path.is_relative_to(os.path.abspath(source)) for path in absolute):  # noqa: PTH100
         return Path(source)
@@ -259,7 +259,7 @@ def load_settings(path: Path) -> dict[str, Any]:
     places = (path.parent, _PACKAGE / "project/conf/ingest", _PACKAGE.parents[1] / "conf/ingest")
     for entry in own.pop("defaults", []):
         for group, name in (entry if isinstance(entry, dict) else {"": entry}).items():
-            if name != "_self_":  # beside the mapping, or as this package brings it
+            if name != "_self_":  # beside the mapping, or from this package
                 below = [place / group.partition("@")[0] / f"{name}.yaml" for place in places]
                 _merge(settings, load_settings(next(filter(Path.is_file, below), below[0])))
     _merge(settings, own)

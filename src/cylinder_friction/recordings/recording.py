@@ -1,4 +1,4 @@
-"""What a recording is: one table at one constant sample rate, in SI units, and who and when."""
+"""The recording: one table at one constant sample rate in SI units, with metadata."""
 
 from __future__ import annotations
 
@@ -40,23 +40,23 @@ class SensorUncertainty:
         3000.0
     """
 
-    zero: float  # Of its zero, constant within a recording, in the column's unit
-    span: float  # Of its gain, as a share of the reading
-    resolution: float = 0.0  # One step of its converter, in the column's unit; 0 if not known
+    zero: float  # Uncertainty of its zero, which is constant within a recording, in the column's unit
+    span: float  # Uncertainty of its gain, as a share of the reading
+    resolution: float = 0.0  # Step of its converter, in the column's unit; 0 if not known
 
 
 @dataclass(frozen=True)
 class IdentifiedZero:
-    """What a sensor reads at zero, as identified from the motion of its session; not yet taken off its column."""
+    """A sensor's reading at zero, identified from the motion of its session and not yet subtracted from its column."""
 
-    offset: float  # In the column's unit
-    uncertainty: float  # Standard uncertainty (k = 1) that remains, in the column's unit
-    drift: float = 0.0  # Of the offset, which is that of the first row, in the column's unit per second
+    offset: float  # Offset at the first row, in the column's unit
+    uncertainty: float  # Remaining standard uncertainty (k = 1), in the column's unit
+    drift: float = 0.0  # Drift of the offset, in the column's unit per second
 
 
 @dataclass(frozen=True)
 class RecordingMetadata:
-    """State who and when: name, condition, session, sample time, and what the recording comes from.
+    """Metadata of a recording: name, condition, session, sample time, source file and sensors.
 
     Give recordings one session if they share a calibration of the sensors. Splits keep sessions whole, and each
     session has one sensor offset.
@@ -72,27 +72,27 @@ class RecordingMetadata:
     session: str  # One uninterrupted stretch of laboratory work with one calibration; splits keep it whole
     sample_time_s: float  # Constant time between two rows [s]
     cylinder: str = ""  # Name of the cylinder
-    load: str = ""  # What the cylinder carried or worked against, in words
-    source_file: str = ""  # Where the recording came from, relative to the folder that was ingested
+    load: str = ""  # Load of the cylinder, in words
+    source_file: str = ""  # File of the recording, relative to the folder that was ingested
     source_sha256: str = ""  # Hash of that file's bytes
-    # When its first sample was taken, in ISO 8601: with Z if that is UTC, else by the logger's clock, whose time zone
-    # is not stated; a day alone if only that is known; empty if nothing is
+    # Time of its first sample in ISO 8601: with Z in UTC; otherwise by the logger's clock, whose time zone is not
+    # stated. A day alone if only that is known; empty if nothing is
     start: str = ""
-    start_source: str = ""  # What states that
+    start_source: str = ""  # Source of ``start``
     asset: str = ""  # The machine that the cylinder belongs to
     # Serial number and day of calibration of the sensor behind a column, if they are stated
     sensors: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    # SHA-256 of what its friction depends on beside its file: cylinder, mapping, model, version of the code
+    # SHA-256 of what its friction depends on besides its file: cylinder, mapping, model, version of the code
     depends_on: Mapping[str, str] = field(default_factory=dict)
-    # What was taken off a column as its sensor's reading at zero, in the column's unit
+    # Sensor's reading at zero that was subtracted from a column, in the column's unit
     zero_offset: Mapping[str, float] = field(default_factory=dict)
-    # Of the sensor behind a column; absent if nobody stated it
+    # Uncertainty of the sensor behind a column, if it is stated
     uncertainty: Mapping[str, SensorUncertainty] = field(default_factory=dict)
-    # What the line between a pressure sensor and its chamber loses, by column, as stated; friction is without it
+    # Stated pressure loss in the line between a sensor and its chamber, by column; friction does not include it
     line_loss: Mapping[str, LineLoss] = field(default_factory=dict)
-    # Of the sensor behind a column, identified with those of other sessions; the column still holds what was measured
+    # Identified zero of the sensor behind a column, which is not yet subtracted from the column
     identified_zero: Mapping[str, IdentifiedZero] = field(default_factory=dict)
-    # What ingest repaired, one sentence each; empty for a recording that came in as it should
+    # Repairs by ingest, one sentence each
     repairs: tuple[str, ...] = ()
 
     @classmethod
@@ -112,15 +112,15 @@ class RecordingMetadata:
 
 
 UNNAMED = RecordingMetadata("", "", "", 0.0)
-"""Of columns that do not belong to a file yet."""
+"""Metadata of columns that do not belong to a file yet."""
 
 
 @dataclass(frozen=True, init=False, repr=False, eq=False)
 class Recording:
-    """Columns at one constant sample rate; their values are read-only.
+    """Columns at one constant sample rate, with read-only values.
 
-    Their names carry their unit. Always: ``time_s`` and ``position_m`` (extension positive). Always, but for a
-    recording with ``drive_force_n``: ``pressure_1_pa`` (piston side, gauge) and ``pressure_2_pa`` (rod side, gauge).
+    Names of columns end with their unit. Every recording has ``time_s`` and ``position_m`` (extension positive), and
+    ``pressure_1_pa`` (piston side, gauge) and ``pressure_2_pa`` (rod side, gauge) unless it has ``drive_force_n``.
     Later stages add ``velocity_m_s``, ``acceleration_m_s2``, ``friction_n`` (positive when it opposes positive
     velocity) and ``usable`` (mask).
 
@@ -137,10 +137,10 @@ class Recording:
     columns: Columns
 
     def __init__(self, metadata: RecordingMetadata, columns: Columns | pd.DataFrame) -> None:
-        """Check columns, or those of a table, and keep them without a copy.
+        """Check columns or a table's columns, and keep them without a copy.
 
         Raises:
-            RecordingError: One is missing or of another shape, or a measured one holds NaN or infinity.
+            RecordingError: A column is missing or of another shape, or a measured column contains NaN or infinity.
         """
         self._set(metadata, {str(name): _read_only(values) for name, values in columns.items()})
         if missing := missing_column(self.columns):
@@ -156,13 +156,13 @@ class Recording:
 
     @classmethod
     def unchecked(cls, metadata: RecordingMetadata, columns: Columns) -> Self:
-        """Keep columns as they are, before any check."""
+        """Make a recording of columns without checking them."""
         recording = object.__new__(cls)
         recording._set(metadata, columns)
         return recording
 
     def described(self, **changes: Any) -> Recording:
-        """Return a copy with these entries of its metadata, and the same columns."""
+        """Return a copy with changed metadata and the same columns."""
         return Recording.unchecked(replace(self.metadata, **changes), self.columns)
 
     def _set(self, metadata: RecordingMetadata, columns: Columns) -> None:
@@ -199,7 +199,7 @@ class Recording:
         return len(self.columns[TIME])
 
     def column(self, name: str) -> Array:
-        """Return one column as float64, shape ``(n,)``; raises ``RecordingError`` if it is not there."""
+        """Return one column as float64, shape ``(n,)``; raise ``RecordingError`` if it does not exist."""
         if name not in self.columns:
             raise RecordingError(
                 f"recording {self.name!r}: column {name!r} is missing; got columns {list(self.columns)}; "
@@ -208,10 +208,10 @@ class Recording:
         return np.asarray(self.columns[name], dtype=np.float64)
 
     def samples(self, columns: Sequence[str] = SAMPLE_COLUMNS) -> Array:
-        """Return what an estimator is given, shape ``(n, k)``: by default the raw sample, P1 [Pa], P2 [Pa], x [m].
+        """Return the input of an estimator, shape ``(n, k)``: by default the raw samples P1 [Pa], P2 [Pa], x [m].
 
         Raises:
-            RecordingError: A column is missing, for example because a drive force stands in place of both pressures.
+            RecordingError: A column is missing, for example because a drive force replaces both pressures.
         """
         for column in columns:
             if column not in self.columns and column in SAMPLE_COLUMNS and DRIVE_FORCE in self.columns:
@@ -236,9 +236,9 @@ class Recording:
         return replace(self.with_columns(**columns), metadata=metadata)
 
     def lagged(self, samples: int) -> Recording:
-        """Return a copy whose labels are delayed by this many samples, as an estimator with that lag learns them.
+        """Return a copy with labels delayed by this many samples, for training an estimator with that lag.
 
-        Labels of the first rows are before the recording: they are not usable. Measured columns stay as they are.
+        The first rows have no label and are not usable. Measured columns stay unchanged.
         """
         if samples == 0:
             return self
@@ -250,13 +250,13 @@ class Recording:
         return self.with_columns(**columns, usable=usable)
 
     def usable(self) -> Mask:
-        """Return the mask of rows whose label may be used, shape ``(n,)``; all rows if there is no mask."""
+        """Return the mask of rows with a usable label, shape ``(n,)``; all rows if there is no mask."""
         if "usable" not in self.columns:
             return np.ones(len(self), dtype=np.bool_)
         return np.asarray(self.columns["usable"], dtype=np.bool_)
 
     def with_columns(self, **columns: NDArray[Any]) -> Recording:
-        """Return a copy with columns added or replaced; the recording itself stays as it was."""
+        """Return a copy with columns added or replaced."""
         merged = {**self.columns, **{name: _read_only(values) for name, values in columns.items()}}
         if _CHECKED & columns.keys():
             return replace(self, columns=merged)
@@ -274,12 +274,12 @@ class Recording:
         return replace(self, columns=kept) if _CHECKED & set(names) & self.columns.keys() else self._derived(kept)
 
     def _derived(self, columns: Columns) -> Recording:
-        """Return a copy with other columns, whose measured ones hold nothing that was not checked before."""
+        """Return a copy with other columns, whose measured values have been checked before."""
         return Recording.unchecked(self.metadata, columns)
 
 
 _CHECKED = {*SAMPLE_COLUMNS, DRIVE_FORCE, TIME}
-"""Columns that a recording is checked for when it is made."""
+"""Columns whose values are checked when a recording is made."""
 
 
 def _read_only(values: NDArray[Any] | pd.Series) -> NDArray[Any]:
@@ -289,7 +289,7 @@ def _read_only(values: NDArray[Any] | pd.Series) -> NDArray[Any]:
 
 
 def refuse_not_finite(where: str, samples: Array, columns: Sequence[str] = SAMPLE_COLUMNS) -> None:
-    """Raise ``RecordingError`` naming column and row if ``samples``, one column a name, holds NaN or infinity."""
+    """Raise ``RecordingError`` with column and row if ``samples`` contains NaN or infinity."""
     bad = ~np.isfinite(samples)
     if bad.any():
         row, column = (int(index) for index in np.argwhere(bad)[0])
@@ -303,11 +303,10 @@ def refuse_not_finite(where: str, samples: Array, columns: Sequence[str] = SAMPL
 class Signal:
     """Values of one column, each with the logger's time stamp.
 
-    Columns of one logged table share their ``time_s`` array (the same object), so that what is done to time is done
-    once.
+    Columns of one logged table share their ``time_s`` array (the same object), so that time is processed once.
     """
 
-    # Time stamps as logged, shape ``(n,)`` [s]: perhaps uneven, doubled, backward or not finite
+    # Time stamps as logged, shape ``(n,)`` [s]; they may be uneven, duplicate, decreasing or not finite
     time_s: Array
-    # In the column's own unit (Pa, m, N, °C), shape ``(n,)``; NaN if a sample is missing
+    # Values in the column's own unit (Pa, m, N, °C), shape ``(n,)``; NaN if a sample is missing
     values: Array

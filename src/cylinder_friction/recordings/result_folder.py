@@ -1,6 +1,6 @@
-"""A folder of results that a later run may replace: a run removes only the files that an earlier run listed as its own.
+"""A folder of results that a later run may replace. A run removes only files that an earlier run listed as its own.
 
-The file that makes the folder ours, the *marker*, states what wrote it and lists every file of it::
+The *marker* file shows that the folder is ours: it states what wrote the folder and lists all its files::
 
     {"written_by": "cylinder-friction identify", "files": ["friction_models.html", "friction_models.json"], ...}
 """
@@ -24,7 +24,7 @@ class ResultFolder:
     Args:
         folder: Where the results go.
         marker: Name of the JSON file that lists the results.
-        written_by: What writes the folder; an earlier result of another kind is not replaced.
+        written_by: The command that writes the folder; results of another command are not replaced.
         inputs: Files and folders that the run reads.
     """
 
@@ -37,7 +37,7 @@ class ResultFolder:
         """Refuse a folder that this run must not write, before any work is done.
 
         Raises:
-            FileExistsError: The folder is, holds or lies in an input, or holds something that no earlier run listed.
+            FileExistsError: The folder overlaps with an input, or contains files that no earlier run listed.
         """
         output = self.folder.resolve()
         for each in self.inputs:
@@ -50,10 +50,10 @@ class ResultFolder:
 
     @contextmanager
     def scratch(self) -> Iterator[Path]:
-        """Yield an empty folder beside this one for what a run keeps meanwhile; no other run gets one until it ends.
+        """Yield an empty temporary folder beside this one, and keep other runs out until it is closed.
 
         Raises:
-            FileExistsError: As ``check``; or another run is writing the folder.
+            FileExistsError: As ``check``, or another run is writing the folder.
         """
         self.check()
         beside = self.folder.with_name(f".{self.folder.name}.draft")
@@ -64,7 +64,7 @@ class ResultFolder:
                     f"{self.folder}: another run is writing this folder; wait for it, or name another"
                 )
             try:
-                shutil.rmtree(scratch, ignore_errors=True)  # of a run that was killed, as are the drafts
+                shutil.rmtree(scratch, ignore_errors=True)  # left by a killed run, like the drafts
                 for draft in self.folder.rglob(DRAFTS):
                     draft.unlink()
                 scratch.mkdir()
@@ -77,22 +77,21 @@ class ResultFolder:
 
     @contextmanager
     def written(self) -> Iterator[Path]:
-        """Yield an empty folder for the results, marker included; they are moved into place if the block succeeds.
+        """Yield an empty folder for the results and the marker; they are moved into place if the block succeeds.
 
-        Files of the earlier run are replaced or removed, but for those that the new marker lists as ``kept``. Files
-        that no earlier run listed stay where they are. A block that leaves no marker in its folder changes nothing. If
-        the run is killed while files are moved, the marker lists the old and the new ones, and the next run replaces
-        them.
+        Files of the earlier run are replaced or removed, except those that the new marker lists as ``kept``. Files
+        that no earlier run listed stay unchanged. If the block writes no marker, nothing changes. If the run is killed
+        while files are moved, the marker lists the old and the new files, and the next run replaces them.
 
         Raises:
-            FileExistsError: As ``scratch``; or a result would overwrite a file that no earlier run listed. Nothing has
-                been changed then.
+            FileExistsError: As ``scratch``, or a result would overwrite a file that no earlier run listed. The folder
+                is then unchanged.
         """
         with self.scratch() as draft:
             yield draft
             if not (draft / self.marker).exists():
                 return
-            for unfinished in draft.rglob(DRAFTS):  # of a worker that was killed while it wrote
+            for unfinished in draft.rglob(DRAFTS):  # left by a worker that was killed while writing
                 unfinished.unlink()
             new = {path.relative_to(draft).as_posix() for path in draft.rglob("*") if path.is_file()}
             content, old = read_json(draft / self.marker), set(self.listed())
@@ -107,12 +106,12 @@ class ResultFolder:
             self.claim(new | kept, content)
 
     def claim(self, files: Iterable[str] = (), content: dict[str, Any] | None = None) -> None:
-        """Write the marker: from here on these files are ours."""
+        """Write the marker, which claims these files."""
         own = {"written_by": self.written_by, "files": sorted({*files, self.marker})}
         write_json(self.folder / self.marker, {**(content or {}), **own})
 
     def remove(self, files: Iterable[str]) -> None:
-        """Remove files of this folder, and the folders that are empty without them."""
+        """Remove files of this folder, and folders that become empty."""
         for name in files:
             (self.folder / name).unlink(missing_ok=True)
             parent = (self.folder / name).parent
@@ -120,7 +119,7 @@ class ResultFolder:
                 parent.rmdir()
 
     def listed(self) -> list[str]:
-        """Return the files of the earlier run; none if the folder is new or empty."""
+        """List the files of the earlier run; none if the folder is new or empty."""
         if not self.folder.exists() or (self.folder.is_dir() and not any(self.folder.iterdir())):
             return []
         marker = self.folder / self.marker
@@ -153,5 +152,5 @@ def refuse_foreign(path: Path) -> None:
 
 
 def existing(paths: Iterable[str | Path | None]) -> tuple[Path, ...]:
-    """Return those of some paths that exist; None and patterns are left out."""
+    """Select the paths that exist; None and patterns are left out."""
     return tuple(Path(path) for path in paths if path is not None and os.path.lexists(path))

@@ -1,4 +1,4 @@
-"""Which sessions are for training, validation and test: whole sessions, in every condition, drawn by a hash."""
+"""Split recordings for training, validation and test: whole sessions of every condition, drawn by a hash."""
 
 import hashlib
 from collections import Counter
@@ -17,17 +17,16 @@ def split_sessions(
     calibration_sessions: int = 0,
     held_out: Sequence[str] = (),
 ) -> dict[str, tuple[str, ...]]:
-    """Assign each recording to a role, by name, sorted; every condition is in every role.
+    """Assign each recording to a role; return sorted names by role. Every condition is in every role.
 
-    In each condition sessions are put in the order of a hash of seed, condition and session; the first
-    ``test_sessions`` are held out for the comparison, the next ``validation_sessions`` for choosing, the next
-    ``calibration_sessions`` for nothing but the width of bounds, the rest is for training. Nothing but these names
-    decides, so that another recording of a session moves no other one. Sessions that ``held_out`` names are those for
-    the test in their condition, in place of the first ones.
+    In each condition, sessions are sorted by a hash of seed, condition and session. The first ``test_sessions`` are
+    for the test, the next ``validation_sessions`` for validation, the next ``calibration_sessions`` only for the width
+    of bounds, and the rest for training. Adding a recording to a session does not move other recordings. Sessions in
+    ``held_out`` are the test sessions of their condition, in place of the first ones.
 
     Raises:
         RecordingError: There is no recording, a name occurs twice, a session spans two conditions, a condition has too
-            few sessions, or ``held_out`` names one that is not there.
+            few sessions, or a session in ``held_out`` does not exist.
 
     Example:
         >>> from cylinder_friction.recordings.splits import split_sessions
@@ -67,9 +66,9 @@ def split_sessions(
 def split(
     recordings: Sequence[Recording], test_sessions: int = 1, seed: int = 1
 ) -> tuple[list[Recording], list[Recording]]:
-    """Divide recordings into those for training and those held out, in the given order; no session is in both.
+    """Split recordings into training and held-out ones, in the given order; no session is in both.
 
-    Of each condition, ``test_sessions`` are held out, and another seed holds out others; refuses as ``split_sessions``.
+    ``test_sessions`` of each condition are held out; the seed selects them. Raises as ``split_sessions``.
 
     Example:
         >>> train, test = cf.split(labelled)

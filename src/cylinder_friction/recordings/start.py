@@ -1,4 +1,4 @@
-"""Dates of a log: what the numbers of its clock count from, when it was made, and what states that."""
+"""Date a log: find the epoch of its clock's numbers, its start, and the source of that start."""
 
 from __future__ import annotations
 
@@ -15,37 +15,37 @@ from numpy.typing import NDArray
 from cylinder_friction.recordings.recording import RecordingError
 
 EARLIEST_S = 946_684_800
-"""A log is not older than the year 2000 [s since 1970]."""
+"""Earliest credible date of a log, the year 2000 [s since 1970]."""
 LONGEST_STEP_S = 60.0
-"""Rows of a log are not further from each other than this [s]."""
+"""Longest credible time between two rows of a log [s]."""
 NEVER_FALLS = 0.99
-"""A clock falls in fewer of its steps than the rest of this share."""
+"""Least share of a clock's steps that do not fall."""
 
 
 @dataclass(frozen=True)
 class Epoch:
     """A way to write a date as one number."""
 
-    unit: str  # In which it counts, as ``units`` spells it
+    unit: str  # Unit of the number, spelled as in ``units``
     unit_ns: int  # One unit [ns]
-    of_1970: int  # What it writes for the first moment of 1970
-    since: str  # What it counts from, for messages
-    utc: bool  # Whether it is in UTC; otherwise it is what a clock on a wall shows
+    of_1970: int  # Number of the first moment of 1970
+    since: str  # Date that it counts from, for messages
+    utc: bool  # Whether it is in UTC; otherwise it is local time
 
     @property
     def counted(self) -> str:
-        """What it counts, in words."""
+        """Description of what it counts."""
         return {"100ns": "ticks of 100 ns", "d": "days"}.get(self.unit, self.unit)
 
     def holds(self, number: float, latest_s: float) -> bool:
-        """Return whether a number is a date between 2000 and ``latest_s`` [s since 1970]."""
+        """Check whether a number is a date between 2000 and ``latest_s`` [s since 1970]."""
         return EARLIEST_S < (number - self.of_1970) * self.unit_ns * 1e-9 < latest_s
 
     def stamps(self, numbers: NDArray[Any]) -> NDArray[np.datetime64]:
-        """Return numbers as ``datetime64[ns]``; NaN as NaT."""
+        """Convert numbers to ``datetime64[ns]``; NaN becomes NaT."""
         stamps = np.full(len(numbers), np.datetime64("NaT"), dtype="datetime64[ns]")
         known = np.isfinite(numbers)
-        whole = np.floor(numbers[known]).astype(np.int64)  # apart, for a float cannot hold all digits of nanoseconds
+        whole = np.floor(numbers[known]).astype(np.int64)  # separate, because a float cannot hold all digits
         parts = np.rint((numbers[known] - whole) * self.unit_ns).astype(np.int64)
         stamps[known] = ((whole - self.of_1970) * self.unit_ns + parts).astype("datetime64[ns]")
         return stamps
@@ -63,17 +63,17 @@ EPOCHS = (
     SECONDS_SINCE_1970,
     *(Epoch(unit, size, 0, "1970", True) for unit, size in (("ms", 10**6), ("us", 10**3), ("ns", 1))),
 )
-"""No number is a date since 2000 of two of these."""
+"""Epochs that are detected. No number is a date since 2000 in two of them."""
 WINCC = Epoch("millionths of a day", DAY_NS // 10**6, 25_569 * 10**6, "30 December 1899 (WinCC)", False)
 
 
 def is_future(moment: np.datetime64) -> bool:
-    """Return whether a moment is later than tomorrow: then it is none at which a log was made."""
+    """Check whether a moment is later than tomorrow, so that no log can have been made then."""
     return bool(moment > np.datetime64(int(_tomorrow_s()), "s"))
 
 
 def epoch_of(numbers: NDArray[Any], name: str = "") -> Epoch | None:
-    """Find what the numbers of a channel of this name count from, shape ``(n,)``; None if they are no dates."""
+    """Find the epoch of a channel's numbers, shape ``(n,)``, also by its name; None if they are not dates."""
     known = numbers[np.isfinite(numbers)] if numbers.dtype.kind == "f" else numbers
     if numbers.dtype.kind not in "iuf" or len(known) < 3:
         return None
@@ -97,7 +97,7 @@ _KEY = re.compile(
     r"(?:start|begin|beginn|date|datum|time|zeit|uhrzeit|timestamp|(?:start|date)(?:date|time|timestamp|zeit|datum)))"
     r"|started|recorded(?:at)?"
 )
-"""What precedes a start in a header, in small letters without anything else."""
+"""Words before a start in a header, in lower case, letters only."""
 _LINE = re.compile(r"^[\s#%;\"*/]*([^\W\d][^\d:=;,\t]*?)[\s\"]*[:=;,\t](.*)$")
 _DATE = re.compile(r"(?<!\d)(?:(\d{4})([-/.])(\d\d?)\2(\d\d?)|(\d\d?)\.(\d\d?)\.(\d{4}))(?!\d)")
 _CLOCK = re.compile(
@@ -110,40 +110,40 @@ START_PARTS = ("year", "month", "day", "hour", "minute", "second")
 class Start:
     """When a log's clock was at 0 s."""
 
-    at: np.datetime64  # To the nanosecond, or the day if no time of day is stated
-    utc: bool  # Whether that is UTC; otherwise it is what the logger's clock showed, whose time zone is not stated
-    source: str  # What states it, in words
-    dated_rows: bool = False  # Whether each row states it, also behind a restart of the clock
+    at: np.datetime64  # Time to the nanosecond, or the day if no time of day is stated
+    utc: bool  # Whether it is UTC; otherwise it is the time of the logger's clock, whose time zone is not stated
+    source: str  # Its source, in words
+    dated_rows: bool = False  # Whether every row is dated, also after a restart of the clock
 
     @classmethod
     def of_filetime(cls, ticks: int, source: str) -> Start:
-        """Return the start that Windows' FILETIME states, which is UTC."""
+        """Make a start from a Windows FILETIME, which is UTC."""
         return cls(FILETIME.stamps(np.array([ticks]))[0], True, source)
 
     @classmethod
     def of_datetime(cls, moment: datetime, source: str) -> Start:
-        """Return the start of a date with or without a time zone."""
+        """Make a start from a date with or without a time zone."""
         plain = moment if moment.tzinfo is None else moment.astimezone(UTC).replace(tzinfo=None)
         return cls(np.datetime64(plain, "ns"), moment.tzinfo is not None, source)
 
     def after(self, seconds: float) -> Start:
-        """Return the time this much later; a day stays what it is."""
+        """Return the start moved later by ``seconds``; a day without a time of day stays unchanged."""
         if np.datetime_data(self.at.dtype)[0] == "D":
             return self
         return replace(self, at=self.at + np.timedelta64(round(1e9 * seconds), "ns"))
 
     def text(self) -> str:
-        """Return it in ISO 8601 to the millisecond, with Z if it is UTC; a day alone if only that is known."""
+        """Format it in ISO 8601 to the millisecond, with Z if it is UTC; a day alone if only that is known."""
         if np.datetime_data(self.at.dtype)[0] == "D":
             return str(self.at)
         return f"{self.at.astype('datetime64[ms]')}{'Z' if self.utc else ''}"
 
 
 def start_in_header(lines: list[str], delimiter: str) -> Start | None:
-    """Read the start that the lines above a text table's rows state; None if no date can be read in one way only.
+    """Read the start in the lines above a text table's rows; None without an unambiguous date.
 
-    Known are the FILETIME of the TwinCAT Scope, and lines such as ``Start time: 2026-03-27 10:15:00``, or a date and a
-    time of day on lines of their own.
+    It reads the FILETIME of the TwinCAT Scope, lines such as ``Start time: 2026-03-27 10:15:00``, and a date and a time
+    of day on separate lines.
     """
     date = clock = where = None
     for line in lines:
@@ -170,11 +170,11 @@ def start_in_header(lines: list[str], delimiter: str) -> Start | None:
 
 
 def start_of_parts(parts: Mapping[str, str | None], source: str) -> Start | None:
-    """Make the start of a date's parts; None if they are no date, as 31 February.
+    """Make a start from the parts of a date; None if they are no date, such as 31 February.
 
     Args:
-        parts: Of ``START_PARTS``, with ``fraction`` (digits of a second) and ``zone``; a year may have two digits.
-        source: What states them, in words.
+        parts: Parts named in ``START_PARTS``, ``fraction`` (of a second) and ``zone``; a year may have two digits.
+        source: Source of the date, in words.
     """
     year = int(parts["year"] or 0)
     date = f"{year + 2000 if year < 100 else year:04d}-{int(parts['month'] or 0):02d}-{int(parts['day'] or 0):02d}"
@@ -192,11 +192,11 @@ def start_of_parts(parts: Mapping[str, str | None], source: str) -> Start | None
 
 @dataclass(frozen=True)
 class StartRules:
-    """What a mapping states about when logs were made."""
+    """A mapping's rules for the start of logs."""
 
-    zone: str | None = None  # Of the logger's clock, such as Europe/Oslo, if the logs state none
-    # Regular expression on the path below the source with the groups ``year`` (two or four digits), ``month``, ``day``,
-    # optionally ``hour``, ``minute`` and ``second``, for logs that state no start themselves
+    zone: str | None = None  # Time zone of the logger's clock, such as Europe/Oslo, if the logs state none
+    # Regular expression for the path below the source, for logs without a start. Groups: ``year`` (two or four digits),
+    # ``month``, ``day``, and optionally ``hour``, ``minute`` and ``second``
     pattern: str | None = None
 
     def __post_init__(self) -> None:
@@ -217,7 +217,7 @@ class StartRules:
             )
 
     def of(self, stated: Start | None, relative_path: str) -> Start | None:
-        """Return when a file's clock was at 0 s: as the file states it, else as its name does; in UTC if known."""
+        """Find when a file's clock was at 0 s: from the file, or else from its name; in UTC if the zone is known."""
         start = stated or self._named(relative_path)
         if start is None or start.utc or self.zone is None or np.datetime_data(start.at.dtype)[0] == "D":
             return start

@@ -11,15 +11,15 @@ from cylinder_friction.recordings.recording import RecordingError
 class StatedLoad:
     """A constant load on the rod, positive if it resists extension."""
 
-    force_n: float  # [N]
-    within_n: float = 0.0  # It is right within ± this [N]
+    force_n: float  # Load [N]
+    within_n: float = 0.0  # Largest error of the load [± N]
 
     @classmethod
     def parsed(cls, text: str) -> Self:
-        """Return the load of ``4218`` or ``4218+-40``, in newtons.
+        """Parse a load written as ``4218`` or ``4218+-40``, in newtons.
 
         Raises:
-            RecordingError: It is neither.
+            RecordingError: The text has neither form.
         """
         force, _, within = text.replace("±", "+-").partition("+-")
         try:
@@ -34,5 +34,5 @@ class StatedLoad:
         return cls(force_n, within_n)
 
     def in_words(self) -> str:
-        """Return the load in words."""
+        """Describe the load in words."""
         return f"{self.force_n:g} ± {self.within_n:g} N, as stated"

@@ -1,4 +1,4 @@
-"""Recordings on disk: one Parquet file each, with the metadata inside it."""
+"""Store recordings on disk: one Parquet file each, with the metadata inside it."""
 
 import json
 import uuid
@@ -17,15 +17,15 @@ from cylinder_friction.recordings.recording import Recording, RecordingError, Re
 _METADATA_KEY = b"cylinder_friction"
 DRAWN_ROWS = 2048
 SCRATCH = ".arrow"
-"""Ending of files that are written for one run alone."""
+"""Ending of files that only exist during a run."""
 
 
 def write_recording(
     folder: Path, recording: Recording, stem: str = "", beside: Mapping[str, str] | None = None
 ) -> Path:
-    """Write ``<folder>/<stem or name>.parquet`` and return its path. Equal recordings make equal bytes.
+    """Write ``<folder>/<stem or name>.parquet`` and return its path. Equal recordings give equal bytes.
 
-    ``beside`` is kept in the file's metadata: texts by name, which ``read_beside`` reads without the rows.
+    ``beside`` contains further texts for the file's metadata, which ``read_beside`` reads without the rows.
 
     Example:
         >>> from tempfile import mkdtemp
@@ -43,7 +43,7 @@ def write_recording(
 
 
 def read_beside(path: Path) -> dict[str, str]:
-    """Read the texts that ``write_recording`` kept in a file's metadata; none of a file that is no Parquet."""
+    """Read the texts that ``write_recording`` stored in a file's metadata; none if it is not a Parquet file."""
     try:
         return {name.decode(): text.decode() for name, text in (pq.read_metadata(path).metadata or {}).items()}
     except (pa.ArrowException, UnicodeDecodeError):
@@ -51,9 +51,9 @@ def read_beside(path: Path) -> dict[str, str]:
 
 
 def _writer(file: pa.NativeFile, table: pa.Table) -> pq.ParquetWriter:
-    # A converter gives few values: numbered in a dictionary they take the bits that it has. Of other floats the bytes
-    # are split by their place, where LZ4 makes of them as little as zstd does otherwise, in a fraction of the time.
-    # Nobody searches recordings by value, so that statistics would only cost.
+    # Values of a converter repeat, so a dictionary needs only the converter's bits for each. The bytes of other floats
+    # are split by their position, so that LZ4 compresses them as well as zstd would, in a fraction of the time.
+    # Statistics are left out, because nobody searches recordings by value.
     floats = [field.name for field in table.schema if pa.types.is_floating(field.type)]
     few = [name for name in floats if _holds_few_values(table[name].to_numpy())]
     return pq.ParquetWriter(
@@ -67,14 +67,14 @@ def _writer(file: pa.NativeFile, table: pa.Table) -> pq.ParquetWriter:
 
 
 def _holds_few_values(values: Array) -> bool:
-    """Return whether values come from a converter: one in five of a spread sample is a repetition."""
+    """Check whether values come from a converter: at least one in five of a spread sample is a repetition."""
     some = values[:: max(len(values) // DRAWN_ROWS, 1)][:DRAWN_ROWS]
     ordered = np.sort(some)
     return bool(np.count_nonzero(ordered[1:] != ordered[:-1]) < 0.8 * len(some))
 
 
 def _arrow_table(recording: Recording) -> pa.Table:
-    """Return the recording's columns and metadata, the numbers uncopied and NaN left NaN."""
+    """Convert a recording's columns and metadata to Arrow, without copying numbers; NaN stays NaN."""
     arrays, fields = [], []
     for name, values in recording.columns.items():
         numeric = values.dtype.kind in "fiub"
@@ -86,7 +86,7 @@ def _arrow_table(recording: Recording) -> pa.Table:
 
 
 def read_metadata(path: Path) -> RecordingMetadata:
-    """Return the metadata of one file without reading its rows; refuse one not written by ``write_recording``."""
+    """Read the metadata of a file without its rows; refuse a file that ``write_recording`` did not write."""
     return _metadata(path, pq.read_schema(path))
 
 
@@ -109,27 +109,27 @@ def _metadata(path: Path, schema: pa.Schema) -> RecordingMetadata:
 
 
 def recording_paths(folder: Path) -> list[Path]:
-    """Return the recordings of a folder, sorted by name; raises ``FileNotFoundError`` if the folder is not there."""
+    """List the recordings of a folder, sorted by name; raise ``FileNotFoundError`` if the folder does not exist."""
     if not folder.is_dir():
         raise FileNotFoundError(f"{folder.absolute()}: no such folder of recordings; run `dvc repro` to make it")
     return sorted(folder.glob("*.parquet"))
 
 
 def columns_and_rows(folder: Path) -> tuple[dict[str, str], int]:
-    """Return the type of each column in a folder of recordings, as Arrow names it, and how many rows it holds."""
+    """Return the Arrow type of each column in a folder of recordings, and the total number of rows."""
     heads = [pq.read_metadata(path) for path in recording_paths(folder)]
     columns = {field.name: str(field.type) for head in heads[:1] for field in head.schema.to_arrow_schema()}
     return columns, sum(head.num_rows for head in heads)
 
 
 def iterate_recordings(folder: Path) -> Iterator[Recording]:
-    """Yield the recordings of a folder one at a time, sorted by name, so that memory holds only one."""
+    """Yield the recordings of a folder, sorted by name; memory holds one at a time."""
     for path in recording_paths(folder):
         yield read_recording(path)
 
 
 def read_stored(folder: Path) -> list[Recording]:
-    """Return all recordings of a folder, sorted by name.
+    """Read all recordings of a folder, sorted by name.
 
     Example:
         >>> from tempfile import mkdtemp
@@ -160,7 +160,7 @@ class Kept:
 
 @dataclass
 class Keeper:
-    """Keeps recordings between two steps of a run: in memory up to ``rows`` in all, further ones on disk.
+    """Keeps recordings between two steps of a run: in memory up to ``rows`` rows in total, further ones on disk.
 
     Example:
         >>> from pathlib import Path
@@ -180,5 +180,5 @@ class Keeper:
             return Kept(recording)
         path, table = self.folder / f"{uuid.uuid4().hex}{SCRATCH}", _arrow_table(recording)
         with whole_file(path) as draft, pa.OSFile(str(draft), "wb") as file, pa.ipc.new_file(file, table.schema) as out:
-            out.write_table(table)  # many times as fast as Parquet, and as large
+            out.write_table(table)  # many times as fast as Parquet, at the same size
         return Kept(path)

@@ -1,4 +1,4 @@
-"""True friction beside a recording, if a simulated rig knows it. Only audit, comparison and gate read it."""
+"""Read the true friction of recordings from a simulated rig. Only audit, comparison and gate use it."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,12 +14,12 @@ TRUTH_COLUMNS = ("time_s", "friction_n", "velocity_m_s")
 
 
 def read_truth(folder: Path, recording: Recording) -> pd.DataFrame | None:
-    """Return the truth at the recording's rows, or None if ``<folder>/<name>.parquet`` does not exist.
+    """Read the truth at the recording's rows; None if ``<folder>/<name>.parquet`` does not exist.
 
     Columns, at least: ``time_s``, ``friction_n`` [N, opposing positive velocity], ``velocity_m_s``.
 
     Raises:
-        RecordingError: The truth lacks a column or belongs to other times: it is not this recording's.
+        RecordingError: The truth lacks a column, or its times are not those of the recording.
     """
     path = folder / f"{recording.name}.parquet"
     if not path.is_file():
@@ -44,6 +44,6 @@ def read_truth(folder: Path, recording: Recording) -> pd.DataFrame | None:
 
 
 def known_truth(folder: str, recordings: Sequence[Recording]) -> dict[str, Array]:
-    """Return true friction [N] by recording name, as far as it is known; ``folder`` is empty if nobody knows it."""
+    """Read true friction [N] by recording name, as far as it is known; ``folder`` is empty if there is no truth."""
     truths = {recording.name: read_truth(Path(folder), recording) for recording in recordings} if folder else {}
     return {name: truth["friction_n"].to_numpy(dtype=np.float64) for name, truth in truths.items() if truth is not None}
