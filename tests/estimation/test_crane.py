@@ -18,21 +18,22 @@ from cylinder_friction.recordings.reading_logs import read_recordings
 from cylinder_friction.recordings.storage import read_recording
 
 CONFIGURATION = Path(__file__).parents[2] / "conf"
+CHANNELS = CONFIGURATION / "ingest/crane.yaml"
+JIB = Cylinder(**yaml.safe_load((CONFIGURATION / "cylinder/hmf_2020k_jib.yaml").read_text()))
 CRANE = Path(__file__).parents[2] / "../shared/data/crane/scope"
 QUIET = ("JibSTDTest2_270325", "JibValveResponseTime_010425")
 NOISY = CRANE / "JibSineTest_230425.csv.gz"
+pytestmark = [
+    pytest.mark.extended,
+    pytest.mark.skipif(not CRANE.is_dir(), reason="the recordings of a crane are not there"),
+]
 
 
 @pytest.fixture(scope="module")
 def estimated(tmp_path_factory: pytest.TempPathFactory) -> FrictionOfLogs:
-    if not CRANE.is_dir():
-        pytest.skip("the recordings of a crane are not there")
-    cylinder = Cylinder(**yaml.safe_load((CONFIGURATION / "cylinder/hmf_2020k_jib.yaml").read_text()))
-    into = tmp_path_factory.mktemp("crane") / "friction"
-    return estimate_logs(CRANE, cylinder, into, channels=CONFIGURATION / "ingest/crane.yaml")
+    return estimate_logs(CRANE, JIB, tmp_path_factory.mktemp("crane") / "friction", channels=CHANNELS)
 
 
-@pytest.mark.extended
 def test_all_exports_are_read(estimated: FrictionOfLogs) -> None:
     assert estimated.refused == []
     assert len(estimated.recordings) == 11
@@ -42,7 +43,6 @@ def test_all_exports_are_read(estimated: FrictionOfLogs) -> None:
     assert {each.session for each in estimated.recordings} == {"_270325", "_010425", "_230425"}
 
 
-@pytest.mark.extended
 def test_what_equal_pressures_and_speed_leave_is_stated(estimated: FrictionOfLogs) -> None:
     """23 April agrees with itself; 27 March is 0.86 kN lower, and nothing logged says why."""
     equal = {each.name: each for each in estimated.differences if each.equal is not None}
@@ -54,20 +54,15 @@ def test_what_equal_pressures_and_speed_leave_is_stated(estimated: FrictionOfLog
     assert still == {"JibSTDTest2_270325.csv"}
 
 
-@pytest.mark.extended
 @pytest.mark.filterwarnings("ignore:.*filter windows are in samples:UserWarning")
 def test_bounds_from_quiet_days_hold_a_noisier_day(tmp_path: Path) -> None:
-    if not CRANE.is_dir():
-        pytest.skip("the recordings of a crane are not there")
-    cylinder = Cylinder(**yaml.safe_load((CONFIGURATION / "cylinder/hmf_2020k_jib.yaml").read_text()))
-    channels = CONFIGURATION / "ingest/crane.yaml"
-    quiet = read_recordings([CRANE / f"{name}.csv.gz" for name in QUIET], channels, cylinder)
-    load = position_load(quiet, cylinder)
-    labelled = label(quiet, cylinder, load=load)
-    model = LowPassForceBalanceEstimator(cylinder, inputs=(*SAMPLE_COLUMNS, *OTHER_POSITIONS[:1]))
+    quiet = read_recordings([CRANE / f"{name}.csv.gz" for name in QUIET], CHANNELS, JIB)
+    load = position_load(quiet, JIB)
+    labelled = label(quiet, JIB, load=load)
+    model = LowPassForceBalanceEstimator(JIB, inputs=(*SAMPLE_COLUMNS, *OTHER_POSITIONS[:1]))
     model.position_load = load
-    model.fit(labelled).calibrate(labelled, labelled, cylinder)
-    (found,) = estimate_logs(NOISY, cylinder, tmp_path / "out", channels=channels, model=model).recordings
+    model.fit(labelled).calibrate(labelled, labelled, JIB)
+    (found,) = estimate_logs(NOISY, JIB, tmp_path / "out", channels=CHANNELS, model=model).recordings
     assert re.match(r"pressures are 1\d.\d times as noisy .* and bounds as much wider", found.unlike_training)
     written = read_recording(tmp_path / "out" / f"{found.name}.parquet")
     label_n, usable = written.column("label_n"), written.usable()

@@ -27,11 +27,8 @@ from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recording
 from cylinder_friction.signals.methods import default_filter
-from logger_files import CHANNELS, made_log, write_log
+from logger_files import CHANNELS, STATED, made_log, write_log
 from noisy_recordings import with_noise
-
-SENSOR = {"accuracy_percent": 0.05, "zero_uncertainty": 0.05, "range": [0.0, 250.0], "unit": "bar"}
-STATED = CHANNELS | {name: CHANNELS[name] | {"sensor": SENSOR} for name in ("pressure_1_pa", "pressure_2_pa")}
 
 
 @pytest.fixture(scope="module")
@@ -49,9 +46,7 @@ def error_n(folder: Path, recording: Recording) -> float:
     return float((written.column("friction_n") - recording.column("friction_n"))[usable].mean())
 
 
-def test_friction_is_the_label(
-    tmp_path: Path, logs: Path, cylinder: Cylinder, labelled_recordings: list[Recording]
-) -> None:
+def test_it_is_the_label(tmp_path: Path, logs: Path, cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
     result = estimate_logs(logs, cylinder, tmp_path / "out", channels=CHANNELS)
     assert [each.name for each in result.recordings] == [each.name for each in labelled_recordings[:4]]
     assert result.bounds.startswith("none: nothing is stated about the sensors, so that their zeros are not identified")
@@ -102,26 +97,28 @@ def test_a_model_of_another_cylinder_is_refused_and_what_it_does_not_know_is_nam
     assert len(run(other_cylinder=True).recordings) == 1
 
 
-def test_with_a_model_friction_is_its_real_time_estimate(
-    tmp_path: Path, logs: Path, cylinder: Cylinder, small_hybrid: HybridEstimator
+def test_a_model_runs_in_real_time_anew_in_each_part(
+    tmp_path: Path, cylinder: Cylinder, small_hybrid: HybridEstimator
 ) -> None:
     small_hybrid.save(tmp_path / "model")
-    result = estimate_logs(logs, cylinder, tmp_path / "out", channels=CHANNELS, model=tmp_path / "model")
+    made_log(30_000).to_csv(tmp_path / "long.csv", index=False)
+    given = {"channels": CHANNELS, "model": tmp_path / "model", "rows_at_once": 10_000}
+    result = estimate_logs(tmp_path / "long.csv", cylinder, tmp_path / "out", **given)
     assert small_hybrid.bounds is not None
     assert (result.bounds, result.offsets) == (small_hybrid.bounds.in_words(), [])
     shares = result.recordings[0].flags_percent
     assert shares is not None
     assert 0.0 < shares["WARMING"] < 100.0
-    written = read_recording(tmp_path / "out" / f"{result.recordings[0].name}.parquet")
-    newtons, flags = small_hybrid.real_time().run(written.samples())
-    np.testing.assert_array_equal(written.table[["friction_n", "lower_n", "upper_n"]], newtons)
-    np.testing.assert_array_equal(written.column("flags"), flags)
-    assert "label_n" in written.table
+    assert len(result.recordings) == 3
+    for each in result.recordings:
+        written = read_recording(tmp_path / f"out/{each.name}.parquet")
+        newtons, flags = small_hybrid.real_time().run(written.samples())
+        np.testing.assert_array_equal(written.table[["friction_n", "lower_n", "upper_n"]], newtons)
+        np.testing.assert_array_equal(written.column("flags"), flags)
+        assert "label_n" in written.table
 
 
-def test_bounds_are_as_much_wider_as_pressures_are_noisier_than_in_training(
-    tmp_path: Path, cylinder: Cylinder, twelve_recordings: list[Recording]
-) -> None:
+def test_bounds_widen_with_noise(tmp_path: Path, cylinder: Cylinder, twelve_recordings: list[Recording]) -> None:
     model = LowPassForceBalanceEstimator(cylinder).fit(twelve_recordings[:4])
     model.calibrate(twelve_recordings[:4], twelve_recordings[4:8], cylinder)
     assert model.trained_for is not None
@@ -184,9 +181,7 @@ def test_logs_at_another_rate_are_resampled_to_the_models(
     assert result.recordings[0].rows == pytest.approx(len(recording), abs=2)
 
 
-def test_a_load_by_position_is_taken_off(
-    tmp_path: Path, cylinder: Cylinder, labelled_recordings: list[Recording]
-) -> None:
+def test_a_load_by_position_comes_off(tmp_path: Path, cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
     recording, weight_n = labelled_recordings[0], 900.0
     loaded_pa = recording.column("pressure_1_pa") + weight_n / cylinder.piston_area_m2
     write_log(tmp_path / "logs/loaded.csv", recording.with_columns(pressure_1_pa=loaded_pa))
@@ -202,9 +197,7 @@ def test_a_load_by_position_is_taken_off(
     assert result.recordings[0].load != "position"
 
 
-def test_a_model_takes_its_own_load_by_position_or_that_of_the_session(
-    tmp_path: Path, cylinder: Cylinder, labelled_recordings: list[Recording]
-) -> None:
+def test_the_models_or_sessions_load(tmp_path: Path, cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
     """Of a crane at another angle only the session's own load is right; ``load="position"`` asks for it."""
     recording = labelled_recordings[0]
     knows = LowPassForceBalanceEstimator(cylinder)
@@ -243,20 +236,8 @@ def test_a_long_log_becomes_parts_that_lose_a_filters_length_at_their_ends(
     assert off_n.abs().mean() < (0.5 if load == "none" else 3.0)
 
 
-def test_a_model_begins_anew_in_each_part(tmp_path: Path, cylinder: Cylinder, small_hybrid: HybridEstimator) -> None:
-    made_log(30_000).to_csv(tmp_path / "long.csv", index=False)
-    given = {"channels": CHANNELS, "model": small_hybrid, "rows_at_once": 10_000}
-    for each in estimate_logs(tmp_path / "long.csv", cylinder, tmp_path / "out", **given).recordings:
-        written = read_recording(tmp_path / f"out/{each.name}.parquet")
-        newtons, flags = small_hybrid.real_time().run(written.samples())
-        np.testing.assert_array_equal(written.table[["friction_n", "lower_n", "upper_n"]], newtons)
-        np.testing.assert_array_equal(written.column("flags"), flags)
-
-
 @pytest.mark.parametrize("run", [estimate_logs, partial(identify_logs, generations=1)], ids=["estimate", "identify"])
-def test_results_go_neither_over_the_input_nor_over_what_no_run_wrote(
-    tmp_path: Path, logs: Path, cylinder: Cylinder, run: Callable[..., object]
-) -> None:
+def test_results_overwrite_nothing(tmp_path: Path, logs: Path, cylinder: Cylinder, run: Callable[..., object]) -> None:
     own = Path(shutil.copytree(logs, tmp_path / "own"))
     for name in ("summary.json", "friction_models.json"):
         (own / name).write_text("{}", encoding="utf-8")

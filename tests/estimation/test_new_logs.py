@@ -20,13 +20,11 @@ from cylinder_friction.estimation.from_logs import estimate_logs
 from cylinder_friction.estimation.kept_results import kept_recordings, restore_summary
 from cylinder_friction.estimation.result_file import GONE, SETTLED_S
 from cylinder_friction.estimation.results import FrictionOfLogs
-from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
+from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.recordings.recording import Recording
-from logger_files import CHANNELS, write_log
+from logger_files import CHANNELS, STATED, write_log
 
 KILLS = int(os.environ.get("KILLS", "4"))
-SENSOR = {"accuracy_percent": 0.05, "zero_uncertainty": 0.05, "range": [0.0, 250.0], "unit": "bar"}
-STATED = CHANNELS | {name: CHANNELS[name] | {"sensor": SENSOR} for name in ("pressure_1_pa", "pressure_2_pa")}
 Run = Callable[..., FrictionOfLogs]
 
 
@@ -95,14 +93,11 @@ def test_new_files_leave_the_results_of_the_others_and_the_page_shows_all(run: R
     assert all(f"#pane={name}" in after["friction.html"].decode() for name in names(result))
 
 
-def test_with_a_model_runs_by_steps_give_the_same_bytes(
-    run: Run, folder: Path, cylinder: Cylinder, labelled_recordings: list[Recording]
-) -> None:
-    model = LowPassForceBalanceEstimator(cylinder).fit(labelled_recordings[:2])
-    run(model=model)
+def test_with_a_model_runs_by_steps_give_the_same_bytes(run: Run, folder: Path, small_hybrid: HybridEstimator) -> None:
+    run(model=small_hybrid)
     deliver(folder, 5, 6)
-    run(model=model)
-    run("whole", model=model)
+    run(model=small_hybrid)
+    run("whole", model=small_hybrid)
     by_steps, at_once = (content(folder.with_name(name)) for name in ("out", "whole"))
     for name in ("summary.json", "friction.html"):  # where results lie, and what was new, differs
         by_steps.pop(name), at_once.pop(name)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
 
 from cylinder_friction.estimation.velocity_choices import shifted_intervals, slope, slope_noise, velocities_on_offer
 from cylinder_friction.friction_models.identification.procedure import Identification
-from cylinder_friction.friction_models.lugre import LugreParameters
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
+from friction_samples import PLAIN_LUGRE
 
 SAMPLE_TIME_S, NOISE_M = 0.005, 3e-5
 
@@ -49,17 +51,7 @@ def test_every_candidate_is_zero_at_standstill_and_follows_a_stroke() -> None:
 
 def test_zeros_shift_dry_friction_and_its_ratio() -> None:
     curve = StribeckCurve(200.0, 260.0, 0.01, 1.0, 900.0)
-    parameters = LugreParameters(
-        coulomb_n=200.0,
-        static_n=260.0,
-        stribeck_velocity_m_s=0.01,
-        stribeck_exponent=1.0,
-        viscous_n_s_m=900.0,
-        bristle_stiffness_n_m=1e6,
-        bristle_damping_n_s_m=100.0,
-        damping_velocity_m_s=0.01,
-        retract_ratio=1.2,
-    )
+    parameters = replace(PLAIN_LUGRE, coulomb_n=200.0, viscous_n_s_m=900.0, retract_ratio=1.2)
     intervals = {"coulomb_n": (197.0, 204.0), "viscous_n_s_m": (850.0, 950.0), "retract_ratio": (1.2, 1.2)}
     found = Identification(parameters, "a", intervals, (), curve, 5.0, 250.0, 6.0, (), 9)
     assert shifted_intervals(found, intervals, 0.0) == intervals

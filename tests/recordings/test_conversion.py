@@ -95,9 +95,7 @@ def test_a_damaged_part_is_named_and_the_others_are_used(
         raise RecordingError(refused.reason)
 
 
-def test_a_long_log_with_its_newest_row_first_is_refused_and_a_short_one_turned_round(
-    tmp_path: Path, cylinder: Cylinder
-) -> None:
+def test_newest_first_is_refused_if_long_and_turned_round_if_short(tmp_path: Path, cylinder: Cylinder) -> None:
     made_log(ROWS)[::-1].to_csv(tmp_path / "log.csv", index=False)
     refused = list(recordings_of({"log.csv": tmp_path / "log.csv"}, recipe(cylinder), PART))
     words = "if a log too long to be read at once has its newest row first, sort it by time"

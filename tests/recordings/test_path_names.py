@@ -24,15 +24,6 @@ def test_a_pattern_reads_names(pattern: str, path: str, expected: tuple[str, str
         NameRules(pattern).names("notes.csv")
 
 
-@pytest.mark.parametrize(
-    ("pattern", "message"),
-    [("(?P<condition>a)(", "is not a regular expression"), ("(?P<condition>a)", "has no group 'session'")],
-)
-def test_wrong_pattern_is_refused(pattern: str, message: str) -> None:
-    with pytest.raises(RecordingError, match=message):
-        NameRules(pattern=pattern)
-
-
 def table_at(folder: Path, text: str) -> NameRules:
     path = folder / "names.csv"
     path.write_text(text, encoding="utf-8")
@@ -71,15 +62,8 @@ def test_a_table_names_files(tmp_path: Path) -> None:
 def test_damaged_table_is_refused(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(RecordingError, match=message):
         table_at(tmp_path, text)
-
-
-def test_missing_table_and_two_rules_are_refused(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match=r"table of names 'none.csv' cannot be read"):
         NameRules(table=tmp_path / "none.csv")
-    with pytest.raises(RecordingError, match="either a name pattern or a table"):
-        NameRules()
-    with pytest.raises(RecordingError, match="either a name pattern or a table"):
-        NameRules(pattern=RIG, table=tmp_path / "none.csv")
 
 
 @pytest.mark.parametrize("path", ["back\\slash.csv", "new\nline.csv", "day/bytes\udcff.csv"])

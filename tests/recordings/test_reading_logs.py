@@ -53,9 +53,7 @@ def test_a_table_of_names_is_honoured_unless_names_are_given(logs: Path, cylinde
     assert (first.metadata.condition, first.metadata.session) == ("1", "condition1_session01")
 
 
-def test_files_outside_the_folders_of_a_pattern_are_sessions_of_their_own(
-    logs: Path, cylinder: Cylinder, tmp_path: Path
-) -> None:
+def test_files_outside_a_patterns_folders_are_sessions(logs: Path, cylinder: Cylinder, tmp_path: Path) -> None:
     mapping = {"channels": CHANNELS, "name_pattern": r"^(?P<session>(?P<condition>[^_/]+)_[^/]+)/"}
     paths = [Path(shutil.copy(path, tmp_path)) for path in sorted(logs.glob("*.csv"))[:2]]
     with pytest.warns(UserWarning, match=r"finds no session in any path, such as 'condition1_.*: each file is a sess"):
@@ -111,36 +109,6 @@ def test_missing_files_and_channels_are_refused(logs: Path, cylinder: Cylinder, 
     (tmp_path / "empty.yaml").write_text("source: here\n")
     with pytest.raises(RecordingError, match="expected a key 'channels' with one entry per column, but got source"):
         read_recordings(logs, tmp_path / "empty.yaml", cylinder)
-    with pytest.raises(RecordingError, match="column 'position_m' has no channel"):
-        read_recordings(logs, {column: CHANNELS[column] for column in list(CHANNELS)[:3]}, cylinder)
-
-
-def test_channels_at_three_rates_are_found_and_brought_to_one(
-    tmp_path: Path, cylinder: Cylinder, rig_tables: dict[str, pd.DataFrame]
-) -> None:
-    """Position (100 Hz) and load (50 Hz) have time columns of their own beside the pressures'."""
-    true = next(iter(rig_tables.values()))
-    columns = [5 * np.arange(len(true)), true["pressure_1_pa"] / 1e5, true["pressure_2_pa"] / 1e5]
-    columns += [10 * np.arange(len(true[::2])), true["position_m"][::2] * 1e3]
-    columns += [20 * np.arange(len(true[::4])), 1.0 + np.sin(true["time_s"][::4])]
-    cells = pd.DataFrame({place: pd.Series(np.asarray(each)).astype(object) for place, each in enumerate(columns)})
-    header = "Name;Presse;\nFile;D:\\presse.csv;\n\nName;Druck Kolben;Druck Stange;Name;Weg;Name;Last\n\n"
-    rows = cells.to_csv(index=False, header=False, sep=";").replace(".", ",")
-    (tmp_path / "stroke.csv").write_text(f"{header}{rows}EOF\n", encoding="utf-8")
-    with pytest.warns(UserWarning, match="no mapping was given") as warned:
-        (recording,) = read_recordings(tmp_path, None, cylinder, load="none", units={"pressure": "bar"})
-    for line in (
-        'time_s: {channel: "Name", unit: ms}',
-        'pressure_1_pa: {channel: "Druck Kolben", unit: bar}',
-        'pressure_2_pa: {channel: "Druck Stange", unit: bar}',
-        'position_m: {channel: "Weg", unit: mm}',
-        'load_force_n: {channel: "Last", unit: kN}',
-    ):
-        assert line in str(warned[0].message)
-    assert recording.sample_time_s == 0.02
-    position = np.interp(recording.column("time_s"), true["time_s"], true["position_m"])
-    assert np.abs(recording.column("position_m") - position)[10:-10].max() < 5e-4
-    assert len(recording) == pytest.approx(len(true) / 4, abs=2)
 
 
 @pytest.mark.parametrize(

@@ -3,13 +3,17 @@
 import math
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.formats.layout import CsvOptions
+from cylinder_friction.recordings.line_loss import LineLoss
 from cylinder_friction.recordings.mapping.channel_mapping import SensorScale
+from cylinder_friction.recordings.path_names import NameRules
+from cylinder_friction.recordings.start import StartRules
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
 
@@ -36,6 +40,22 @@ def sensor(**values: Any) -> SensorScale:
         (sensor, {"accuracy_percent": -0.5}, "accuracy_percent: expected 0 to 100 (of full scale), but got -0.5"),
         (sensor, {"accuracy_percent": 0.5, "zero_uncertainty": -1.0}, "zero_uncertainty: expected zero or a"),
         (sensor, {"zero_uncertainty": 0.1}, "zero_uncertainty needs accuracy_percent"),
+        (LineLoss, {}, "expected positive bar and speed_m_s, or positive length_m, bore_mm and oil_mm2_s"),
+        (LineLoss, {"bar": 3.0}, "expected positive bar and speed_m_s"),
+        (LineLoss, {"bar": 3.0, "speed_m_s": 0.1, "length_m": 2.0}, "or positive length_m"),
+        (LineLoss, {"bar": 3.0, "speed_m_s": 0.1, "uncertainty_percent": 120.0}, "uncertainty_percent: expected 0 to"),
+        (NameRules, {"pattern": "(?P<condition>a)("}, "is not a regular expression"),
+        (NameRules, {"pattern": "(?P<condition>a)"}, "has no group 'session'"),
+        (NameRules, {}, "either a name pattern or a table"),
+        (NameRules, {"pattern": "(?P<session>a)", "table": Path("none.csv")}, "either a name pattern or a table"),
+        (StartRules, {"zone": "Europe/Oslow"}, "zone: got 'Europe/Oslow', expected a name of the time zone database"),
+        (StartRules, {"zone": "../../etc/passwd"}, "zone: got '../../etc/passwd', expected a name"),
+        (StartRules, {"pattern": "("}, "pattern: '(' is not a regular expression: missing"),
+        (
+            StartRules,
+            {"pattern": "(?P<year>x)"},
+            "got groups year, expected year, month, day, and if you like hour, mi",
+        ),
         (CsvOptions, {"delimiter": "ab"}, "delimiter: expected one character, 'whitespace' or 'auto', but got 'ab'"),
         (CsvOptions, {"encoding": "klingon"}, "encoding: expected one that Python knows"),
         (CsvOptions, {"header": "two"}, "header: expected one of auto, names_units, but got 'two'"),

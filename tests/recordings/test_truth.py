@@ -8,9 +8,7 @@ from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.truth import read_truth
 
 
-def test_truth_is_read_where_it_is_for_the_rows_of_the_recording(
-    tmp_path: Path, labelled_recordings: list[Recording]
-) -> None:
+def test_truth_is_read_for_the_rows_of_the_recording(tmp_path: Path, labelled_recordings: list[Recording]) -> None:
     """Ingest may leave out rows at either end, for example where a sensor is late."""
     whole = labelled_recordings[0]
     assert read_truth(tmp_path, whole) is None

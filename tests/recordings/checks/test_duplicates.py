@@ -57,9 +57,7 @@ def test_what_an_earlier_run_held_is_remembered() -> None:
         (("", ""), "monday", ""),
     ],
 )
-def test_recordings_of_a_session_that_overlap_in_time_are_named(
-    starts: tuple[str, str], session: str, words: str
-) -> None:
+def test_overlapping_recordings_of_a_session_are_named(starts: tuple[str, str], session: str, words: str) -> None:
     seen = SeenRecordings()
     for seed, (name, start, own) in enumerate(zip("ab", starts, ("monday", session), strict=True)):
         seen.refuse(name, f"{name}.csv", samples(columns(seed), start, own))

@@ -28,13 +28,9 @@ def scaled(factor: float) -> Change:
     return lambda table: table.assign(**table[["pressure_1_pa", "pressure_2_pa"]] * factor)
 
 
-@pytest.fixture(scope="module")
-def areas(cylinder: Cylinder) -> tuple[float, float]:
-    return cylinder.piston_area_m2, cylinder.annulus_area_m2
-
-
-def checked(table: pd.DataFrame, areas: tuple[float, float] | None, load: LoadMode = "none") -> list[Finding]:
-    return check_friction(columns_of(table), 0.005, CheckLimits(STROKE_M, *(areas or (None, None)), load))
+def checked(table: pd.DataFrame, cylinder: Cylinder | None, load: LoadMode = "none") -> list[Finding]:
+    areas = (cylinder.piston_area_m2, cylinder.annulus_area_m2) if cylinder else (None, None)
+    return check_friction(columns_of(table), 0.005, CheckLimits(STROKE_M, *areas, load))
 
 
 def outcomes(findings: list[Finding]) -> dict[str, str]:
@@ -60,14 +56,14 @@ REFUSED = {"direction": "refused"}
 )
 def test_the_rigs_recordings(
     rig_tables: dict[str, pd.DataFrame],
-    areas: tuple[float, float],
+    cylinder: Cylinder,
     change: Change,
     expected: dict[str, str],
     text: str,
     load: Any,
 ) -> None:
     for table in rig_tables.values():
-        findings = checked(change(table), areas, load)
+        findings = checked(change(table), cylinder, load)
         assert outcomes(findings) == expected
         assert not findings or any(re.search(text, finding.text) for finding in findings)
 
@@ -75,13 +71,13 @@ def test_the_rigs_recordings(
 @pytest.mark.parametrize("column", ["pressure_1_pa", "pressure_2_pa"])
 @pytest.mark.parametrize("offset_pa", [-1.25e5, 1.25e5])
 def test_a_sensors_zero_is_never_taken_for_a_swap(
-    rig_tables: dict[str, pd.DataFrame], areas: tuple[float, float], column: str, offset_pa: float
+    rig_tables: dict[str, pd.DataFrame], cylinder: Cylinder, column: str, offset_pa: float
 ) -> None:
     for table in rig_tables.values():
         wrong = table.assign(**{column: table[column] + offset_pa})
-        assert outcomes(checked(wrong, areas)).get("direction") in (None, "noted")
-        assert outcomes(checked(swapped(wrong), areas)) == REFUSED
-        assert outcomes(checked(inverted(wrong), areas)) == REFUSED
+        assert outcomes(checked(wrong, cylinder)).get("direction") in (None, "noted")
+        assert outcomes(checked(swapped(wrong), cylinder)) == REFUSED
+        assert outcomes(checked(inverted(wrong), cylinder)) == REFUSED
 
 
 def pushed(friction_n: float = 300.0, load_n: float = 0.0, seconds: float = 20.0) -> pd.DataFrame:

@@ -150,9 +150,7 @@ def test_a_small_jump_is_noted_and_a_large_one_refuses_the_recording() -> None:
 
 
 @pytest.mark.parametrize(("times", "outcome"), [(60.0, ["noted"]), (3.0, [])])
-def test_noise_of_a_third_of_a_recording_is_compared_with_the_quietest_stretch(
-    times: float, outcome: list[str]
-) -> None:
+def test_noise_of_a_third_is_compared_with_the_quietest_stretch(times: float, outcome: list[str]) -> None:
     time_s, generator = 0.01 * np.arange(6000), np.random.default_rng(1)
     position_m = 0.125 + 0.05 * np.sin(0.25 * np.pi * time_s) + generator.normal(0.0, 2e-5, 6000)
     position_m[2000:4000] += generator.normal(0.0, times * 2e-5, 2000)

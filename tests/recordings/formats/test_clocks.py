@@ -41,9 +41,7 @@ def written(form: str) -> list[str]:
     ],
 )
 @pytest.mark.parametrize("wanted", [True, False])
-def test_two_columns_of_one_stamp_are_put_together(
-    tmp_path: Path, header: str, form: str, clock: str, wanted: bool
-) -> None:
+def test_two_columns_of_one_stamp_are_joined(tmp_path: Path, header: str, form: str, clock: str, wanted: bool) -> None:
     table = read(tmp_path, header, written(form), [clock, "p"] if wanted else None)
     np.testing.assert_array_equal(table.channels[clock].to_numpy(), STAMPS)
     assert [name for name in table.channels if name in ("Date", "Datum", "ms")] == []
@@ -88,9 +86,7 @@ def test_other_numbers_are_no_dates(numbers: Any) -> None:
         (3856320900.0, 1, True, "'stamp' counts s since 1904 (LabVIEW)"),
     ],
 )
-def test_a_file_states_what_its_numbers_count_from(
-    tmp_path: Path, first: float, unit: float, utc: bool, words: str
-) -> None:
+def test_a_file_states_what_it_counts_from(tmp_path: Path, first: float, unit: float, utc: bool, words: str) -> None:
     table = read(
         tmp_path,
         "stamp,p",

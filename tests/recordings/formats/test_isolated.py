@@ -95,23 +95,19 @@ def test_a_process_that_was_ended_between_two_files_is_replaced(tmp_path: Path) 
     assert len(read_logged_file(good)[0].channels) == 6
 
 
-def script(text: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+def run(text: str, script: Path, *arguments: Path) -> subprocess.CompletedProcess[str]:
     head = "import os, sys, signal\nfrom pathlib import Path\n"
     head += "from cylinder_friction.recordings.formats.reading import read_logged_file\n"
     head += "from cylinder_friction.recordings.formats.isolated import _READERS\n"
-    command = [sys.executable, "-W", "error", "-c", head + text, *map(str, arguments)]
+    script.write_text(head + text, encoding="utf-8")
+    command = [sys.executable, "-W", "error", str(script), *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
 
 
 @ON_LINUX
 def test_a_script_without_a_guard_runs_once(tmp_path: Path) -> None:
-    (tmp_path / "script.py").write_text(
-        "import sys\nfrom pathlib import Path\n"
-        "from cylinder_friction.recordings.formats.reading import read_logged_file\n"
-        "print(len(read_logged_file(Path(sys.argv[1]))[0].channels), flush=True)\n"
-    )
-    command = [sys.executable, str(tmp_path / "script.py"), str(write_good(tmp_path / "log"))]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=60.0, check=False)
+    text = "print(len(read_logged_file(Path(sys.argv[1]))[0].channels), flush=True)\n"
+    done = run(text, tmp_path / "script.py", write_good(tmp_path / "log"))
     assert (done.stdout, done.returncode) == ("6\n", 0)
 
 
@@ -125,7 +121,7 @@ def test_the_process_ends_with_its_parent_and_in_silence(tmp_path: Path, ending:
         "for path in sys.argv[1:]:\n    try: read_logged_file(Path(path))\n    except ValueError: pass\n"
         f"print(_READERS[os.getpid()][1].pid, flush=True)\n{ending}\n"
     )
-    done = script(text, write_good(tmp_path / "log"), tmp_path / "noise")
+    done = run(text, tmp_path / "script.py", write_good(tmp_path / "log"), tmp_path / "noise")
     assert done.stderr == ""
     assert done.returncode == (-signal.SIGKILL if ending else 0)
     for process in processes(int(done.stdout)):

@@ -35,9 +35,7 @@ BINARY = bytes(range(256)) * 4
         ),
     ],
 )
-def test_what_is_no_log_is_refused_by_name_with_what_to_export(
-    tmp_path: Path, name: str, content: bytes, message: str
-) -> None:
+def test_what_is_no_log_is_refused_by_name(tmp_path: Path, name: str, content: bytes, message: str) -> None:
     (tmp_path / name).write_bytes(content)
     with pytest.raises(RecordingError, match=message):
         read_logged_file(tmp_path / name)

@@ -42,17 +42,12 @@ def test_values_become_si_units(column: str, source: ChannelMapping, raw: list[f
 
 
 def test_drive_force_stands_in_for_both_pressures() -> None:
-    check_mapping(
-        {
-            "time_s": ChannelMapping(rate_hz=1000.0),
-            "position_m": ChannelMapping("x", "m"),
-            "drive_force_n": ChannelMapping("f", "N"),
-        }
-    )
+    force = {"time_s": ChannelMapping(rate_hz=1000.0), "drive_force_n": ChannelMapping("f", "N")}
+    check_mapping(force | {"position_m": MAPPING["position_m"]})
 
 
 BAR = {"range": [0, 250], "unit": "bar"}
-LOOP = {"signal": [4, 20]}
+LOOP, LOSS = {"signal": [4, 20]}, {"line_loss": {"bar": 3.0, "speed_m_s": 0.25}}
 SIGNAL = "is a sensor's signal and means nothing without its range; state the sensor"
 
 
@@ -67,6 +62,7 @@ SIGNAL = "is a sensor's signal and means nothing without its range; state the se
         ("position_m", {"channel": ""}, "expected the logger's name of the channel, but got ''"),
         ("position_m", {"channel": "", "rate_hz": 200.0}, "'position_m': rate_hz is for 'time_s' alone"),
         ("position_m", {"offset": float("nan")}, "offset: expected a finite number"),
+        ("position_m", {"sensor": BAR | {"unit": "mm"} | LOSS}, "sensor.line_loss is for the cylinder's pressures al"),
         ("pressure_1_pa", {"unit": "bar", "sensor": BAR | {"unit": "bara"}}, "the sensor's unit 'bara' is absolute"),
         ("pressure_1_pa", {"unit": "mA"}, f"channel 'a': unit 'mA' {SIGNAL}"),
         ("pressure_1_pa", {"unit": "mA", "sensor": BAR}, f"unit 'mA' {SIGNAL}"),
@@ -129,9 +125,8 @@ def test_limits_follow_unit_sign_offset_and_reference() -> None:
         ),
     ],
 )
-def test_accuracy_is_a_rectangular_error_of_the_zero_or_of_the_span_beside_a_calibrated_zero(
-    sensor: SensorScale, zero_pa: float, span: float, resolution_pa: float
-) -> None:
+def test_accuracy_is_rectangular(sensor: SensorScale, zero_pa: float, span: float, resolution_pa: float) -> None:
+    """An error of the zero, or of the span beside a calibrated zero."""
     mapping = {"pressure_1_pa": ChannelMapping("a", "bar", sensor=sensor), "position_m": ChannelMapping("x", "mm")}
     ((column, stated),) = sensor_uncertainty(mapping).items()
     assert column == "pressure_1_pa"

@@ -106,6 +106,7 @@ TEXT = np.array(["soon"] * ROWS, dtype=object)
             "'column_1' steps by exactly 1, so that it may count rows, and not time; state",
         ),
         ({"Time": np.arange(ROWS)}, "'Time' steps by exactly 1, so that it may count rows"),
+        (MEASURED | {"energy": TIME}, "NOT FOUND"),
         ({"Sample": np.arange(ROWS), "Time": TEXT}, "'Time' is named like time, but its cells cannot be read, such as"),
         ({"n": 0.005 * np.arange(ROWS), "Uhrzeit": TEXT}, "'Uhrzeit' is named like time, but its cells cannot be read"),
     ],
@@ -147,10 +148,6 @@ def test_what_steps_by_one_is_time_if_its_name_and_a_given_unit_state_it() -> No
     tables = [LoggedTable(pd.DataFrame({name: np.arange(ROWS)} | MEASURED)) for name in ("Time", "column_1")]
     named, unnamed = (guess_mapping([table], PATH, units={"time": "ms"}).columns["time_s"] for table in tables)
     assert (named.known, named.unit, unnamed.known) == (True, "ms", False)
-
-
-def test_what_only_rises_is_no_time() -> None:
-    assert names_of(text_of(MEASURED | {"energy": TIME}))["time_s"] == "NOT FOUND"
 
 
 @pytest.mark.parametrize(("given", "rate_hz"), [("200Hz", 200), ("1 kHz", 1000)])

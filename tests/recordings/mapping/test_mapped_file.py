@@ -92,15 +92,12 @@ def test_two_clocks_of_one_table_are_refused_unless_each_column_states_its_own()
         map_signals(tables, MAPPING)
     mapping = MAPPING | {"position_m": ChannelMapping("x", "mm", time="t10 [ms]")}
     assert map_signals(tables, mapping).signals["position_m"].time_s[-1] == 0.39
+    in_seconds = MAPPING | {"position_m": ChannelMapping("x", "mm", time="t10 [ms]", time_unit="s")}
+    tables = [LoggedTable(pd.DataFrame(PLC | {"t10 [ms]": 0.005 * ROWS}))]
+    assert map_signals(tables, in_seconds).signals["position_m"].time_s[-1] == pytest.approx(0.195)
     alike = {name: cells for name, cells in PLC.items() if name != "t10 [ms]"}
     for clock in (5000 * ROWS, 0.005 * ROWS, ROWS, pd.Timestamp("2026-03-14") + pd.to_timedelta(5 * ROWS, "ms")):
         map_signals([LoggedTable(pd.DataFrame(alike | {"clock": clock}))], MAPPING)
-
-
-def test_a_clock_of_its_own_may_state_its_own_unit() -> None:
-    tables = [LoggedTable(pd.DataFrame(PLC | {"t10 [ms]": 0.005 * ROWS}))]
-    mapping = MAPPING | {"position_m": ChannelMapping("x", "mm", time="t10 [ms]", time_unit="s")}
-    assert map_signals(tables, mapping).signals["position_m"].time_s[-1] == pytest.approx(0.195)
 
 
 def test_a_unit_that_contradicts_the_date_is_refused() -> None:
@@ -180,11 +177,6 @@ def test_dates_of_two_tables_count_from_the_earliest() -> None:
     np.testing.assert_allclose(signals["pressure_1_pa"].time_s, 0.002 + np.arange(6) * 0.005)
 
 
-def test_time_without_a_unit_has_that_of_the_file() -> None:
-    stated = map_signals([logged(units={"t": "ms"})], MAPPING | {"time_s": ChannelMapping("t")})
-    np.testing.assert_allclose(stated.signals["position_m"].time_s, [0.0, 0.005])
-
-
 DATED = FAST | {"t": pd.Timestamp("2026-03-14") + pd.to_timedelta(np.arange(6) * 5, unit="ms")}
 SLOW_TIME, NO_TIME = table("slow", t2=[0.0, 1.0, 2.0], x=np.zeros(3)), table("slow", x=np.zeros(3))
 STAMPED = {"position_m": ChannelMapping("x", "mm", time="t")}
@@ -242,17 +234,17 @@ def test_channel_in_two_tables_needs_its_table() -> None:
         map_signals(tables, wrong)
 
 
-def test_what_the_file_agrees_with_is_read() -> None:
+def test_what_the_file_agrees_with_is_read_with_the_readers_repairs_as_notes() -> None:
     agreeing = {"a": "Bar", "b": "PSI", "x": "[mm]", "t": "msec", "spare": "MPa"}
     assert map_signals([logged(units=agreeing)], MAPPING).notes == ()
+    mapping = MAPPING | {"time_s": ChannelMapping("t")}
+    repaired = LoggedTable(logged().channels, agreeing, notes=("the last line was cut off; it is left out",))
+    mapped = map_signals([repaired], mapping)
+    assert mapped.notes == repaired.notes
+    np.testing.assert_allclose(mapped.signals["position_m"].time_s, [0.0, 0.005])
     absolute = MAPPING | {"pressure_1_pa": ChannelMapping("a", "bara")}
     values = map_signals([logged(units={"a": "bara"})], absolute).signals["pressure_1_pa"].values
     np.testing.assert_allclose(values, [1e5 - 101325.0, 2e5 - 101325.0])
-
-
-def test_the_readers_repairs_become_notes() -> None:
-    noted = LoggedTable(logged().channels, {"a": "barr"}, notes=("the last line was cut off; it is left out",))
-    assert map_signals([noted], MAPPING).notes == noted.notes
 
 
 def test_a_channel_may_have_another_name_in_other_files() -> None:
