@@ -1,4 +1,4 @@
-"""The record of a stage as a file, the only source of its MLflow run, logged now or later."""
+"""The record of a stage as a file: the only source of its MLflow run, whether it is logged now or later."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from cylinder_friction.files.whole_files import json_hash
 
 Scalar = str | int | float | bool
 Table = dict[str, list[Any]]
-"""A table by columns of equal length: texts, numbers, or None."""
+"""A table as columns of equal length, with text, numbers or None."""
 
 STAGES = (
     "record", "ingest", "filter", "label", "split", "offset",
@@ -22,7 +22,7 @@ STAGES = (
 )  # fmt: skip
 """The stages of the pipeline, in its order."""
 RUNS_FOLDER = Path("reports/runs")
-"""One ``<stage>.json`` each: the stage's ``RunRecord``."""
+"""Folder with the ``RunRecord`` of each stage as ``<stage>.json``."""
 _CIRCUMSTANCES = ("took", "commit", "pipeline")
 """Fields that are ignored in comparisons of records: equal results at another commit are the same run."""
 
@@ -55,7 +55,7 @@ class Dataset:
     """A folder of recordings that a stage read."""
 
     path: str  # Relative to the repository's root
-    md5: str  # DVC's hash of it
+    md5: str  # DVC's hash of the folder
     columns: dict[str, str]  # Type of each column, as Arrow names it
     rows: int
 
@@ -65,21 +65,21 @@ class RunRecord:
     """What a stage did. Equal work gives records with equal keys.
 
     Attributes:
-        name: The stage, or the trial of a search.
-        params: Its parameters.
-        metrics: Results, one number each; what comes before a ``/`` in a name groups them.
-        curves: Results by step (epoch, trial): a list per name.
-        tables: Results by condition, estimator, ...
+        name: Name of the stage, or of the trial of a search.
+        params: Parameters of the stage.
+        metrics: Results as single numbers; the part of a name before ``/`` groups them.
+        curves: Results by step (epoch or trial): a list per name.
+        tables: Results as tables, for example by condition or estimator.
         note: Results in words, as Markdown.
-        tags: Further words.
+        tags: Further tags of the run.
         artifacts: Files and folders to log, relative to the repository root.
         datasets: Recordings that the stage read, by role (train, validation, test).
         children: Runs below this one, for example the trials of a search.
-        experiment: The MLflow experiment: the recipe's name, empty for the default.
+        experiment: MLflow experiment: the recipe's name, or empty for the default recipe.
         took: When the stage ran and what it cost. The key leaves out this field and the next two.
-        commit: The commit that the stage ran at, as tags of its run.
-        pipeline: Parameters of the pipeline's run, which ``compare`` and ``register`` state: recipe, seeds, what
-            differs from the default recipe.
+        commit: Commit at which the stage ran, as tags of its run.
+        pipeline: Parameters of the pipeline's run, stated by ``compare`` and ``register``: recipe, seeds and
+            differences from the default recipe.
     """
 
     name: str
@@ -98,7 +98,7 @@ class RunRecord:
     pipeline: dict[str, Scalar] = field(default_factory=dict)
 
     def to_dict(self) -> dict[str, Any]:
-        """List the content of its file, without empty fields."""
+        """Collect the content of the record's file, without empty fields."""
         content = {**asdict(self), "children": [child.to_dict() for child in self.children]}
         return {key: value for key, value in content.items() if value}
 
@@ -112,7 +112,7 @@ class RunRecord:
         return cls(**given)
 
     def key(self) -> str:
-        """Hash what was done: two records with one key are one run."""
+        """Hash the work that was done: two records with equal keys are the same run."""
         return json_hash(self._compared())
 
     def _compared(self) -> dict[str, Any]:

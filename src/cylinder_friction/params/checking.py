@@ -1,4 +1,4 @@
-"""The whole configuration, and how it is checked."""
+"""The whole configuration and its checks."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ from cylinder_friction.params.section import Section, checked
 from cylinder_friction.rig.campaign_plan import CampaignPlan
 
 REFERENCE_CYLINDER = "Bosch H160CA 63x28"
-"""Cylinder of the simulated rig as shipped, whose models need no name of their own."""
+"""Cylinder of the simulated rig as shipped; names of its models do not contain the cylinder."""
 
 
 class Params(Section):
-    """The whole configuration, one section a stage; ``recipe`` names the experiment in MLflow that its runs lie in."""
+    """The whole configuration, one section per stage; ``recipe`` names the MLflow experiment of its runs."""
 
     recipe: str = Field(default="default", pattern=r"^[\w-]+$")
     cylinder: Cylinder
@@ -53,14 +53,14 @@ class Params(Section):
 
     @property
     def registered_name(self) -> str:
-        """Name in the registry: ``register.model_name``, with the cylinder's behind it if that is another one."""
+        """Name in the registry: ``register.model_name``, followed by the cylinder unless that is the reference."""
         name = self.cylinder.name
         suffix = "" if name == REFERENCE_CYLINDER else "-" + re.sub(r"[^a-z0-9]+", "_", name.lower()).strip("_")
         return self.register_.model_name + suffix
 
     @property
     def champion(self) -> str:
-        """The model in service, as MLflow addresses it."""
+        """MLflow URI of the model in service."""
         return f"models:/{self.registered_name}@champion"
 
     @field_validator("cylinder", mode="before")
@@ -81,7 +81,7 @@ class Params(Section):
 
 
 def check_params(content: Any, where: str) -> Params:
-    """Return the typed parameters; see ``checked``."""
+    """Check the whole configuration and return the typed parameters; see ``checked``."""
     return checked(Params, content, where)
 
 

@@ -1,4 +1,4 @@
-"""Composing ``conf/`` by Hydra, and what a configuration has other than the default recipe."""
+"""Composition of ``conf/`` by Hydra, and the differences of a configuration from the default recipe."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -18,10 +18,10 @@ DEFAULT = "default"
 
 
 def composed(conf: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
-    """Return what ``conf`` and Hydra overrides make, not yet checked.
+    """Compose the configuration from ``conf`` and Hydra overrides, without checking it.
 
     Raises:
-        ParamsError: There is no such folder, or Hydra knows no such group or key.
+        ParamsError: The folder does not exist, or Hydra knows no such group or key.
     """
     if not conf.is_dir():
         raise ParamsError(f"{conf.absolute()}: no such folder; {IN_A_PROJECT}")
@@ -36,9 +36,9 @@ def composed(conf: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
 
 
 def as_run_params(content: dict[str, Any]) -> dict[str, str]:
-    """Return what a pipeline's run states of its parameters: recipe, seeds, and what differs from the default recipe.
+    """List the parameters that a pipeline's run states: recipe, seeds, and differences from the default recipe.
 
-    ``changes`` is what differs from the recipe itself. Without ``conf/`` nothing is known of differences.
+    ``changes`` lists the differences from the recipe itself. Without ``conf/``, differences are unknown and left out.
     """
     recipe, now = str(content.get("recipe", DEFAULT)), _flat(content)
     seeds = {name.removesuffix(".seed"): value for name, value in now.items() if name.endswith(".seed")}

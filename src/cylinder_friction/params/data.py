@@ -17,7 +17,7 @@ from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 
 class IngestParams(Section):
-    """Which folder is read and how its files become recordings; the rules check their own numbers."""
+    """The folder to read, and how its files become recordings. The classes of the rules check their own numbers."""
 
     source: str
     truth: str
@@ -51,7 +51,7 @@ class IngestParams(Section):
 
 
 class AdaptiveParams(Section):
-    """Windows on either side of a sample, and how wide the confidence intervals are that decide their lengths."""
+    """Limits of the windows on each side of a sample, and the width of the confidence intervals that choose them."""
 
     shortest_s: Positive
     longest_s: Positive
@@ -65,7 +65,7 @@ class AdaptiveParams(Section):
 
 
 class MovingAverageParams(Section):
-    """The paper's chain, causal as published or centred: windows in samples."""
+    """Windows of the paper's filter chain, in samples; the chain is causal as published, or centred."""
 
     window: Count
     acceleration_window: Count
@@ -79,7 +79,7 @@ class RtsParams(Section):
 
 
 class FilterParams(Section):
-    """How raw signals are smoothed and differentiated, off line; the label audit compares all methods."""
+    """How raw signals are smoothed and differentiated off line; the label audit compares all methods."""
 
     method: Literal["adaptive", "moving_average", "moving_average_centred", "savitzky_golay", "rts"]
     adaptive: AdaptiveParams
@@ -89,7 +89,7 @@ class FilterParams(Section):
 
 
 class SplitParams(Section):
-    """Which sessions are held out in each condition: those named, else drawn by a hash of their name and the seed."""
+    """Which sessions are held out in each condition: named ones, or else drawn by a hash of their name and the seed."""
 
     held_out: list[str]
     test_sessions: Count
@@ -120,7 +120,7 @@ class IdentifyParams(Section):
 
 
 class LabelParams(Section):
-    """Friction from the equation of motion, and the mask of rows that may be used."""
+    """How friction is computed from the equation of motion, and which rows are usable."""
 
     inertia: Literal["given", "identified"]
     identify: IdentifyParams

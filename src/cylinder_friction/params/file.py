@@ -1,4 +1,4 @@
-"""The file of parameters: its name and place, and the error that refuses what it holds."""
+"""Name and place of the parameter file, and the error for a configuration that is refused."""
 
 from pathlib import Path
 
@@ -9,4 +9,4 @@ IN_A_PROJECT = "run this in a project's folder, which `cylinder-friction init FO
 
 
 class ParamsError(RefusalError, ValueError):
-    """A configuration that is refused; the message names the key."""
+    """A configuration is refused; the message names the key."""

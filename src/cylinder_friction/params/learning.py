@@ -12,7 +12,7 @@ from cylinder_friction.tuning.space import SearchSpace
 
 
 class HybridParams(Section):
-    """One LSTM + random forest hybrid: what the paper's Table I tunes."""
+    """Hyperparameters of one LSTM + random forest hybrid, which the paper's Table I tunes."""
 
     layers: Count
     nodes: Count
@@ -36,7 +36,7 @@ class TrainingParams(Section):
 
 
 class LearningParams(Section):
-    """What every stage that trains a hybrid takes."""
+    """Parameters of every stage that trains a hybrid."""
 
     seed: Seed
     device: Literal["auto", "cpu", "cuda"]
@@ -58,7 +58,7 @@ class SearchParams(LearningParams):
 
 
 class TrainParams(LearningParams):
-    """The final training of the hybrid, with the best hyperparameters found or with those stated here."""
+    """The final training of the hybrid, with the best hyperparameters of the search or with the ones stated here."""
 
     use_search: bool
     design: Literal["force_balance", "paper"]
@@ -67,13 +67,13 @@ class TrainParams(LearningParams):
 
 
 class BaselinesParams(LearningParams):
-    """The paper's hybrid with the published hyperparameters, which the random forest alone shares."""
+    """The paper's hybrid with the published hyperparameters; the random forest by itself uses the same ones."""
 
     hybrid: HybridParams
 
 
 class LugreParams(Section):
-    """LuGre's identification, in one condition alone and in all."""
+    """Identification of LuGre, once in one condition and once in all conditions."""
 
     seed: Seed
     condition: str
@@ -98,7 +98,7 @@ class CompareParams(Section):
 
 
 class RegisterParams(Section):
-    """The promotion gate; ``candidate`` is any estimator of the comparison that has a real-time step."""
+    """The promotion gate; ``candidate`` names any estimator of the comparison that has a real-time step."""
 
     model_name: str
     candidate: str

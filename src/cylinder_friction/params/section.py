@@ -1,4 +1,4 @@
-"""What every section of a configuration shares, and how a configuration is checked and refused."""
+"""Base class of all sections of a configuration, and the check that accepts or refuses a configuration."""
 
 import json
 from pathlib import Path
@@ -25,15 +25,15 @@ Kind = TypeVar("Kind", bound=Section)
 
 
 def checked(kind: type[Kind], content: Any, where: str, guide: str = "") -> Kind:
-    """Return typed parameters, or refuse them with every offending key named.
+    """Check a configuration and return typed parameters; an error names every invalid key.
 
-    ``where`` names the source for the message; ``guide`` states the keys of a file that is not made from conf/.
+    ``where`` names the source for the message; ``guide`` names the guide to a file's keys if conf/ does not make it.
 
     Raises:
-        ParamsError: A key is unknown or missing, a type is wrong or a value impossible.
+        ParamsError: A key is unknown or missing, a type is wrong, or a value is impossible.
     """
     try:
-        # As JSON, so that in strict mode a mapping may be a dataclass, and a list a pair.
+        # As JSON, because strict mode then accepts a mapping for a dataclass and a list for a tuple.
         return kind.model_validate_json(json.dumps(content, default=str))
     except ValidationError as error:
         lines = [_explain(dict(problem), where, guide) for problem in error.errors()]

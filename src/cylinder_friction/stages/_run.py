@@ -1,4 +1,4 @@
-"""How a stage is run: check the configuration, do the work, write down what was done, log it to MLflow."""
+"""Run one stage: check the configuration, do the work, write the run record, log it to MLflow."""
 
 import importlib
 from dataclasses import replace
@@ -18,8 +18,8 @@ def run_stage(name: str) -> None:
     """Run one stage in the current directory, the root of a pipeline.
 
     Raises:
-        ParamsError: There is no such stage; or anything in ``params.yaml`` is refused, in whichever section, so that
-            no stage starts on half a configuration.
+        ParamsError: There is no such stage, or any section of ``params.yaml`` is refused, so that no stage starts with
+            an invalid configuration.
     """
     if name not in STAGES:
         raise ParamsError(f"no stage {name!r}; expected one of {', '.join(STAGES)}")

@@ -1,4 +1,4 @@
-"""What every stage shares: where things lie, and the parts of its run record."""
+"""Paths of the pipeline's files, and the parts of a run record that all stages share."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -28,13 +28,13 @@ REPORTS_FOLDER = Path("reports")
 AUDIT_FILE = AUDIT_FOLDER / "audit.json"
 METRICS_FILE = REPORTS_FOLDER / "metrics.json"
 HEADLINE_FILE = Path("metrics.json")
-"""The ten figures that DVC shows and compares; it lies in Git, so that a fresh clone has those of every commit."""
+"""The ten figures that DVC shows and compares. Git holds the file, so a fresh clone has the figures of every commit."""
 COVERAGE_FILE = REPORTS_FOLDER / "coverage.json"
 
-# What an earlier stage decided, for the later ones: nobody looks into another stage's section of the parameters.
+# Decisions of earlier stages for later ones: no stage reads another stage's section of the parameters.
 INGESTED_FILE = Path("data/interim/ingested.json")
-"""From ``ingest``: the folders ``source`` and ``truth``; ``load``, what the rod worked against; ``oil_temperature``,
-whether estimators take it."""
+"""From ``ingest``: the folders ``source`` and ``truth``; ``load``, the source of the load on the rod;
+``oil_temperature``, whether it is an input of the estimators."""
 FILTERS_FILE = SIGNALS_FOLDER / "filters.json"
 """From ``filter``: the ``method`` that smoothed the signals, and the settings of every method."""
 IDENTIFIED_FILE = Path("data/processed/identified.json")
@@ -42,23 +42,23 @@ IDENTIFIED_FILE = Path("data/processed/identified.json")
 SPLIT_FILE = Path("data/processed/split.json")
 """From ``split``: the names of the recordings of each role."""
 OFFSET_FILE = Path("data/processed/offset.json")
-"""From ``offset``: the sensors' offset of each session, or why none was identified."""
+"""From ``offset``: the sensors' offset of each session, or the reason why none was identified."""
 ESTIMATORS_FILE = Path("data/processed/estimators.json")
-"""From ``offset``: what every estimator is given. ``inputs``, the columns of a sample; ``position_load``, the load that
-position decides, or null; ``offset_tracker``, how the sensors' offset is learned while running, or null."""
+"""From ``offset``, for every estimator: ``inputs``, the columns of a sample; ``position_load``, the load that depends
+on position, or null; ``offset_tracker``, the tracker that learns the sensors' offset at run time, or null."""
 BEST_FILE = SEARCH_FOLDER / "best.json"
 """From ``search``: the ``design`` and the best hyperparameters of the hybrid."""
 SPACE_FILE = SEARCH_FOLDER / "space.json"
-FINALS_FILE = SEARCH_FOLDER / "finals.json"
 """From ``search``: the ranges that were searched."""
+FINALS_FILE = SEARCH_FOLDER / "finals.json"
 CHOSEN_FILE = "chosen.json"
-"""In a hybrid's folder, from ``train`` and ``baselines``: the hyperparameters that it was trained with."""
+"""From ``train`` and ``baselines``, in a hybrid's folder: the hyperparameters of its training."""
 TRAINING_DATA_FILE = "training_data.json"
-"""Beside it: the hash of every source file, by role and recording."""
+"""In the same folder: the hash of every source file, by role and recording."""
 
 
 def flat(section: Any, prefix: str = "", *, exclude_defaults: bool = False) -> dict[str, Scalar]:
-    """Return a section's parameters as ``{"outer.inner": value}``; lists become text."""
+    """Flatten a section's parameters to ``{"outer.inner": value}``; lists become text."""
     content = TypeAdapter(type(section)).dump_python(section, exclude_defaults=exclude_defaults)
     result: dict[str, Scalar] = {}
     for key, value in content.items():
@@ -70,15 +70,15 @@ def flat(section: Any, prefix: str = "", *, exclude_defaults: bool = False) -> d
 
 
 def artifacts(*paths: Path) -> tuple[str, ...]:
-    """Return paths for a run record."""
+    """Convert paths to the artifacts of a run record."""
     return tuple(path.as_posix() for path in paths)
 
 
 def datasets(folders: Mapping[str, Path]) -> dict[str, Dataset]:
-    """Return folders of recordings that a stage reads, by role, for its run record.
+    """Describe the folders of recordings that a stage reads, by role, for its run record.
 
     Raises:
-        FileNotFoundError: A folder is not there.
+        FileNotFoundError: A folder does not exist.
     """
     return {
         role: Dataset(folder.as_posix(), known_hash(folder), *columns_and_rows(folder))
@@ -87,10 +87,10 @@ def datasets(folders: Mapping[str, Path]) -> dict[str, Dataset]:
 
 
 def estimator_folders() -> dict[str, Path]:
-    """Return the folder of every estimator that the pipeline made, by name: LuGre, baselines, hybrids.
+    """List the folder of every estimator that the pipeline made, by name: LuGre, baselines, hybrids.
 
     Raises:
-        FileNotFoundError: The folder of baselines is not there.
+        FileNotFoundError: The folder of baselines does not exist.
     """
     if not BASELINES_FOLDER.is_dir():
         raise FileNotFoundError(f"{BASELINES_FOLDER}: no such folder of baselines; run `dvc repro` to make it")
@@ -109,9 +109,9 @@ _ORDER = (
     "paper_lstm",
 )
 SERVABLE = (*_ORDER, LSTM_FOLDER.name, PAPER_HYBRID_FOLDER.name, HYBRID_FOLDER.name)
-"""The pipeline's own estimators that have a real-time step, which the served model runs."""
+"""The pipeline's own estimators with a real-time step; only these can be served."""
 
 
 def _place(name: str) -> tuple[int, str]:
-    """From simple to elaborate; a baseline the project does not know comes after those it does, by name."""
+    """Sort key of a baseline: known baselines from simple to elaborate, then other baselines by name."""
     return (_ORDER.index(name) if name in _ORDER else len(_ORDER), name)

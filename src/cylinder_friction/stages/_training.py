@@ -1,4 +1,4 @@
-"""What the stages that train share: a hybrid from parameters, trained, resumed, written and recorded."""
+"""Steps that all training stages share: build, train, resume, write and record a hybrid."""
 
 from __future__ import annotations
 
@@ -40,25 +40,25 @@ if TYPE_CHECKING:
 
 Plan = TypeVar("Plan", Architecture, TrainingPlan, ForestPlan)
 NETWORK_MAE = "network_mae_n"
-"""Group of the network's error by epoch, without the forest, among a run's curves."""
+"""Group, among a run's curves, of the network's error by epoch without the forest."""
 RESUMED_CODE = ("cylinder_friction.stages._training", "cylinder_friction.estimators.training_plan")
-"""The modules that train a hybrid: what was trained with other ones is not continued."""
+"""Modules that train a hybrid; a training is resumed only if their code is unchanged."""
 
 
 @dataclass(frozen=True)
 class LearningData:
-    """The recordings to train on, and those of other sessions that stop the training and that calibrate the bounds.
+    """Recordings to train on, recordings to stop the training (validation), and recordings to calibrate the bounds.
 
-    Without sessions for calibration, those for validation do that too.
+    The three come from different sessions. Without calibration sessions, the validation sessions calibrate the bounds.
     """
 
     train: list[Recording]
     validation: list[Recording]
     calibration: list[Recording]
     inputs: tuple[str, ...]  # Columns of a sample
-    position_load: PositionLoad | None  # The load that position decides; None if it does not
-    tracker: OffsetTracker | None  # How an estimator learns the sensors' offset; None if none was identified
-    datasets: dict[str, Dataset]  # Each folder read, by role
+    position_load: PositionLoad | None  # Load that depends on position, if any
+    tracker: OffsetTracker | None  # Tracker by which an estimator learns the sensors' offset; None if not identified
+    datasets: dict[str, Dataset]  # Each folder that was read, by role
 
     @classmethod
     def read(cls) -> Self:
@@ -76,12 +76,12 @@ class LearningData:
 
     @property
     def hashes(self) -> dict[str, str]:
-        """The content hash of each folder read, by role."""
+        """Content hash of each folder that was read, by role."""
         return {role: each.md5 for role, each in self.datasets.items()}
 
     @property
     def calibrating(self) -> list[Recording]:
-        """The recordings that bounds are calibrated on."""
+        """Recordings to calibrate the bounds."""
         return self.calibration or self.validation
 
 
@@ -93,7 +93,7 @@ def hybrid_from(
     data: LearningData,
     lag_s: float = 0.0,
 ) -> HybridEstimator:
-    """Make an untrained hybrid. ``chosen`` may name any field of its plans and goes before ``settings.training``."""
+    """Make an untrained hybrid. ``chosen`` may name any field of its plans and overrides ``settings.training``."""
     given = {**settings.training.model_dump(), **chosen}
     return HybridEstimator(
         cylinder,
@@ -111,14 +111,14 @@ def hybrid_from(
 
 
 def plan_from(kind: type[Plan], given: Mapping[str, Any], prefix: str = "") -> Plan:
-    """Make a plan from the settings named after its fields; the others keep their defaults."""
+    """Make a plan from the settings named after its fields; other fields keep their defaults."""
     return kind(**{each.name: given[prefix + each.name] for each in fields(kind) if prefix + each.name in given})
 
 
 def train_hybrid(
     stage: str, hybrid: HybridEstimator, chosen: Mapping[str, Any], settings: LearningParams, data: LearningData
 ) -> None:
-    """Train a hybrid of ``hybrid_from``; a killed training goes on."""
+    """Train a hybrid from ``hybrid_from``; resume a training that was killed."""
     assert hybrid.cylinder is not None
     own = {"design": hybrid.design, "seed": settings.seed, "lag_s": hybrid.lag_s}
     depends_on = (flat(hybrid.cylinder.to_dict()), chosen, settings.training.model_dump(), data.hashes, own)
@@ -133,7 +133,7 @@ def train_hybrid(
 
 
 def write_hybrid(folder: Path, estimator: HybridEstimator, data: LearningData, chosen: Mapping[str, Any]) -> None:
-    """Write a hybrid with its hyperparameters, its learning curve and the hashes of the files it was trained on."""
+    """Write a hybrid with its hyperparameters, its learning curve and the hashes of its training files."""
     estimator.save(folder)
     write_json(folder / CHOSEN_FILE, dict(chosen))
     curve = estimator.learning_curve
@@ -160,9 +160,9 @@ def training_record(
     data: LearningData,
     folders: Sequence[Path],
 ) -> RunRecord:
-    """Return the record of a stage that trained ``hybrid`` and made ``estimators``; ``found`` are further parameters.
+    """Make the record of a stage that trained ``hybrid`` and made ``estimators``; ``found`` adds parameters.
 
-    Its metrics are each estimator's validation error [N] and cost of a step [multiply-adds].
+    The metrics are each estimator's validation error [N] and cost of a step [multiply-adds].
     """
     curve = hybrid.learning_curve
     curves = {f"{NETWORK_MAE}/train": curve.train_mae, f"{NETWORK_MAE}/validation": curve.validation_mae}
@@ -181,10 +181,10 @@ def training_record(
 
 
 def resume_folder(stage: str, code: Sequence[str], *depends_on: Mapping[str, Any]) -> Path:
-    """Find the folder in which a killed stage keeps what it had finished.
+    """Find the folder in which a killed stage keeps its finished work.
 
-    ``code`` are the modules that do the resumed work; their names and those of all they import go into the key by
-    content.
+    ``code`` names the modules that do the resumed work. The folder's key includes the content of these modules and of
+    all modules that they import.
     """
     key = json_hash([[dict(part) for part in depends_on], code_key(*code)])
     return Path(".cylinder-friction/resume") / f"{stage}-{key[:16]}"

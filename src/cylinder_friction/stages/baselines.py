@@ -1,4 +1,4 @@
-"""Stage ``baselines``: the paper's hybrid, its LSTM alone, and the simpler baselines, which the hybrid has to beat."""
+"""Stage ``baselines``: the paper's hybrid, its LSTM alone, and simpler baselines that the hybrid has to beat."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def run(params: Params) -> RunRecord:
-    """Read the training and validation recordings, write the paper's hybrid and every baseline."""
+    """Read the training and validation recordings; write the paper's hybrid and every baseline."""
     settings, cylinder, data = params.baselines, params.cylinder, LearningData.read()
     chosen = settings.hybrid.model_dump()
     paper = hybrid_from(cylinder, "paper", chosen, settings, data)
@@ -37,11 +37,11 @@ def run(params: Params) -> RunRecord:
     )
     for estimator in tqdm(named.values(), desc="train baselines", unit="estimator", disable=None):
         estimator.fit(data.train)
-        if estimator.has_step:  # which is what learns the offset; an estimator of another package may have none
+        if estimator.has_step:  # only a step learns the offset; an estimator of another package may have no step
             estimator.offset = data.tracker
     named["paper_lstm"] = paper.without_forest()
     for estimator in named.values():
-        if estimator.has_step:  # it may be registered and exported, and so needs guard and bounds
+        if estimator.has_step:  # it may be registered and exported, so it needs guard and bounds
             estimator.calibrate(data.train, data.calibrating, cylinder)
     with whole_folder(PAPER_HYBRID_FOLDER) as draft:
         write_hybrid(draft, paper, data, chosen)

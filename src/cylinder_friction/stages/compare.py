@@ -71,10 +71,10 @@ RIVAL = "lugre"
 
 
 def run(params: Params) -> RunRecord:
-    """Read the models, ``data/processed/test`` and the true friction, write ``reports/`` but for ``reports/runs``.
+    """Read the models, ``data/processed/test`` and the true friction; write ``reports/`` except ``reports/runs``.
 
     Raises:
-        FileNotFoundError: A model or the test recordings are not there.
+        FileNotFoundError: A model or the test recordings do not exist.
         RecordingError: See ``evaluation.comparison.compare``; or true friction does not fit its recording.
     """
     settings, main = params.compare, params.compare.main
@@ -112,10 +112,10 @@ def run(params: Params) -> RunRecord:
 
 
 def load_estimators() -> dict[str, FrictionEstimator]:
-    """Return every estimator that the pipeline made, by name.
+    """Load every estimator that the pipeline made, by name.
 
     Raises:
-        FileNotFoundError: One of them is not there.
+        FileNotFoundError: An estimator is missing.
     """
     return {name: load_estimator(folder) for name, folder in estimator_folders().items()}
 

@@ -1,4 +1,4 @@
-"""Stage ``filter``: smooth pressures, velocity and acceleration beside the raw signals, off line."""
+"""Stage ``filter``: add smooth pressures, velocity and acceleration to the raw signals, off line."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 def run(params: Params) -> RunRecord:
     """Read ``data/interim/recordings``, write ``data/interim/signals``; the raw columns stay as they are.
 
-    Adds ``pressure_1_smooth_pa``, ``pressure_2_smooth_pa``, ``velocity_m_s`` and ``acceleration_m_s2``; if a drive
-    force stands in for the pressures, ``drive_force_smooth_n`` in place of the first two; and of a measured load
-    ``load_force_smooth_n``. They are stored in single precision, thousands of times finer than any sensor's step.
-    ``filters.json`` beside the recordings holds the method and the settings of every method.
+    Adds ``pressure_1_smooth_pa``, ``pressure_2_smooth_pa``, ``velocity_m_s`` and ``acceleration_m_s2``. If a drive
+    force was measured instead of pressures, ``drive_force_smooth_n`` replaces the first two. A measured load adds
+    ``load_force_smooth_n``. All are stored in single precision, thousands of times finer than any sensor's step.
+    ``filters.json``, in the same folder, holds the method in use and the settings of every method.
     """
     settings, paths = params.filter, recording_paths(RECORDINGS_FOLDER)
     chosen = filters_by_method(params.cylinder, **settings.model_dump(exclude={"method"}))[settings.method]

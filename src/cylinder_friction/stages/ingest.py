@@ -1,4 +1,4 @@
-"""Stage ``ingest``: any logger's files into one Parquet schema in SI units; what is unusable is quarantined."""
+"""Stage ``ingest``: convert any logger's files to one Parquet schema in SI units, and quarantine unusable ones."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ if TYPE_CHECKING:
     from cylinder_friction.params.data import IngestParams
 
 QUARANTINE_FILE = Path("data/interim/quarantine.json")
-"""Every file, or piece of one, that did not become a recording, and why."""
+"""Every file or part of a file that did not become a recording, with the reason."""
 
 
 def run(params: Params) -> RunRecord:
-    """Read ``ingest.source``, write ``data/interim/recordings``, one file per recording, and ``quarantine.json``.
+    """Read ``ingest.source``; write ``data/interim/recordings``, one file per recording, and ``quarantine.json``.
 
-    ``ingested.json`` beside them states where truth lies and what the rod worked against, for later stages.
+    ``ingested.json``, in the same folder, tells later stages the folder of the truth and the source of the load.
 
     Raises:
-        RecordingError: Mapping and ``ingest.load`` contradict each other, there is no file, or not one is usable.
+        RecordingError: Mapping and ``ingest.load`` contradict each other, there is no file, or no file is usable.
     """
     refuse_unlike_load(params.ingest)
     folder = Path(params.ingest.source)
@@ -52,11 +52,11 @@ def run(params: Params) -> RunRecord:
 
 
 def refuse_unlike_load(settings: IngestParams) -> None:
-    """Refuse what later stages would refuse after all files were read.
+    """Refuse settings that later stages would refuse, before all files are read.
 
     Raises:
-        RecordingError: A load cell is mapped that the label does not take, or the label takes one that is not mapped;
-            or estimators are to take an oil temperature that is not mapped.
+        RecordingError: A load cell is mapped that the label does not use, or the label needs one that is not mapped;
+            or the oil temperature is an input of the estimators but is not mapped.
     """
     mapped, load = LOAD_FORCE in settings.channels, settings.load
     if mapped and load != "measured":
@@ -77,7 +77,7 @@ def refuse_unlike_load(settings: IngestParams) -> None:
 
 
 def recipe_from(params: Params, folder: Path) -> Recipe:
-    """Return how a file becomes recordings; a table of names is looked for in ``folder``."""
+    """Make the recipe by which a file becomes recordings; ``folder`` holds the table of names, if any."""
     settings = params.ingest
     table = None if settings.name_table is None else folder / settings.name_table
     names = NameRules(settings.name_pattern, table)

@@ -49,13 +49,13 @@ NO_TRUTH = "true friction of no recording is known, so labels cannot be audited"
 
 
 def run(params: Params) -> RunRecord:
-    """Read ``data/interim/signals``, write ``data/processed/{labelled,audit}`` and ``identified.json``.
+    """Read ``data/interim/signals``; write ``data/processed/{labelled,audit}`` and ``identified.json``.
 
-    Which filter smoothed the signals, where truth lies and what the rod worked against stand beside the signals.
+    Files of earlier stages state the filter that smoothed the signals, the folder of the truth and the source of load.
 
     Raises:
-        RecordingError: Truth does not belong to its recording, or a session does not determine the load that is asked
-            of it.
+        RecordingError: Truth does not belong to its recording, or a session does not determine a load that is to be
+            identified.
     """
     settings = params.label
     ingested, filtering = read_json(INGESTED_FILE), read_json(FILTERS_FILE)
@@ -99,7 +99,7 @@ def run(params: Params) -> RunRecord:
 
 
 def labeller_from(params: Params, load: LoadMode) -> Labeller:
-    """Return how labels are made, from the configuration and what the rod works against."""
+    """Make the labeller from the configuration and the source of the load."""
     settings = params.label
     stiffness = Stiffness(
         mode=settings.stiffness,
@@ -114,18 +114,18 @@ def labeller_from(params: Params, load: LoadMode) -> Labeller:
 
 @dataclass(frozen=True)
 class Labelling:
-    """What is done with each session and each recording, as workers elsewhere get it."""
+    """The work on each session and each recording, in a form that can be sent to workers."""
 
     labeller: Labeller
-    filters: Mapping[str, SignalFilter]  # All of them, for the audit
-    method: str  # Of the filter that smoothed the signals
-    truth: str  # Folder of true friction; empty if nobody knows it
-    event_window_s: float  # Of the audit
+    filters: Mapping[str, SignalFilter]  # All filters by method, for the audit
+    method: str  # Method of the filter that smoothed the signals
+    truth: str  # Folder of true friction; empty if it is unknown
+    event_window_s: float  # Time around an event that the audit counts as near it [s]
 
     def identify(self, session: str, names: Sequence[str]) -> SessionIdentification:
-        """Return load and mass of a session from its recordings.
+        """Identify load and mass of a session from its recordings.
 
-        Sessions are split whole, so no held-out recording contributes to a training label.
+        A session has one role as a whole, so no held-out recording contributes to a training label.
 
         Raises:
             RecordingError: The session does not determine its load.
@@ -137,7 +137,7 @@ class Labelling:
         """Write one recording with its label into a folder.
 
         Returns:
-            Rows, usable rows, and the audit of every filter on this recording; None if its truth is not known.
+            Number of rows, of usable rows, and the audit of every filter, or None if the recording has no truth.
         """
         recording = _signals(name)
         labelled = self.labeller.labelled(recording, self.filters[self.method], identified)
@@ -167,7 +167,7 @@ def _signals(name: str) -> Recording:
 
 
 def _audit_metrics(rows: Sequence[AuditRow], method: str) -> dict[str, float]:
-    """Return the label's error by stratum, of the filter in use and over all conditions; ``audit.csv`` has the rest."""
+    """Select the label's error by stratum, for the filter in use over all conditions; ``audit.csv`` has the rest."""
     return {
         f"label_mae_n/{row.stratum}": row.mae_n
         for row in rows

@@ -1,4 +1,4 @@
-"""Stage ``lugre``: LuGre, plain and pressure-scaled, identified in one condition, as published, and in all of them."""
+"""Stage ``lugre``: identify LuGre, plain and pressure-scaled, in one condition as published and in all conditions."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ if TYPE_CHECKING:
 
 STRIBECK_FILE = "stribeck_points.json"
 PIECE_S = 7.5
-"""Simulated of each recording where all conditions are identified: an eighth of the rig's, so that four times as many
-recordings cost half of what one condition does."""
+"""Duration simulated of each recording if all conditions are identified [s]. It is an eighth of the rig's recordings,
+so four times as many recordings cost half as much as one condition."""
 
 
 def run(params: Params) -> RunRecord:
-    """Read ``data/processed/train``, write ``models/lugre`` with one folder per estimator and the Stribeck points.
+    """Read ``data/processed/train``; write ``models/lugre`` with one folder per estimator and the Stribeck points.
 
     Raises:
-        RecordingError: No training recording is of the condition that ``lugre.condition`` names.
+        RecordingError: No training recording has the condition ``lugre.condition``.
     """
     recordings = read_stored(PROCESSED_FOLDERS["train"])
     cylinder, settings = params.cylinder, params.lugre
@@ -67,7 +67,7 @@ def run(params: Params) -> RunRecord:
 
 
 def _effort_on_all(settings: LugreParams, recordings: Sequence[Recording]) -> SearchEffort:
-    """Return the search over all conditions: as many recordings of each as of one, and a piece of each."""
+    """Plan the search over all conditions: as many recordings per condition as usual, and a piece of each recording."""
     conditions = len({recording.metadata.condition for recording in recordings})
     return SearchEffort(
         settings.seed,
@@ -80,7 +80,7 @@ def _effort_on_all(settings: LugreParams, recordings: Sequence[Recording]) -> Se
 
 
 def _parameters(identified: Mapping[str, Identification]) -> Table:
-    """Return every identified parameter with its interval, if it has one; names carry their units."""
+    """List every identified parameter with its interval, if it has one; names carry their units."""
     return by_columns(
         {"estimator": kind, "parameter": name, "value": value}
         | dict(zip(("lower", "upper"), found.intervals.get(name, (None, None)), strict=True))

@@ -1,4 +1,4 @@
-"""Stage ``offset``: the offset of the sensors' zeros in each session, taken off the labels and noted for training."""
+"""Stage ``offset``: subtract each session's offset of the sensors' zeros from its labels, and note it for training."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ if TYPE_CHECKING:
 def run(params: Params) -> RunRecord:
     """Write the recordings of each role into ``data/processed/{train,validation,calibration,test}``.
 
-    Friction is known from the training sessions alone; every other session is identified by itself. Pressures stay as
+    The training sessions alone determine friction; every other session is identified by itself. Pressures stay as
     measured.
 
     Raises:
-        RecordingError: Offsets are to be identified in any case, and cannot be; or sessions that are to carry a common
-            load carry different ones.
+        RecordingError: ``offset.identify`` is ``always``, but offsets cannot be identified; or ``offset.common_load``
+            is set, but sessions carry different loads.
     """
     names, ingested = read_json(SPLIT_FILE), read_json(INGESTED_FILE)
     inputs, settings, cylinder = estimator_inputs(ingested), params.offset, params.cylinder
@@ -58,7 +58,7 @@ def run(params: Params) -> RunRecord:
     if load is not None and settings.common_load:
         refuse_unlike_loads(loads, load)
         recordings = {role: [with_common_load(each, load) for each in own] for role, own in recordings.items()}
-    # Left out: recordings without a usable row, such as those of a piston that rests where its load is not known.
+    # Leave out recordings without a usable row, for example if the piston rests at a position of unknown load.
     recordings = {role: [each for each in own if each.usable().any()] for role, own in recordings.items()}
     own_loads = load is not None and not settings.common_load
     channels = channel_names(inputs, load)
@@ -91,13 +91,13 @@ def run(params: Params) -> RunRecord:
 
 
 def estimator_inputs(ingested: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return the columns of a sample: what the label knows and can be measured in real time."""
+    """List the columns of a sample: signals that the label uses and that can be measured in real time."""
     load = [LOAD_FORCE] if ingested["load"] == "measured" else ingested["other_positions"]
     return (*SAMPLE_COLUMNS, *load, *([OIL_TEMPERATURE] if ingested["oil_temperature"] == "input" else []))
 
 
 def plan_from(settings: OffsetParams) -> OffsetPlan:
-    """Return how offsets are identified, from the configuration."""
+    """Make the plan for identifying offsets from the configuration."""
     return OffsetPlan(**settings.model_dump(exclude={"identify", "common_load"}))
 
 

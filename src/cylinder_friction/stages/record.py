@@ -1,4 +1,4 @@
-"""Stage ``record``: the simulated rig's campaign, written as a logger would; the truth in its own folder."""
+"""Stage ``record``: simulate the rig's campaign; write the recordings as a logger would, and the truth separately."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ EMPTY_TEXT = "The simulated rig was not run: record.sessions_per_condition is 0.
 def run(params: Params) -> RunRecord:
     """Write ``data/raw/rig`` (CSV: s, bar, bar, mm, °C) and ``data/raw/rig_truth`` (Parquet, SI), file by file.
 
-    With ``record.sessions_per_condition`` 0, when one's own recordings are used, both folders hold a note alone.
+    If ``record.sessions_per_condition`` is 0, because you use your own recordings, both folders hold only a note.
 
     Raises:
         ValueError: See ``rig.campaign.campaign``.

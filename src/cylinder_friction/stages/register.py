@@ -1,4 +1,4 @@
-"""Stage ``register``: the candidate becomes a version in the registry, and the champion if the gate lets it."""
+"""Stage ``register``: make the candidate a version in the registry, and the champion if the gate promotes it."""
 
 from __future__ import annotations
 
@@ -39,16 +39,16 @@ if TYPE_CHECKING:
     from cylinder_friction.tracking.gate import Registered
 
 EXAMPLE_S = 4.0
-"""So long that the last rows of the example are no longer flagged as settling."""
+"""Duration of the example [s], long enough that its last rows are no longer flagged as settling."""
 
 
 def run(params: Params) -> RunRecord:
-    """Register the candidate and write ``models/registered.json``: the decision and what it was made on.
+    """Register the candidate and write ``models/registered.json``: the decision and its grounds.
 
     Raises:
-        TrackingError: The candidate was not compared or has no real-time step; or the registry cannot be reached:
-            without it nobody knows the incumbent, so nothing is decided.
-        RecordingError: ``dvc.lock`` does not state which data the candidate was made from.
+        TrackingError: The candidate was not compared or has no real-time step; or the registry cannot be reached, and
+            without it the incumbent is unknown, so nothing is decided.
+        RecordingError: ``dvc.lock`` does not state the data of the candidate.
     """
     settings, content = params.register_, read_yaml(Path(PARAMS_FILE))
     reference, errors_percent = reported_errors(_reported(settings.candidate))
@@ -88,10 +88,10 @@ def run(params: Params) -> RunRecord:
 
 
 def candidate_folder(name: str) -> Path:
-    """Return the folder of the estimator that asks to be registered.
+    """Find the folder of the estimator to register.
 
     Raises:
-        TrackingError: It has no real-time step, which the served model runs.
+        TrackingError: The estimator has no real-time step, which the served model needs.
     """
     folders = estimator_folders()
     if not load_estimator(folders[name]).has_step:
@@ -103,9 +103,9 @@ def candidate_folder(name: str) -> Path:
 
 
 def _card(params: Params, folder: Path) -> str:
-    """Return the candidate's model card; bounds are counted for the estimator alone that the comparison is about."""
+    """Write the candidate's model card; coverage of bounds is known only for the comparison's main estimator."""
     candidate = params.register_.candidate
-    own = (folder / TRAINING_DATA_FILE).is_file()  # what is no hybrid learned from the same recordings for training
+    own = (folder / TRAINING_DATA_FILE).is_file()  # other estimators use the same training recordings
     sources = read_json((folder if own else HYBRID_FOLDER) / TRAINING_DATA_FILE)
     return model_card(
         candidate,
@@ -119,7 +119,7 @@ def _card(params: Params, folder: Path) -> str:
 
 
 def _decision(registered: Registered) -> list[dict[str, str | float]]:
-    """Return what the gate decided on: a row for each condition."""
+    """List the errors that the gate decided on, a row per condition."""
     candidate = registered.candidate
     incumbent = registered.incumbent.errors_percent if registered.incumbent else {}
     return [
@@ -134,7 +134,7 @@ def _decision(registered: Registered) -> list[dict[str, str | float]]:
 
 
 def _reported(candidate: str) -> dict[str, dict[str, float]]:
-    """Return the candidate's numbers by condition from the comparison's report."""
+    """Read the candidate's numbers by condition from the comparison's report."""
     report: dict[str, dict[str, dict[str, float]]] = read_json(METRICS_FILE)
     if candidate not in report:
         raise TrackingError(
@@ -144,7 +144,7 @@ def _reported(candidate: str) -> dict[str, dict[str, float]]:
 
 
 def _example(model: Path) -> dict[str, list[float]]:
-    """Return the first rows of the first held-out recording, by input of the model."""
+    """Read the first rows of the first held-out recording, by input of the model."""
     first = next(iterate_recordings(PROCESSED_FOLDERS["test"]), None)
     if first is None:
         raise TrackingError(f"{PROCESSED_FOLDERS['test']}: holds no held-out recording; run the split stage")

@@ -1,4 +1,4 @@
-"""Stage ``search``: the hybrid's best hyperparameters, by their error on the validation recordings."""
+"""Stage ``search``: find the hyperparameters of the hybrid with the least error on the validation recordings."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ CURVE = f"{NETWORK_MAE}/validation"
 
 
 def run(params: Params) -> RunRecord:
-    """Read the training and validation recordings, write the trials, the best parameters and the plots."""
+    """Read the training and validation recordings; write the trials, the best parameters and the plots."""
     settings, cylinder, data = params.search, params.cylinder, LearningData.read()
     depends_on = (settings.model_dump(), flat(cylinder.to_dict()), data.hashes)
     journal = resume_folder("search", SEARCHED_CODE, *depends_on) / "trials.log"
@@ -74,7 +74,7 @@ def run(params: Params) -> RunRecord:
 def _finals(
     settings: SearchParams, cylinder: Cylinder, data: LearningData, trials: Sequence[Trial], workers: Workers
 ) -> list[Final]:
-    """Return the finals of a search, best trial first."""
+    """Train the finalists of a search for longer and with several seeds; return them, the best trial first."""
     longer = {"epochs": settings.final_epochs, "patience": settings.final_epochs}
     training = settings.training.model_copy(update=longer)
     seeds = [settings.seed + 1 + more for more in range(settings.final_seeds)]
@@ -102,10 +102,10 @@ def error_of(
     values: Values,
     report: Report | None = None,
 ) -> float:
-    """Return a hybrid's error on the validation recordings, trained with these hyperparameters [N].
+    """Train a hybrid with these hyperparameters; return its error on the validation recordings [N].
 
-    ``given`` is what is learned from; or its hashes, for a worker elsewhere that reads it. ``report`` is called with
-    the network's validation error after each epoch [N].
+    ``given`` is the data, or its hashes for a worker in another process, which reads the data itself. ``report`` is
+    called after each epoch with the network's validation error [N].
     """
     data = given if isinstance(given, LearningData) else _read_once(Path.cwd(), tuple(sorted(given.items())))
     estimator = hybrid_from(cylinder, settings.hybrid, values, settings, data)

@@ -1,4 +1,4 @@
-"""Stage ``split``: which sessions are for training, for validation, for calibration, and which are held out."""
+"""Stage ``split``: divide the sessions into training, validation, calibration and held-out test sessions."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ def run(params: Params) -> RunRecord:
     """Write the role of each recording of ``data/processed/labelled`` into ``data/processed/split.json``.
 
     Raises:
-        RecordingError: A condition has too few sessions, a session spans two conditions, or no recording is of the
-            condition that ``lugre.condition`` names.
+        RecordingError: A condition has too few sessions, a session spans two conditions, or no training recording has
+            the condition ``lugre.condition``.
     """
     metadata = [read_metadata(path) for path in recording_paths(LABELLED_FOLDER)]
     roles = split_sessions(metadata, **params.split.model_dump())
     sessions = {entry.name: entry.session for entry in metadata}
     trained = {entry.condition for entry in metadata if entry.name in roles["train"]}
-    if params.lugre.condition not in trained:  # before hours of training: ``lugre`` may come after it
+    if params.lugre.condition not in trained:  # refuse before hours of training, as ``lugre`` may run last
         raise RecordingError(
             f"{LABELLED_FOLDER}: no recording of condition {params.lugre.condition!r}; got conditions "
             f"{sorted(trained)}; name one of them as lugre.condition in params.yaml"

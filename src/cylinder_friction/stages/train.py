@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def run(params: Params) -> RunRecord:
-    """Read the training and validation recordings and the best hyperparameters, write the hybrid and its LSTM."""
+    """Read the training and validation recordings and the best hyperparameters; write the hybrid and its LSTM."""
     settings, data = params.train, LearningData.read()
     given = {"design": settings.design, **settings.hybrid.model_dump()}
     chosen: dict[str, Any] = read_json(BEST_FILE) if settings.use_search else given

@@ -1,4 +1,4 @@
-"""The promotion gate: may a candidate take the champion's place? A pure function of their errors, and its record."""
+"""The promotion gate: decide from the errors whether a candidate replaces the champion, and record the decision."""
 
 import math
 from collections.abc import Mapping
@@ -21,32 +21,32 @@ Errors = dict[str, _Error]
 
 @dataclass(frozen=True)
 class Candidate:
-    """A trained estimator that asks for the champion's place."""
+    """A trained estimator that may replace the champion."""
 
     model_name: str  # Name in the registry
     folder: str  # Folder of the saved estimator, relative to the repository's root
     model_md5: str  # DVC's hash of that folder
-    errors_percent: Errors  # Its error in each condition on the held-out recordings
-    reference: Reference  # What its errors are measured against
-    tolerance_percent: float  # How many percentage points worse in one condition count as not worse
-    data: dict[str, str]  # DVC's hash of each folder of its data, from the raw one to the held-out one
-    params: dict[str, Any]  # The parameters that shaped it
+    errors_percent: Errors  # Error in each condition on the held-out recordings
+    reference: Reference  # Reference of the errors: true friction or the label
+    tolerance_percent: float  # Excess of an error in one condition that still counts as not worse [percentage points]
+    data: dict[str, str]  # DVC's hash of each folder of its data, from the raw to the held-out data
+    params: dict[str, Any]  # The parameters that shaped the model
     example: dict[str, list[float]]  # A few rows of raw samples, by column
-    pipeline: dict[str, Any]  # What the pipeline's run states: recipe, seeds, what differs from the default recipe
-    card: str = ""  # What a user of the model has to know, as Markdown
+    pipeline: dict[str, Any]  # Parameters of the pipeline's run: recipe, seeds, differences from the default recipe
+    card: str = ""  # Model card for users, as Markdown
 
     def key(self) -> str:
-        """Return the hash that identifies the candidate's version: of the model, its errors and its data."""
+        """Hash the model, its errors and its data; the hash identifies the candidate's version."""
         return json_hash([self.model_md5, self.reference, self.errors_percent, self.data])
 
     def error_words(self) -> str:
-        """State the mean error and what it is measured against."""
+        """State the mean error and its reference."""
         return f"{_mean(self.errors_percent):.3f} against {self.reference}"
 
 
 @dataclass(frozen=True)
 class Incumbent:
-    """The champion when the gate decided."""
+    """The champion at the time of the gate's decision."""
 
     model_md5: str
     errors_percent: Errors
@@ -72,7 +72,7 @@ class Registered:
 def decide(
     candidate: Mapping[str, float], incumbent: Mapping[str, float] | None, tolerance_percent: float
 ) -> tuple[bool, str]:
-    """Decide whether a candidate is promoted, and give the reason in a sentence for the registry.
+    """Decide whether a candidate is promoted; also return the reason as a sentence for the registry.
 
     The gate promotes a candidate if there is no incumbent, or if its mean error over the conditions is smaller and no
     single condition is worse. One worse condition is enough to refuse: a controller works in one condition at a time,
@@ -81,7 +81,7 @@ def decide(
     Args:
         candidate: Error by condition [percent of mean |friction|], measured on the held-out recordings.
         incumbent: The champion's errors on the same recordings; None without a champion.
-        tolerance_percent: How many percentage points worse in one condition still count as not worse.
+        tolerance_percent: Excess of an error in one condition that still counts as not worse [percentage points].
     """
     for who, errors in (("candidate", candidate), ("incumbent", incumbent or {})):
         for condition, error in sorted(errors.items()):

@@ -1,4 +1,4 @@
-"""The way back: from a registered model to its run, its commit, its data and its parameters, each link checked."""
+"""Lineage of a registered model: its run, commit, data and parameters, with a check of each link."""
 
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
@@ -21,7 +21,7 @@ from cylinder_friction.wording import printable
 
 PARAMS_FILE = "params.yaml"
 EVALUATING_SECTIONS = ("recipe", "lugre", "compare", "register")
-"""Sections of the parameters that do not shape the model; all others belong to its origin."""
+"""Sections of the parameters that do not shape the model; all other sections belong to its origin."""
 
 
 def shaping_params(content: Mapping[str, Any]) -> dict[str, Any]:
@@ -31,7 +31,7 @@ def shaping_params(content: Mapping[str, Any]) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Link:
-    """One step of the way back: what it is, whether it holds, and what was found."""
+    """One link of the lineage: its name, whether it holds, and what was found."""
 
     name: str
     holds: bool
@@ -40,7 +40,7 @@ class Link:
 
 @dataclass(frozen=True)
 class Lineage:
-    """The way back from one registered version."""
+    """The lineage of one registered version."""
 
     model: str
     links: tuple[Link, ...]
@@ -50,7 +50,7 @@ class Lineage:
         return all(link.holds for link in self.links)
 
     def text(self) -> str:
-        """Print the way back, one line per link, and which links are broken."""
+        """Format the lineage as text: one line per link, then the broken links."""
         width = max(len(link.name) for link in self.links)
         lines = [f"  {'ok' if link.holds else 'BROKEN':<6} {link.name:<{width}}  {link.found}" for link in self.links]
         broken = [link.name for link in self.links if not link.holds]
@@ -59,10 +59,10 @@ class Lineage:
 
 
 def lineage(uri: str, root: Path) -> Lineage:
-    """Follow the way back from ``models:/<name>@<alias>`` or ``models:/<name>/<version>`` and check every link.
+    """Check every link of the lineage of ``models:/<name>@<alias>`` or ``models:/<name>/<version>``.
 
-    The files of the version must have the hash that was registered. One of them, ``lineage.json``, states the rest:
-    run and commit must exist, and ``dvc.lock`` and ``params.yaml`` must hold the hashes of data and parameters, in the
+    The files of the version must have the registered hash. One of them, ``lineage.json``, states the other links: run
+    and commit must exist, and ``dvc.lock`` and ``params.yaml`` must contain the hashes of data and parameters, in the
     working tree or in a commit.
 
     Raises:
@@ -77,7 +77,7 @@ def lineage(uri: str, root: Path) -> Lineage:
             folder = download_model(store, version, Path(scratch))
             (path,) = folder.rglob("lineage.json")
             origin = dict(read_json(path))
-        except (TrackingError, OSError, ValueError) as error:  # lost or damaged: nothing states the rest
+        except (TrackingError, OSError, ValueError) as error:  # lost or damaged: nothing states the other links
             return Lineage(model, (Link("files", False, str(error)),))
         links = [
             _files(folder, version.tags.get(FILES, "nothing")),
@@ -128,7 +128,7 @@ def _shaping_hash(text: str) -> str:
 
 
 def _stated(name: str, stated: str, root: Path, file: str, read: Callable[[str], str | None]) -> Link:
-    """Find the version of ``file`` from which ``read`` reads the hash: the working tree's, or that of a commit."""
+    """Find the version of ``file``, in the working tree or a commit, from which ``read`` reads the stated hash."""
     for where, text in _versions(root, file):
         with suppress(ValueError, AttributeError, yaml.YAMLError):  # the marks of a merge, for example
             if read(text) == stated:
@@ -138,7 +138,7 @@ def _stated(name: str, stated: str, root: Path, file: str, read: Callable[[str],
 
 
 def _versions(root: Path, file: str) -> Iterator[tuple[str, str]]:
-    """Yield a file's text in the working tree, then in the commits that changed it, the newest first."""
+    """Yield a file's text in the working tree, then in each commit that changed it, newest first."""
     if (root / file).is_file():
         yield "the working tree", (root / file).read_text(encoding="utf-8", errors="replace")
     for sha in (asked_git(root, "log", "--all", "--format=%H", "--", file)[0] or "").split():

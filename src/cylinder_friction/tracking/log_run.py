@@ -1,4 +1,4 @@
-"""One run record becomes one MLflow run, however often it is logged; a comparison also becomes a pipeline's run."""
+"""Log a run record as one MLflow run, however often it is logged; a comparison also logs the pipeline's run."""
 
 import getpass
 import json
@@ -23,12 +23,12 @@ from cylinder_friction.tracking.repository import TrackingError, commit_of
 from cylinder_friction.tracking.store import Store, open_store
 
 STAGE_TAG = "stage"
-"""Tag of a run: which stage or trial it is, or ``pipeline``."""
+"""Tag of a run: the name of its stage or trial, or ``pipeline``."""
 KEY_TAG = "record_key"
-"""Tag of a run and those below it: the key of its record, which identifies the run."""
+"""Tag of a run and its children: the key of the record, which identifies the run."""
 PIPELINE = "pipeline"
 VIEW = "errors"
-"""Name of the shared view of an experiment's runs, which has the columns to decide from."""
+"""Name of the shared view of an experiment's runs, with the columns that a decision needs."""
 _TYPES: dict[str, str] = {"float": "float", "int64": "long", "int32": "integer", "bool": "boolean", "double": "double"}
 _WRITER = "writer"  # Tag: the machine and repository that logged a run
 _LONGEST_PARAM, _LONGEST_NAME = 6000, 80
@@ -37,9 +37,9 @@ _log = logging.getLogger(__name__)
 
 
 def log_run(record: RunRecord, root: Path) -> str:
-    """Log a record as an MLflow run with its children below it, and return the run's id.
+    """Log a record as an MLflow run with its children below it; return the run's id.
 
-    If the run is already there, nothing is logged. A run that a kill left half-written is deleted and logged anew.
+    If the run already exists, nothing is logged. A run that a kill left incomplete is deleted and logged again.
 
     Raises:
         TrackingError: The store cannot be reached, or an artifact is missing.
@@ -49,7 +49,7 @@ def log_run(record: RunRecord, root: Path) -> str:
 
 
 def track_or_warn(record: RunRecord, root: Path) -> str | None:
-    """Log a record like ``log_run``; if that fails, warn and name the command that catches up."""
+    """Log a record like ``log_run``; if that fails, warn and name the command that logs it later."""
     try:
         return log_run(record, root)
     except Exception as error:  # whatever the store does must not cost a finished stage its result
@@ -63,7 +63,7 @@ def track_or_warn(record: RunRecord, root: Path) -> str | None:
 
 
 def log_in(store: Store, record: RunRecord, root: Path) -> str:
-    """Do what ``log_run`` does, in a store that is already open."""
+    """Log a record like ``log_run``, in a store that is already open."""
     run_id = find_run(store, record)
     if run_id is None:
         if missing := [path for path in record.artifacts if not (root / path).exists()]:
@@ -80,7 +80,7 @@ def log_in(store: Store, record: RunRecord, root: Path) -> str:
 
 
 def find_run(store: Store, record: RunRecord) -> str | None:
-    """Return the id of the finished run of this very record, if there is one."""
+    """Find the id of the finished run of this record; None if there is none."""
     return _find(store, store.experiment(record.experiment), record.key(), record.name)
 
 
@@ -91,11 +91,11 @@ def _find(store: Store, experiment: str, key: str, stage: str) -> str | None:
 
 
 def log_pipeline(store: Store, last: RunRecord, root: Path) -> str:
-    """Log the run of a pipeline, whose comparison or registration ``last`` is, and return its id.
+    """Log the run of a pipeline that ends with ``last``, a comparison or a registration; return the run's id.
 
-    The run states how the pipeline was configured and the errors of its model. The runs of the stages lie below it.
-    The records of the stages up to ``compare`` and ``last.pipeline`` identify it, so another tolerance of the gate is
-    another run.
+    The run states the configuration of the pipeline and the errors of its model. The runs of the stages become its
+    children. The records of the stages up to ``compare`` and ``last.pipeline`` identify the run, so another tolerance
+    of the gate makes another run.
     """
     records = {**records_in(root), last.name: last}
     stages = {name: each for name, each in records.items() if name != "register" or last.name == name}
@@ -128,7 +128,7 @@ def log_pipeline(store: Store, last: RunRecord, root: Path) -> str:
 
 
 def _pipeline_name(last: RunRecord) -> str:
-    """Name a pipeline's run after its recipe, what differs from the recipe, and the commit."""
+    """Name a pipeline's run after its recipe, its changes to the recipe, and the commit."""
     stated = [str(last.pipeline.get(name, "none")) for name in ("recipe", "changes")]
     name = (", ".join(each for each in stated if each != "none") or PIPELINE)[:_LONGEST_NAME]
     commit = last.commit.get("git_commit", "unknown")
@@ -137,7 +137,7 @@ def _pipeline_name(last: RunRecord) -> str:
 
 
 def _view(metrics: Mapping[str, float]) -> dict[str, Any]:
-    """Return a view of the runs that the MLflow UI can open: one row per pipeline, the smallest mean error first."""
+    """Build a view of the runs for the MLflow UI: one row per pipeline, the smallest mean error first."""
     means = [f"metrics.`{name}`" for name in metrics if name.endswith("_error_percent/mean")]
     columns = [*means, "params.`changes`", "params.`seed`", "attributes.`Models`"]
     query = f"tags.{STAGE_TAG} = '{PIPELINE}'"
@@ -145,7 +145,7 @@ def _view(metrics: Mapping[str, float]) -> dict[str, Any]:
 
 
 def _take_stages(store: Store, run_id: str, stages: Mapping[str, RunRecord]) -> list[str]:
-    """Put the stages' runs below a pipeline's run, unless they lie below another one; return those that do."""
+    """Make the stages' runs children of a pipeline's run unless they have another parent; return its children."""
     below = []
     for stage, record in stages.items():
         if found := find_run(store, record):
@@ -157,12 +157,12 @@ def _take_stages(store: Store, run_id: str, stages: Mapping[str, RunRecord]) -> 
 
 
 def allowed(name: str) -> str:
-    """Return a name that MLflow takes: letters, digits, ``_ - . / :`` and spaces."""
+    """Replace characters that MLflow does not accept in a name by ``_``."""
     return re.sub(r"[^\w\-./: ]", "_", name)
 
 
 def dataset_input(role: str, dataset: Dataset) -> DatasetInput:
-    """Return a dataset as the input of a run. Its source is a path that MLflow resolves within the repository."""
+    """Convert a dataset to the input of a run. Its source is a path that MLflow resolves within the repository."""
     columns: list[ColSpec | TensorSpec] = [
         ColSpec(DataType[_TYPES.get(kind, "string")], name) for name, kind in dataset.columns.items()
     ]
@@ -173,7 +173,7 @@ def dataset_input(role: str, dataset: Dataset) -> DatasetInput:
 
 
 def _tags(store: Store, record: RunRecord, key: str) -> dict[str, str]:
-    """Return the tags of every run of a record: its key, who logged it, and the commit that made it."""
+    """Collect the tags of every run of a record: its key, who logged it, and the commit of its stage."""
     commit = record.commit or commit_of(store.root)
     writer = json_hash([socket.gethostname(), str(store.root)])[:12]
     tags = {tag.MLFLOW_SOURCE_TYPE: "PROJECT", tag.MLFLOW_USER: getpass.getuser(), KEY_TAG: key, _WRITER: writer}
@@ -182,7 +182,7 @@ def _tags(store: Store, record: RunRecord, key: str) -> dict[str, str]:
 
 
 def _delete(store: Store, experiment: str, tags: Mapping[str, str], status: str = "") -> None:
-    """Delete this repository's leftovers of a record: half a run after a kill, a twin after a lost reply."""
+    """Delete this repository's leftovers of a record: incomplete runs after a kill, duplicates after a lost reply."""
     query = f"tags.{KEY_TAG} = '{tags[KEY_TAG]}' and tags.{_WRITER} = '{tags[_WRITER]}'"
     query += f" and attributes.status = '{status}'" if status else ""
     for run in store.client.search_runs([experiment], query, max_results=10_000):
@@ -192,7 +192,7 @@ def _delete(store: Store, experiment: str, tags: Mapping[str, str], status: str 
 def _write(
     store: Store, experiment: str, record: RunRecord, root: Path, tags: Mapping[str, str], known: str | None = None
 ) -> str:
-    """Write a run, new or the ``known`` one, with its children, and return its id."""
+    """Write a new run or the ``known`` one, with its children; return its id."""
     client, took = store.client, _took(record)
     own = {tag.MLFLOW_SOURCE_NAME: f"cylinder-friction {record.name}", STAGE_TAG: record.name, **tags, **record.tags}
     own |= {tag.MLFLOW_RUN_NOTE: record.note} if record.note else {}
@@ -220,7 +220,7 @@ def _write(
             client.log_table(run_id, pd.DataFrame(table, dtype=object), f"{name}.json")
     for child in record.children:
         _write(store, experiment, child, root, {**tags, tag.MLFLOW_PARENT_RUN_ID: run_id})
-    client.set_terminated(run_id, "FINISHED", took.ended_ms)  # last: what is not finished is logged anew
+    client.set_terminated(run_id, "FINISHED", took.ended_ms)  # last, as an unfinished run is logged again
     return run_id
 
 

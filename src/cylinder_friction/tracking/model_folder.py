@@ -1,4 +1,4 @@
-"""Registered versions and their files: look one up, copy its model folder, find the estimator inside."""
+"""Registered versions and their files: look up a version, copy its model folder, find the estimator inside."""
 
 import re
 from pathlib import Path
@@ -36,15 +36,15 @@ def version_of(store: Store, uri: str) -> ModelVersion:
 
 
 def download_model(store: Store, version: ModelVersion, folder: Path) -> Path:
-    """Copy the model folder of a registered version below ``folder``, from where MLflow loads it.
+    """Copy the model folder of a registered version into ``folder``; return its path, from which MLflow loads it.
 
     Raises:
-        TrackingError: Its files cannot be read.
+        TrackingError: The version's files cannot be read.
     """
     try:
         location = store.client.get_model_version_download_uri(version.name, version.version)
         return Path(artifacts.download_artifacts(location, dst_path=str(folder), tracking_uri=store.uri))
-    except Exception as error:  # each kind of place has its own
+    except Exception as error:  # each kind of storage raises its own errors
         where = f"{version.name} version {version.version}: its files at {version.source}"
         raise TrackingError(f"{where} cannot be read ({in_brief(error)})") from error
 
@@ -56,7 +56,7 @@ def saved_estimator(model_folder: Path) -> Path:
 
 
 def estimator_folder(uri: str, root: Path, scratch: Path) -> tuple[Path, str]:
-    """Copy the estimator inside a registered model below ``scratch``; return its folder and the version's URI.
+    """Copy the estimator inside a registered model into ``scratch``; return its folder and the version's URI.
 
     Raises:
         TrackingError: The registry cannot be reached or has no such model.

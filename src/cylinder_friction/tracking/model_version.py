@@ -1,4 +1,4 @@
-"""A candidate becomes a version of the registered model, once, whatever moment a kill comes at."""
+"""Make a candidate a version of the registered model exactly once, even if the process is killed at any moment."""
 
 import json
 import tempfile
@@ -25,25 +25,25 @@ from cylinder_friction.tracking.log_run import allowed, log_pipeline
 from cylinder_friction.tracking.repository import TrackingError, commit_of
 from cylinder_friction.tracking.store import Store
 
-# Tags of a version: first what people read, then hashes.
+# Tags of a version: first the tags for people, then hashes.
 DECISION, REASON, COMMIT = "decision", "reason", "commit"
 PENDING = "pending"
-"""Decision of a version that is being decided; versions after it wait."""
+"""Value of ``DECISION`` while the gate decides on a version; later versions wait."""
 CANDIDATE, MODEL, FILES = "hash_candidate", "hash_model", "hash_files"
 WRITTEN_ON_LOADING = "registered_model_meta"
-"""File that MLflow adds to a model when it is loaded by its registered name; the hash leaves it out."""
+"""File that MLflow adds to a model when it loads the model by its registered name; the hash leaves the file out."""
 
 
 def ensure_version(store: Store, candidate: Candidate, root: Path) -> ModelVersion:
     """Find the candidate's version of the registered model, or log the model and make the version.
 
     Raises:
-        TrackingError: The candidate's folder is not the one that was measured.
+        TrackingError: The candidate's folder is missing or has changed since its errors were measured.
     """
     if known := find_version(store, candidate):
         return known
     client, model = store.client, _ensure_logged_model(store, candidate, root)
-    with suppress(MlflowException):  # the registered model is there already
+    with suppress(MlflowException):  # the registered model already exists
         about = "Friction inside a hydraulic cylinder [N] from two pressures and position."
         client.create_registered_model(candidate.model_name, description=about)
     tags = {
@@ -57,7 +57,7 @@ def ensure_version(store: Store, candidate: Candidate, root: Path) -> ModelVersi
     source = f"models:/{model.model_id}"
     made = client.create_model_version(candidate.model_name, source, model.source_run_id, tags, model_id=model.model_id)
     first = find_version(store, candidate) or made
-    if first.version != made.version:  # another machine has made the same one just before
+    if first.version != made.version:  # another machine made the same version just before
         client.delete_model_version(made.name, made.version)
     shown = json.dumps([{"name": first.name, "version": str(first.version)}])
     client.set_logged_model_tags(model.model_id, {MLFLOW_MODEL_VERSIONS: shown})  # as `mlflow.register_model` does
@@ -65,13 +65,13 @@ def ensure_version(store: Store, candidate: Candidate, root: Path) -> ModelVersi
 
 
 def find_version(store: Store, candidate: Candidate) -> ModelVersion | None:
-    """Return the candidate's version, the first if there are several."""
+    """Find the candidate's version: the first if there are several, None if there is none."""
     query = f"name = '{candidate.model_name}' and tags.`{CANDIDATE}` = '{candidate.key()}'"
     return min(store.client.search_model_versions(query), key=lambda each: int(each.version), default=None)
 
 
 def _ensure_logged_model(store: Store, candidate: Candidate, root: Path) -> LoggedModel:
-    """Return the logged model; log it below the pipeline's run if it is not there whole."""
+    """Find the logged model; if it is missing or incomplete, log it with the pipeline's run."""
     records, client, folder = records_in(root), store.client, root / candidate.folder
     compared = replace(records.get("compare", RunRecord("compare")), pipeline=candidate.pipeline)
     trained = next((each for each in records.values() if candidate.folder in each.artifacts), RunRecord("train"))

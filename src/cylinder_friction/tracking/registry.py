@@ -1,4 +1,4 @@
-"""The model registry: a candidate becomes a version once, and the champion only if the gate lets it."""
+"""The model registry: make a candidate a version exactly once, and the champion only if the gate promotes it."""
 
 import getpass
 import json
@@ -20,7 +20,7 @@ from cylinder_friction.tracking.store import Store, open_store
 ALIAS = "champion"
 REGISTERED_FILE = Path("models/registered.json")
 ABANDONED = "abandoned"
-"""Decision on a version whose machine stopped before it was decided; the candidate may ask again."""
+"""Value of ``DECISION`` if a version's machine stopped before the decision; the candidate may be registered again."""
 ROLLED_BACK, PROMOTED = "rolled_back", "promoted"
 _GATE = "gate"  # Tag: tolerance and incumbent of the decision, as JSON
 _PATIENCE_S, _POLL_S = 120.0, 0.5
@@ -31,28 +31,28 @@ _log = logging.getLogger(__name__)
 
 
 def register(candidate: Candidate, root: Path, measure: Callable[[Path], Errors]) -> Registered:
-    """Make the candidate a version of the registered model and, if the gate lets it, the champion.
+    """Make the candidate a version of the registered model and, if the gate promotes it, the champion.
 
-    A refused candidate becomes a version too, without the alias: the registry shows what was tried and why it was
-    refused. A candidate is decided once for each tolerance. A model that a person rolled back is not promoted again.
-    After a kill at any moment, calling the function again ends in the same state.
+    A refused candidate also becomes a version, without the alias, so the registry shows what was tried and why it was
+    refused. The gate decides once per candidate and tolerance. It does not promote a model that a person rolled back.
+    After a kill at any moment, another call ends in the same state.
 
-    Machines that share a server decide one after the other, in the order of their version numbers, which the server
-    gives out once each: a version waits until all before it are decided, for two minutes at most.
+    Machines that share a server decide one after the other, in the order of the version numbers, of which the server
+    issues each once. A version waits until all earlier versions are decided, for at most two minutes.
 
-    ``measure`` returns the errors of the estimator saved in a folder on the present held-out recordings: the
-    champion's errors are measured, not read from the registry.
+    ``measure`` returns the errors of the estimator saved in a folder on the current held-out recordings. The champion's
+    errors are thus measured again, not read from the registry.
 
     Raises:
-        TrackingError: The registry cannot be reached, the candidate's folder is not the one that was measured, the
-            champion's files are gone, or the champion changed while the gate decided.
+        TrackingError: The registry cannot be reached, the candidate's folder has changed since its errors were
+            measured, the champion's files are missing, or the champion changed while the gate decided.
     """
     with open_store(root) as store:
         number, same = champion_number(store, candidate.model_name), _versions_of(store, candidate)
         if number in same:
             if lost := lost_files(store, same[number]):
                 raise TrackingError(f"{candidate.model_name} version {number} ({ALIAS}): {lost}")
-            _tag(store, same[number], {DECISION: "promoted"})  # a kill may have come just after the alias had moved
+            _tag(store, same[number], {DECISION: "promoted"})  # a kill may have come just after the alias moved
             champion = _versions(store, candidate.model_name)[number]
             return _decided_before(candidate, champion) or Registered(candidate, True, ALREADY, None)
         if any(ROLLED_BACK in each.tags for each in same.values()):
@@ -60,7 +60,7 @@ def register(candidate: Candidate, root: Path, measure: Callable[[Path], Errors]
         version = ensure_version(store, candidate, root)
         if decided := _decided_before(candidate, version):
             return decided
-        _tag(store, version, {DECISION: PENDING})  # if it was decided at another tolerance, or abandoned
+        _tag(store, version, {DECISION: PENDING})  # it may have been decided at another tolerance, or abandoned
         _wait_for_earlier(store, version, _PATIENCE_S)
         return _decide(store, version, candidate, measure)
 
@@ -105,14 +105,14 @@ def _decide(store: Store, version: ModelVersion, candidate: Candidate, measure: 
 
 
 def _measured(store: Store, champion: ModelVersion, measure: Callable[[Path], Errors]) -> Incumbent:
-    """Measure the champion on the present recordings."""
+    """Measure the champion on the current held-out recordings."""
     with tempfile.TemporaryDirectory() as scratch:
         folder = download_model(store, champion, Path(scratch))
         return Incumbent(champion.tags.get(MODEL, "unknown"), measure(saved_estimator(folder)))
 
 
 def _decided_before(candidate: Candidate, version: ModelVersion) -> Registered | None:
-    """Read the decision that stands in the registry; None if there is none, or one at another tolerance."""
+    """Read the registry's decision on a version; None if there is none at this tolerance."""
     gate, decision = json.loads(version.tags.get(_GATE, "{}")), version.tags.get(DECISION)
     if decision not in ("promoted", "refused") or gate.get("tolerance_percent") != candidate.tolerance_percent:
         return None
@@ -121,7 +121,7 @@ def _decided_before(candidate: Candidate, version: ModelVersion) -> Registered |
 
 
 def _write_decision(store: Store, version: ModelVersion, registered: Registered) -> None:
-    """Write on what grounds the gate decided."""
+    """Write the grounds of the gate's decision to the registry."""
     candidate, reason = registered.candidate, registered.reason
     gate = {"tolerance_percent": candidate.tolerance_percent, "incumbent": registered.to_dict()["incumbent"]}
     _tag(store, version, {REASON: reason, _GATE: json.dumps(gate)})
@@ -131,12 +131,12 @@ def _write_decision(store: Store, version: ModelVersion, registered: Registered)
 
 
 def move_champion(root: Path, name: str, to: int | None = None) -> str:
-    """Make the version ``to``, or the champion before, the champion; return in words what was done.
+    """Make version ``to``, or without it the previous champion, the champion; return a sentence on what was done.
 
-    The move lasts: a newer version that was champion is tagged, and the gate does not promote it again.
+    The move is permanent: a newer version that was champion gets a tag, and the gate does not promote it again.
 
     Raises:
-        LineageError: There is no such model or version, or no previous champion.
+        LineageError: The model or version does not exist, or there is no previous champion.
         TrackingError: The registry cannot be reached.
     """
     with open_store(root, create=False, write=True) as store:
@@ -166,10 +166,10 @@ def move_champion(root: Path, name: str, to: int | None = None) -> str:
 
 
 def recorded_version(store: Store, registered: Registered, root: Path, *, make: bool) -> str:
-    """Return in words which version a registration came to; ``make`` it if it is not there, but never champion.
+    """Describe in words the version of a registration; if it is missing, ``make`` it, but never the champion.
 
     Raises:
-        TrackingError: The model's folder is missing or not the registered one.
+        TrackingError: The model's folder is missing or differs from the registered one.
     """
     candidate, name = registered.candidate, registered.candidate.model_name
     found = find_version(store, candidate) or next(iter(_versions_of(store, candidate).values()), None)
@@ -186,7 +186,7 @@ def recorded_version(store: Store, registered: Registered, root: Path, *, make: 
 
 
 def lost_files(store: Store, version: ModelVersion) -> str:
-    """Return a sentence if a version's files are gone, else nothing."""
+    """Describe how to restore a version's files if they are missing; empty if they exist."""
     if store.client.list_logged_model_artifacts(str(version.source).removeprefix("models:/")):
         return ""
     return (
@@ -207,7 +207,7 @@ def _versions(store: Store, name: str) -> dict[int, ModelVersion]:
 
 
 def _versions_of(store: Store, candidate: Candidate) -> dict[int, ModelVersion]:
-    """Look up all versions that hold the candidate's model, also as measured on other recordings."""
+    """Look up all versions with the candidate's model, including versions measured on other recordings."""
     versions = _versions(store, candidate.model_name).items()
     return {number: each for number, each in versions if each.tags.get(MODEL) == candidate.model_md5}
 

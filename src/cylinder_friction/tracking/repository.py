@@ -1,4 +1,4 @@
-"""Where the repository lies, which commit it is at, and the errors of tracking."""
+"""The repository's root and commit, and the errors of tracking."""
 
 import subprocess
 from pathlib import Path
@@ -7,25 +7,25 @@ from cylinder_friction.refusal import RefusalError
 
 
 class TrackingError(RefusalError, RuntimeError):
-    """The tracking store cannot be reached, or what is to be logged is not there."""
+    """The tracking store cannot be reached, or a file to be logged is missing."""
 
 
 class LineageError(TrackingError):
-    """The way back from a model cannot be followed; the message names what is missing."""
+    """The lineage of a model cannot be followed; the message names what is missing."""
 
 
 CODE_FILE = "code.yaml"
-"""The hash of each stage's code. Git holds it in a project on the installed package, which has no source of its own."""
+"""File with the hash of each stage's code. A project that uses the installed package keeps it in Git."""
 SOURCES = ("src", ":/src", "conf", "dvc.yaml", ":/pyproject.toml")
 """Paths whose changes make a commit dirty. Results and ``params.yaml`` do not: records and ``dvc.lock`` state them."""
 _DVC_TEMPORARY = (".dvc", "tmp", "exps")
 
 
 def repository_root(start: Path) -> Path:
-    """Find the absolute root of the repository that holds ``start``; ``start`` itself if there is none.
+    """Find the absolute root of the repository that contains ``start``; without a repository, return ``start``.
 
-    An experiment that DVC runs in ``.dvc/tmp/exps`` belongs to the repository around it, not to the throw-away copy.
-    A pipeline in a DVC repository one folder below another belongs to the repository above it.
+    An experiment that DVC runs in ``.dvc/tmp/exps`` belongs to the surrounding repository, not to the temporary copy.
+    A DVC repository directly inside another DVC repository belongs to the outer one.
     """
     start = start.resolve()
     for index in range(len(start.parts) - len(_DVC_TEMPORARY) + 1):

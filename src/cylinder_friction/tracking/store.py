@@ -1,4 +1,4 @@
-"""Where runs and models are kept: SQLite in the repository, or any server that ``MLFLOW_TRACKING_URI`` names."""
+"""The store of runs and models: SQLite in the repository, or a server that ``MLFLOW_TRACKING_URI`` names."""
 
 import hashlib
 import logging
@@ -20,7 +20,7 @@ from cylinder_friction.tracking.repository import TrackingError, repository_root
 from cylinder_friction.wording import in_brief
 
 EXPERIMENT = "cylinder-friction"
-LOCAL_FOLDER = ".cylinder-friction"  # What belongs to this machine and is neither versioned nor shared
+LOCAL_FOLDER = ".cylinder-friction"  # Folder of this machine's own files, neither versioned nor shared
 _NOTE = (
     "Each top-level run is one execution of the pipeline, named after recipe, differences and commit. "
     "It states seeds, sessions, rows and how far its model is off on held-out recordings, as mean absolute error [% of "
@@ -45,19 +45,19 @@ class Store:
 
     uri: str  # Tracking and registry URI
     root: Path  # Absolute root of the repository
-    client: MlflowClient  # Talks to that URI
+    client: MlflowClient  # Client of that URI
 
     def experiment(self, part: str = "") -> str:
-        """Return the id of a recipe's experiment, ``""`` for the default; make it, or restore it if it was deleted."""
+        """Find the id of a recipe's experiment (``""``: default); make the experiment, or restore it if deleted."""
         name = f"{EXPERIMENT}-{part}" if part else EXPERIMENT
         found = self.client.get_experiment_by_name(name)
         if found is None:
             location = artifact_folder(self.root).as_uri() if self.uri.startswith("sqlite:") else None
-            # The kind lets the UI open on the runs, not on traces of agents.
+            # With this kind, the UI opens on the runs, not on traces of agents.
             tags = {"mlflow.experimentKind": "custom_model_development", "mlflow.note.content": _NOTE}
             try:
                 return str(self.client.create_experiment(name, artifact_location=location, tags=tags))
-            except MlflowException:  # another machine may have made it between the look and the creation
+            except MlflowException:  # another machine may have made it since the look-up
                 found = self.client.get_experiment_by_name(name)
                 if found is None:
                     raise
@@ -67,25 +67,25 @@ class Store:
 
 
 def tracking_uri(root: Path) -> str:
-    """Return ``MLFLOW_TRACKING_URI`` if it is set, else SQLite at the repository's root by absolute path."""
+    """Look up ``MLFLOW_TRACKING_URI``; if it is not set, return the URI of SQLite at the repository's root."""
     return os.environ.get(_VARIABLE) or f"sqlite:///{repository_root(root) / 'mlflow.db'}"
 
 
 def artifact_folder(root: Path) -> Path:
-    """Find the folder of the artifacts of the repository's own store."""
+    """Find the artifact folder of the repository's own store."""
     return repository_root(root) / "mlartifacts"
 
 
 @contextmanager
 def open_store(root: Path, *, create: bool = True, write: bool = False) -> Iterator[Store]:
-    """Open the store; make it first if it is not there and ``create`` is true.
+    """Open the store; if it does not exist and ``create`` is true, make it first.
 
-    Processes that ``write`` or ``create`` take turns, so that "look for a run, else log it" is one step; a killed
-    process gives its turn back. In a repository that was moved or copied, the store's addresses follow.
+    Processes that ``write`` or ``create`` hold a lock, so that "look for a run, else log it" is one step; a killed
+    process releases the lock. If the repository was moved or copied, the store's addresses are updated.
 
     Raises:
-        TrackingError: There is no store, the server does not respond, MLflow cannot open it, or MLflow refuses what
-            the block asks for.
+        TrackingError: The store does not exist, the server does not respond, MLflow cannot open the store, or MLflow
+            refuses a request of the block.
     """
     uri, root, given = tracking_uri(root), repository_root(root), os.environ.get(_VARIABLE)
     if uri.startswith("sqlite:") and not create and not Path(uri.removeprefix("sqlite:///")).is_file():
@@ -106,7 +106,7 @@ def open_store(root: Path, *, create: bool = True, write: bool = False) -> Itera
                 _follow_a_move(root)
             store = Store(uri, root, MlflowClient(tracking_uri=uri, registry_uri=uri))
             _ = store.experiment() if create else store.client.get_experiment_by_name(EXPERIMENT)
-        except Exception as error:  # of the server, of its database's driver, of a file
+        except Exception as error:  # from the server, its database driver or a file
             advice = (
                 f"start the server, correct {_VARIABLE} or the login in ~/.mlflow/credentials, or unset the variable "
                 "to use the repository's own store"
@@ -124,7 +124,7 @@ def open_store(root: Path, *, create: bool = True, write: bool = False) -> Itera
 
 @contextmanager
 def _turn(folder: Path, uri: str) -> Iterator[None]:
-    """Wait until no other process of this repository writes to the same store, and name the process."""
+    """Hold the lock for writing to a store; log a warning that names the process that holds it, then wait."""
     path = folder / f"tracking-{hashlib.sha256(uri.encode()).hexdigest()[:8]}.lock"
     holder = path.with_suffix(".holder")
     with ExitStack() as stack:
@@ -137,7 +137,7 @@ def _turn(folder: Path, uri: str) -> Iterator[None]:
 
 
 def _make_whole(root: Path) -> None:
-    """Make the repository's own store if it is not there: aside, so that a kill leaves a whole one or none."""
+    """Make the repository's own store if it does not exist; a kill leaves a complete store or none."""
     if not (root / "mlflow.db").exists():
         draft = root / ".mlflow.db.draft"
         for left in root.glob(f"{draft.name}*"):
@@ -147,7 +147,7 @@ def _make_whole(root: Path) -> None:
 
 
 def _follow_a_move(root: Path) -> None:
-    """Let the repository's own store name the artifacts beside it: MLflow writes down where they lay at first."""
+    """Update the artifact addresses in the repository's own store, because MLflow stores their first absolute path."""
     here, query = artifact_folder(root).as_uri(), "SELECT artifact_location FROM experiments WHERE name = ?"
     with closing(sqlite3.connect(root / "mlflow.db", timeout=30.0)) as database, database:
         (there,) = database.execute(query, (EXPERIMENT,)).fetchone() or (here,)
@@ -158,4 +158,4 @@ def _follow_a_move(root: Path) -> None:
 def _quiet() -> None:
     for name in ("mlflow", "alembic", "sqlalchemy"):
         logging.getLogger(name).setLevel(logging.WARNING)
-    logging.getLogger("urllib3.connectionpool").setLevel(logging.ERROR)  # a second try is no news
+    logging.getLogger("urllib3.connectionpool").setLevel(logging.ERROR)  # a retry needs no message

@@ -1,4 +1,4 @@
-"""Runs again from files: ``track`` fills any store from what the pipeline wrote."""
+"""Log runs from files: ``track`` fills any store from the files that the pipeline wrote."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,12 +14,12 @@ from cylinder_friction.tracking.store import open_store
 
 @dataclass(frozen=True)
 class Tracked:
-    """What ``track`` did."""
+    """Result of ``track``."""
 
     logged: tuple[str, ...]  # Stages whose run was logged now
-    present: tuple[str, ...]  # Stages whose run was there already
-    problems: tuple[str, ...]  # What could not be logged, in words
-    version: str | None  # Version of the registered model; None if the pipeline has registered none
+    present: tuple[str, ...]  # Stages whose run already existed
+    problems: tuple[str, ...]  # Descriptions of records that could not be logged
+    version: str | None  # Description of the registered version; None if the pipeline has registered none
 
     def summary(self) -> str:
         lines = [f"{len(self.logged)} runs logged, {len(self.present)} already there"]
@@ -30,8 +30,8 @@ class Tracked:
 def track(root: Path) -> Tracked:
     """Log every ``reports/runs/<stage>.json`` that the store lacks.
 
-    With the run of ``register`` goes the version that it made, but never the champion's alias: only ``register``,
-    ``promote`` and ``rollback`` move it. A version that a person deleted is not made again while that run is there.
+    The run of ``register`` comes with its version, but never with the champion's alias: only ``register``, ``promote``
+    and ``rollback`` move the alias. A version that a person deleted is not made again while that run exists.
 
     Raises:
         TrackingError: The store cannot be reached, or there is nothing to log.
@@ -53,6 +53,6 @@ def track(root: Path) -> Tracked:
                     version = recorded_version(store, registered, root, make=not known)
                 log_in(store, record, root)
                 (present if known else logged).append(stage)
-            except (RuntimeError, ValueError, TypeError, AttributeError, OSError) as error:  # of a missing or cut file
+            except (RuntimeError, ValueError, TypeError, AttributeError, OSError) as error:  # missing or cut-off file
                 problems.append(f"{stage}.json: {error}")
     return Tracked(tuple(logged), tuple(present), tuple(problems), version)
