@@ -1,4 +1,4 @@
-"""Bring columns as they were sampled to pieces at one constant rate, and report what was bridged or moved."""
+"""Align sampled columns to pieces at one constant rate, and report lost samples and resampling."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -24,33 +24,33 @@ from cylinder_friction.recordings.timeline.timestamps import WHOLE_HERTZ, TimeRu
 
 Spans = list[tuple[float, float]]
 Placed = tuple[list[tuple[Columns, int]], dict[str, list[str]]]
-"""Pieces with their segment of the clock, and the columns of each method of resampling."""
-HIGHEST_RATIO = 10.0  # A wanted rate above this multiple of the fastest channel's is refused
-SHORTEST_PIECE = 10  # A stretch between two gaps with fewer samples is left out
+"""Pieces with their segment of the clock, and the columns resampled by each method."""
+HIGHEST_RATIO = 10.0  # Largest ratio of a wanted rate to the fastest channel's rate
+SHORTEST_PIECE = 10  # Fewest samples of a stretch between two gaps that is used
 
 
 def align(
     signals: Mapping[str, Signal], rules: TimeRules, about: RecordingMetadata = UNNAMED, start: Start | None = None
 ) -> list[Recording]:
-    """Return the unbroken stretches of a file, each at one constant rate, in the order they were sampled.
+    """Make a recording of each unbroken stretch of a file, at one constant rate, in the order of sampling.
 
-    - Columns with even stamps of one clock, nothing missing, at the wanted rate: unchanged, stamps included.
+    - Complete columns with even stamps of one clock at the wanted rate stay unchanged, stamps included.
     - Damaged stamps are repaired (``order_stamps``, ``resolve_duplicates``) or refused.
-    - Lost samples, by the stamps or as NaN in a column: up to ``longest_bridge_samples`` in a row are interpolated
-      (shape-preserving cubic) and reported; more split the whole recording. The other samples are unchanged.
-    - Uneven stamps: shape-preserving cubic onto an even grid of the median rate, rounded to three digits.
-    - Other rates or phases: windowed sinc, anti-aliasing included (``windowed_sinc``). The grid runs in multiples of
-      the sample time from the first stamp, over the time that every column covers; nothing is extrapolated.
+    - Lost samples (in the stamps, or NaN in a column): up to ``longest_bridge_samples`` in a row are interpolated
+      (shape-preserving cubic) and reported; more split the whole recording. The other samples stay unchanged.
+    - Columns with uneven stamps are interpolated (shape-preserving cubic) at the median rate, rounded to three digits.
+    - Columns of other rates or phases are resampled with anti-aliasing (``windowed_sinc``). The grid has multiples of
+      the sample time from the first stamp, over the time that all columns cover; nothing is extrapolated.
 
     Args:
         signals: Columns; those of one logged table share their ``time_s`` array.
-        rules: For repairs, and which rate is wanted.
-        about: What the recordings have in common, and what was repaired before.
+        rules: Rules for repairs, and the wanted rate.
+        about: Metadata that the recordings share, with earlier repairs.
         start: When the file's clock was at 0 s; None if that is not known.
 
     Returns:
-        Recordings without NaN, yet to be checked, at least one. ``time_s`` continues the logger's time, and starts anew
-        if its clock did.
+        At least one recording, without NaN and not checked yet. ``time_s`` continues the logger's time, and restarts
+        when the logger's clock did.
 
     Raises:
         RecordingError: The stamps cannot be put in order, a column has no samples, or no stretch is long enough.
@@ -87,7 +87,7 @@ def _piece(
     segment: int = 0,
     repairs: Sequence[str] = (),
 ) -> Recording:
-    """Make a recording of columns, yet to be checked. A start holds until the clock restarts."""
+    """Make a recording of columns, which is not checked yet. A start is valid until the clock restarts."""
     own = start if start is not None and (segment == 0 or start.dated_rows) else None
     described = replace(
         about,
@@ -100,7 +100,7 @@ def _piece(
 
 
 def _rate_of_unchanged(signals: Mapping[str, Signal], rules: TimeRules) -> float | None:
-    """Return the rate [Hz] of columns that need no repair and no resampling; None if they do."""
+    """Return the rate of columns that need no repair and no resampling [Hz]; None if they do."""
     time_s, *others = {id(signal.time_s): signal.time_s for signal in signals.values()}.values()
     one_clock = all(np.array_equal(time_s, other) for other in others)
     complete = one_clock and all(np.isfinite(signal.values).all() for signal in signals.values())
@@ -114,7 +114,7 @@ def _rate_of_unchanged(signals: Mapping[str, Signal], rules: TimeRules) -> float
 def _common_rate(timelines: Sequence[ChannelTimeline], rules: TimeRules) -> float:
     """Return the wanted rate, or that of the slowest column [Hz].
 
-    Oil temperature changes over minutes: logged once a second, it does not set the rate of the others.
+    Oil temperature does not count, because it changes over minutes and may be logged once a second.
     """
     own_hz = {timeline.column: own_rate(timeline) for timeline in timelines}
     fast = [rate for column, rate in own_hz.items() if column != OIL_TEMPERATURE]
@@ -138,7 +138,7 @@ def _check_restarts(timelines: Sequence[ChannelTimeline]) -> None:
 
 
 def _on_logged_grid(timelines: Sequence[ChannelTimeline]) -> Placed:
-    """Cut columns of one grid at their gaps and bridge lost samples."""
+    """Cut columns of one grid at their gaps, and interpolate lost samples."""
     grid = timelines[0].grid
     spans: Spans = [(-np.inf, np.inf)]
     for each in timelines:
@@ -160,7 +160,7 @@ def _filled(timeline: ChannelTimeline, numbers: NDArray[np.int64]) -> Array:
     a, b = np.searchsorted(index, [numbers[0], numbers[-1] + 1])
     if b - a == len(numbers):
         return timeline.values[a:b]
-    # A few samples beyond the piece, this side of the next gap: its first or last sample may be a lost one here.
+    # Include some samples beyond the piece up to the next gap, because its first or last sample may be lost.
     gaps = np.flatnonzero(timeline.gaps) + 1
     start = max(a - 3, *gaps[gaps <= a][-1:], 0)
     end = min(b + 3, *gaps[gaps > a][:1], len(index))
@@ -169,7 +169,7 @@ def _filled(timeline: ChannelTimeline, numbers: NDArray[np.int64]) -> Array:
 
 
 def _on_new_grid(timelines: Sequence[ChannelTimeline], rate_hz: float) -> Placed:
-    """Resample columns to a grid of ``rate_hz`` from the first stamp of any of them after each start of the clock."""
+    """Resample columns at ``rate_hz``, on a grid from the first stamp of any column after each start of the clock."""
     pieces: list[tuple[Columns, int]] = []
     methods: dict[str, list[str]] = {}
     for segment, stamps in enumerate(_stamps_by_segment(timelines)):
@@ -197,14 +197,14 @@ def _on_new_grid(timelines: Sequence[ChannelTimeline], rate_hz: float) -> Placed
 
 
 def _stamps_by_segment(timelines: Sequence[ChannelTimeline]) -> list[list[Array]]:
-    """List the stamps of the columns after each start of the clock, without columns that have none there."""
+    """List the stamps of the columns after each start of the clock, without columns that have none then."""
     segments = range(int(timelines[0].grid.segments[-1]) + 1)
     stamps = ([each.time_s[each.segments == segment] for each in timelines] for segment in segments)
     return [[time_s for time_s in own if len(time_s)] for own in stamps]
 
 
 def _overlap(one: Spans, other: Spans) -> Spans:
-    """Return the intersection of two lists of spans; each is in order and without overlap."""
+    """Intersect two lists of spans, each in order and without overlap."""
     result: Spans = []
     i = j = 0
     while i < len(one) and j < len(other):
@@ -219,14 +219,14 @@ def _overlap(one: Spans, other: Spans) -> Spans:
 
 
 def _sentences(done: Mapping[str, Sequence[str]], all_columns: int) -> list[str]:
-    """Write a sentence for each repair; its subject is the columns, or time if all columns have it."""
+    """Write a sentence for each repair; its subject is the columns concerned, or time if all columns are."""
     return [
         f"{'time' if len(columns) == all_columns else ', '.join(columns)}: {what}" for what, columns in done.items()
     ]
 
 
 def _gap_note(timelines: Sequence[ChannelTimeline], rules: TimeRules) -> list[str]:
-    """State the gaps that split the recording, and the columns without samples in the first."""
+    """State the gaps that split the recording, and the columns without samples in the first gap."""
     gaps: dict[tuple[float, float], list[str]] = {}
     for each in timelines:
         for place in np.flatnonzero(each.gaps & (np.diff(each.segments) == 0)):
@@ -244,7 +244,7 @@ def _gap_note(timelines: Sequence[ChannelTimeline], rules: TimeRules) -> list[st
 
 
 def _bridged_note(timelines: Sequence[ChannelTimeline], stamps_s: Array, segment: int) -> list[str]:
-    """State how many lost samples of a piece were interpolated, columns with the same ones together."""
+    """State how many lost samples of a piece were interpolated, for columns with the same lost samples together."""
     done: dict[str, list[str]] = {}
     for each in timelines:
         time_s, lost = each.time_s, np.flatnonzero(each.lost)

@@ -1,4 +1,4 @@
-"""The timeline of each channel: its valid samples in order, each with its stamp and its number on a sample grid."""
+"""Find the timeline of each channel: its valid samples in order, each with a stamp and a number on a sample grid."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,9 +20,9 @@ from cylinder_friction.recordings.timeline.timestamps import (
 )
 
 TOGETHER = 0.8
-"""Columns with this share of their rows in common were sampled together. Two raster rates of one table share half of
-their rows at most, or the slower shares all of its own."""
-SHORT_BLOCK = 32  # Samples over which a step is averaged if rounding hides it between two stamps
+"""Least share of common rows of columns that were sampled together. Two raster rates of one table share at most half of
+their rows, or the slower one shares all of its rows."""
+SHORT_BLOCK = 32  # Samples over which a step is averaged if rounding hides single steps
 
 
 @dataclass(frozen=True)
@@ -30,25 +30,25 @@ class SampleGrid:
     """Sample numbers of the stamps of columns that were sampled together."""
 
     time_s: Array  # Stamps in order, shape ``(n,)`` [s]
-    segments: Indices  # This number changes when the clock restarts, shape ``(n,)``
-    step_s: float  # Time between two samples [s]
-    even: bool  # Whether the stamps lie on an even clock, lost samples aside; else their step is the median one
+    segments: Indices  # Number of each stamp's segment, shape ``(n,)``; a segment ends when the clock restarts
+    step_s: float  # Time between two samples [s]; if they are uneven, the median time
+    even: bool  # Whether the stamps are those of an even clock, apart from lost samples
     index: Indices  # Sample number of each stamp, shape ``(n,)``; meaningless across a gap or a restart
-    gaps: Mask  # Whether more than may be bridged is lost, or the clock restarts, after a stamp, shape ``(n - 1,)``
+    gaps: Mask  # Whether too many samples are lost after a stamp, or the clock restarts, shape ``(n - 1,)``
 
 
 @dataclass(frozen=True)
 class ChannelTimeline:
     """Valid samples of one column."""
 
-    column: str  # Its name
-    grid: SampleGrid  # The grid it was sampled on
-    at: Indices  # Which of the grid's stamps each sample has, shape ``(m,)``
-    values: Array  # Shape ``(m,)``, all finite
-    stride: int  # Numbers of the grid from one sample to the next; 1 unless the column is slower than its table
-    even: bool  # Whether its samples lie ``stride`` numbers from each other, lost samples aside, on an even clock
-    lost: Indices  # Samples lost between one and the next, shape ``(m - 1,)``
-    gaps: Mask  # Whether too many are lost to be bridged, or the clock restarts, shape ``(m - 1,)``
+    column: str  # Name of the column
+    grid: SampleGrid  # The grid that it was sampled on
+    at: Indices  # Index of each sample's stamp in the grid, shape ``(m,)``
+    values: Array  # Finite values, shape ``(m,)``
+    stride: int  # Grid numbers from one sample to the next; 1 unless the column is slower than its table
+    even: bool  # Whether samples are ``stride`` numbers of an even clock apart, except for lost samples
+    lost: Indices  # Number of samples lost between two samples, shape ``(m - 1,)``
+    gaps: Mask  # Whether too many samples are lost, or the clock restarts, after a sample, shape ``(m - 1,)``
 
     @cached_property
     def time_s(self) -> Array:
@@ -62,7 +62,7 @@ class ChannelTimeline:
 
     @cached_property
     def segments(self) -> Indices:
-        """This number changes when the clock restarts, shape ``(m,)``."""
+        """Number of each sample's segment, shape ``(m,)``; a segment ends when the clock restarts."""
         return self.grid.segments[self.at]
 
     @property
@@ -75,7 +75,7 @@ class ChannelTimeline:
 
 
 def find_timelines(signals: Mapping[str, Signal], rules: TimeRules) -> tuple[list[ChannelTimeline], list[str]]:
-    """Return one timeline per column and what was done to the stamps, one sentence each.
+    """Return one timeline per column, and the repairs of stamps, one sentence each.
 
     Raises:
         RecordingError: A clock cannot be put in order, or a column has fewer than three valid samples.
@@ -104,7 +104,7 @@ def _with_subject(repairs: Sequence[str], columns: Mapping[str, Array], signals:
 
 
 def _sampled_together(stamps: OrderedStamps, values: Mapping[str, Array]) -> list[tuple[dict[str, Array], Mask]]:
-    """Group columns that share most of their rows, each with the mask of rows in which any of them has a value."""
+    """Group columns that share most of their rows; return each group with the mask of rows with any value."""
     ordered = {name: column[stamps.rows] for name, column in values.items()}
     valid = {name: np.isfinite(column) for name, column in ordered.items()}
     for name, rows in valid.items():
@@ -154,21 +154,21 @@ def _timeline(column: str, grid: SampleGrid, values: Array, rules: TimeRules) ->
 
 
 def find_grid(time_s: Array, segments: Indices, rules: TimeRules) -> SampleGrid:
-    """Return the grid of stamps that increase within each segment, shape ``(n,)``, ``n`` at least 2."""
+    """Find the grid of stamps that increase within each segment, shape ``(n,)``, with at least 2 stamps."""
     steps_s = np.diff(time_s)
     restarts = np.diff(segments) != 0
     usual_s = float(np.median(steps_s[~restarts])) if not restarts.all() else 1.0
     for step_s in (usual_s, _averaged_step(time_s, restarts)):
         if step_s is not None and (grid := _even_grid(time_s, segments, step_s, rules)) is not None:
             return grid
-    # Over steps in which no sample was lost: with the others, 2 % lost make 199 Hz of 200.
+    # Only steps without a lost sample count; otherwise 2 % of lost samples would turn 200 Hz into 199 Hz.
     single = steps_s[~restarts & (np.rint(steps_s / usual_s) == 1.0)] if usual_s > 0.0 else steps_s[:0]
     step_s = float(np.median(single)) if len(single) else usual_s
     return SampleGrid(time_s, segments, step_s, False, *_numbered(steps_s, restarts, step_s, rules))
 
 
 def _averaged_step(time_s: Array, restarts: Mask) -> float | None:
-    """Return the median step over short blocks, in which the rounding of 3, 3, 4 ms averages out."""
+    """Return the median step over short blocks, which average out the rounding of steps such as 3, 3, 4 ms."""
     block = min(SHORT_BLOCK, len(time_s) // 4)
     if block < 2:
         return None
@@ -182,7 +182,7 @@ def _numbered(steps_s: Array, restarts: Mask, step_s: float, rules: TimeRules) -
     """Return sample numbers and gaps."""
     samples = np.maximum(np.rint(steps_s / step_s), 1.0)
     gaps = restarts | (samples > rules.longest_bridge_samples + 1)
-    # Numbers go on after a gap as if it were one sample too long, so that none grows out of bounds.
+    # Numbers continue after a gap as if it were one sample too long, so that they cannot become too large.
     samples[gaps] = rules.longest_bridge_samples + 2
     return np.concatenate([[0], np.cumsum(samples)]).astype(np.int64), gaps
 

@@ -1,4 +1,4 @@
-"""From one sampling to another: uniform segments of a channel, and their values at other instants."""
+"""Resample channels: make uniform segments, and compute their values at other instants."""
 
 from dataclasses import dataclass
 
@@ -10,38 +10,38 @@ from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimel
 from cylinder_friction.recordings.timeline.timestamps import BLOCK, JITTER_SHARE, WHOLE_HERTZ, whole_hertz
 
 ON_THE_LINE = 1e-3
-"""A segment whose stamps follow one straight line this closely, as a share of a step, is read off that line."""
+"""Largest deviation of stamps from one straight line at which that line replaces them, as a share of a step."""
 
 
 def shape_preserving_cubic(at: Array, values: Array, wanted: Array) -> Array:
-    """Return values between samples, shape ``(m,)``, never beyond the two samples they lie between.
+    """Interpolate between samples without overshoot, shape ``(m,)``.
 
     Args:
-        at: Where the samples lie, increasing, shape ``(n,)``.
-        values: Shape ``(n,)``.
-        wanted: Where values are wanted, shape ``(m,)``; beyond the first or last sample, that sample.
+        at: Positions of the samples, increasing, shape ``(n,)``.
+        values: Values of the samples, shape ``(n,)``.
+        wanted: Wanted positions, shape ``(m,)``; beyond the first or last sample, that sample is returned.
 
     Source: Fritsch and Carlson 1980, Monotone piecewise cubic interpolation; slopes after Fritsch and Butland 1984.
     """
     if len(at) == 1:
         return np.full(len(wanted), values[0])
     inside = np.clip(wanted, at[0], at[-1])
-    # Counted from the first sample in steps of one: the divided differences of small steps at large times lose digits.
+    # Scale positions to steps of one from the first sample, because divided differences of small steps lose digits.
     step = (at[-1] - at[0]) / (len(at) - 1)
-    from scipy.interpolate import PchipInterpolator  # Even stamps need not wait for it
+    from scipy.interpolate import PchipInterpolator  # slow to import, and even stamps do not need it
 
     result: Array = PchipInterpolator((at - at[0]) / step, values)((inside - at[0]) / step)
     return result
 
 
 def fill_lost(numbers: NDArray[np.int64], values: Array) -> Array:
-    """Return one value per sample number, first to last; lost ones interpolated (shape-preserving cubic)."""
+    """Return one value per sample number; lost samples are interpolated (shape-preserving cubic)."""
     if numbers[-1] - numbers[0] + 1 == len(numbers):
         return values
     filled = np.full(int(numbers[-1] - numbers[0]) + 1, np.nan)
     filled[numbers - numbers[0]] = values
     lost = np.setdiff1d(np.arange(numbers[0], numbers[-1]), numbers)
-    # The cubic looks at two samples to either side; the many others need not be gone through.
+    # The cubic depends on two samples on either side only.
     beside = np.searchsorted(numbers, lost)[:, None] + np.arange(-3, 3)
     used = np.unique(np.clip(beside, 0, len(numbers) - 1))
     filled[lost - numbers[0]] = shape_preserving_cubic(numbers[used] * 1.0, values[used], lost * 1.0)
@@ -50,23 +50,23 @@ def fill_lost(numbers: NDArray[np.int64], values: Array) -> Array:
 
 @dataclass(frozen=True)
 class UniformSegment:
-    """Uniformly sampled values of one column without a gap."""
+    """Uniformly sampled values of one column, without a gap."""
 
-    values: Array  # Shape ``(n,)``
-    knot_s: Array  # Instants at which the sample number is known, increasing, two or more [s]
-    knot_number: Array  # Sample number at these, from 0, fractions allowed
+    values: Array  # Values, shape ``(n,)``
+    knot_s: Array  # Two or more increasing instants at which the sample number is known [s]
+    knot_number: Array  # Sample number at these instants, from 0; fractions are allowed
     rate_hz: float  # Rate of the samples [Hz]
     # first_s, last_s: Instants of the first and the last sample [s]
     first_s: float
     last_s: float
-    method: str = ""  # How uneven stamps became uniform, empty if they were
+    method: str = ""  # How uneven stamps were made uniform; empty if they were uniform
 
 
 def own_rate(timeline: ChannelTimeline) -> float:
-    """Return the rate of a column [Hz]: whole if within 1e-4 of whole.
+    """Return the rate of a column [Hz]: a whole number if it is within 1e-4 of one.
 
-    If stamps are uneven, it is the median rate to three digits, or to a whole number from 100 Hz on: the files of one
-    logger are to share a rate.
+    If stamps are uneven, it is the median rate, rounded to three digits, or to a whole number from 100 Hz on. So the
+    files of one logger share a rate.
     """
     rate_hz = whole_hertz(1.0 / timeline.step_s)
     if timeline.even:
@@ -75,9 +75,9 @@ def own_rate(timeline: ChannelTimeline) -> float:
 
 
 def uniform_segments(timeline: ChannelTimeline, segment: int, start_s: float) -> list[UniformSegment]:
-    """Return the stretches of a column without a gap in one segment of its clock, in order.
+    """Return the gapless stretches of a column in one segment of its clock, in order.
 
-    Uneven ones are resampled to multiples of their sample time from ``start_s`` [s].
+    Uneven stretches are resampled at multiples of their sample time from ``start_s`` [s].
     """
     result = []
     for a, b in timeline.stretches():
@@ -88,7 +88,7 @@ def uniform_segments(timeline: ChannelTimeline, segment: int, start_s: float) ->
 
 
 def sampled_at(segment: UniformSegment, time_s: Array, rate_hz: float) -> tuple[Array, str]:
-    """Return the values at uniform instants within the segment, shape ``(m,)``, and the method; empty if as logged."""
+    """Return values at uniform instants in the segment, shape ``(m,)``, and the method; empty if as logged."""
     knot_s, knot_number = segment.knot_s, segment.knot_number
     numbers: Array = np.interp(time_s, knot_s, knot_number)
     for beyond, edge, end in ((time_s < knot_s[0], 0, 1), (time_s > knot_s[-1], -1, -2)):
@@ -120,7 +120,7 @@ def _as_sampled(timeline: ChannelTimeline, a: int, b: int) -> UniformSegment:
 
 
 def _knots(time_s: Array, numbers: NDArray[np.int64], step_s: float) -> tuple[Array, Array]:
-    """Return instants and sample numbers of the line through all stamps, or of blocks of them if it drifts."""
+    """Return instants and sample numbers on a line through all stamps, or blocks of them if the clock drifts."""
     middle, middle_s = float(numbers.mean()), float(time_s.mean())
     off = numbers - middle
     slope_s = float((off * (time_s - middle_s)).sum() / (off**2).sum())

@@ -1,4 +1,4 @@
-"""Find restarts of a clock, and resolve duplicate and coarse stamps. Rows in another order are refused."""
+"""Find restarts of a clock, and resolve duplicate and coarse stamps. Rows out of order are refused."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,35 +10,35 @@ from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.timeline.timestamps import LATEST_S, Indices, TimeRules, whole_hertz
 
 RUNS_ON = 16
-"""Rows before and after a backward step that must run on for it to be a restart of the clock."""
+"""Number of rows before and after a backward step that must be in order for the step to be a restart of the clock."""
 UNDONE_SHARE = 0.5
-"""A forward jump near a backward step, by more than this share of it, undoes it: then no clock restarted."""
+"""Least forward jump near a backward step, as a share of it, that shows that the clock did not restart."""
 DAMAGED_SHARE = 0.05
-"""With more damaged stamps than this share of the rows, the order of the rows is unknown."""
-FEWEST_STAMPS = 10  # A clock is taken for coarse from this many different stamps on
+"""Largest share of rows with damaged stamps at which the order of the rows is known."""
+FEWEST_STAMPS = 10  # Fewest different stamps of a coarse clock
 LAG = 32
-"""Stamps over which a coarse clock's rate is estimated first, so that rounding averages out."""
+"""Number of stamps for the first estimate of a coarse clock's rate, over which rounding averages out."""
 
 
 @dataclass(frozen=True)
 class OrderedStamps:
-    """Stamps that never run backwards between two starts of the clock."""
+    """Stamps that never decrease between two starts of the clock."""
 
-    time_s: Array  # Shape ``(m,)`` [s]; finite, equal or increasing within a segment
-    rows: Indices  # Row of the table (from 0) that each came from, shape ``(m,)``
-    segments: Indices  # Number of the segment, from 0 up, shape ``(m,)``; it changes when the clock restarts
-    repairs: tuple[str, ...]  # What was done, one text each, without its subject
+    time_s: Array  # Finite stamps, equal or increasing within a segment, shape ``(m,)`` [s]
+    rows: Indices  # Row of each stamp in the table, counted from 0, shape ``(m,)``
+    segments: Indices  # Number of each stamp's segment, from 0, shape ``(m,)``; a segment ends when the clock restarts
+    repairs: tuple[str, ...]  # Repairs, one text each, without a subject
 
 
 def order_stamps(time_s: Array, blank: Mask) -> OrderedStamps:
-    """Return the stamps in order.
+    """Check and repair the order of stamps.
 
-    Rows that hold neither stamp nor value (``blank``) are ignored, and a few stamps that are not finite (or 1e11 s and
-    more) are left out. A clock may restart, be set back or roll over.
+    Rows without stamp and value (``blank``) are ignored. A few stamps that are not finite, or 1e11 s and more, are left
+    out. A clock may restart, be set back or roll over.
 
     Raises:
-        RecordingError: Fewer than three rows, time that stands still or runs backwards, too many rows without a stamp,
-            or rows that are swapped or have a damaged stamp.
+        RecordingError: There are fewer than three rows, time stands still or runs backwards, too many rows have no
+            stamp, or rows are swapped or have a damaged stamp.
     """
     finite = np.abs(time_s) < LATEST_S
     rows = np.flatnonzero(finite).astype(np.int64)
@@ -79,7 +79,7 @@ def order_stamps(time_s: Array, blank: Mask) -> OrderedStamps:
 
 
 def _restarts(time_s: Array, rows: Indices) -> Indices:
-    """Return the rows at which a clock begins anew; refuse a backward step that rows around it take back."""
+    """Find the rows at which a clock restarts; refuse a backward step that rows near it undo."""
     steps_s = np.diff(time_s)
     restarts = np.flatnonzero(steps_s < 0.0) + 1
     for at in restarts:
@@ -98,19 +98,19 @@ def _restarts(time_s: Array, rows: Indices) -> Indices:
 def resolve_duplicates(
     stamps: OrderedStamps, values: Sequence[Array], rules: TimeRules
 ) -> tuple[Array, Mask, list[str]]:
-    """Return the stamps, which increase over the rows to keep, the mask of these rows, and what was done.
+    """Return stamps that increase over the rows to keep, the mask of these rows, and the repairs.
 
     - Copies of the row before (same stamp, same values) are left out, however many there are.
     - If more than 5 % of the rows repeat a stamp with other values, the clock is coarse (a tick of
-      10 or 15.6 ms, or one stamp for a block of samples): the samples are spread evenly, on a straight line along
-      the first sample of each stamp and none of these before its stamp. Stamps off that line by more than the usual
-      time between two of them were not sampled evenly. Fewer lost samples than that are hidden by the rounding.
-    - Fewer duplicates with other values: the first row of a stamp stays.
+      10 or 15.6 ms, or one stamp for a block of samples). The samples are then spread evenly on a straight line through
+      the first samples of the stamps, none of them before its stamp. If stamps are off that line by more than the usual
+      time between two stamps, sampling was uneven. Rounding hides fewer lost samples than that.
+    - If fewer rows repeat a stamp with other values, the first row of each stamp is kept.
 
-    Columns are in the order of the stamps, shape ``(n,)`` each, as the results are.
+    Columns and results are in the order of the stamps, shape ``(n,)`` each.
 
     Raises:
-        RecordingError: Many rows repeat a stamp and were not sampled evenly.
+        RecordingError: Many rows repeat a stamp, and sampling was uneven.
     """
     keep = np.ones(len(stamps.time_s), dtype=np.bool_)
     repeated = np.append(False, (np.diff(stamps.time_s) == 0.0) & (np.diff(stamps.segments) == 0))
@@ -121,7 +121,7 @@ def resolve_duplicates(
         same[1:] &= (column[:-1] == column[1:]) | (np.isnan(column[:-1]) & np.isnan(column[1:]))
     copies = repeated & same
     repairs = []
-    # A sensor at rest repeats its values without being copied; then they repeat from stamp to stamp as well.
+    # The values of a sensor at rest repeat without being copies, but then they also repeat from stamp to stamp.
     at_rest = float(same[~repeated][1:].mean()) if (~repeated).sum() > 1 else 0.0
     others = repeated & ~copies
     few = repeated.sum() <= DAMAGED_SHARE * len(keep)
@@ -170,7 +170,7 @@ def _spread(time_s: Array, segments: Indices, rules: TimeRules) -> tuple[Array, 
     worst = int(np.argmax(np.abs(stamp_off - step_s * row_off)))
     off_s = abs(float(stamp_off[worst] - step_s * row_off[worst]))
     stretch_of_row = np.repeat(stretch, np.diff(np.append(firsts, len(time_s))))
-    # A tick shows a past time: each sample is taken at its stamp or later.
+    # A tick shows a past time, so each sample was taken at its stamp or later.
     start_s = np.full(len(stamp_mean), -np.inf)
     np.maximum.at(start_s, stretch, stamps_s - step_s * firsts)
     spread_s = start_s[stretch_of_row] + step_s * np.arange(len(time_s))

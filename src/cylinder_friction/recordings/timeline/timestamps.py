@@ -1,4 +1,4 @@
-"""A logger's time stamps: seconds, printed resolution, whether they run evenly, and the rules for repairing them."""
+"""Analyse a logger's time stamps: seconds, printed resolution, evenness, and the rules for repairing them."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from cylinder_friction.recordings.recording import RecordingError, expect
 
 Indices = NDArray[np.int64]
 
-BLOCK = 1024  # Samples over which a clock must follow a straight line; slower drift is a change of its rate
+BLOCK = 1024  # Number of samples over which a clock must follow a straight line; slower drift is allowed
 RATE_DRIFT = 1e-3
-"""Greatest deviation of a block's rate from the whole rate; velocity is wrong by the same share."""
+"""Largest deviation of a block's rate from the overall rate, as a share; velocity is wrong by the same share."""
 WHOLE_HERTZ = 1e-4
-"""A rate within this share of a whole number of hertz is rounded to it: clocks are off by parts per million."""
+"""Largest deviation from a whole number of hertz that is rounded, as a share; clocks are off by parts per million."""
 LATEST_S = 1e11
-"""Largest credible stamp [s], three thousand years. Larger numbers are ticks, or dates written as one number."""
+"""Largest credible stamp [s], about 3000 years. Larger numbers are ticks, or dates written as one number."""
 USUAL_STEP_SHARE = 0.9
-"""If one step makes up this share, stamps are exact, and longer steps are lost samples rather than rounding."""
+"""Least share of equal steps that shows exact stamps; longer steps are then lost samples, not rounding."""
 JITTER_SHARE = 0.02
-"""Stamps off an even clock by less than this share of a step count as even."""
+"""Largest deviation of even stamps from an even clock, as a share of a step."""
 
 
 @dataclass(frozen=True)
 class TimeRules:
-    """How raw time stamps become one constant rate."""
+    """Rules for converting raw time stamps to one constant rate."""
 
-    # Rate of the recording [Hz]; None for the slowest channel's own, oil temperature not counted
+    # Rate of the recording [Hz]; None takes the rate of the slowest channel except oil temperature
     rate_hz: float | None = None
-    longest_bridge_samples: int = 2  # Up to this many lost samples in a row are interpolated; more split the recording
+    longest_bridge_samples: int = 2  # Most lost samples in a row that are interpolated; more split the recording
 
     def __post_init__(self) -> None:
         rate_is_valid = self.rate_hz is None or 0.0 < self.rate_hz < math.inf
@@ -44,11 +44,11 @@ class TimeRules:
 
 
 def stamps_to_seconds(stamps: pd.Series[Any] | NDArray[Any], origin: pd.Timestamp | None = None) -> Array:
-    """Return time stamps in seconds, shape ``(n,)``; a missing stamp (NaT) is NaN.
+    """Convert time stamps to seconds, shape ``(n,)``; a missing stamp (NaT) becomes NaN.
 
     Args:
-        stamps: Numbers in seconds, which pass unchanged, or dates (``datetime64``, with or without time zone).
-        origin: The date that is 0 s, by default the first stamp.
+        stamps: Numbers in seconds, which stay unchanged, or dates (``datetime64``, with or without time zone).
+        origin: The date at 0 s; by default the first stamp.
     """
     series = pd.Series(stamps, copy=False)
     if not pd.api.types.is_datetime64_any_dtype(series.dtype):
@@ -65,20 +65,20 @@ def stamps_to_seconds(stamps: pd.Series[Any] | NDArray[Any], origin: pd.Timestam
     if origin is not None and origin.tzinfo is not None:
         origin = origin.tz_convert(None)
     start = dates[~missing][0] if origin is None else origin.to_datetime64().astype("datetime64[ns]")
-    # The difference is taken in whole nanoseconds: 1.7e9 s since 1970 as a float would be good to 0.2 µs only.
+    # The difference is computed in whole nanoseconds, because a float of 1.7e9 s since 1970 only resolves 0.2 µs.
     seconds: Array = (dates - start).astype(np.int64) / 1e9
     seconds[missing] = np.nan
     return seconds
 
 
 def stamps_to_datetimes(dates: pd.Series[Any]) -> NDArray[np.datetime64]:
-    """Return dates as ``datetime64[ns]``, in UTC if they have a time zone."""
+    """Convert dates to ``datetime64[ns]``, in UTC if they have a time zone."""
     plain = dates.dt.tz_convert(None) if isinstance(dates.dtype, pd.DatetimeTZDtype) else dates
     return plain.to_numpy(dtype="datetime64[ns]")
 
 
 def whole_hertz(rate_hz: float, uncertainty: float = 0.0) -> float:
-    """Return the rate; a whole number of hertz if it is within 1e-4 of one, or its uncertainty (a share, to 1e-3)."""
+    """Round a rate within 1e-4 of a whole number of hertz, or within its ``uncertainty`` (a share, at most 1e-3)."""
     whole = float(round(rate_hz))
     return whole if abs(rate_hz - whole) <= max(WHOLE_HERTZ, min(uncertainty, 1e-3)) * rate_hz else rate_hz
 
@@ -86,9 +86,9 @@ def whole_hertz(rate_hz: float, uncertainty: float = 0.0) -> float:
 def even_rate(time_s: Array) -> float | None:
     """Return the mean rate [Hz] of evenly spaced stamps, one per sample; None if they are uneven.
 
-    Even means: within every 1024 samples the stamps are off a straight line by no more than 2 % of a
-    step, or than their printed resolution explains, and the rate stays the same within 1e-3. A clock that is fast,
-    slow or drifts by some parts per million is even. A lost sample moves the line by half a step, so it is not.
+    Stamps are even if in every 1024 samples they deviate from a straight line by at most 2 % of a step or by what their
+    printed resolution explains, and the rate is constant within 1e-3. A clock that is fast, slow or drifts by some
+    parts per million is even. Stamps with a lost sample are not, because it shifts the line by half a step.
     """
     if len(time_s) < 3 or not (abs(time_s[0]) < LATEST_S and abs(time_s[-1]) < LATEST_S):
         return None
@@ -105,11 +105,10 @@ def even_rate(time_s: Array) -> float | None:
 
 
 def explaining_resolution(time_s: Array, step_s: float) -> float:
-    """Return the printed resolution [s] if it may explain uneven steps, else 0.
+    """Return the printed resolution if it may explain uneven steps, else 0 [s].
 
-    It may if it is well below a step (300 Hz printed in milliseconds: 3, 3, 4 ms), or if it is up to one step and no
-    step is the usual one (600 Hz in milliseconds: 1, 2, 2 ms). Stamps every 10 ms with one step of 20 ms have lost a
-    sample.
+    It may if it is well below a step (300 Hz printed in milliseconds: 3, 3, 4 ms), or if it is at most one step and no
+    step is usual (600 Hz in milliseconds: 1, 2, 2 ms). A step of 20 ms among steps of 10 ms is a lost sample.
     """
     if not np.isfinite(time_s).all():
         return 0.0
@@ -124,11 +123,11 @@ def explaining_resolution(time_s: Array, step_s: float) -> float:
 
 
 def printed_resolution(time_s: Array) -> float:
-    """Return the power of ten [s], 1 s to 1 µs, that finite stamps run in multiples of; 0 if they are finer."""
+    """Find the power of ten, 1 s to 1 µs, of which all finite stamps are multiples [s]; 0 if they are finer."""
     rounding = 4.0 * np.finfo(np.float64).eps * float(max(time_s.max(), -time_s.min()))
     for digits in range(7):
         tolerance = 1e-4 + rounding * 10.0**digits
-        if tolerance > 0.1:  # too large a number for that many digits
+        if tolerance > 0.1:  # the number is too large for that many digits
             break
         numbers = (time_s - time_s[0]) * 10.0**digits
         if (np.abs(numbers - np.rint(numbers)) <= tolerance).all():
@@ -137,9 +136,9 @@ def printed_resolution(time_s: Array) -> float:
 
 
 def follows_even_clock(time_s: Array, index: Indices, step_s: float, tolerance_s: float) -> bool:
-    """Return whether stamps, shape ``(n,)``, follow sample numbers on lines of 1024 samples, as in ``even_rate``.
+    """Check whether stamps, shape ``(n,)``, follow sample numbers on lines of 1024 samples, as in ``even_rate``.
 
-    ``step_s`` is the time between two numbers overall; a number that is missing in ``index`` was lost.
+    ``step_s`` is the mean time between two numbers. A number that is missing in ``index`` is a lost sample.
     """
     rows = len(time_s)
     if rows < 2:
@@ -149,7 +148,7 @@ def follows_even_clock(time_s: Array, index: Indices, step_s: float, tolerance_s
     end = np.append(start[1:], rows - 1)
     samples = index[end] - index[start]
     slope_s = (time_s[end] - time_s[start]) / samples
-    # Comparisons are written so that NaN, too, is refused.
+    # The comparisons also refuse NaN.
     if not (np.abs(slope_s - step_s) <= RATE_DRIFT * step_s + 2.0 * tolerance_s / samples).all():
         return False
     first_s, first, slope_s = (np.repeat(each, end - start) for each in (time_s[start], index[start], slope_s))

@@ -1,4 +1,4 @@
-"""Uniform samples taken at other instants: a windowed sinc."""
+"""Resample uniform samples at other instants with a windowed sinc."""
 
 from functools import lru_cache
 
@@ -7,26 +7,26 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 
-CUT_OFF = 0.45  # Where the windowed sinc lets half of the amplitude through, as a share of the lower of the two rates
+CUT_OFF = 0.45  # Frequency at which half of the amplitude passes, as a share of the lower of the two rates
 STOP_BAND_DB = 70.0
-"""Attenuation the window is made for; the table between two entries and short sums leave more than 60 dB of it."""
+"""Design attenuation of the window [dB]. Interpolation in the table and short sums reduce it to a little over 60 dB."""
 HALF_WIDTH = 22.0
-"""Support of the kernel to either side, in samples of the lower rate: the transition band is 0.1 of that rate wide."""
-ENTRIES = 512  # Entries of the kernel's table per sample of the lower rate; linear interpolation is good to 1e-6
+"""Half-width of the kernel in samples of the lower rate, which gives a transition band of 0.1 of that rate."""
+ENTRIES = 512  # Entries of the kernel's table per sample of the lower rate; the error of interpolation is below 1e-6
 
 
 def windowed_sinc(values: Array, positions: Array, rate_ratio: float) -> Array:
-    """Take even samples at other instants, with anti-aliasing, shape ``(m,)``.
+    """Resample uniform samples at other instants, with anti-aliasing, shape ``(m,)``.
 
-    A Kaiser-windowed sinc, evaluated at each instant, is anti-aliasing filter and interpolation in one. Its cut-off is
-    0.45 times the lower of the two rates: it passes up to 0.4 and stops, by 60 dB, from 0.5 on. Its weights are
-    divided by their sum, so that a constant stays what it is. Beyond the ends, the samples are continued by odd
-    extension (the mirror image through the end point), so that a straight line goes on straight.
+    A Kaiser-windowed sinc, evaluated at each instant, filters against aliasing and interpolates in one step. Its
+    cut-off is 0.45 times the lower of the two rates: it passes frequencies up to 0.4 and attenuates those above 0.5 by
+    60 dB. Its weights are divided by their sum, so that a constant stays constant. Beyond the ends, samples are
+    continued by odd extension (the mirror image through the end point), so that a straight line stays straight.
 
     Args:
-        values: At a constant rate, shape ``(n,)``.
-        positions: Wanted instants as sample numbers, fractions allowed, shape ``(m,)``, within 0 to ``n - 1``.
-        rate_ratio: Wanted rate over the rate of ``values``.
+        values: Samples at a constant rate, shape ``(n,)``.
+        positions: Wanted instants as sample numbers from 0 to ``n - 1``, fractions allowed, shape ``(m,)``.
+        rate_ratio: Ratio of the wanted rate to the rate of ``values``.
 
     Source: Smith 1984, Digital audio resampling; Oppenheim and Schafer, Discrete-time signal processing, section 7.5
     (Kaiser window).
@@ -36,9 +36,9 @@ def windowed_sinc(values: Array, positions: Array, rate_ratio: float) -> Array:
 
 @lru_cache(maxsize=1)
 def _kernel() -> Array:
-    """Return the right half of the kernel, ``ENTRIES`` values per sample of the lower rate, and a zero at its end."""
+    """Compute the right half of the kernel, ``ENTRIES`` values per sample of the lower rate, and a zero at its end."""
     distance = np.arange(int(HALF_WIDTH * ENTRIES) + 2) / ENTRIES
-    from scipy.signal import kaiser_beta  # a quarter of a second
+    from scipy.signal import kaiser_beta  # takes a quarter of a second
 
     window = np.i0(kaiser_beta(STOP_BAND_DB) * np.sqrt(np.clip(1.0 - (distance / HALF_WIDTH) ** 2, 0.0, None)))
     kernel: Array = np.sinc(2.0 * CUT_OFF * distance) * window
@@ -49,14 +49,14 @@ def _kernel() -> Array:
 
 @numba.njit(cache=True)
 def _sinc(values: Array, positions: Array, lower: float, kernel: Array, half_width: float) -> Array:
-    """``lower`` is the lower rate over the rate of ``values``: one sample of these is that much of the kernel."""
+    """Evaluate the sinc; ``lower`` is the ratio of the lower rate to the rate of ``values``."""
     last = len(values) - 1
     support = half_width / lower
     entries = (len(kernel) - 2) / half_width
     result = np.empty(len(positions))
     for row in range(len(positions)):
         position = positions[row]
-        # Summed as what differs from the nearest sample: a constant then comes out to the last bit.
+        # Differences from the nearest sample are summed, so that a constant is reproduced to the last bit.
         nearest = values[min(max(round(position), 0), last)]
         total, weights = 0.0, 0.0
         for sample in range(int(np.ceil(position - support)), int(np.floor(position + support)) + 1):
