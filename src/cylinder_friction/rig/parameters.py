@@ -101,7 +101,7 @@ class HydraulicParameters:
     makeup_cracking_pa: float = 0.2e5  # Pressure below the tank's at which these valves open [Pa]
     laminar_pressure_pa: float = 0.3e5  # Pressure drop below which an orifice is laminar [Pa]
     cushion_length_m: float = 0.02  # Length of the cushion at each end [m]
-    cushion_open_gain: float = 1e-6  # Gain of the throttle where the cushion begins [m³/s/√Pa]
+    cushion_open_gain: float = 1e-6  # Gain of the throttle at the start of the cushion [m³/s/√Pa]
     cushion_closed_gain: float = 1e-8  # Gain that remains at the end of the stroke [m³/s/√Pa]
     stop_stiffness_n_m: float = 1e8  # Stiffness of an end stop [N/m]
     # Damping of an end stop relative to its spring force, per velocity (Hunt and Crossley, 1975) [s/m]

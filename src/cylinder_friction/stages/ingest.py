@@ -29,7 +29,7 @@ QUARANTINE_FILE = Path("data/interim/quarantine.json")
 def run(params: Params) -> RunRecord:
     """Read ``ingest.source``; write ``data/interim/recordings``, one file per recording, and ``quarantine.json``.
 
-    ``ingested.json``, in the same folder, tells later stages the folder of the truth and the source of the load.
+    ``data/interim/ingested.json`` gives later stages the folder of the truth and the source of the load.
 
     Raises:
         RecordingError: Mapping and ``ingest.load`` contradict each other, there is no file, or no file is usable.

@@ -34,7 +34,7 @@ SEED = 0
 class ContractError(AssertionError):
     """An estimator or friction model breaks a promise of its contract.
 
-    The message states the estimator, the broken promise, what was given and what was expected. It is an
+    The message names the estimator or model, the broken promise, what was given and what was expected. It is an
     ``AssertionError``, so pytest shows it as a failure, not as an error.
     """
 

@@ -36,7 +36,7 @@ def is_breakaway_known(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> b
 
 
 def undetermined(points: Sequence[SteadyPoint]) -> str:
-    """Explain why at least one point of steady sliding does not determine friction; return "" if it does."""
+    """Explain why points of steady sliding do not determine friction; empty if they do. At least one is needed."""
     opposing = [point for point in points if point.friction_n * point.velocity_m_s > 0.0]
     if len(opposing) < OPPOSING * len(points):
         return (
