@@ -61,7 +61,6 @@ def write_lugre_log(
     speeds_m_s: Sequence[float],
     ways: Sequence[float] = (1.0, -1.0),
     pressure_2_pa: tuple[float, float] = (1e6, 5e5),
-    noise_m: float = 1e-6,
     load_n: float = 0.0,
     seed: int = 0,
 ) -> Path:
@@ -73,7 +72,6 @@ def write_lugre_log(
         cylinder: Areas and mass.
         speeds_m_s, ways: Of the strokes, from the middle of the travel; ways are 1 (extending) or -1.
         pressure_2_pa: Mean and amplitude of the pressure on the rod side [Pa].
-        noise_m: Standard deviation of the position's noise [m].
         load_n: A constant force against extension [N].
         seed: Of noise and of the pressure's phase.
     """
@@ -95,9 +93,7 @@ def write_lugre_log(
         first = (others_n + friction) / cylinder.piston_area_m2
     noise_pa = generator.normal(0.0, 2e3, len(first))
     middle_m = 0.5 * (cylinder.stroke_m - position.max() - position.min())
-    return _write(
-        path, time_s, first + noise_pa, second, middle_m + position + generator.normal(0.0, noise_m, len(first))
-    )
+    return _write(path, time_s, first + noise_pa, second, middle_m + position + generator.normal(0.0, 1e-6, len(first)))
 
 
 def _write(

@@ -18,7 +18,6 @@ def test_areas_of_the_catalogue_cylinder(cylinder: Cylinder) -> None:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"rod_diameter_m": 0.063}, r"rod_diameter_m must be smaller than bore_diameter_m \(0\.063 m\)"),
         ({"stroke_m": 250}, r"in metres, at most 30, but got 250; if that is in millimetres, give 0\.25"),
         *(
             ({"stroke_m": value}, f"'odd': stroke_m must be a positive number, but got {value!r}")

@@ -24,7 +24,7 @@ CYLINDER = "bore_diameter_m=0.063,rod_diameter_m=0.028,stroke_m=0.25,moving_mass
 
 @pytest.fixture(scope="module", params=["friction", "label"])
 def stated(request: pytest.FixtureRequest, small_hybrid: HybridEstimator, tmp_path_factory: pytest.TempPathFactory):
-    """An estimator whose bounds hold friction, or the label, and the folder that it is saved in."""
+    """An estimator whose bounds hold friction, or the label, the folder that it is saved in, and their sentence."""
     holds: Literal["friction", "label"] = request.param
     folder = tmp_path_factory.mktemp(holds) / "model"
     small_hybrid.save(folder)
@@ -32,38 +32,26 @@ def stated(request: pytest.FixtureRequest, small_hybrid: HybridEstimator, tmp_pa
     assert estimator.bounds is not None
     estimator.bounds = replace(estimator.bounds, holds=holds)
     estimator.save(folder)
-    return estimator, folder, holds
-
-
-def sentence(estimator: HybridEstimator, holds: str) -> str:
-    assert estimator.bounds is not None
     words = estimator.bounds.in_words()
     assert words.startswith("they hold friction" if holds == "friction" else "they hold the label")
     assert ("nothing was stated" in words) == (holds == "label")
-    return words
+    return estimator, folder, words
 
 
 def test_exported_code_and_its_descriptions(stated, tmp_path: Path, cylinder: Cylinder) -> None:
-    estimator, folder, holds = stated
-    words = sentence(estimator, holds)
+    estimator, folder, words = stated
     export_c(estimator, tmp_path / "c", "friction")
     assert words in " ".join((tmp_path / "c/friction.h").read_text().split())
     assert sum(words in each.description for each in fmu_variables(estimator.step_model())) == 2, "at either bound"
+    assert model_metadata(estimator.step_model())["bounds"] == words, "of the served model"
     numbers = {"1": {"label_percent": 2.0}}
     assert words in model_card("hybrid", cylinder, read_json(folder / "estimator.json"), {}, {}, numbers, [])
-
-
-def test_the_served_model(stated) -> None:
-    estimator, _, holds = stated
-    words = sentence(estimator, holds)
-    assert model_metadata(estimator.step_model())["bounds"] == words
 
 
 def test_estimate_with_a_model(
     stated, tmp_path: Path, labelled_recordings: list[Recording], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    estimator, folder, holds = stated
-    words = sentence(estimator, holds)
+    _, folder, words = stated
     log, output = write_log(tmp_path / "log.csv", labelled_recordings[0]), tmp_path / "out"
     main(["estimate", str(log), "--cylinder", CYLINDER, *UNITS, "--model", str(folder), "--output", str(output)])
     assert f"bounds   {words}" in capsys.readouterr().out
@@ -76,8 +64,6 @@ def test_estimate_without_a_model(
     log = tmp_path / "log.csv"
     write_log(log, labelled_recordings[0])
     command = ["estimate", str(log), "--cylinder", CYLINDER, *UNITS, "--output", str(tmp_path / "out")]
-    main(command)
-    assert "bounds   none: nothing is stated about the sensors, so that their zeros are not" in capsys.readouterr().out
     main([*command, "--sensor-class", "0.5"])
     assert (
         "bounds   they hold friction in about 95 % of the rows (k = 2: smoothing, load, sensor offset), if the sensors "

@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 
@@ -52,10 +53,7 @@ def test_version_and_completion_are_printed(capsys: pytest.CaptureFixture[str]) 
 def test_ctrl_c_says_what_is_kept_and_how_to_go_on(
     what: str, words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def interrupted(_options: object) -> None:
-        raise KeyboardInterrupt
-
-    monkeypatch.setattr(stage, "run", interrupted)
+    monkeypatch.setattr(stage, "run", Mock(side_effect=KeyboardInterrupt))
     assert main(["stage", what]) == INTERRUPTED
     printed = capsys.readouterr().err
     assert f"cylinder-friction stage {what}: interrupted; {words}" in printed
@@ -79,10 +77,7 @@ def test_a_reader_that_has_ended_ends_the_command_without_a_traceback(command: s
 
 @pytest.mark.parametrize("error", [ValueError("a defect"), BrokenPipeError("of a socket")])
 def test_an_unexpected_error_is_not_hidden(error: Exception, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(_options: object) -> None:
-        raise error
-
-    monkeypatch.setattr(check, "run", broken)
+    monkeypatch.setattr(check, "run", Mock(side_effect=error))
     with pytest.raises(type(error), match=str(error)):
         main(["check"])
 
@@ -99,10 +94,7 @@ def test_an_unexpected_error_is_not_hidden(error: Exception, monkeypatch: pytest
 def test_what_the_system_refuses_is_a_sentence(
     error: OSError, words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def refused(_options: object) -> None:
-        raise error
-
-    monkeypatch.setattr(check, "run", refused)
+    monkeypatch.setattr(check, "run", Mock(side_effect=error))
     assert main(["check"]) == 1
     assert f"cylinder-friction check: {words}" in capsys.readouterr().err
 

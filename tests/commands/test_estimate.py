@@ -92,6 +92,7 @@ def test_imports_stay_few(
 def test_a_cylinder_is_stated_as_pairs_or_as_a_file(tmp_path: Path) -> None:
     expected = Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
     assert cylinder_of(GEOMETRY) == expected
+    assert repr(cylinder_of(GEOMETRY.replace("6.0", "6"))) == repr(expected), "whole numbers"
     (tmp_path / "press.yaml").write_text(GEOMETRY.replace("=", ": ").replace(", ", "\n"), encoding="utf-8")
     assert cylinder_of(str(tmp_path / "press.yaml")) == expected
     assert cylinder_of(f"{GEOMETRY}, rod_diameter_1_m=0.028") == replace(expected, rod_diameter_1_m=0.028)
@@ -136,10 +137,6 @@ def test_a_unit_of_another_form_is_refused(given: list[str], log: Path, capsys: 
     options = [word for each in given for word in ("--unit", each)]
     assert main(["estimate", str(log), "--cylinder", GEOMETRY, *options]) == 1
     assert f"--unit {given[-1]}: expected QUANTITY=UNIT such as pressure=bar" in capsys.readouterr().err
-
-
-def test_whole_numbers_are_the_same_cylinder() -> None:
-    assert repr(cylinder_of(GEOMETRY.replace("6.0", "6"))) == repr(cylinder_of(GEOMETRY))
 
 
 def test_a_cylinder_that_nobody_stated_here_is_named(

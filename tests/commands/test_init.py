@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 from pathlib import Path
+from unittest.mock import Mock
 
 import pytest
 import yaml
@@ -66,9 +67,7 @@ def test_without_git_dvc_is_told_so(monkeypatch: pytest.MonkeyPatch, tmp_path: P
 def test_a_full_disk_leaves_nothing(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def full(*_: object) -> None:
-        raise OSError(errno.ENOSPC, "No space left on device")
-
+    full = Mock(side_effect=OSError(errno.ENOSPC, "No space left on device"))
     monkeypatch.setattr(init, "write_logger_csv", full)
     assert main(["init", str(tmp_path / "project")]) == 1
     assert "init: no space left on device; make room, then run the same command again" in capsys.readouterr().err

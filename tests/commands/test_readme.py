@@ -71,12 +71,20 @@ def of_recipe(root: Path, experiment: str) -> None:
 
 def test_the_default_recipe_is_shown_without_a_word(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
     of_recipe(project, "")
-    assert main(["readme"]) == 0
-    assert capsys.readouterr().out == ""
-    assert (project / "README.md").read_text(encoding="utf-8") == (
-        f"# Title\n{BEGIN}\n\n| Hybrid | 1.41 % |\n\n{END}\nrest\n"
-    )
-    assert (project / PICTURE).read_bytes() == b"new" * 30_000
+    for _ in range(2):
+        assert main(["readme"]) == 0
+        assert capsys.readouterr().out == ""
+        assert (project / "README.md").read_text(encoding="utf-8") == (
+            f"# Title\n{BEGIN}\n\n| Hybrid | 1.41 % |\n\n{END}\nrest\n"
+        )
+        assert all((project / target).read_bytes() == b"new" * 30_000 for target in PICTURES.values())
+
+
+def test_lost_markers_are_an_error(project: Path) -> None:
+    (project / "README.md").write_text("no markers")
+    with pytest.raises(ValueError, match="are not both there; put them back"):
+        update_readme(project / "README.md", project / "reports")
+    assert (project / "README.md").read_text() == "no markers"
 
 
 def test_another_recipe_is_named(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -99,33 +107,6 @@ def test_a_full_disk_leaves_the_earlier_picture_and_table(project: Path, capsys:
     assert (project / PICTURE).read_bytes() == b"old"
     assert "old" in (project / "README.md").read_text(encoding="utf-8")
     assert [path.name for path in (project / PICTURE).parent.iterdir()] == [PICTURE.name], "no draft stays"
-
-
-@pytest.fixture
-def reports(tmp_path: Path) -> Path:
-    folder = tmp_path / "reports"
-    (folder / "figures").mkdir(parents=True)
-    (folder / "table.md").write_text("| new table |\n")
-    for picture in PICTURES:
-        (folder / "figures" / picture).write_bytes(b"picture")
-    return folder
-
-
-def test_only_what_is_between_the_markers_changes(tmp_path: Path, reports: Path) -> None:
-    readme = tmp_path / "README.md"
-    readme.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
-    for _ in range(2):
-        update_readme(readme, reports)
-        assert readme.read_text() == f"before\n{BEGIN}\n\n| new table |\n\n{END}\nafter\n"
-    assert all((tmp_path / target).read_bytes() == b"picture" for target in PICTURES.values())
-
-
-def test_lost_markers_are_an_error(tmp_path: Path, reports: Path) -> None:
-    readme = tmp_path / "README.md"
-    readme.write_text("no markers")
-    with pytest.raises(ValueError, match="are not both there; put them back"):
-        update_readme(readme, reports)
-    assert readme.read_text() == "no markers"
 
 
 def test_the_readme_has_five_rows_against_true_friction() -> None:

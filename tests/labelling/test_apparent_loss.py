@@ -3,22 +3,16 @@
 import numpy as np
 import pytest
 from tests.labelling.test_line_loss import lossy
-from tests.made_recordings import take_of_each_condition
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.labelling.apparent_loss import ApparentLoss, apparent_loss, loss_of_labels
+from cylinder_friction.labelling.apparent_loss import ApparentLoss, loss_of_labels
 from cylinder_friction.labelling.label import label
 from cylinder_friction.recordings.recording import Recording
 
 
-@pytest.fixture(scope="module")
-def raw(cylinder: Cylinder) -> list[Recording]:
-    return take_of_each_condition(cylinder, (1, 2))
-
-
-def test_a_loss_is_named_with_its_size(raw: list[Recording], cylinder: Cylinder) -> None:
-    assert loss_of_labels(label(raw, cylinder), cylinder) is None
-    loss = loss_of_labels(label([lossy(each) for each in raw], cylinder), cylinder)
+def test_a_loss_is_named_with_its_size(labelled_recordings: list[Recording], cylinder: Cylinder) -> None:
+    assert loss_of_labels(label(labelled_recordings, cylinder), cylinder) is None
+    loss = loss_of_labels(label([lossy(each) for each in labelled_recordings], cylinder), cylinder)
     assert loss is not None
     true_n = 2e5 * (loss.speed_m_s / 0.05) ** 2 * (cylinder.piston_area_m2 + cylinder.annulus_area_m2)
     assert loss.square_n == pytest.approx(true_n, rel=0.3)
@@ -32,8 +26,3 @@ def test_the_sentence_asks_and_offers_what_to_state(cylinder: Cylinder) -> None:
         "are the sensors at the cylinder's ports? If they are not, state the loss (sensor.line_loss in the mapping); "
         "until then bounds are wider by what the line may lose, and viscous friction is not known"
     )
-
-
-def test_friction_alone_has_no_loss_and_nothing_shows_nothing(cylinder: Cylinder) -> None:
-    assert not ApparentLoss(100.0, 180.0, 400.0, 0.05).named
-    assert apparent_loss([]) is None

@@ -8,7 +8,6 @@ from cylinder_friction.labelling.equation_of_motion import (
     Stiffness,
     friction_label,
     paper_stiffness,
-    trapped_oil_stiffness,
 )
 from cylinder_friction.signals.smooth_signals import SmoothSignals
 
@@ -43,19 +42,12 @@ def test_friction_that_balances_the_piston_is_found(
     assert label(cylinder, seen, load_n=load_n) == pytest.approx(friction_n, abs=1e-6)
 
 
-def test_trapped_oil_replaces_the_pressures(cylinder: Cylinder) -> None:
-    without = label(cylinder, signals(), MIDDLE_M + 1e-5, mode="trapped_oil")
-    with_pressures = label(cylinder, signals(9e5, 4e6), MIDDLE_M + 1e-5, mode="trapped_oil")
-    assert without == with_pressures
-    assert without == pytest.approx(-1e-5 * trapped_oil_stiffness(cylinder, Stiffness()))
+def test_the_springs_of_trapped_oil_in_both_chambers_replace_the_pressures(cylinder: Cylinder) -> None:
+    spring_n_m = 1.4e9 * (cylinder.piston_area_m2 + cylinder.annulus_area_m2) / MIDDLE_M
+    for seen in (signals(), signals(9e5, 4e6)):
+        off_n = label(cylinder, seen, MIDDLE_M + 1e-5, mode="trapped_oil", bulk_modulus_pa=1.4e9, dead_volume_m3=1e-15)
+        assert off_n == pytest.approx(-1e-5 * spring_n_m, rel=1e-6)
     assert label(cylinder, signals(), MIDDLE_M, mode="trapped_oil") == 0.0
-
-
-def test_trapped_oil_is_the_springs_of_both_chambers(cylinder: Cylinder) -> None:
-    area_1, area_2 = cylinder.piston_area_m2, cylinder.annulus_area_m2
-    no_dead_volume = Stiffness("trapped_oil", bulk_modulus_pa=1.4e9, dead_volume_m3=1e-15)
-    expected = 1.4e9 * (area_1 + area_2) / MIDDLE_M
-    assert trapped_oil_stiffness(cylinder, no_dead_volume) == pytest.approx(expected, rel=1e-6)
 
 
 def test_external_spring_is_taken_off(cylinder: Cylinder) -> None:
@@ -63,22 +55,15 @@ def test_external_spring_is_taken_off(cylinder: Cylinder) -> None:
     assert got == pytest.approx(1e6 * cylinder.piston_area_m2 - 1e4 * 0.1)
 
 
-def test_paper_literal_is_meganewtons_where_friction_is_hundreds(cylinder: Cylinder) -> None:
-    seen = signals(1e6, 1e6, velocity=0.1)
-    plain, literal = label(cylinder, seen), label(cylinder, seen, mode="paper_literal", dead_volume_m3=1e-12)
+@pytest.mark.parametrize("way", [1.0, -1.0])
+def test_paper_literal_keeps_equation_4_as_printed(cylinder: Cylinder, way: float) -> None:
+    """To the left F_f = P2·A2 - P1·A1 - K·x - m·a, unsigned; the spring is meganewtons, friction hundreds."""
     # Equations (1) and (2) mid-stroke: 1.4 GPa over oil columns of half a stroke, side by side.
     spring_n = 1.4e9 * (cylinder.piston_area_m2 + cylinder.annulus_area_m2) / MIDDLE_M * MIDDLE_M
-    assert spring_n > 7e6
-    assert literal - plain == pytest.approx(-spring_n, rel=1e-6)
-
-
-def test_paper_literal_keeps_equation_4_as_printed(cylinder: Cylinder) -> None:
-    """To the left F_f = P2·A2 - P1·A1 - K·x - m·a, unsigned; signed friction is its negative."""
-    stiffness = Stiffness("paper_literal")
-    spring_n = float(paper_stiffness(np.array([0.1]), cylinder, stiffness)[0]) * 0.1
-    unsigned = 4e6 * cylinder.annulus_area_m2 - 1e6 * cylinder.piston_area_m2 - spring_n - cylinder.moving_mass_kg * 2.0
-    got = label(cylinder, signals(1e6, 4e6, -0.1, 2.0), 0.1, mode="paper_literal")
-    assert got == pytest.approx(-unsigned)
+    pressures_n = 1e6 * cylinder.piston_area_m2 - 4e6 * cylinder.annulus_area_m2
+    unsigned = way * pressures_n - spring_n - cylinder.moving_mass_kg * 2.0
+    got = label(cylinder, signals(1e6, 4e6, 0.1 * way, 2.0), mode="paper_literal", dead_volume_m3=1e-12)
+    assert got == pytest.approx(way * unsigned, rel=1e-6)
 
 
 def test_stiffness_is_bounded_at_the_ends(cylinder: Cylinder) -> None:

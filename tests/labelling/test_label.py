@@ -8,10 +8,10 @@ import pytest
 from boom import STEP_S, boom_load, motion
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.equation_of_motion import Stiffness
-from cylinder_friction.labelling.label import Labeller, label, position_load
+from cylinder_friction.labelling.label import Labeller, label, position_load, usable_rows
 from cylinder_friction.labelling.session import SessionIdentification
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, SensorUncertainty
-from cylinder_friction.signals.smooth_signals import smooth_columns
+from cylinder_friction.signals.smooth_signals import Support, smooth_columns
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 FILTER = SavitzkyGolay()
@@ -52,30 +52,18 @@ def worst_error(labelled: Recording) -> float:
 def test_friction_comes_out_of_a_cylinder_that_carries_something(cylinder: Cylinder, pressures: bool) -> None:
     labeller = Labeller(cylinder, Stiffness(), 0.003, load="position")
     recording = boom_recording(cylinder, pressures)
-    labelled = labeller.label(recording, FILTER, session(labeller, recording))
+    found = session(labeller, recording)
+    labelled = labeller.label(recording, FILTER, found)
     assert worst_error(labelled) < 5.0
     assert labelled.usable().mean() > 0.8
     assert np.abs(labelled.column("load_force_n") - boom_load(motion()[0]))[labelled.usable()].max() < 20.0
     assert "friction_uncertainty_n" not in labelled.table.columns
-
-
-@pytest.mark.parametrize("pressures", [True, False], ids=["pressures", "drive force"])
-def test_a_measured_load_is_taken_off(cylinder: Cylinder, pressures: bool) -> None:
-    recording = boom_recording(cylinder, pressures, load_force_n=boom_load(motion()[0]))
-    labelled = Labeller(cylinder, Stiffness(), 0.003, load="measured").label(recording, FILTER)
-    assert worst_error(labelled) < 1.0
-
-
-def test_rows_where_the_load_is_not_known_are_not_usable(cylinder: Cylinder) -> None:
-    labeller = Labeller(cylinder, Stiffness(), 0.003, load="position")
-    recording = boom_recording(cylinder)
-    found = session(labeller, recording)
     assert found.load is not None
-    low = found.load.coverage.range_m[0]
-    labelled = labeller.label(recording, FILTER, found)
-    outside = recording.column("position_m") < low
-    assert outside.any()
-    assert not labelled.usable()[outside].any()
+    unknown = recording.column("position_m") < found.load.coverage.range_m[0]
+    assert unknown.any()
+    assert not labelled.usable()[unknown].any(), "the load is not known there"
+    measured = boom_recording(cylinder, pressures, load_force_n=boom_load(motion()[0]))
+    assert worst_error(Labeller(cylinder, Stiffness(), 0.003, load="measured").label(measured, FILTER)) < 1.0
 
 
 def test_uncertainty_of_an_identified_load_goes_into_the_labels(cylinder: Cylinder) -> None:
@@ -113,6 +101,17 @@ def test_what_cannot_be_labelled_is_refused(
         Labeller(cylinder, Stiffness(mode), 0.003, **how).label(recording, FILTER)
 
 
+def test_end_stops_are_masked_as_far_as_the_filter_saw_them() -> None:
+    """Row t looks at t - 30 to t + 20, so that it saw row 200 from 180 to 230."""
+    expected = np.ones(400, dtype=bool)
+    expected[:30] = expected[380:] = expected[180:231] = False
+    for at_end_m in (0.002, 0.248):
+        position_m = np.full(400, 0.1)
+        position_m[200] = at_end_m
+        np.testing.assert_array_equal(usable_rows(position_m, 0.25, 0.003, Support(before=30, after=20)), expected)
+    assert not usable_rows(np.full(10, 0.1), 0.25, 0.003, Support(30, 30)).any(), "shorter than the filter"
+
+
 def test_an_identified_mass_is_used(cylinder: Cylinder) -> None:
     heavy = replace(cylinder, moving_mass_kg=2000.0)
     recording = boom_recording(heavy, load_force_n=boom_load(motion()[0]))
@@ -124,20 +123,6 @@ def test_an_identified_mass_is_used(cylinder: Cylinder) -> None:
 
 
 RAW = ["time_s", "pressure_1_pa", "pressure_2_pa", "position_m"]
-
-
-def test_recordings_in_memory_get_the_labels_of_the_pipeline(
-    cylinder: Cylinder, labelled_recordings: list[Recording]
-) -> None:
-    """Two recordings suffice: no split is needed."""
-    raw = [Recording(recording.metadata, recording.table[RAW]) for recording in labelled_recordings[:2]]
-    labelled = label(raw, cylinder)
-    assert [recording.name for recording in labelled] == [recording.name for recording in raw]
-    assert list(labelled[0].table.columns) == [*RAW, "velocity_m_s", "friction_n", "usable"]
-    for recording, known in zip(labelled, labelled_recordings, strict=False):
-        usable, true_n = recording.usable(), known.column("friction_n")
-        assert usable.mean() > 0.95
-        assert np.abs(recording.column("friction_n") - true_n)[usable].mean() < 0.05 * np.abs(true_n).mean()
 
 
 def test_recordings_in_memory_share_the_load_of_their_session(cylinder: Cylinder) -> None:

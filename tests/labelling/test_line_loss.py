@@ -7,7 +7,6 @@ from tests.made_recordings import made_recording
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.label import label
-from cylinder_friction.labelling.uncertainty import line_uncertainty
 from cylinder_friction.recordings.line_loss import LineLoss
 from cylinder_friction.recordings.recording import Recording, SensorUncertainty
 
@@ -48,11 +47,3 @@ def test_a_loss_stated_20_percent_wrong_is_within_the_bounds(cylinder: Cylinder)
     half_n = found.column("friction_uncertainty_n")[found.usable()]
     assert np.mean(error_n <= half_n) > 0.9
     assert np.median(half_n) < 450.0
-
-
-def test_both_lines_are_as_wrong_as_each_other(cylinder: Cylinder) -> None:
-    recording = stated(made_recording(cylinder, seconds=5.0), LINE)
-    lost_n = 2e5 * (cylinder.piston_area_m2 + cylinder.annulus_area_m2)
-    unsure_n = line_uncertainty(recording, cylinder, np.array([0.05, -0.05]))
-    np.testing.assert_allclose(unsure_n, lost_n * 0.2 / np.sqrt(3.0))
-    assert line_uncertainty(made_recording(cylinder, seconds=5.0), cylinder, np.array([0.05])) == 0.0

@@ -1,10 +1,13 @@
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from boom import boom_load, boom_points
 from cylinder_friction.labelling.load import POOLED_PLACES, LoadPlan, identify_load, pooled_load
+from cylinder_friction.labelling.mass import MotionPlan
+from cylinder_friction.labelling.sliding_blocks import OffsetPlan
 from cylinder_friction.labelling.strokes import TravelCovered
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -102,15 +105,21 @@ def test_strokes_that_determine_no_load_are_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("field", "value", "message"),
+    ("plan", "field", "value", "message"),
     [
-        ("slowest_m_s", -1.0, "slowest_m_s must be zero or a positive number, but got -1"),
-        ("asymmetry", float("nan"), "asymmetry must be zero or a positive number, but got nan"),
-        ("greatest_order", -1, "greatest_order must be at least 0, but got -1"),
-        ("repeats", 5, "repeats must be at least 20, but got 5"),
-        ("confidence", 1.0, "confidence must lie between 0 and 1, but got 1"),
+        (LoadPlan, "slowest_m_s", -1.0, "slowest_m_s must be zero or a positive number, but got -1"),
+        (LoadPlan, "asymmetry", float("nan"), "asymmetry must be zero or a positive number, but got nan"),
+        (LoadPlan, "greatest_order", -1, "greatest_order must be at least 0, but got -1"),
+        (LoadPlan, "repeats", 5, "repeats must be at least 20, but got 5"),
+        (LoadPlan, "confidence", 1.0, "confidence must lie between 0 and 1, but got 1"),
+        (MotionPlan, "block_s", 0.0, "block_s must be a positive number, but got 0"),
+        (MotionPlan, "cluster_s", float("inf"), "cluster_s must be a positive number, but got inf"),
+        (MotionPlan, "slowest_m_s", -0.1, "slowest_m_s must be zero or a positive number, but got -0.1"),
+        (MotionPlan, "confidence", 95.0, "confidence must lie between 0 and 1, but got 95"),
+        (OffsetPlan, "slowest_m_s", 0.0, "OffsetPlan: slowest_m_s must be a positive number, but got 0.0"),
+        (OffsetPlan, "asymmetry_sd", -0.1, "OffsetPlan: asymmetry_sd must be zero or a positive number, but got -0.1"),
     ],
 )
-def test_an_impossible_plan_is_refused(field: str, value: float, message: str) -> None:
+def test_an_impossible_plan_is_refused(plan: Any, field: str, value: float, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        LoadPlan(**{field: value})  # type: ignore[arg-type]
+        plan(**{field: value})

@@ -58,14 +58,6 @@ def test_intervals_hold_the_truth_as_often_as_they_say() -> None:
     assert np.mean([high - low for low, high in (each.mass_interval_kg for each in found)]) < 20.0
 
 
-def test_a_light_piston_beside_its_friction_is_not_told() -> None:
-    found = identified(6.0, 60.0, amplitude_m=0.02)
-    assert not found.mass_known
-    low, high = found.mass_interval_kg
-    assert high - low > found.mass_kg
-    assert found.sentence().startswith("the motion does not determine the moving mass: got ")
-
-
 def test_standstill_does_not_count() -> None:
     """At rest any force below static friction may be seen; it says nothing of Coulomb friction."""
     force_n, position_m, velocity, acceleration = signals(95.0, 1.0)
@@ -89,6 +81,8 @@ def test_a_session_keeps_the_given_mass_where_the_motion_does_not_tell_it() -> N
         found = identify_session([], [blocks], 6.0, None, MotionPlan())
         assert found.moving_mass_kg == pytest.approx(expected_kg, rel=0.02)
         assert json.loads(json.dumps(found.to_dict(), allow_nan=False))["motion"]["mass_known"] is (noise_n == 1.0)
+    assert found.motion is not None
+    assert found.motion.sentence().startswith("the motion does not determine the moving mass: got ")
 
 
 def test_mass_and_load_are_found_beside_each_other() -> None:
@@ -103,17 +97,3 @@ def test_mass_and_load_are_found_beside_each_other() -> None:
     grid = np.linspace(*found.load.coverage.range_m, 20)
     # The offset of -3 N is a load to all appearances.
     assert np.abs(found.load.load_n(grid) - (1997.0 + 3000.0 * grid)).max() < 15.0
-
-
-@pytest.mark.parametrize(
-    ("field", "value", "message"),
-    [
-        ("block_s", 0.0, "block_s must be a positive number, but got 0"),
-        ("cluster_s", float("inf"), "cluster_s must be a positive number, but got inf"),
-        ("slowest_m_s", -0.1, "slowest_m_s must be zero or a positive number, but got -0.1"),
-        ("confidence", 95.0, "confidence must lie between 0 and 1, but got 95"),
-    ],
-)
-def test_an_impossible_plan_is_refused(field: str, value: float, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        MotionPlan(**{field: value})

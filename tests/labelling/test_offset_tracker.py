@@ -111,12 +111,6 @@ def test_rest_before_the_first_stroke_shows_an_offset_as_large_as_friction(
         assert found[20, 0] == found[-1, 0], "friction changes while at rest; the offset does not"
 
 
-def test_nothing_that_comes_later_counts(tracker: OffsetTracker, offset_recordings: list[Recording]) -> None:
-    recording = offset_recordings[-1]
-    cut = replace(recording, columns=recording.table[:1500])
-    assert learned(tracker, cut).tolist() == learned(tracker, recording)[:1500].tolist()
-
-
 def test_what_gives_no_tracker_is_refused(cylinder: Cylinder, offset_recordings: list[Recording]) -> None:
     with pytest.raises(RecordingError, match="an offset cannot be learned without pressure_2_pa among the inputs; got"):
         fit_offset_tracker(offset_recordings, cylinder, ("pressure_1_pa", "position_m"))

@@ -42,11 +42,6 @@ def test_the_first_travel_of_each_stroke_is_left_out() -> None:
     assert points.position_m[points.stroke == 1].max() < 0.0105
 
 
-def test_a_recording_at_rest_has_no_stroke() -> None:
-    assert len(strokes(np.zeros(50))) == 0
-    assert len(strokes(np.zeros(0))) == 0
-
-
 def test_strokes_of_several_recordings_are_counted_on() -> None:
     one = strokes(np.concatenate([np.full(40, 0.02), np.full(40, -0.02)]))
     joined = StrokePoints.joined([one, strokes(np.zeros(10)), one])

@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 from numpy.typing import NDArray
 
+from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.uncertainty import label_uncertainty, smoothing_deviation
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, SensorScale, sensor_uncertainty
@@ -51,12 +52,6 @@ def test_span_counts_with_the_reading() -> None:
     np.testing.assert_allclose(found, [2.0 * 0.5e5 * A2, 2.0 * 1e5 * A1])
 
 
-def test_steps_are_rectangular() -> None:
-    step_pa = 250e5 / 4096
-    found = expanded(recording(both(SensorUncertainty(0.0, 0.0, step_pa))))
-    np.testing.assert_allclose(found, 2.0 * step_pa / math.sqrt(12.0) * math.hypot(A1, A2))
-
-
 def test_loads_add_in_quadrature() -> None:
     pressures = both(SensorUncertainty(1e4, 0.0))
     alone = 1e4 * math.hypot(A1, A2)
@@ -91,11 +86,15 @@ def test_what_smoothing_leaves_counts_in_quadrature() -> None:
     np.testing.assert_allclose(smoothed, np.hypot(without, [0.0, 10.0]))
 
 
+def at_rest(p1: Array, p2: Array, uncertainty: dict[str, SensorUncertainty] | None = None) -> Recording:
+    time_s = 0.005 * np.arange(len(p1))
+    columns = {"time_s": time_s, "pressure_1_pa": p1, "pressure_2_pa": p2, "position_m": np.full(len(p1), 0.1)}
+    return Recording(RecordingMetadata("r", "1", "s", 0.005, uncertainty=uncertainty or {}), pd.DataFrame(columns))
+
+
 def test_smoothing_leaves_less_noise_than_there_was() -> None:
     noise_pa = 5e3 * np.random.default_rng(1).normal(size=(2, 4000))
-    columns = {"pressure_1_pa": noise_pa[0], "pressure_2_pa": noise_pa[1], "position_m": np.full(4000, 0.1)}
-    metadata = RecordingMetadata("r", "1", "s", 0.005)
-    raw = Recording(metadata, pd.DataFrame({"time_s": 0.005 * np.arange(4000)} | columns))
+    raw = at_rest(*noise_pa)
     noise_n = 5e3 * math.hypot(A1, A2)
     polynomial = smoothing_deviation(raw, CYLINDER, SavitzkyGolay())
     np.testing.assert_allclose(polynomial, 0.455 * noise_n, rtol=0.05)
@@ -108,9 +107,7 @@ def test_steps_that_noise_spreads_count_as_noise_alone() -> None:
 
     def uncertainty(noise_share: float) -> float:
         p1, p2 = step_pa * np.rint((30e5 + noise_share * noise_pa) / step_pa)
-        columns = {"pressure_1_pa": p1, "pressure_2_pa": p2, "position_m": np.full(4000, 0.1)}
-        metadata = RecordingMetadata("r", "1", "s", 0.005, uncertainty=both(SensorUncertainty(0.0, 0.0, step_pa)))
-        return expanded(Recording(metadata, pd.DataFrame({"time_s": 0.005 * np.arange(4000)} | columns)))[0]
+        return expanded(at_rest(p1, p2, both(SensorUncertainty(0.0, 0.0, step_pa))))[0]
 
     assert uncertainty(1.0) == 0.0
     assert uncertainty(0.1) == pytest.approx(2.0 * step_pa / math.sqrt(12.0) * math.hypot(A1, A2))

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.realtime.bounds import (
     CREEP,
     REVERSAL,
@@ -151,9 +150,3 @@ def test_stated_uncertainty_widens_the_bounds_to_hold_friction(labelled_recordin
 def test_one_recording_without_stated_uncertainty_leaves_the_label(labelled_recordings: list[Recording]) -> None:
     first, second = labelled_recordings[:2]
     assert bounds_of([first.with_columns(friction_uncertainty_n=np.ones(len(first))), second]).holds == "label"
-
-
-def test_bounds_that_were_never_calibrated_say_so(small_hybrid: HybridEstimator) -> None:
-    assert small_hybrid.bounds is not None
-    words = replace(small_hybrid.bounds, probability=1.0).in_words()
-    assert "as wide as can be, as this model's errors were never calibrated" in words

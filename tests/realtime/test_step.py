@@ -75,6 +75,7 @@ def test_an_estimator_that_was_never_calibrated_says_nothing_about_its_error(
     assert alone.bounds is None
     bounds = alone.step_model().bounds
     assert (bounds.lower_n, bounds.upper_n, bounds.probability) == ((-UNKNOWN_N,) * 4, (UNKNOWN_N,) * 4, 1.0)
+    assert "as wide as can be, as this model's errors were never calibrated" in bounds.in_words()
 
 
 def test_an_estimator_without_a_real_time_step_is_refused(cylinder: Cylinder) -> None:

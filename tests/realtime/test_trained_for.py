@@ -8,7 +8,7 @@ import pytest
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.realtime.flags import unknown_in_words
-from cylinder_friction.realtime.trained_for import OtherCylinderError, TrainedFor, pressure_noise_pa
+from cylinder_friction.realtime.trained_for import TrainedFor, pressure_noise_pa
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.noise import times_as_noisy
 from noisy_recordings import with_noise
@@ -31,12 +31,6 @@ def test_it_is_saved_and_read_with_the_model(small_hybrid: HybridEstimator, tmp_
     assert read.step_model().trained_for == read.trained_for
     with pytest.raises(ValueError, match="expected finite numbers"):
         TrainedFor(np.nan, 0.03, 300.0, 1e3)
-
-
-def test_another_cylinder_is_refused(trained: TrainedFor, cylinder: Cylinder) -> None:
-    trained.refuse(replace(cylinder, name="the same by another name", stroke_m=0.5))
-    with pytest.raises(OtherCylinderError, match=r"but the one given has 80 mm and 45 mm; train one"):
-        trained.refuse(replace(cylinder, bore_diameter_m=0.08, rod_diameter_m=0.045))
 
 
 def differences(trained: TrainedFor, recording: Recording) -> tuple[str, str]:
