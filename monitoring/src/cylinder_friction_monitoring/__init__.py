@@ -1,1 +1,1 @@
-"""A fleet each night: indicators of every session, their trends, and alarms that can be believed."""
+"""Monitor a fleet every night: indicators of every session, their trends, and alarms with a known false alarm rate."""

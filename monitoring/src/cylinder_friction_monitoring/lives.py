@@ -43,35 +43,35 @@ class LifePlan:
     seed: int = 0  # Seeds everything that is drawn
     sessions: int = 120
     begins: int = 60  # First session of its fate
-    takes: int = 60  # Number of sessions until its fate is complete
+    takes: int = 60  # Number of sessions from there until its fate is complete
     sessions_per_year: float = 365.0
     scatter: float = 0.02  # Standard deviation of friction from session to session
-    autocorrelation: float = 0.5  # Of it, between neighbouring sessions
-    duration_s: float = 36.0  # Of a session [s]
-    sample_time_s: float = 0.005  # Of the logger [s]
-    time_step_s: float = rig_bench.DEFAULT_STEP_S  # Of the integration [s]
+    autocorrelation: float = 0.5  # Autocorrelation of that scatter between neighbouring sessions
+    duration_s: float = 36.0  # Duration of a session [s]
+    sample_time_s: float = 0.005  # Sample time of the logger [s]
+    time_step_s: float = rig_bench.DEFAULT_STEP_S  # Time step of the integration [s]
 
 
 @dataclass
 class _Condition:
-    """The state of a cylinder today, as factors on a new one."""
+    """The state of a cylinder on one day, as factors relative to a new cylinder."""
 
-    wear: float = 0.0  # Of the seal, 1 when it should be replaced
+    wear: float = 0.0  # Wear of the seal; at 1 it should be replaced
     leakage: float = 1.0
     friction: float = 1.0
     drift_bar: float = 0.0
-    share: float = 0.0  # Of its fate
+    share: float = 0.0  # Completed share of its fate
 
     @property
     def friction_factor(self) -> float:
-        """Friction over that of the new seal: 13 % more at a fifth of the wear, then less and less."""
+        """Ratio of friction to that of a new seal: 13 % more at a fifth of the wear, then less and less."""
         return self.friction * (1.0 + 0.18 * self.wear / 0.2 * math.exp(1.0 - self.wear / 0.2) - 0.25 * self.wear)
 
 
 def life(cylinder: Cylinder, plan: LifePlan, number: int, fate: Fate = "healthy") -> Iterator[rig_bench.RigRecording]:
-    """Yield one recording per session of cylinder ``number``; equal plans give equal recordings.
+    """Simulate cylinder ``number`` and yield one recording per session; equal plans give equal recordings.
 
-    The truth also holds the effect of the fate: factors of friction and leak, and a zero [bar]. An unknown fate raises
+    The truth includes the effect of the fate: factors of friction and leak, and a zero [bar]. An unknown fate raises
     ``ValueError``.
     """
     rig_bench.refuse_unknown("fate", fate, FATES)
@@ -95,10 +95,10 @@ def life(cylinder: Cylinder, plan: LifePlan, number: int, fate: Fate = "healthy"
 
 @dataclass(frozen=True)
 class _Days:
-    """Differences between sessions without wear, each of shape ``(sessions,)``."""
+    """Differences between sessions that are not due to wear, each of shape ``(sessions,)``."""
 
-    friction: Array  # Factor
-    asymmetry: Array  # Added
+    friction: Array  # Factor on friction
+    asymmetry: Array  # Term added to the asymmetry of friction
     temperature_c: Array
     zeros_bar: tuple[Array, Array]
 
@@ -144,7 +144,7 @@ def _today(
 
 
 def _wear(condition: _Condition, acting: Fate, work: float, plan: LifePlan, generator: Generator) -> None:
-    """Wear the cylinder by the work of a session, which is about 1 for the default duty."""
+    """Add the wear of one session; its ``work`` is about 1 for the default duty."""
     if acting in ("wear", "seal"):
         condition.wear += generator.gamma(0.5 * work) / (0.5 * plan.takes)
         if condition.wear > 0.5:
@@ -160,7 +160,7 @@ def _wear(condition: _Condition, acting: Fate, work: float, plan: LifePlan, gene
 def _session(
     rig: rig_bench.RigParameters, plan: LifePlan, acting: Fate, days: _Days, index: int, generator: Generator, name: str
 ) -> tuple[rig_bench.RigRecording, float]:
-    """Record a session; return also its work on the seals, relative to the default duty."""
+    """Record a session; also return its work on the seals, relative to the default duty."""
     load_n = _LOAD_N if acting == "load" else 0.0
     load = rig_bench.ExternalLoad.of_time(np.full(round(plan.duration_s / rig_bench.TICK_S) + 2, load_n))
     position_m = rig.hydraulics.stroke_m * generator.uniform(0.2, 0.3)
@@ -193,7 +193,7 @@ _USUAL_WORK = 1.5e4  # Mean of pressure times speed of the default duty [W/m²]
 
 
 def _strokes(rig: rig_bench.RigParameters, generator: Generator, faster: float) -> list[rig_bench.Row]:
-    """Plan strokes out and back at three speeds, with the valve closed between them."""
+    """Plan extending and retracting strokes at three speeds, with the valve closed between them."""
     low, high = 0.2 * rig.hydraulics.stroke_m, 0.62 * rig.hydraulics.stroke_m
     rows: list[rig_bench.Row] = []
     for speed in _SPEEDS_M_S * 2:

@@ -19,7 +19,7 @@ from cylinder_friction_monitoring.fleet.processes import cores
 from cylinder_friction_monitoring.fleet.sessions import session_starts
 from cylinder_friction_monitoring.trends.assessment import Entry
 
-MANY_CYLINDERS = 8  # Fewest cylinders for which further processes pay
+MANY_CYLINDERS = 8  # Fewest cylinders for which more than one process is faster
 EXPECTED = (ValueError, OSError)
 
 
@@ -62,7 +62,7 @@ def _enter(options: argparse.Namespace, fleet: Fleet, now: datetime) -> None:
 def _with_model_folders(fleet: Fleet, scratch: Path) -> tuple[Fleet, dict[str, str]]:
     """Replace the registered models of a fleet by copies below ``scratch``.
 
-    Return also, by cylinder, why its model cannot be copied: its logs wait, because without a model all are made anew.
+    Also return, by cylinder, why its model cannot be copied. Its logs wait: without a model, all would be made again.
     """
     folders, problems = dict[str, str](), dict[str, str]()
     names = {each.model for each in fleet.cylinders.values() if each.model.startswith(REGISTERED)}
@@ -81,7 +81,7 @@ def _with_model_folders(fleet: Fleet, scratch: Path) -> tuple[Fleet, dict[str, s
 
 
 def _copied(health: FleetHealth, fleet: Fleet, options: argparse.Namespace) -> list[str]:
-    """Bring database and MLflow up to the files. Return what failed; page and alarms do not depend on it."""
+    """Update database and MLflow from the files. Return errors, on which page and alarms do not depend."""
     problems, into = list[str](), options.into
     lines = [each for each in health.lines if (into / state_file(each.cylinder)).is_file()]
     try:
@@ -94,7 +94,7 @@ def _copied(health: FleetHealth, fleet: Fleet, options: argparse.Namespace) -> l
         files = [(each.cylinder, each.state, session_file(each.cylinder), state_file(each.cylinder)) for each in lines]
         try:
             track_health(Path.cwd(), [(name, state, into / table, into / known) for name, state, table, known in files])
-        except Exception as error:  # of the store, or of the server
+        except Exception as error:  # the store or the server may raise anything
             problems.append(str(error))
     return problems
 

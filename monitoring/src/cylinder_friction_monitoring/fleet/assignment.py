@@ -14,9 +14,9 @@ HEAD_BYTES = 1 << 16
 
 
 def assigned(files: Mapping[str, Path], fleet: Fleet) -> tuple[dict[str, list[Path]], list[Refused]]:
-    """Sort logs by cylinder; refuse those that name no cylinder or several.
+    """Assign logs to cylinders; refuse logs that name no cylinder or several.
 
-    ``files`` are the logs by their paths below the folder that was read, with ``/``. An unreadable table raises
+    ``files`` are the logs by their paths relative to the folder of logs, with ``/``. An unreadable table raises
     ``MonitoringError``.
     """
     rule = fleet.assign
@@ -68,7 +68,7 @@ def _reason(found: list[str], known: list[str], rule: Assignment) -> str:
 
 
 def read_table(path: Path) -> dict[str, str]:
-    """Read a CSV file with the columns ``file`` (a path or glob) and ``cylinder``; another raises an error."""
+    """Read a CSV file with the columns ``file`` (a path or glob) and ``cylinder``; other columns raise an error."""
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:

@@ -17,14 +17,14 @@ from cylinder_friction_monitoring.lives import FATES, Fate, LifePlan, life
 DIMENSIONS = {"bore_diameter_m": 0.063, "rod_diameter_m": 0.028, "stroke_m": 0.25, "moving_mass_kg": 6.0}
 PLAN = LifePlan(sessions=70, begins=40, takes=20)
 BASELINE_SESSIONS, FALSE_ALARMS_PER_YEAR = 36, 0.2
-"""For a short demonstration. A plant takes more sessions and allows fewer false alarms."""
+"""Settings of a short demonstration. A plant records more sessions and allows fewer false alarms."""
 SIMULATED = ".simulated.txt"  # Hidden, so that no run takes it for a log
 TRUTH: Mapping[str, tuple[str, Callable[[float], str]]] = {
     "friction_factor": ("Friction", lambda factor: f"{100.0 * (factor - 1.0):+.0f} %"),
     "leak_factor": ("Leak", lambda factor: f"{factor:.2g} times"),
     "zero_bar": ("Zero", lambda zero_bar: f"{zero_bar:+.2f} bar"),
 }
-"""What a fate changes, and how it is written."""
+"""Name and format of each quantity in the truth that a fate changes."""
 CHANNELS = {
     "defaults": ["rig", "_self_"],
     "name_pattern": None,
@@ -33,7 +33,7 @@ CHANNELS = {
 
 
 def write_demonstration(folder: Path, plan: LifePlan = PLAN, processes: int = 1) -> Path:
-    """Simulate a fleet into ``logs``, unless its logs are there, and write ``channels.yaml`` and ``fleet.yaml``."""
+    """Simulate a fleet's logs into ``logs``, unless they exist, and write ``channels.yaml`` and ``fleet.yaml``."""
     jobs = [partial(write_life, folder / "logs" / fate, number, fate, plan) for number, fate in enumerate(FATES)]
     for outcome in outcomes(jobs, processes):
         if outcome is not None:
@@ -53,7 +53,7 @@ def write_demonstration(folder: Path, plan: LifePlan = PLAN, processes: int = 1)
 
 
 def write_life(folder: Path, number: int, fate: str, plan: LifePlan) -> None:
-    """Write the log of each session of one cylinder, named by its start, and what was simulated."""
+    """Write the log of each session of one cylinder, named by its start, and a note on what was simulated."""
     if len(list(folder.glob("*.csv"))) == plan.sessions and (folder / SIMULATED).is_file():
         return
     days = list[dict[str, Any]]()
@@ -65,7 +65,7 @@ def write_life(folder: Path, number: int, fate: str, plan: LifePlan) -> None:
 
 
 def in_words(fate: Fate, days: list[dict[str, Any]], plan: LifePlan) -> str:
-    """State what was simulated: the fate, since when, and on some days how far it has come."""
+    """Describe what was simulated: the fate, when it begins, and its progress on some days."""
     since = days[min(plan.begins, len(days) - 1)]["day"]
     words = [f"Simulated: {FATES[fate]}{'' if fate == 'healthy' else f'; from {since} on'}"]
     shown = [*days[plan.begins : -1 : max(plan.takes // 2, 1)][1:], days[-1]]
@@ -76,7 +76,7 @@ def in_words(fate: Fate, days: list[dict[str, Any]], plan: LifePlan) -> str:
 
 
 def main() -> None:
-    """Simulate the fleet that ``params.yaml`` describes into a folder; the pipeline's stage ``fleet``."""
+    """Run the pipeline's stage ``fleet``: simulate the fleet that ``params.yaml`` describes into a folder."""
     plan = LifePlan(**read_yaml(Path("params.yaml"))["fleet"])
     with whole_folder(Path(sys.argv[1])) as folder:
         write_demonstration(folder, plan, cores())

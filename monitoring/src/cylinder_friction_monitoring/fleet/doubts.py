@@ -9,20 +9,20 @@ from cylinder_friction_monitoring.trends.assessment import Entry
 from cylinder_friction_monitoring.trends.moments import moment
 from cylinder_friction_monitoring.trends.session_row import SessionRow
 
-FAR_D = 60.0  # A clock is off if its session is further from both neighbours by name [days]
-LONE_D = 180.0  # A clock may be off if its session is older than all others by more than this [days]
+FAR_D = 60.0  # Largest distance of a session from both neighbours by name; beyond it, its clock is off [days]
+LONE_D = 180.0  # Largest distance of the oldest session from all others; beyond it, its clock may be off [days]
 CHRONOLOGICAL = 0.8
-"""Share of neighbours by name in the order of time, above which names count as chronological."""
-FEW = 5  # A session is compared with the sessions before it if there are at least this many
+"""Least share of neighbours by name that are in the order of time if names are chronological."""
+FEW = 5  # Fewest earlier sessions that a session is compared with
 FRICTIONS, SCATTERS = 5.0, 10.0
-"""A log is of another cylinder if its half sum is this many frictions, and this many scatters, from the usual one."""
+"""Least distance of a half sum from the usual one that shows another cylinder: in frictions, and in scatters."""
 
 
 def doubts(rows: Sequence[SessionRow], entries: Sequence[Entry], now: datetime) -> dict[str, str]:
-    """State by session why it is not assessed.
+    """State by session why it must not be assessed.
 
     ``rows`` are all sessions of one cylinder. After a reset or reference among ``entries``, the usual half sum is
-    learned anew. No session begins later than ``now``.
+    determined again. A session later than ``now`` is doubtful.
     """
     found = doubtful_starts({row.session: row.start for row in rows}, now)
     trusted = sorted((row for row in rows if row.session not in found), key=lambda row: (row.start, row.session))
@@ -66,7 +66,7 @@ def _out_of_order(names: Sequence[str], times: Mapping[str, datetime]) -> dict[s
         middle = sorted(both)[len(both) // 2]
         away_d = (times[name] - middle).total_seconds() / 86400.0
         nearest_d = min(abs((times[name] - each).total_seconds()) for each in both) / 86400.0
-        # The first session may be much older, and the last much later than the others: the machine stood still.
+        # The first session may be much older, and the last much later than the others, if the machine stood still.
         late = place == last and away_d > 0.0
         early = place == 0 and away_d < 0.0 and -away_d < LONE_D
         if nearest_d > FAR_D and not late and not early:

@@ -1,4 +1,4 @@
-"""Entries: what people did to a fleet or stated about it. An entry is never changed; a later one may withdraw it."""
+"""Entries on what people did to a fleet or stated about it. An entry never changes, but a later one may withdraw it."""
 
 import json
 from collections.abc import Sequence
@@ -16,14 +16,14 @@ from cylinder_friction_monitoring.trends.in_force import NEAR_D, NEW_BASELINE
 from cylinder_friction_monitoring.trends.moments import moment, utc_time
 
 ENTRIES_FILE = "entries.jsonl"  # One entry per line, in the order in which they were added
-FLEET_FILE = "fleet.yaml"  # The name on entries that come from it
+FLEET_FILE = "fleet.yaml"  # The name (author) of entries from the fleet file
 
 
 def add_entry(folder: Path, entry: Entry, fleet: Fleet) -> None:
     """Add an entry to the file in a folder of results.
 
     A withdrawal names another entry by its kind and its time, or the first part of its time. A wrong cylinder, kind,
-    name or time raises ``MonitoringError``, as does a withdrawal of none or of several entries.
+    name or time raises ``MonitoringError``, as does a withdrawal that matches no entry or several.
     """
     if entry.cylinder not in fleet.cylinders:
         raise MonitoringError(f"entry: unknown cylinder {entry.cylinder!r}; {_known(fleet)}")
@@ -48,9 +48,9 @@ def add_entry(folder: Path, entry: Entry, fleet: Fleet) -> None:
 
 
 def refuse_far(entry: Entry, starts: Sequence[str], now: datetime) -> None:
-    """Refuse an entry whose time is probably mistyped: it has not come, or is far from all sessions (``starts``).
+    """Refuse an entry whose time is probably mistyped: it is in the future, or far from all sessions (``starts``).
 
-    Acknowledgements, comments and withdrawals may be long after the newest session.
+    Acknowledgements, comments and withdrawals may be much later than the newest session.
     """
     time = moment(utc_time(entry.time, "entry: time"))
     times = [moment(start) for start in starts]
@@ -69,9 +69,9 @@ def refuse_far(entry: Entry, starts: Sequence[str], now: datetime) -> None:
 
 
 def entries_of(folder: Path, fleet: Fleet, damaged: list[Refused] | None = None) -> dict[str, list[Entry]]:
-    """Read each cylinder's entries and its services in the fleet file, in the order of time.
+    """Read each cylinder's entries, and its services from the fleet file, in the order of time.
 
-    Damaged lines join ``damaged``; without it, they raise ``MonitoringError``.
+    Damaged lines are added to ``damaged``; without that list, they raise ``MonitoringError``.
     """
     entries = dict[str, list[Entry]]()
     for name, cylinder in fleet.cylinders.items():
@@ -92,7 +92,7 @@ def entries_of(folder: Path, fleet: Fleet, damaged: list[Refused] | None = None)
 
 
 def _without_withdrawn(entries: Sequence[Entry]) -> list[Entry]:
-    """Mark the entries that a later one withdraws, unless that one is withdrawn itself."""
+    """Mark entries that a later entry withdraws, unless the later entry is withdrawn itself."""
     found = list(entries)
     for place in reversed(range(len(found))):
         entry = found[place]

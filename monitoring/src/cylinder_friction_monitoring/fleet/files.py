@@ -1,4 +1,4 @@
-"""The files of a folder of results: their paths, and what happens if one of them is damaged."""
+"""The files of a folder of results: their paths, and how damaged files are handled."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -29,9 +29,9 @@ def pane_file(name: str) -> str:
 def read_or_name(
     folder: Path, file: str, read: Callable[[Path], Read], absent: Read, anew: str, damaged: list[Refused]
 ) -> Read:
-    """Read a file of an earlier run. Give ``absent`` without a file, and with a damaged one, which joins ``damaged``.
+    """Read a file of an earlier run. A missing or damaged file gives ``absent``; a damaged one is added to ``damaged``.
 
-    ``anew`` states how the run goes on without the file.
+    ``anew`` states how the run continues without the file.
     """
     if not (folder / file).is_file():
         return absent

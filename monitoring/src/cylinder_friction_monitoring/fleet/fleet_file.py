@@ -1,4 +1,4 @@
-"""The fleet file: which cylinders there are, and how a log names its own."""
+"""Read the fleet file: the cylinders, and how a log names its cylinder."""
 
 import json
 import re
@@ -23,7 +23,7 @@ cylinders:
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML as its owner reads it: keys are text, each there once; ``1e9`` is a number, and ``no`` is text."""
+    """Loads YAML as people read it: keys are text and unique, ``1e9`` is a number, and ``no`` is text."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:
         lines: dict[str, int] = {}
@@ -36,7 +36,7 @@ class _Loader(yaml.SafeLoader):
                     f"line {line}: {key.value!r} is there already, in line {lines[key.value]}; keep one, or rename it"
                 )
             lines[key.value] = line
-        self.flatten_mapping(node)  # joins what ``<<`` names
+        self.flatten_mapping(node)  # merge the mappings that ``<<`` names
         for key, _ in node.value:
             key.tag = "tag:yaml.org,2002:str"
         return super().construct_mapping(node, deep)
@@ -61,7 +61,7 @@ class FleetFile(BaseModel):
 
 
 def load_fleet(path: Path) -> Fleet:
-    """Read a fleet file; what is wrong in it raises ``MonitoringError``. Paths in it are relative to its folder."""
+    """Read a fleet file; an error in it raises ``MonitoringError``. Its paths are relative to its folder."""
     if not path.is_file():
         raise MonitoringError(f"{path}: no such file; write one that names your cylinders, for example\n{EXAMPLE}")
     content = _read(path)
@@ -80,7 +80,7 @@ def load_fleet(path: Path) -> Fleet:
 def _read(path: Path) -> dict[str, Any]:
     try:
         content = yaml.load(path.read_text(encoding="utf-8"), _Loader)  # noqa: S506 - a safe loader
-        json.dumps(content, default=str)  # refuses what contains itself
+        json.dumps(content, default=str)  # refuse content that contains itself
     except MonitoringError as error:
         raise MonitoringError(f"{path}, {error}") from None
     except (yaml.YAMLError, ValueError, RecursionError) as error:

@@ -1,4 +1,4 @@
-"""One run over a fleet: new logs become sessions, each cylinder is assessed, and a page shows the fleet."""
+"""Run over a fleet: convert new logs to sessions, assess each cylinder, and draw the page."""
 
 import os
 from collections import defaultdict
@@ -29,7 +29,7 @@ WRITTEN_BY = "cylinder-friction monitor"
 ANNOUNCED_ANEW = "alarms that were announced before count as new"
 ONE_EACH = ("sessions", "cylinders", "panes")
 OWN = {HEALTH_FILE, PAGE_FILE, ANNOUNCED_FILE, ENTRIES_FILE, SQLITE_FILE, RESULTS, *ONE_EACH}
-"""Everything that runs write into the folder of results."""
+"""All files and folders that runs write into the folder of results."""
 ALARM, REFUSED = 3, 1  # Exit status of a run with a new alarm, and of a run that refused something
 
 
@@ -38,10 +38,10 @@ class FleetHealth:
     """The results of one run."""
 
     folder: Path
-    lines: tuple[CylinderLine, ...]  # Of all cylinders; those that need a person come first
+    lines: tuple[CylinderLine, ...]  # One line per cylinder; cylinders that need a person come first
     refused: tuple[Refused, ...]  # Logs, sessions and files that were not used
     news: tuple[str, ...]  # A sentence on each thing that is new
-    notes: tuple[str, ...]  # Of reading, such as guesses, and logs that wait for the next run
+    notes: tuple[str, ...]  # Notes on reading, such as guesses, and on logs that wait for the next run
     new_alarms: tuple[str, ...]  # Cylinders with an alarm that no earlier run has announced
 
     @property
@@ -55,7 +55,7 @@ class FleetHealth:
         return {"cylinders": cylinders, "refused": [asdict(each) for each in self.refused], "news": list(self.news)}
 
     def announced(self) -> None:
-        """Record that somebody has been told of these alarms; the next run does not call them new."""
+        """Record that these alarms have been announced, so that the next run does not call them new."""
         alarms = {each.cylinder: list(each.alarms) for each in self.lines if each.alarms}
         write_json(self.folder / ANNOUNCED_FILE, alarms)
 
@@ -70,20 +70,20 @@ def monitor_fleet(
 ) -> FleetHealth:
     """Process the new logs of a fleet, assess its cylinders, and draw the page.
 
-    A cylinder is assessed if something about it is new: a log, an entry, or the fleet file. An error in one cylinder
-    costs no other its night. The next run finishes one that was killed, and makes damaged files anew.
+    A cylinder is assessed if a log, an entry or the fleet file is new. An error in one cylinder does not stop the
+    others. The next run completes a run that was killed, and rebuilds damaged files.
 
     Args:
-        logs: Files, folders or patterns; none: assess the sessions of earlier runs again.
+        logs: Files, folders or patterns. Without any, the sessions of earlier runs are assessed again.
         fleet: The cylinders.
-        into: The folder of results: a new one, or that of an earlier run.
-        now: No session begins later.
-        processes: How many processes share the cylinders.
+        into: The folder of results, new or from an earlier run.
+        now: The present time; a session cannot begin later.
+        processes: Number of processes that share the cylinders.
         waiting: By cylinder, why its new logs wait for the next run.
 
     Raises:
         RecordingError: A log or pattern is missing.
-        FileExistsError: The folder of results holds something else, lies in the logs, or another run is writing it.
+        FileExistsError: The folder of results contains other files, is in the logs, or is being written by another run.
     """
     paths, refused = _logs(logs)
     root = _root(logs)
@@ -92,7 +92,7 @@ def monitor_fleet(
     target = ResultFolder(into, HEALTH_FILE, WRITTEN_BY, read)
     refused += _restored_marker(target)
     target.check()
-    if not (into / HEALTH_FILE).exists():  # from here on the folder is ours, whenever the run ends
+    if not (into / HEALTH_FILE).exists():  # claim the folder, even if the run is killed
         write_json(into / HEALTH_FILE, {"written_by": WRITTEN_BY, "files": [HEALTH_FILE]})
     with target.written() as draft:
         own, nobodys = assigned({path.relative_to(root.parent).as_posix(): path for path in paths}, fleet)
@@ -131,14 +131,14 @@ def monitor_fleet(
 
 
 def code_hash() -> str:
-    """Hash the code that makes results: this package and the product."""
+    """Hash the code that makes results: this package and ``cylinder_friction``."""
     return json_hash([hash_of(Path(__file__).parents[1]), hash_of(Path(cylinder_friction.__file__).parent)])
 
 
 def copies(taken: Mapping[str, Taken]) -> dict[str, dict[str, str]]:
-    """Find logs that lie with several cylinders, and state by cylinder and session why they do not count there.
+    """Find logs of several cylinders, and state by cylinder and session why they do not count there.
 
-    A log that was moved counts in its new place. A log that lies with two cylinders at once counts for neither.
+    A log that was moved counts in its new place. A log that two cylinders have at once counts for neither.
     """
     holders = defaultdict(list)
     for name, one in taken.items():
@@ -167,7 +167,7 @@ def _root(logs: Sequence[str | Path]) -> Path:
 
 
 def _once_known(into: Path) -> list[str]:
-    """List the cylinders with files of an earlier run, also those that the fleet file no longer names."""
+    """List the cylinders with files of an earlier run, including those that the fleet file no longer names."""
     return sorted(path.stem for path in (into / state_file("any")).parent.glob("*.json"))
 
 
@@ -180,7 +180,7 @@ def _not_announced(lines: Sequence[CylinderLine], into: Path, damaged: list[Refu
 
 
 def _logs(given: Sequence[str | Path]) -> tuple[list[Path], list[Refused]]:
-    """Find the logs; name folders without any, which may be a disk that is not mounted."""
+    """Find the logs; refuse folders without logs, which may be a disk that is not mounted."""
     found, empty = set[Path](), list[Refused]()
     for each in given:
         try:

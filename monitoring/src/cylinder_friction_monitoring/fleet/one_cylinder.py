@@ -39,7 +39,7 @@ class Taken:
 
     refused: tuple[Refused, ...] = ()
     notes: tuple[str, ...] = ()
-    # By a log's SHA-256: its session, and whether this run was given the log
+    # Session of each log by SHA-256, and whether this run was given the log
     logs: Mapping[str, tuple[str, bool]] = field(default_factory=dict)
 
 
@@ -49,9 +49,9 @@ class Known:
 
     line: CylinderLine
     left_out: Mapping[str, str] = field(default_factory=dict)  # Why sessions are not assessed
-    failed: Mapping[str, str] = field(default_factory=dict)  # Why there is no row of a session
+    failed: Mapping[str, str] = field(default_factory=dict)  # Why sessions have no row
     news: tuple[str, ...] = ()
-    damaged: tuple[Refused, ...] = ()  # Files of the run before
+    damaged: tuple[Refused, ...] = ()  # Damaged files of the run before
 
 
 @dataclass(frozen=True)
@@ -88,11 +88,11 @@ class CylinderRun:
 
     @property
     def made_by(self) -> str:
-        """Code, settings and model behind the rows of its sessions."""
+        """Code, settings and model that the rows of its sessions are made with."""
         return f"{self.code} {self.owned.indicator_plan('none')} {kept_results.made_with_model(self.results)}"
 
     def taken(self, files: Sequence[Path], any_logs: bool) -> Taken:
-        """Process the new logs among ``files``. If the run reads no logs at all, ``any_logs`` is false."""
+        """Process the new logs among ``files``. ``any_logs`` is false if the run reads no logs of any cylinder."""
         refused, notes = list[Refused](), list[str]()
         if problem := kept_results.restore_summary(self.results):
             words = f"is damaged ({problem}); it was made anew from the results beside it"
@@ -136,7 +136,7 @@ class CylinderRun:
         earlier = read_or_name(self.into, state_file(self.name), Earlier.read, None, ASSESSED_ANEW, damaged)
         found_rows = read_or_name(self.into, session_file(self.name), read_rows, nothing, COMPUTED_ANEW, damaged)
         rows, failed = updated_rows(self.results, found_rows, self._row, self.made_by)
-        kept = found_rows or (rows if earlier or damaged else {})  # without the table, nothing tells what is new
+        kept = found_rows or (rows if earlier or damaged else {})  # without the table, new sessions cannot be found
         failed |= _unknown_starts(self.owned.starts, [*rows, *failed])
         placed = with_starts(rows.values(), self.owned.starts)
         left_out = {session: reason for session, reason in foreign.items() if session in rows}
@@ -151,7 +151,7 @@ class CylinderRun:
         used, plan = [row for row in placed if row.session not in left_out], self.owned.monitor_plan()
         rests_on = [
             self.code,
-            asdict(replace(self.owned, channels=None, model="")),  # what they change is in the sessions
+            asdict(replace(self.owned, channels=None, model="")),  # the sessions contain their effects
             [asdict(each) for each in entries],
             asdict(in_force(entries, [row.start for row in used], self.now, plan.acknowledged_days)),
             [(each.session, rows[each.session].key) for each in placed],
@@ -173,7 +173,7 @@ class CylinderRun:
         return Known(line, left_out, failed, tuple(news), tuple(damaged))
 
     def not_assessed(self, draft: Path, error: Exception) -> Known:
-        """Keep the assessment of the run before, if there is one, because ``known`` ended with an error."""
+        """Keep the assessment of the run before, if there is one, after an error in ``known``."""
         for place in (session_file, state_file, pane_file):
             (draft / place(self.name)).unlink(missing_ok=True)
         earlier = read_or_name(self.into, state_file(self.name), Earlier.read, None, "", [])
@@ -183,7 +183,7 @@ class CylinderRun:
         return Known(line, damaged=(self.error("was not assessed", error),))
 
     def error(self, outcome: str, error: Exception) -> Refused:
-        """State an error that only this cylinder met."""
+        """Report an error that concerns only this cylinder."""
         return Refused(self.name, f"{outcome}, because of {type(error).__name__}: {' '.join(str(error).split())}")
 
     def _channels(self) -> dict[str, Any] | None:

@@ -40,12 +40,12 @@ class FleetCylinder:
     """A cylinder in the fleet file; the guide explains each key."""
 
     dimensions: Dimensions
-    channels: Path | None = None  # None: guessed
-    model: str = ""  # A saved estimator's folder, or models:/NAME@ALIAS; empty: none
-    load: LoadMode | None = None  # None: as mapped
-    names: str | None = None  # Pattern of a log's path with ``condition`` and ``session``; None: a session per log
+    channels: Path | None = None  # Mapping of channels; None guesses it
+    model: str = ""  # Folder of a saved estimator, or models:/NAME@ALIAS; empty without a model
+    load: LoadMode | None = None  # None takes the load from the mapping
+    names: str | None = None  # Pattern for a log's path with ``condition`` and ``session``; None: one session per log
     units: Mapping[str, str] = field(default_factory=dict)
-    sensor_class: float | None = None  # Of pressure sensors without a stated accuracy [± % of full scale]
+    sensor_class: float | None = None  # Accuracy of pressure sensors if it is not mapped [± % of full scale]
     bulk_modulus_pa: float = IndicatorPlan.bulk_modulus_pa
     dead_volume_m3: float = IndicatorPlan.dead_volume_m3
     limit_percent: Mapping[str, float] = field(default_factory=dict)
@@ -57,7 +57,7 @@ class FleetCylinder:
     about: str = ""  # Shown on demand, such as the cylinder's place, or what a demonstration simulates
 
     def __post_init__(self) -> None:
-        self.cylinder("this")  # refuses dimensions that no cylinder has
+        self.cylinder("this")  # refuse impossible dimensions
         self.monitor_plan()
         self.indicator_plan("none")
         for session, time in self.starts.items():
@@ -79,7 +79,7 @@ class FleetCylinder:
 
 @dataclass(frozen=True)
 class Assignment:
-    """The way a log names its cylinder: a folder, a pattern in its path or first 64 KiB, or a table (CSV)."""
+    """How a log names its cylinder: by a folder, a pattern in its path or first 64 KiB, or a table (CSV)."""
 
     by: Literal["folder", "pattern", "table", "field"] = "folder"
     pattern: str | None = None
@@ -105,7 +105,7 @@ class Fleet:
 
     cylinders: Mapping[str, FleetCylinder]
     assign: Assignment = Assignment()
-    database: str = ""  # postgresql://...; empty: an SQLite file in the folder of results
+    database: str = ""  # Address (postgresql://...); empty for an SQLite file in the folder of results
 
     def __post_init__(self) -> None:
         if wrong := [name for name in self.cylinders if not _NAME.fullmatch(name)]:

@@ -22,8 +22,8 @@ def cores() -> int:
 def outcomes(jobs: Sequence[Callable[[], Done]], processes: int = 1) -> list[Done | Exception]:
     """Run jobs that can be pickled. Return what each returned or raised, in the order of the jobs.
 
-    With 1 process the jobs run here. Of more, each takes one thread. If one dies, the jobs that had not ended run
-    again, each in a process of its own, so that only the job that kills it fails.
+    With 1 process, the jobs run in this process. With more, each process has one thread. If a process dies, the
+    unfinished jobs run again, each in a process of its own, so that only the job that kills its process fails.
     """
     if processes < 2:
         return [_outcome(job) for job in jobs]

@@ -19,15 +19,15 @@ from cylinder_friction_monitoring.trends.session_row import COVARIATES, INDICATO
 MadeRow = Callable[[Sequence[Recording]], SessionRow]
 TEXT = ("cylinder", "session", "start", "start_source", "left_out")
 TESTED = ("compensated", "upward", "downward")
-"""Further columns of each tested indicator: its value at the reference covariates, and the two statistics."""
-_DETAIL = "detail"  # JSON: the row as it was made, and of what
+"""Further columns of each tested indicator: its value at the reference covariates, and the two CUSUM statistics."""
+_DETAIL = "detail"  # Column with the row and the hashes of its sources as JSON
 
 
 @dataclass(frozen=True)
 class KeptRow:
-    """A session between two runs."""
+    """A session's row, as kept between two runs."""
 
-    row: SessionRow  # With the start that its log states
+    row: SessionRow  # The row, with the start that its log states
     key: str  # SHA-256 of its recordings, code and settings
     made_with: str  # SHA-256 of the dimensions
 
@@ -41,10 +41,10 @@ def key_of(recordings: Sequence[Mapping[str, Any]], made_by: str) -> str:
 def updated_rows(
     results: Path, kept: Mapping[str, KeptRow], made_row: MadeRow, made_by: str
 ) -> tuple[dict[str, KeptRow], dict[str, str]]:
-    """Make the rows of new sessions in a folder that ``estimate_logs`` wrote, beside those of the run before.
+    """Make the rows of new sessions in a folder of ``estimate_logs``, and keep those of the run before.
 
-    If ``made_by`` (code and settings) has changed, all rows are made anew. Return the rows by session, and the reasons
-    by session why there is no row.
+    If ``made_by`` (code and settings) has changed, all rows are made again. Return the rows by session, and the reasons
+    why other sessions have no row.
     """
     rows, failed = dict[str, KeptRow](), dict[str, str]()
     for session, recordings in sorted(kept_recordings(results).items()):
@@ -76,7 +76,7 @@ def write_rows(
     left_out: Mapping[str, str],
     trends: Mapping[str, IndicatorTrend],
 ) -> None:
-    """Write a cylinder's table of sessions; equal content makes equal bytes."""
+    """Write a cylinder's table of sessions; equal content gives equal bytes."""
     columns: dict[str, list[Any]] = {name: [] for name in (*TEXT, *numbers(), _DETAIL)}
     tested = {
         name: dict(zip(each.sessions, zip(each.compensated, each.upward, each.downward, strict=True), strict=True))
@@ -102,7 +102,7 @@ def write_rows(
 
 
 def read_rows(path: Path) -> dict[str, KeptRow]:
-    """Read a cylinder's sessions as the run before kept them, by name."""
+    """Read the sessions that the run before kept for a cylinder, by name."""
     kept = [json.loads(text) for text in pq.read_table(path, columns=[_DETAIL], use_threads=False)[0].to_pylist()]
     rows = [KeptRow(SessionRow.from_dict(each["row"]), each["key"], each["made_with"]) for each in kept]
     return {each.row.session: each for each in rows}
@@ -115,6 +115,6 @@ def session_starts(path: Path) -> list[str]:
 
 
 def numbers() -> list[str]:
-    """List the table's columns of numbers."""
+    """List the numeric columns of the table."""
     parts = ("", "_uncertainty", *(f"_{part}" for part in TESTED))
     return ["duration_s", *(f"{name}{part}" for name in INDICATORS for part in parts), *COVARIATES]
