@@ -1,4 +1,4 @@
-"""Log a fleet's health to MLflow: a run per cylinder, a step per session, the baselines as an artifact."""
+"""Log a fleet's health to MLflow: one run per cylinder, one step per session, the baselines as an artifact."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -12,14 +12,14 @@ from cylinder_friction.tracking.store import Store, open_store
 from cylinder_friction_monitoring.trends.moments import moment
 
 CYLINDER_TAG, STATE_TAG = "cylinder", "health_state"
-COUNTED = "duration_s"  # A metric of every session: its steps tell which sessions a run holds
+COUNTED = "duration_s"  # Metric of every session, whose steps show which sessions a run contains
 
 
 def track_health(root: Path, cylinders: Iterable[tuple[str, str, Path, Path]]) -> int:
     """Bring each cylinder's run up to date. Return how many runs changed.
 
-    The step of a session is the second of its start since 1970, or its number without a start. A session that was
-    processed anew is not logged again. ``cylinders`` holds name, state, table of sessions and assessment of each.
+    The step of a session is its start in seconds since 1970, or its number if it has no start. A session that was
+    processed again is not logged again. ``cylinders`` lists name, state, table of sessions and assessment of each.
     ``RuntimeError`` is raised if the store cannot be reached.
     """
     changed = 0
@@ -52,7 +52,7 @@ def _log(store: Store, run: Run, sessions: Path, known: Path) -> None:
         if step in logged or row["left_out"]:
             continue
         values = {name: value for name, value in row.items() if isinstance(value, float)}
-        counted = {COUNTED: values.pop(COUNTED)}  # last: a kill before it has the session logged again
+        counted = {COUNTED: values.pop(COUNTED)}  # logged last, so that a session of a killed run is logged again
         at_ms = 1000 * (second or 0)
         metrics += [Metric(name, value, at_ms, step) for name, value in {**values, **counted}.items()]
     client.log_batch(run_id, metrics)

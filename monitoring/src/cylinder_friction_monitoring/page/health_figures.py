@@ -1,4 +1,4 @@
-"""Figures of the health page: a trend in a line of text, a cylinder's life, and two strokes over each other."""
+"""Draw the figures of the health page: a trend in a line of text, a cylinder's life, and two strokes compared."""
 
 import math
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from cylinder_friction_monitoring.trends.in_force import NEW_BASELINE
 from cylinder_friction_monitoring.trends.session_row import COVARIATES, INDICATORS, SessionRow
 
 WIDTH, HEIGHT, MARGIN = 220, 40, 4
-BAND = 2.0  # Half width of the band about a baseline, in scatters of a session
+BAND = 2.0  # Half-width of the band around a baseline, in scatters of a session
 TITLES = {name: f"{each.name} [{each.unit}]" for name, each in INDICATORS.items()}
 COVARIATE_PANELS = (
     ("oil [°C]", ("oil_temperature_c",)),
@@ -144,7 +144,7 @@ def _indicator(
 
 
 def strokes_figure(then: SessionRow, now: SessionRow) -> PageFigure:
-    """Draw one stroke each way of two sessions over each other: force over position."""
+    """Draw force over position for one stroke in each direction of two sessions, to compare them."""
     figure = PageFigure()
     for row, label, colour, width in ((then, "then", PALE, 3.0), (now, "now", ORANGE, 1.6)):
         for way, points in sorted(row.stroke.items()):
@@ -170,7 +170,7 @@ def _known(rows: Sequence[SessionRow], name: str) -> bool:
 
 
 def _title(figure: PageFigure, panel: int, words: str) -> None:
-    """Put a panel's title above it, which leaves room on every screen."""
+    """Put a panel's title above it, where small screens also have room for it."""
     top = figure.layout[f"yaxis{'' if panel == 1 else panel}"]["domain"][1]
     figure.note(words, x=0.0, xref="paper", y=top, yref="paper", xanchor="left", yanchor="bottom")
     figure.y_axis(panel, nticks=5, exponentformat="power")

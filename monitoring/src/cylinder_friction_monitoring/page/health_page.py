@@ -21,14 +21,14 @@ BADGES: Mapping[Answer, str] = {
     "not yet": "quiet",
     "fine": "ok",
 }
-"""Colour of each answer."""
-LISTED = 200  # Most refused logs and news on the page; health.json holds all
+"""Colour of each answer on the page."""
+LISTED = 200  # Most refused logs and news on the page; health.json lists all
 
 
 def write_health_page(
     path: Path, lines: Sequence[CylinderLine], refused: Sequence[Refused], news: Sequence[str]
 ) -> None:
-    """Write the page of a fleet; the cylinder in ``lines[0]`` needs a person most. Equal input makes equal bytes."""
+    """Write the page of a fleet, in the order of ``lines``, the most urgent first. Equal input gives equal bytes."""
     counts = Counter[str](each.answer for each in lines)
     html = page_html(
         "templates/health.html.j2",
@@ -54,10 +54,10 @@ def health_pane(
     left_out: Mapping[str, str],
     about: str = "",
 ) -> str:
-    """Draw the pane of one cylinder: a script that hands it to the page. Equal input makes equal text.
+    """Draw the pane of one cylinder, as a script that passes it to the page. Equal input gives equal text.
 
     ``rows`` are all its sessions in the order of time; ``left_out`` states why sessions are not assessed; ``about`` is
-    what the fleet file states.
+    the fleet file's text on the cylinder.
     """
     used = [row for row in rows if row.session not in left_out]
     then, now = _two(found, used)
@@ -82,7 +82,7 @@ def health_pane(
 
 
 def _two(found: Assessment, rows: Sequence[SessionRow]) -> tuple[SessionRow | None, SessionRow | None]:
-    """Select a session of the baseline, or the first, and the newest, among those with a stroke each way."""
+    """Select two sessions with strokes in both directions: one of the baseline, or else the first, and the newest."""
     drawn = [row for row in rows if len(row.stroke) == 2]
     if len(drawn) < 2:
         return None, None
@@ -169,6 +169,6 @@ def _entries(entries: Sequence[Entry]) -> Table:
 
 
 def _undetermined(rows: Sequence[SessionRow]) -> list[tuple[str, str]]:
-    """List what the newest session does not determine, and why."""
+    """List the indicators that the newest session does not determine, and why."""
     known = rows[-1].indicators if rows else {}
     return [(each.name, known[key].why) for key, each in INDICATORS.items() if key in known and known[key].why]

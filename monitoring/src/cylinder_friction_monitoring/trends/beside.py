@@ -1,4 +1,4 @@
-"""Find what else changed when an indicator did: oil, pressure, speed, load, travel and the sensors' zeros."""
+"""Find what else changed together with an indicator: oil, pressure, speed, load, travel, or the sensors' zeros."""
 
 from collections.abc import Mapping, Sequence
 
@@ -9,12 +9,12 @@ from cylinder_friction_monitoring.arrays import Array
 from cylinder_friction_monitoring.trends.session_row import COVARIATES, Covariate, SessionRow
 
 AROUND = 20  # Number of sessions before and after the change that are compared
-TIMES = 2.0  # A covariate has changed if its means differ by this many standard deviations of a session
+TIMES = 2.0  # Least difference of a covariate's means that is a change, in standard deviations of a session
 MEAN_PRESSURE = Covariate("bar", "mean pressure", 1.0)
 
 
 def changed_beside(rows: Sequence[SessionRow], begins: int, zero: tuple[float, float] | None) -> tuple[str, ...]:
-    """State what changed around session ``begins``.
+    """Describe what changed around session ``begins``.
 
     ``zero`` is the change of an alarmed half sum at that time, and its uncertainty [N].
     """
@@ -38,7 +38,7 @@ def changed_beside(rows: Sequence[SessionRow], begins: int, zero: tuple[float, f
 def farthest(names: Mapping[str, float], design: Array, covariance: Array, row: SessionRow) -> str:
     """State in words which covariate makes a session differ most from the baseline.
 
-    Of the regressors in ``design``, level comes first and the bent effect of oil last, if oil is among ``names``.
+    The first regressor in ``design`` is the level. The last is the bend of the oil's effect, if oil is in ``names``.
     """
     regressors = [*names, *(name for name in names if name == OIL_TEMPERATURE)]
     missing = [name for name, value in zip(regressors, design[1:], strict=True) if not np.isfinite(value)]

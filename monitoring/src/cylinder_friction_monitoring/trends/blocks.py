@@ -36,7 +36,7 @@ class Blocks:
 def drive_force_n(recording: Recording, cylinder: Cylinder, plan: IndicatorPlan) -> Array:
     """Compute the force of oil or drive less a measured load [N], shape ``(n,)``.
 
-    A sensor's offset and a load identified from position stay in; the half sum shows both.
+    The force still contains sensor offsets and a load that depends on position; the half sum shows both.
     """
     if PRESSURES[0] in recording.columns:
         pressure_1, pressure_2 = (recording.column(name) for name in PRESSURES)

@@ -10,13 +10,13 @@ from cylinder_friction_monitoring.trends.blocks import drive_force_n
 from cylinder_friction_monitoring.trends.plan import IndicatorPlan
 from cylinder_friction_monitoring.trends.session_row import Indicator
 
-BREAKS_WITHIN_S = 1.5  # A start follows its rest within this time [s]
+BREAKS_WITHIN_S = 1.5  # Longest time between a rest and the start that belongs to it [s]
 MOVED_M = 1e-3  # Travel after which the piston has broken away [m]
 _SEED = 22
 
 
 def breakaway(recordings: Sequence[Recording], cylinder: Cylinder, plan: IndicatorPlan) -> Indicator:
-    """Compute half the difference of the breakaway forces out and back, free of zeros: medians over starts [N]."""
+    """Compute half the difference of the median breakaway forces out and back, which is free of zeros [N]."""
     ways: dict[float, list[float]] = {1.0: [], -1.0: []}
     for recording in recordings:
         for way, force_n in _starts(recording, cylinder, plan):
@@ -34,7 +34,7 @@ def breakaway(recordings: Sequence[Recording], cylinder: Cylinder, plan: Indicat
 
 
 def _starts(recording: Recording, cylinder: Cylinder, plan: IndicatorPlan) -> list[tuple[float, float]]:
-    """Find direction and greatest force of each start from rest; force is smoothed over 20 ms."""
+    """Find the direction and the greatest force, smoothed over 20 ms, of each start from rest."""
     step_s, position_m = recording.sample_time_s, recording.column("position_m")
     rows = max(1, round(0.02 / step_s))
     force_n = np.convolve(drive_force_n(recording, cylinder, plan), np.full(rows, 1.0 / rows), mode="same")

@@ -26,18 +26,18 @@ _MARGIN = 1.25
 
 @dataclass(frozen=True)
 class Cusum:
-    """The test of each session, shape ``(sessions,)``; NaN before the baseline ends."""
+    """Test results of each session, shape ``(sessions,)``; NaN before the baseline ends."""
 
     upward: Array  # Statistics, in standard deviations of an innovation
     downward: Array
-    tested: Mask  # False without a value, or too far from the baseline
+    tested: Mask  # False if a session has no value or is too far from the baseline
     smallest: float  # Smallest lasting change that adds to the statistic, averaged over the baseline
 
 
 def cusum(reference: Reference, residuals: Array, uncertainties: Array, design: Array, baseline: int) -> Cusum:
-    """Test sessions; the first ``baseline`` sessions are the baseline.
+    """Test the sessions after the first ``baseline`` ones, which are the baseline.
 
-    ``residuals`` (values less expected values) and ``uncertainties`` of each value by itself have shape
+    ``residuals`` (values less expected values) and ``uncertainties`` of the single values have shape
     ``(sessions,)``, NaN if not known; ``design`` holds the regressors, shape ``(sessions, coefficients)``.
     """
     phi = reference.autocorrelation
@@ -59,10 +59,10 @@ def cusum(reference: Reference, residuals: Array, uncertainties: Array, design: 
 
 
 def threshold(baseline: int, autocorrelation: float, false_alarms_per_year: float, sessions_per_year: float) -> float:
-    """Compute the threshold of one indicator for a rate of false alarms [standard deviations].
+    """Compute the threshold of one indicator for a given rate of false alarms [standard deviations].
 
     ``tools/thresholds.py`` simulates baselines with four regressors and a season, then a year of 365 sessions. The
-    greatest statistic of a year has an exponential tail; the tables hold its beginning and its slope.
+    greatest statistic of a year has an exponential tail. The tables contain the beginning and the slope of that tail.
     """
     begins, falls = (_between(table, baseline, autocorrelation) for table in (_BEGINS, _FALLS))
     return _MARGIN * (begins + falls * math.log(max(sessions_per_year / 365.0 / false_alarms_per_year, math.e**2)))

@@ -1,4 +1,4 @@
-"""One cylinder in one line of the page: the answer, why, its trend, and how urgently it needs a person."""
+"""Summarize a cylinder in one line of the page: answer, reason, trend, and how urgently it needs a person."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -9,7 +9,7 @@ from cylinder_friction_monitoring.trends.moments import moment
 from cylinder_friction_monitoring.trends.session_row import INDICATORS, SessionRow
 
 POINTS = 90  # Largest number of points of a drawn trend
-SILENT_D = 30.0  # A cylinder needs a look if it is silent for this long while others are not [days]
+SILENT_D = 30.0  # Time without a session, while others have sessions, after which a cylinder needs a look [days]
 RANKS: Mapping[Answer, int] = {"alarm": 0, "undecided": 1, "watch": 2, "not yet": 5, "fine": 6}
 ACKNOWLEDGED, LOOK = 4, 3
 """Rank of an alarm that somebody has acknowledged, and of a cylinder whose logs need a look."""
@@ -21,10 +21,10 @@ class Trend:
 
     indicator: str
     values: tuple[float | None, ...]  # Compensated, in the indicator's unit, evenly thinned
-    level: float | None = None  # Of the baseline; None while there is none
-    scatter: float | None = None  # Of single sessions about it
+    level: float | None = None  # Level of the baseline; None without one
+    scatter: float | None = None  # Scatter of single sessions around the level
     baseline: int = 0  # Number of values in the baseline
-    since: int | None = None  # Place of the value at which the change began
+    since: int | None = None  # Index of the value at which the change began
 
 
 @dataclass(frozen=True)
@@ -38,21 +38,21 @@ class CylinderLine:
     words: str
     rank: int  # 0 needs a person most
     trend: Trend
-    sessions: int  # Number that are assessed
-    left_out: int  # Number that are not
+    sessions: int  # Number of assessed sessions
+    left_out: int  # Number of sessions that are not assessed
     last_session: str
     last_start: str
     acknowledged: str = ""  # By whom and when
     look: str = ""  # What else needs a look, in words
     about: str = ""  # What the fleet file states about it
-    alarms: tuple[str, ...] = ()  # Of indicators, each named by direction and baseline
+    alarms: tuple[str, ...] = ()  # Identifiers of alarms, from indicator, direction and baseline
     state: str = ""  # SHA-256 of everything behind the assessment
 
 
 def line_of(
     assessment: Assessment, rows: Sequence[SessionRow], left_out: Mapping[str, str], state: str, about: str = ""
 ) -> CylinderLine:
-    """Sum a cylinder up; ``rows`` are all its sessions in the order of time."""
+    """Summarize a cylinder; ``rows`` are all its sessions in the order of time."""
     used = [row for row in rows if row.session not in left_out]
     last = used[-1] if used else None
     starts = {row.session: row.start for row in rows}

@@ -1,4 +1,4 @@
-"""Date a change by shapes that are fitted after the alarm, and size it by the latest sessions."""
+"""Date a change by fitting shapes after the alarm, and determine its size from the latest sessions."""
 
 from dataclasses import dataclass
 
@@ -8,14 +8,14 @@ from cylinder_friction_monitoring.arrays import Array
 from cylinder_friction_monitoring.trends.reference import Reference
 
 Z95 = 1.96
-LIKELY = 4.0  # A beginning is possible if its log-likelihood is within this distance of the best one
+LIKELY = 4.0  # Largest distance of a possible beginning's log-likelihood from the best one
 LEAST_RAMP = 5
 POWERS = (0.0, 1.0, 2.0, 3.0)
-"""Shapes of a change: a step, a ramp, and accelerating growth, which gives the date only if it is far likelier."""
+"""Powers of the shapes of a change: step, ramp, and accelerating growth, which must be far likelier to be used."""
 WINDOWS = (0, 7, 15, 30, 60)
-"""Numbers of sessions after the alarm that date a change. After the last of them its date stays."""
+"""Numbers of sessions after the alarm that date a change. After the last number, its date is final."""
 UNUSUAL = 1.0
-"""A window does not count if its sessions deviate from every shape by more than this [standard deviations]."""
+"""Largest deviation of a window's sessions from the best shape at which the window counts [standard deviations]."""
 LATEST, LEAST_TREND = 60, 10  # Most sessions for the present change, and fewest for its rate
 
 
@@ -26,14 +26,14 @@ class Dated:
     begins: int  # Session from which residuals differ
     interval: tuple[int, int]  # First and last session at which it may have begun
     step: bool  # Whether a step explains it better than a ramp
-    change: float  # By now
-    change_interval: tuple[float, float]  # 95 %, the uncertainty of what was expected included
-    slope: float | None  # By now, per session; None if no trend is seen
-    slope_interval: tuple[float, float] | None  # 95 %
+    change: float  # Present change
+    change_interval: tuple[float, float]  # 95 % interval, including the uncertainty of expected values
+    slope: float | None  # Present slope per session; None without a clear trend
+    slope_interval: tuple[float, float] | None  # 95 % interval
 
 
 def dated(reference: Reference, residuals: Array, expected: Array, design: Array, first: int, alarm: int) -> Dated:
-    """Date the change of residuals between session ``first`` and the ``alarm``, and size it by now.
+    """Date the change of residuals between session ``first`` and the ``alarm``, and determine its present size.
 
     ``residuals`` and ``expected``, the standard uncertainty of each expected value, have shape ``(sessions,)``.
     ``design`` holds the regressors, shape ``(sessions, coefficients)``, because later sessions refine their effects.
@@ -80,8 +80,8 @@ def _begins(
 def _losses(reference: Reference, residuals: Array, design: Array, first: int, alarm: int) -> tuple[Array, float]:
     """Fit each shape from each beginning.
 
-    Return negative log-likelihoods less a constant, shape ``(shapes, alarm + 1 - first)``, and the mean square that the
-    best fit leaves, in variances of an innovation.
+    Return negative log-likelihoods less a constant, shape ``(shapes, alarm + 1 - first)``, and the mean square residual
+    of the best fit, in variances of an innovation.
     """
     begins, sessions = np.arange(first, alarm + 1)[:, None], np.arange(len(residuals))
     parts, sizes, _ = np.linalg.svd(_less_before(reference, design.T).T, full_matrices=False)
@@ -110,5 +110,5 @@ def _regression(reference: Reference, x: Array, y: Array) -> tuple[Array, Array]
 
 
 def _less_before(reference: Reference, values: Array) -> Array:
-    """Subtract what the session before explains, along the last axis; the first session drops out."""
+    """Subtract the part that the session before explains, along the last axis; drop the first session."""
     return values[..., 1:] - reference.autocorrelation * values[..., :-1]

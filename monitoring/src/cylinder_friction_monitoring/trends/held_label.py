@@ -1,4 +1,4 @@
-"""The share of a session's label within a model's bounds, as it is and less a sensor's zero."""
+"""Compute the share of a session's label within a model's bounds, with and without a constant force."""
 
 from collections.abc import Sequence
 
@@ -16,7 +16,7 @@ _COLUMNS = ("label_n", "friction_n", "lower_n", "upper_n", "velocity_m_s")
 def held_label(recordings: Sequence[Recording], stated: float) -> HeldLabel | None:
     """Compute the share of a session's label within the bounds; None if no model estimated all its recordings.
 
-    ``bounds_count`` selects the rows. ``stated`` is the share that the bounds should hold.
+    ``bounds_count`` selects the rows. ``stated`` is the share that the bounds should contain.
     """
     models = {each.metadata.depends_on.get("model", "") for each in recordings}
     if len(models) != 1 or "" in models:

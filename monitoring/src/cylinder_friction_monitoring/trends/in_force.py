@@ -13,9 +13,9 @@ from cylinder_friction_monitoring.trends.session_row import INDICATORS
 from cylinder_friction_monitoring.trends.trend import Tested
 
 NEW_BASELINE = ("service", "reset", "reference")
-NEAR_D = 60.0  # An entry is far from a cylinder's sessions if none is nearer than this [days]
-BEYOND_LIMIT = 5  # While the limit may be passed, an acknowledgement holds for fewer than this many sessions
-GROWN = 1.5  # An alarm returns if its change is this many times what it was when somebody acknowledged it
+NEAR_D = 60.0  # Largest distance of an entry from the nearest session of its cylinder [days]
+BEYOND_LIMIT = 5  # Number of sessions after which an acknowledgement ends while the limit may be passed
+GROWN = 1.5  # Growth of a change since its acknowledgement, as a factor, at which the alarm returns
 
 
 @dataclass(frozen=True)
@@ -29,11 +29,11 @@ class InForce:
 
 
 def in_force(entries: Sequence[Entry], starts: Sequence[str], now: datetime | None, days: float) -> InForce:
-    """Select the entries of one cylinder that are in force at ``now``; None: all dates have come.
+    """Select the entries of one cylinder that are in force at ``now``; with None, all dates are in the past.
 
-    A new baseline begins once its date has come. If its date is far after the newest of ``starts``, it waits for a
-    session that follows, so that a mistyped year hides no alarm. An acknowledgement ends after ``days``, unless it
-    states its own end.
+    A new baseline begins at its date. If the date is far after the newest of ``starts``, the baseline waits for a later
+    session, so that a mistyped year hides no alarm. An acknowledgement ends after ``days``, unless it states its own
+    end.
     """
     own = sorted((each for each in entries if not each.withdrawn), key=lambda each: moment(each.time))
     newest = max((moment(start) for start in starts if start), default=None)
@@ -66,9 +66,9 @@ def _waits(entry: Entry, newest: datetime | None, now: datetime | None) -> str:
 
 
 def why_it_returns(test: Tested, alarm: int, found: Dated, seen: Entry, plan: MonitorPlan) -> str:
-    """State why the alarm of an indicator at session ``alarm`` returns; empty if it does not.
+    """State why the acknowledged alarm of an indicator at session ``alarm`` returns; empty if it does not.
 
-    ``found`` is the change by now, and ``seen`` the acknowledgement, made after the alarm.
+    ``found`` is the present change, and ``seen`` is the acknowledgement, made after the alarm.
     """
     count = sum(bool(row.start) and moment(row.start) <= moment(seen.time) for row in test.rows)
     limit, since = plan.limit_percent.get(test.indicator), len(test.rows) - count

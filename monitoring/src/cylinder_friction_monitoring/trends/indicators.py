@@ -18,7 +18,7 @@ from cylinder_friction_monitoring.trends.session_row import Indicator, SessionRo
 LEAST_TENTHS = 3  # Number of tenths of the stroke with friction that a profile needs
 LEAST_SPREAD = 1.5  # Least ratio of the 90 % to the 10 % quantile of speed for a viscous slope
 LEAST_VARIATION = 0.3
-"""A resample counts if the variance of its speeds is at least this share of that of all strokes."""
+"""Least variance of the speeds of a resample that counts, as a share of the variance over all strokes."""
 STROKE_POINTS = 60
 OTHER_PRESSURES = "pressures differ between the directions: a change of a transmitter's gain would look like friction"
 
@@ -28,7 +28,7 @@ def session_row(
 ) -> SessionRow:
     """Compute the row of one session from all its recordings, as ``estimate`` writes them.
 
-    ``name`` is the cylinder's name in its fleet; by default the cylinder's own. ``MonitoringError`` is raised without
+    ``name`` is the cylinder's name in its fleet, by default its own name. ``MonitoringError`` is raised without
     recordings, and for several sessions.
     """
     plan = plan or IndicatorPlan()
@@ -161,7 +161,7 @@ def _number(value: float) -> float | None:
 
 
 def _strokes(blocks: Blocks) -> dict[str, tuple[tuple[float, float], ...]]:
-    """Thin the longest stroke each way to points of position and force."""
+    """Thin the longest stroke in each direction to points of position and force."""
     found: dict[str, tuple[tuple[float, float], ...]] = {}
     for way, sign in (("extend", 1.0), ("retract", -1.0)):
         own = blocks.select(np.sign(blocks.velocity_m_s) == sign)

@@ -1,10 +1,10 @@
-"""The leak past the piston, from oil that moves from one chamber to the other while the valve is closed.
+"""Estimate the leak past the piston from oil that moves between the chambers while the valve is closed.
 
 While no oil flows through the ports, leak and displacement change each chamber's pressure:
 
     V1/β · dP1/dt = -q - A1·v        V2/β · dP2/dt = q + A2·v        q = k·(P1 - P2)
 
-The piston creeps far slower than a sensor resolves, but compresses the oil, so that v is eliminated:
+The piston creeps more slowly than a sensor resolves, but it compresses the oil. So v is eliminated:
 
     (V1·dP1/dt / A1 + V2·dP2/dt / A2) / β = q·(1/A2 - 1/A1)
 
@@ -25,9 +25,9 @@ from cylinder_friction_monitoring.trends.session_row import Indicator
 
 LEAST_HOLDS = 3
 PIECE_S, EARLIER_S = 0.1, 0.2
-"""Time over which pressures are averaged; rest begins at least this long before it is seen [s]."""
+"""Time over which pressures are averaged, and least time by which rest begins before it is detected [s]."""
 LEAST_DIFFERENCE_PA = 0.5e5
-"""Pressure difference that sensors' zeros may reach, so that a hold shows no leak [Pa]."""
+"""Least pressure difference of a hold that shows a leak [Pa]; zeros of sensors may cause a smaller one."""
 _SEED = 21
 
 
@@ -54,7 +54,7 @@ def leak(recordings: Sequence[Recording], cylinder: Cylinder, plan: IndicatorPla
 
 
 def _holds(recording: Recording, cylinder: Cylinder, plan: IndicatorPlan) -> list[tuple[float, float]]:
-    """Find each hold's oil that changed sides [m³], and its integral of the pressure difference [Pa s]."""
+    """Compute for each hold the oil that changed sides [m³] and the integral of the pressure difference [Pa s]."""
     step_s, position_m = recording.sample_time_s, recording.column("position_m")
     pressures = [recording.column(name) for name in PRESSURES]
     areas = cylinder.piston_area_m2, cylinder.annulus_area_m2

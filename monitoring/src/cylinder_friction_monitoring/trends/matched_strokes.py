@@ -1,6 +1,6 @@
-"""Strokes out and back that match in speed, position and pressure: half their difference is friction.
+"""Match strokes out and back in speed, position and pressure; half their difference is friction.
 
-Half the sum holds what does not turn with the direction: the sensors' zeros, the load, and the asymmetry of friction.
+Half the sum contains forces independent of the direction: the sensors' zeros, the load, and friction's asymmetry.
 """
 
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from cylinder_friction_monitoring.trends.blocks import Blocks
 from cylinder_friction_monitoring.trends.plan import IndicatorPlan
 
 TENTHS = 10
-MOST_BLOCKS = 600  # At most this many blocks of a direction are used, evenly spread
+MOST_BLOCKS = 600  # Most blocks of a direction that are used, evenly spread
 _SEED = 20
 _BAR_PA = 1e5
 
@@ -22,17 +22,17 @@ _BAR_PA = 1e5
 class Matched:
     """Extending blocks, each with the mean of the retracting blocks that match it.
 
-    Arrays have shape ``(matches, 1 + bootstrap)``: column 0 holds all strokes, the others hold resampled ones. A block
-    has the weight 0 if a resample lacks its stroke or its match.
+    Arrays have shape ``(matches, 1 + bootstrap)``: column 0 is for all strokes, each other column for one resample. A
+    block has the weight 0 if a resample lacks its stroke or its match.
     """
 
     half_difference_n: Array
     half_sum_n: Array
     weight: Array
     extending: Blocks  # Shape ``(matches,)``
-    # Of extending and matching retracting blocks, their mean, shape ``(matches,)``; keys as in ``Blocks``
+    # Means of extending and matching retracting blocks, shape ``(matches,)``; keys as in ``Blocks``
     means: dict[str, Array]
-    strokes: tuple[int, int]  # How many strokes matched, extending and retracting
+    strokes: tuple[int, int]  # Number of extending and of retracting strokes that match
     at_pressure: bool  # Whether pressures match too; otherwise a transmitter's gain looks like friction
 
     def __len__(self) -> int:

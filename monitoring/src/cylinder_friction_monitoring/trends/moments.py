@@ -10,7 +10,7 @@ def moment(text: str) -> datetime:
 
 
 def utc_time(text: str, where: str) -> str:
-    """Write an ISO 8601 time as UTC with a ``Z``; raise ``ValueError`` if it is none."""
+    """Write an ISO 8601 time as UTC with a ``Z``; raise ``ValueError`` if the text is not such a time."""
     try:
         return moment(text).isoformat(timespec="milliseconds").replace("+00:00", "Z")
     except ValueError:

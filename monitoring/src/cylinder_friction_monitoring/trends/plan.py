@@ -16,8 +16,8 @@ class IndicatorPlan:
     """Settings of one session's indicators; a number out of range raises ``ValueError``."""
 
     load: LoadMode = "none"  # ``measured`` subtracts ``load_force_n``; a load by position shows in the half sum
-    slowest_m_s: float = 6e-3  # Below it, friction depends on its history [m/s]
-    fastest_m_s: float = 0.3  # Above it, pressure drops in the lines look like friction [m/s]
+    slowest_m_s: float = 6e-3  # Lowest speed that is used [m/s]; below it, friction depends on its history
+    fastest_m_s: float = 0.3  # Highest speed that is used [m/s]; above it, pressure drops in lines look like friction
     viscous_from_m_s: float = 0.015  # Slowest strokes of the viscous slope, beyond the Stribeck curve [m/s]
     settling_s: float = 0.2  # Time after a start or reversal that does not count [s]
     block_s: float = 0.1  # Duration of a block [s]
@@ -28,11 +28,11 @@ class IndicatorPlan:
     match_pressure: float = 0.3
     match_bar: float = 3.0
     least_blocks: int = 10  # Fewest matched blocks that determine friction
-    least_strokes: int = 2  # Fewest strokes in each direction that do
+    least_strokes: int = 2  # Fewest matched strokes in each direction that determine friction
     # Bulk modulus of the oil [Pa]: the leak is proportional to its inverse, and nothing measures it
     bulk_modulus_pa: float = 1.0e9
-    dead_volume_m3: float = 1.2e-4  # Oil of each chamber beside its stroke, hose included [m³]
-    bootstrap: int = 200  # Resamples of strokes
+    dead_volume_m3: float = 1.2e-4  # Volume of each chamber outside its stroke, hose included [m³]
+    bootstrap: int = 200  # Number of resamples of strokes
 
     def __post_init__(self) -> None:
         _positive(self, exempt=("load",))
@@ -42,14 +42,14 @@ class IndicatorPlan:
 class MonitorPlan:
     """Settings of a cylinder's tests; a number out of range or an unknown indicator raises ``ValueError``."""
 
-    baseline_sessions: int = 90  # Before them there is no alarm
-    false_alarms_per_year: float = 0.02  # Of one cylinder, all indicators together
+    baseline_sessions: int = 90  # Number of sessions in the baseline, during which there is no alarm
+    false_alarms_per_year: float = 0.02  # Rate of false alarms of one cylinder, all indicators together
     # Allowed change of an indicator from its baseline in either direction [%]
     limit_percent: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({}))
-    # An acknowledged alarm returns after this time, unless the acknowledgement states another [days]
+    # Time after which an acknowledged alarm returns, unless the acknowledgement states another [days]
     acknowledged_days: float = 90.0
-    # Standard deviation of sessions, as a share, before the baseline shows it. The only public measurement, of one seal
-    # three times, shows 6 to 13 %
+    # Standard deviation of sessions, as a share, which is assumed until the baseline shows it. The only public
+    # measurement, repeated three times on one seal, shows 6 to 13 %
     assumed_scatter: float = 0.13
 
     def __post_init__(self) -> None:

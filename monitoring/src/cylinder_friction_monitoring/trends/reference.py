@@ -1,4 +1,4 @@
-"""The reference of an indicator: its expected value, given oil, pressure, speed and load.
+"""Fit the reference of an indicator: its expected value, given oil, pressure, speed and load.
 
 The baseline's sessions fit a regression y = level + Σ coefficient·covariate + error with an AR(1) error. A prior states
 how much of friction a kelvin or a bar may reasonably change. A covariate that did not vary in the baseline keeps its
@@ -15,13 +15,13 @@ from cylinder_friction_monitoring.arrays import Array
 from cylinder_friction_monitoring.trends.session_row import SessionRow
 
 VISCOSITY_1_K = 0.033  # Relative fall of the oil's viscosity per kelvin, near 40 °C
-STRONGER = {"viscous_n_s_m": 4.0, "leak_m3_s_pa": 4.0}  # Factor on the priors of what follows viscosity itself
-THIN_OIL = ("leak_m3_s_pa",)  # Follow the inverse of viscosity, as the flow through a gap does
+STRONGER = {"viscous_n_s_m": 4.0, "leak_m3_s_pa": 4.0}  # Factor on the priors of indicators that depend on viscosity
+THIN_OIL = ("leak_m3_s_pa",)  # Indicators that follow the inverse of viscosity, like the flow through a gap
 BENT_1_K = 0.01
 """Bend of the viscosity effect: after 1 / this in kelvins it may differ from a straight line by its prior."""
 PRIORS = {OIL_TEMPERATURE: 0.005, "pressure_bar": 0.02, "speed_m_s": 10.0, "load_n": 3e-4}
 """Prior standard deviation of each covariate's relative effect on friction, per unit of the covariate."""
-LEAST_KNOWN = 0.9  # A covariate is used if at least this share of the baseline's sessions has it
+LEAST_KNOWN = 0.9  # Least share of the baseline's sessions with a covariate that is used
 LARGEST_AUTOCORRELATION = 0.9
 _PASSES = 4
 
@@ -30,14 +30,14 @@ _PASSES = 4
 class Reference:
     """The expected value of an indicator; level, scatter and noise are in the indicator's unit."""
 
-    level: float  # At the baseline's mean covariates
-    scatter: float  # Standard deviation of sessions about the expected value
-    autocorrelation: float  # Of neighbouring sessions, corrected for the bias of a short baseline
-    noise: float  # Mean uncertainty of a session by itself, from its strokes
+    level: float  # Expected value at the baseline's mean covariates
+    scatter: float  # Standard deviation of sessions from the expected value
+    autocorrelation: float  # Autocorrelation of neighbouring sessions, corrected for the bias of a short baseline
+    noise: float  # Mean uncertainty of a single session, from its strokes
     centre: Mapping[str, float]  # Mean of each covariate in use
-    scale: Array  # Of each design column, so that its coefficient has a prior of 1
-    coefficients: Array  # Level first, in the indicator's unit
-    covariance: Array  # Of the coefficients
+    scale: Array  # Scale of each design column, so that its coefficient has a prior of 1
+    coefficients: Array  # Coefficients, level first, in the indicator's unit
+    covariance: Array  # Covariance of the coefficients
     viscosity_power: float = 1.0  # 1, or -1 for an indicator that rises as the oil thins
 
     @property
@@ -53,7 +53,7 @@ class Reference:
         return np.column_stack([np.ones(count), *columns, *bent]) * self.scale
 
     def _response(self, name: str, values: Array) -> Array:
-        """Compute the distance of a covariate from its mean; for oil through viscosity, in kelvins of cooling."""
+        """Compute the distance of a covariate from its mean; for oil by its viscosity, as kelvins of cooling."""
         if name == OIL_TEMPERATURE:
             power = self.viscosity_power * VISCOSITY_1_K
             return np.asarray(np.expm1(-power * (values - self.centre[name])) / power)
@@ -122,7 +122,7 @@ def fitted(
 
 
 def _whitened(values: Array, autocorrelation: float) -> Array:
-    """Subtract what the session before explains, and weight the first session alike; shape as given."""
+    """Subtract the part that the session before explains, and give the first session equal weight; shape as given."""
     whitened = values.copy()
     whitened[1:] -= autocorrelation * values[:-1]
     whitened[0] *= np.sqrt(1.0 - autocorrelation**2)
@@ -130,7 +130,7 @@ def _whitened(values: Array, autocorrelation: float) -> Array:
 
 
 def _autocorrelation(residuals: Array, used_up: float) -> float:
-    """Correlate neighbours, corrected for the fitted regression, which lowers the correlation."""
+    """Compute the correlation of neighbours, corrected for the fitted regression, which lowers it."""
     count = len(residuals)
     total = float(residuals @ residuals)
     found = float(residuals[1:] @ residuals[:-1]) / total if total > 0.0 else 0.0

@@ -22,8 +22,8 @@ ROWS = 100.0  # Number of independent rows in the label of a session
 LEAST_SCATTER = 0.2  # Least scatter of sessions, in the logit of their share: 2 percentage points at 90 %
 PRIOR_LEVEL = 4.5
 """Level for the priors of the covariates, in logits: 10 K of oil may change a share of 90 % by 2 points."""
-LATEST = 60  # Largest number of latest sessions for the present share
-FEW = 2  # Number of sessions that do not yet show how much shares scatter
+LATEST = 60  # Most of the latest sessions that give the present share
+FEW = 2  # Largest number of sessions that does not show how much shares scatter
 ADAPT = "the model was not made for this cylinder: `cylinder-friction adapt` makes one that is"
 TRAIN = (
     "Train on the logs since then: `cylinder-friction params experiment=own ingest.source=LOGS`, then `dvc repro`; the "
@@ -42,7 +42,7 @@ def model_bounds(
     """Test the model's bounds; None without a model.
 
     ``rows`` are all sessions of the cylinder in their order, also those before a service. ``tests`` are the indicators'
-    tests since then. ``worn`` tells whether an alarm, acknowledged or not, states wear or a leak.
+    tests since then. ``worn`` returns whether an alarm, acknowledged or not, shows wear or a leak.
     """
     newest = rows[-1].held if rows else None
     if newest is None:
@@ -100,7 +100,7 @@ def _seen(rows: tuple[SessionRow, ...], name: str, share: float, plan: MonitorPl
 
 
 def _sensors(tests: Mapping[str, Tested]) -> str:
-    """State why a sensor may be the cause; empty if none is."""
+    """State why a sensor may be the cause; empty if no sensor may be."""
     half_sum = tests.get("half_sum_n")
     if half_sum is None:
         return (
@@ -122,7 +122,7 @@ def _logit(share: Array | float) -> Array:
 
 
 def _mean(shares: Array, test: Tested) -> tuple[float, tuple[float, float]]:
-    """Average shares, with a 95 % interval for sessions that differ and neighbours that are alike [%]."""
+    """Average shares [%]; the 95 % interval includes the scatter and the autocorrelation of sessions."""
     phi = test.reference.autocorrelation
     spread = float(shares.std(ddof=1)) if len(shares) > FEW else 1.0
     half = Z95 * spread * float(np.sqrt((1.0 + phi) / (1.0 - phi) / len(shares)))

@@ -1,11 +1,11 @@
-"""Sentences for a maintenance engineer: what changed, how much, since when, what to do."""
+"""Write sentences for a maintenance engineer: what changed, how much, since when, and what to do."""
 
 from collections.abc import Sequence
 
 from cylinder_friction_monitoring.trends.assessment import Change
 from cylinder_friction_monitoring.trends.session_row import INDICATORS
 
-PERIODS = {"month": 30.4, "week": 7.0, "day": 1.0}  # Of a rate [days]
+PERIODS = {"month": 30.4, "week": 7.0, "day": 1.0}  # Periods in which a rate is stated [days]
 ACTIONS = {
     "friction_n": "plan an inspection of the seals",
     "breakaway_n": "plan an inspection of the seals",
@@ -37,7 +37,7 @@ def with_unit(value: float, indicator: str) -> str:
 
 
 def rate(change: Change) -> tuple[float, str]:
-    """Choose the longest period in which a rate adds no more than has changed so far: part of a year, and name."""
+    """Choose the longest period in which a rate adds at most the change so far; return its part of a year and name."""
     parts = [(days / 365.25, name) for name, days in PERIODS.items()]
     return next((each for each in parts if each[0] * abs(change.per_year or 0.0) <= abs(change.change)), parts[-1])
 
@@ -85,7 +85,7 @@ def better(change: Change, at: str) -> str:
 
 
 def not_yet(there: int, wanted: int, scatter: float, why: str) -> str:
-    """State how many sessions a baseline lacks; ``scatter`` is assumed until then, as a share."""
+    """State how many sessions a baseline lacks. Until then, ``scatter`` is assumed (a share)."""
     text = (
         f"{there} of {wanted} sessions of the baseline are there; {wanted - there} more are needed before an alarm can "
         f"be believed, and until then friction of a session is taken to be known to ± {200.0 * scatter:.0f} %"

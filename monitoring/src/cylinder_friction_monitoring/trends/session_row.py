@@ -1,4 +1,4 @@
-"""One row per session of a cylinder: indicators with uncertainties, and the covariates that they depend on."""
+"""The row of one session of a cylinder: indicators with uncertainties, and the covariates that they depend on."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -6,12 +6,12 @@ from typing import Any, NamedTuple, Self
 
 
 class Wording(NamedTuple):
-    """How people read an indicator, in sentences, figures and tables alike."""
+    """Unit and names of an indicator in sentences, figures and tables."""
 
     unit: str
-    name: str  # Short
-    title: str  # In a sentence
-    factor: float = 1.0  # From the unit in the indicator's name to ``unit``
+    name: str  # Short name
+    title: str  # Name in a sentence
+    factor: float = 1.0  # Factor from the unit in the indicator's name to ``unit``
 
 
 class Covariate(NamedTuple):
@@ -19,7 +19,7 @@ class Covariate(NamedTuple):
 
     unit: str
     title: str
-    least: float  # Smallest change that is named, in its unit
+    least: float  # Smallest change that is reported, in its unit
 
 
 INDICATORS: Mapping[str, Wording] = {
@@ -44,7 +44,7 @@ COVARIATES: Mapping[str, Covariate] = {  # Means over matched strokes; ``travel_
 class Indicator:
     """One indicator of one session."""
 
-    value: float | None  # In the unit of the indicator's name; None if the session does not determine it
+    value: float | None  # Value in the unit of the indicator's name; None if the session does not determine it
     # Standard uncertainty (k = 1) from a bootstrap over strokes; sessions differ by more than this
     uncertainty: float | None = None
     why: str = ""  # Why there is no value, or what limits it
@@ -55,9 +55,9 @@ class HeldLabel:
     """The share of a session's label within a model's bounds."""
 
     model: str  # SHA-256 of the model
-    stated: float  # Share that the bounds should hold
-    share: float | None  # Share of the rows in which bounds count; None without such rows
-    # The same less a constant force: a sensor's zero or a load
+    stated: float  # Share that the bounds should contain
+    share: float | None  # Share that they contain of the rows that count; None without such rows
+    # The same share after a constant force, such as a sensor's zero or a load, is subtracted
     share_less_zero: float | None
 
 

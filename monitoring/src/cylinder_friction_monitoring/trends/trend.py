@@ -18,7 +18,7 @@ TESTED = tuple(INDICATORS)  # Indicators that share the stated rate of false ala
 DAYS_A_YEAR = 365.25
 FEW = 5  # Number of latest sessions whose mean shows a sudden change early
 BEYOND = 5
-"""Number of latest sessions too far from the baseline, from which on nothing is known of the present."""
+"""Number of latest sessions in a row too far from the baseline at which the present state is unknown."""
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Tested:
 
     indicator: str
     rows: tuple[SessionRow, ...]
-    values: Array  # In the indicator's unit, shape ``(sessions,)``, as all others
+    values: Array  # Values in the indicator's unit, shape ``(sessions,)`` like the following arrays
     residuals: Array  # Values less expected values
     expected: Array  # Standard uncertainty of the expected values
     reference: Reference
@@ -69,7 +69,7 @@ class Tested:
         )
 
     def dated(self, alarm: int) -> Dated:
-        """Date the change of an alarm, and size it by now."""
+        """Date the change of an alarm, and determine its present size."""
         known = np.flatnonzero(np.isfinite(self.residuals))
         first, at = (int(np.searchsorted(known, each)) for each in (self.baseline.sessions, alarm))
         own = self.residuals[known], self.expected[known], self.reference.design(covariates_of(self.rows))[known]
@@ -78,14 +78,14 @@ class Tested:
         return Dated(**vars(found) | {"begins": begins, "interval": (low, high)})
 
     def until(self, count: int) -> "Tested":
-        """Go back to the test after the first ``count`` sessions."""
+        """Return the test as it was after the first ``count`` sessions."""
         own = {name: getattr(self, name)[:count] for name in ("rows", "values", "residuals", "expected")}
         return replace(self, **own)
 
     def latest(self, found: Dated) -> tuple[float, float]:
-        """Bound the change of an alarm by now, at least and at most, in the indicator's unit.
+        """Bound the present change of an alarm from below and above, in the indicator's unit.
 
-        The mean of the last few sessions follows sudden growth earlier than a fitted step or trend.
+        The mean of the last few sessions follows sudden growth sooner than a fitted step or trend.
         """
         values = self.residuals[np.isfinite(self.residuals)][-FEW:]
         few = abs(float(values.mean()))
@@ -116,7 +116,7 @@ class Tested:
         )
 
     def _limit(self, found: Dated, plan: MonitorPlan) -> tuple[str | None, tuple[str | None, str | None] | None]:
-        """Date when the user's limit is reached, or since when it is passed, with an interval."""
+        """Compute the date at which the user's limit is or was reached, with an interval."""
         percent, now = plan.limit_percent.get(self.indicator), _time(self.rows[-1].start)
         if percent is None or now is None:
             return None, None
@@ -138,7 +138,7 @@ class Tested:
     def _passed(
         self, change: Array, limit: float, rows: Sequence[SessionRow]
     ) -> tuple[str, tuple[str | None, str | None]]:
-        """Date since when the means of a few sessions stay beyond a limit, with an interval."""
+        """Find the date from which the means of a few sessions stay beyond a limit, with an interval."""
         known = np.flatnonzero(np.isfinite(change))
         sums, counts = np.cumsum(change[known]), np.minimum(np.arange(len(known)) + 1, FEW)
         sums[FEW:] -= sums[:-FEW].copy()
@@ -169,7 +169,7 @@ def tested(indicator: str, rows: Sequence[SessionRow], plan: MonitorPlan) -> Tes
         return f"{len(own)} of {len(rows)} sessions determine it; a baseline needs {plan.baseline_sessions}{why}"
     values = np.array([_value(row, indicator) for row in own], dtype=np.float64)
     uncertainties = np.array([row.indicators[indicator].uncertainty or 0.0 for row in own])
-    # Half the sum may be about 0, and friction's asymmetry shifts it: its priors are shares of friction.
+    # Half the sum may be about 0, and friction's asymmetry shifts it, so its priors are shares of friction.
     whole = "friction_n" if indicator == "half_sum_n" else indicator
     level = float(np.median([_value(row, whole) or 0.0 for row in own[: plan.baseline_sessions]]))
     return against_baseline(indicator, own, values, uncertainties, level, plan)
@@ -228,7 +228,7 @@ def untested(indicator: str, rows: Sequence[SessionRow], why: str) -> IndicatorT
 
 
 def sessions_per_year(rows: Sequence[SessionRow]) -> float:
-    """Count the sessions per year from the first and last start; one a day without starts."""
+    """Count the sessions per year from the first and last start; without starts, assume one per day."""
     first, last = _time(rows[0].start), _time(rows[-1].start)
     days = 0.0 if first is None or last is None else (last - first).total_seconds() / 86400.0
     return (len(rows) - 1) * DAYS_A_YEAR / days if days > 0.0 else DAYS_A_YEAR
@@ -239,7 +239,7 @@ def _value(row: SessionRow, indicator: str) -> float | None:
 
 
 def _time(start: str) -> datetime | None:
-    """Parse a start without its time zone: only the distance between sessions of one clock counts."""
+    """Parse a start without its time zone, because only the time between sessions of one clock matters."""
     return datetime.fromisoformat(start).replace(tzinfo=None) if start else None
 
 

@@ -19,15 +19,15 @@ from cylinder_friction_monitoring.trends.retraining import model_bounds
 from cylinder_friction_monitoring.trends.session_row import INDICATORS, SessionRow
 from cylinder_friction_monitoring.trends.trend import BEYOND, TESTED, Tested, tested, untested
 
-UNSEEN_OIL_PERCENT = 25.0  # Largest change of friction by oil whose temperature nobody measures
-LEAK_BY_ZERO = 4.0  # Largest factor on the leak by a zero that moves, if pressures differ by a few bar
-BY_OIL = 0.3  # The oil is the likely cause if the viscous part explains this share of a change of friction
-ZERO_MOVED = 4.0  # Least movement of a zero that explains a leak [standard deviations of a session]
+UNSEEN_OIL_PERCENT = 25.0  # Largest change of friction by oil if its temperature is not measured [%]
+LEAK_BY_ZERO = 4.0  # Largest factor on the leak by a shifted zero, if pressures differ by a few bar
+BY_OIL = 0.3  # Least share of a change of friction that viscous friction explains if oil is the likely cause
+ZERO_MOVED = 4.0  # Least shift of a zero that explains a leak [standard deviations of a session]
 RETURN_Z = 6.0
 RETURN_SHARE = 0.5
 RETURN_SESSIONS = 4
-"""A return to the baseline is a step of at least this many standard deviations that leaves at most this share of the
-change, with at least this many sessions before and after it."""
+"""Limits of a return to the baseline: least step in standard deviations, largest share of the change that remains, and
+least number of sessions before and after it."""
 
 
 @dataclass(frozen=True)
@@ -50,11 +50,11 @@ class _Alarm:
         return falls or self.returned is not None
 
     def with_(self, other: "_Alarm") -> bool:
-        """Tell whether both may have begun together."""
+        """Check whether both changes may have begun together."""
         return self.not_after(other) and other.not_after(self)
 
     def not_after(self, other: "_Alarm") -> bool:
-        """Tell whether this change may have begun before the other, or with it."""
+        """Check whether this change may have begun before the other, or with it."""
         first, last = self.dated.interval[0], other.dated.interval[1]
         return self.test.rows[first].start <= other.test.rows[last].start
 
@@ -69,7 +69,7 @@ def assess(
     """Assess a cylinder by its sessions and entries; those of other cylinders are ignored.
 
     ``rows`` may be in any order; sessions without a start come last. The baseline begins at the latest service, reset
-    or reference in force ``now``; None: all dates have come, and no acknowledgement is over.
+    or reference in force at ``now``. With None, all dates are in the past, and no acknowledgement has ended.
     """
     plan = plan or MonitorPlan()
     own = [row for row in rows if row.cylinder == cylinder]
@@ -91,7 +91,7 @@ def assess(
         found = _quiet(cylinder, tests)
     everything = _since(own, "")
 
-    def worn() -> bool:  # An acknowledged alarm explains as much as one that is not
+    def worn() -> bool:  # acknowledged alarms count, too
         return bool(alarms) and _changed(cylinder, alarms, InForce(), plan).answer == "alarm"
 
     questions = (*found.questions, *force.waiting)
@@ -138,7 +138,7 @@ def _not_yet(cylinder: str, rows: Sequence[SessionRow], results: Mapping[str, ob
 
 
 def _quiet(cylinder: str, tests: Mapping[str, Tested]) -> Assessment:
-    """Answer if no test exceeds its threshold."""
+    """Assess a cylinder for which no test exceeds its threshold."""
     main = next(tests[name] for name in TESTED if name in tests)
     monitored = len(main.rows) - main.baseline.sessions
     away = {name: test for name, test in tests.items() if test.beyond >= BEYOND and name != "half_sum_n"}
@@ -159,15 +159,15 @@ def _quiet(cylinder: str, tests: Mapping[str, Tested]) -> Assessment:
 
 
 def _changed(cylinder: str, alarms: Sequence[_Alarm], force: InForce, plan: MonitorPlan) -> Assessment:
-    """Answer if at least one test exceeds its threshold."""
+    """Assess a cylinder for which at least one test exceeds its threshold."""
     zero = next((each for each in alarms if each.name == "half_sum_n"), None)
     oil = next((each for each in alarms if each.name == "viscous_n_s_m"), None)
     doubts = {each.name: _doubts(each, zero, oil) for each in alarms}
     changes = {each.name: _change(each, zero, plan) for each in alarms}
     wear = [each for each in alarms if not doubts[each.name] and not each.better]
     better = [each for each in alarms if each.better and not doubts[each.name]]
-    # While friction is worse than its baseline, only its return speaks for a new seal: a smoother bore or less leak,
-    # which wear can bring as well, does not.
+    # While friction is worse than its baseline, only its return suggests a new seal. A smoother bore or less leakage
+    # does not, because wear can cause them as well.
     returned = [each for each in better if each.returned is not None]
     if better and (not wear or (returned and all(each.at < (returned[0].returned or 0) for each in wear))):
         main = (returned or better)[0]
@@ -193,7 +193,7 @@ def _changed(cylinder: str, alarms: Sequence[_Alarm], force: InForce, plan: Moni
 
 
 def _acknowledged(wear: Sequence[_Alarm], force: InForce, plan: MonitorPlan) -> tuple[str, str]:
-    """State who acknowledged an alarm, empty if it is new or has returned, and add a sentence on that."""
+    """State who acknowledged an alarm (empty if it is new or has returned), and add a sentence on it."""
     seen, latest = force.acknowledged, max(each.test.rows[each.at].start for each in wear)
     if seen is None or not latest or moment(seen.time) < moment(latest):
         return "", ""
@@ -206,7 +206,7 @@ def _acknowledged(wear: Sequence[_Alarm], force: InForce, plan: MonitorPlan) -> 
 
 
 def _doubts(alarm: _Alarm, zero: _Alarm | None, oil: _Alarm | None) -> tuple[str, ...]:
-    """List what would decide whether a change is wear; nothing if it is decided."""
+    """List what would decide whether a change is wear; empty if that is decided."""
     if alarm is oil:
         return (sentences.OIL,)
     if alarm.name == "half_sum_n":
