@@ -233,7 +233,7 @@ def _alive(name: str, kind: str, seen: _Survey, limits: CheckLimits) -> Iterator
 
 
 def _of_load(load_n: Array, seen: _Survey, limits: CheckLimits) -> Iterator[Finding]:
-    """Check that a load cell changes. Unlike a pressure, a load may be constant, unless only the noise stops."""
+    """Check that a load cell changes. A constant load is only noted, but a cell whose noise stops is refused."""
     if seen.span == 0.0:
         text = f"load_force_n is constant (at {seen.highest:.4g} N); the load cell is idle, stuck or not connected"
         yield Finding("load_alive", "noted", text)

@@ -120,7 +120,7 @@ LIKELY_UNITS = {
 For time they bound the step, for length the travel. The pressures of one file share a unit, which all must fit.
 """
 
-GREATEST_PRESSURE_PA = 7e7  # Greatest pressure by which the force of a cylinder is bounded
+GREATEST_PRESSURE_PA = 7e7  # Pressure on the piston that gives the greatest credible force of a cylinder [Pa]
 
 
 def usual_unit(column: str) -> str:
