@@ -7,6 +7,7 @@ from multiprocessing.synchronize import Barrier
 from pathlib import Path
 
 from mlflow import MlflowClient
+from mlflow.entities import Run
 from mlflow.entities.model_registry import ModelVersion
 from mlflow.models import Model
 
@@ -20,7 +21,7 @@ from cylinder_friction.tracking.gate import Candidate, Registered
 from cylinder_friction.tracking.lineage import shaping_params
 from cylinder_friction.tracking.log_run import log_run
 from cylinder_friction.tracking.registry import REGISTERED_FILE, register
-from cylinder_friction.tracking.store import tracking_uri
+from cylinder_friction.tracking.store import EXPERIMENT, tracking_uri
 
 NAME = "friction-estimator"
 PIPELINE = {"recipe": "default", "seed": "2", "changes": "none"}
@@ -104,6 +105,13 @@ def other_model(root: Path) -> None:
     content = read_description(folder)
     content["parameters"]["target_mean_n"] += 1.0
     write_description(folder, content, ["network.onnx", "forest.onnx"])
+
+
+def runs_in(root: Path, condition: str = "", experiment_name: str = EXPERIMENT) -> list[Run]:
+    client = MlflowClient(tracking_uri(root))
+    experiment = client.get_experiment_by_name(experiment_name)
+    assert experiment is not None
+    return list(client.search_runs([experiment.experiment_id], condition))
 
 
 def versions(root: Path) -> list[ModelVersion]:

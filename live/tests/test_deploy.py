@@ -1,10 +1,11 @@
-"""The unit of systemd starts with words that the command takes, and systemd finds it hardened."""
+"""What is installed is in the lock files; the unit of systemd starts with words that the command takes, hardened."""
 
 import re
 import shlex
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ import pytest
 from cylinder_friction.commands.cli import parser
 
 ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "live/pyproject.toml").read_text("utf-8"))["project"]
 (UNIT,) = (ROOT / "live/deploy/systemd").glob("*.service")
 
 
@@ -36,3 +38,16 @@ def test_systemd_takes_the_unit_and_finds_it_hardened(tmp_path: Path) -> None:
     assert (verified.returncode, verified.stderr) == (0, "")
     rated = subprocess.run([analyze, "security", "--offline=true", "--threshold=20", str(path)], capture_output=True)
     assert rated.returncode == 0, rated.stdout.decode()
+
+
+@pytest.mark.parametrize(
+    ("wanted", "locks"),
+    [
+        (PROJECT["dependencies"], ("requirements.lock",)),
+        (PROJECT["optional-dependencies"]["opcua"], ("requirements.lock", "requirements-dev.lock")),
+    ],
+)
+def test_make_installs_what_it_needs(wanted: list[str], locks: tuple[str, ...]) -> None:
+    names = {re.split(r"[><=\[]", line)[0] for line in wanted} - {"cylinder-friction"}
+    locked = "".join((ROOT / lock).read_text("utf-8") for lock in locks)
+    assert names - {line.split("==")[0].replace("_", "-") for line in locked.splitlines()} == set()

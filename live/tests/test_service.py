@@ -1,6 +1,7 @@
 """Every session's newtons are those of a stream of its own, also over a restart, and all of them reach the history."""
 
 import re
+import sqlite3
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from cylinder_friction_live.engine import Engine
 from cylinder_friction_live.engine_building import built_engine
 from cylinder_friction_live.frames import EstimateBlock, SampleBlock
 from cylinder_friction_live.history import join_past_days, move_into_history
-from cylinder_friction_live.journal import Journal
+from cylinder_friction_live.journal import Journal, JournalError
 from cylinder_friction_live.service import LiveError, LiveService, LiveSession
 from cylinder_friction_live.settings import LiveLimits
 
@@ -68,8 +69,7 @@ def test_a_session_that_the_model_does_not_know_is_named(service: LiveService, s
     assert silent.not_known.startswith("100 % of the rows have no estimate: no sample with a valid reading of every")
 
 
-def test_a_session_too_noisy_for_the_bounds_is_named(engine: Engine, samples: Array, tmp_path: Path) -> None:
-    service = service_of(engine, tmp_path)
+def test_a_session_too_noisy_for_the_bounds_is_named(service: LiveService, engine: Engine, samples: Array) -> None:
     known, noisy = opened(service, "known"), opened(service, "noisy")
     rows = np.tile(samples, (4, 1))
     added_pa = np.random.default_rng(0).normal(0.0, 4.0 * engine.pressure_noise_pa, rows.shape) * [1.0, 1.0, 0.0]
@@ -182,36 +182,47 @@ def test_estimates_are_given_again_once(service: LiveService, newtons: Array, sa
         np.testing.assert_array_equal(given(), newtons[30:300])
 
 
-def test_an_idle_session_comes_back_as_it_was(engine: Engine, expected: Array, samples: Array, tmp_path: Path) -> None:
+def test_an_idle_session_comes_back_as_it_was_and_outcomes_count_since_the_start(
+    engine: Engine, expected: Array, samples: Array, tmp_path: Path
+) -> None:
     kept, now_s = Kept(), [0.0]
-    service = service_of(engine, tmp_path, kept, clock=lambda: now_s[0])
-    service.receive(blocks(opened(service, "press"), samples, 0, 100))
-    now_s[0] = 601.0
-    assert service.close_idle() == []  # its samples are not kept yet
-    service.keep()
-    assert service.close_idle() == ["press"]
-    assert service.sessions == {}
-    service.receive(blocks(opened(service, "press"), samples, 100, 200))
-    np.testing.assert_array_equal(kept.array("press"), expected[:200])
-
-
-def test_outcomes_are_counted_since_the_start(engine: Engine, samples: Array, tmp_path: Path) -> None:
-    now_s = [0.0]
-    before = service_of(engine, tmp_path, clock=lambda: now_s[0])
+    before = service_of(engine, tmp_path, kept, clock=lambda: now_s[0])
     before.receive(blocks(opened(before, "press"), samples, 0, 100))
-    assert before.outcomes()["stepped"] == 100
-    before.keep()
     now_s[0] = 601.0
+    assert before.close_idle() == []  # its samples are not kept yet
+    before.keep()
     assert before.close_idle() == ["press"]
+    assert before.sessions == {}
     assert before.outcomes()["stepped"] == 100
     before.receive(blocks(opened(before, "press"), samples, 90, 130))
     assert (before.outcomes()["stepped"], before.outcomes()["duplicate"]) == (130, 10)
+    np.testing.assert_array_equal(kept.array("press"), expected[:130])
     before.keep()
     before.journal.close()
     after = service_of(engine, tmp_path)
     opened(after, "press")
     assert set(after.outcomes().values()) == {0}
     assert "late" in after.outcomes()  # also of a service that nothing has come to: a rate begins at a count of 0
+
+
+def test_what_could_not_be_kept_is_kept_later(service: LiveService, samples: Array, tmp_path: Path) -> None:
+    session = opened(service, "press")
+    service.receive(blocks(session, samples, 0, 66))
+    saved, _ = service.take_pending([session])
+    service.receive(blocks(session, samples, 66, 99))
+    service.requeue(saved, "database or disk is full")
+    assert (service.keeps_not_because, service.unkept_rows) == ("database or disk is full", 99)
+    service.keep()
+    assert (service.keeps_not_because, service.unkept_rows, session.kept_index) == ("", 0, 99)
+    (path,) = move_into_history(service.journal, tmp_path / "history")
+    assert pd.read_parquet(path)["index"].tolist() == list(range(99))
+
+
+def test_a_journal_of_another_version_is_refused(tmp_path: Path) -> None:
+    with sqlite3.connect(tmp_path / "journal.db") as database:
+        database.execute("CREATE TABLE session (name TEXT)")
+    with pytest.raises(JournalError, match="a journal of version 0, expected 3; let the program that wrote it"):
+        Journal(tmp_path / "journal.db")
 
 
 @pytest.mark.parametrize(
@@ -250,27 +261,17 @@ def test_one_session_too_many_and_a_wrong_block_are_refused(service: LiveService
     assert session.next_index == 0
 
 
-def test_a_time_that_is_none_stops_no_other_session(service: LiveService, samples: Array, tmp_path: Path) -> None:
-    for name in ("bad", "good"):
-        session = opened(service, name)
-        service.receive(blocks(session, samples, 0, 7))
-    service.sessions["bad"].pending[0].time_s = 1e300
-    service.keep()
-    files = move_into_history(service.journal, tmp_path / "history")
-    days = {path.parent.relative_to(tmp_path / "history").as_posix() for path in files}
-    assert days == {"bad/no-day", "good/1970-01-01"}
-    assert service.journal.with_chunks(service.journal.last_chunk()) == []
-
-
 def test_a_session_that_cannot_be_written_stops_no_other(service: LiveService, samples: Array, tmp_path: Path) -> None:
-    for name in ("bad", "good"):
+    for name in ("bad", "good", "timeless"):
         service.receive(blocks(opened(service, name), samples, 0, 7))
+    service.sessions["timeless"].pending[0].time_s = 1e300
     service.keep()
     history = tmp_path / "history"
     history.mkdir()
     (history / "bad").write_text("a file where its folder would be")
     files = move_into_history(service.journal, history)
-    assert [path.parent.parent.name for path in files] == ["good"]
+    days = {path.parent.relative_to(history).as_posix() for path in files}
+    assert days == {"good/1970-01-01", "timeless/no-day"}
     assert service.journal.with_chunks(service.journal.last_chunk()) == ["bad"]
 
 

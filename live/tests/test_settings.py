@@ -26,6 +26,14 @@ def test_the_shipped_file_states_every_default() -> None:
         ("host: 0.0.0.0", "host 0.0.0.0: whoever reaches it could use the model; give a file of tokens"),
         ("access: {tls_key: a.pem}", "TLS needs both a certificate and its key; got one of them"),
         ("port: [", "cannot be read as YAML"),
+        ("mqtt: {prefix: 'a/#'}", "mqtt.prefix: expected up to 20 levels of a topic"),
+        ("mqtt: {results_hz: 0.0}", "mqtt.results_hz: Input should be greater than 0"),
+        ("mqtt: {broker: {port: 0}}", "mqtt.broker.port: Input should be greater than or equal to 1"),
+        ("mqtt: {broker: {host: a.b, password_file: word}}", "mqtt.broker: tls: got false with a password for a.b"),
+        ("opcua_server: {host: 0.0.0.0}", "which others reach; give opcua_server.certificate and private_key, and ac"),
+        ("opcua_server: {host: 0.0.0.0, certificate: a, private_key: b}", "which others reach"),
+        ("opcua_server: {certificate: a}", "expected both certificate and private_key, or neither"),
+        ("opcua_server: {update_hz: 100.0}", "opcua_server.update_hz: Input should be less than or equal to 10, but"),
     ],
 )
 def test_what_is_wrong_is_refused_by_its_key(text: str, message: str, tmp_path: Path) -> None:

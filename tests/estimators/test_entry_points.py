@@ -120,9 +120,8 @@ def test_an_unknown_kind_names_the_module_to_import(
         ("ridge = my_friction:MeanEstimator", r"its kind 'ridge' is the name of a baseline; choose another"),
     ],
 )
-def test_a_wrong_entry_point_is_named(package: Path, entry: str, words: str) -> None:
+def test_a_wrong_entry_point_is_named(package: Path, cylinder: cf.Cylinder, entry: str, words: str) -> None:
     register(package, entry)
-    cylinder = cf.Cylinder(bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
     with pytest.raises(ValueError, match=words):
         baselines(cylinder)
 

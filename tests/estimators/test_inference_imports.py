@@ -4,8 +4,6 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimators.base import FrictionEstimator
 from cylinder_friction.estimators.baselines import baselines
@@ -31,27 +29,17 @@ for folder in sorted(Path(sys.argv[1]).glob("model_*")):
 """
 
 
-@pytest.fixture(scope="module")
-def saved(
-    tmp_path_factory: pytest.TempPathFactory,
-    cylinder: Cylinder,
-    small_hybrid: HybridEstimator,
-    labelled_recordings: list[Recording],
-) -> Path:
-    """A recording, and every estimator of the product on it."""
-    folder = tmp_path_factory.mktemp("saved")
+def test_loading_and_estimating_import_no_training_library(
+    cylinder: Cylinder, small_hybrid: HybridEstimator, labelled_recordings: list[Recording], tmp_path: Path
+) -> None:
     made: dict[str, FrictionEstimator] = {"hybrid": small_hybrid, "lstm": small_hybrid.without_forest()}
     fresh = baselines(cylinder, forest_plan=ForestPlan(3, 3, 1000, 5)) | {
         "lugre": LugreEstimator(cylinder, population=3, generations=1, simulated_recordings=1)
     }
     made |= {name: estimator.fit(labelled_recordings) for name, estimator in fresh.items()}
     for name, estimator in made.items():
-        estimator.save(folder / f"model_{name}")
-    write_recording(folder / "recordings", labelled_recordings[0])
-    return folder
-
-
-def test_loading_and_estimating_import_no_training_library(saved: Path) -> None:
-    run = subprocess.run([sys.executable, "-c", SCRIPT, str(saved)], capture_output=True, text=True, check=False)
+        estimator.save(tmp_path / f"model_{name}")
+    write_recording(tmp_path / "recordings", labelled_recordings[0])
+    run = subprocess.run([sys.executable, "-c", SCRIPT, str(tmp_path)], capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
-    assert run.stdout.split() == sorted(path.name for path in saved.glob("model_*"))
+    assert run.stdout.split() == sorted(f"model_{name}" for name in made)

@@ -18,16 +18,14 @@ def error_n(estimator: FrictionEstimator, recordings: list[Recording]) -> float:
 def test_unfiltered_force_balance_is_pressures_times_areas(
     cylinder: Cylinder, labelled_recordings: list[Recording]
 ) -> None:
-    estimator = ForceBalanceEstimator(cylinder, "none")
-    estimator.fit(labelled_recordings)
+    estimator = ForceBalanceEstimator(cylinder, "none").fit(labelled_recordings)
     samples = labelled_recordings[0].samples()
     expected = samples[:, 0] * cylinder.piston_area_m2 - samples[:, 1] * cylinder.annulus_area_m2
     np.testing.assert_allclose(estimator.estimate(labelled_recordings[0]), expected, rtol=1e-12)
 
 
 def test_paper_force_balance_takes_inertia_off(cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
-    estimator = ForceBalanceEstimator(cylinder, "paper")
-    estimator.fit(labelled_recordings)
+    estimator = ForceBalanceEstimator(cylinder, "paper").fit(labelled_recordings)
     time_s = 0.005 * np.arange(400)
     acceleration_m_s2 = 3.0
     stream = estimator.stream()
@@ -40,9 +38,7 @@ def test_paper_force_balance_takes_inertia_off(cylinder: Cylinder, labelled_reco
 def test_paper_filters_delay_a_pressure_ramp_by_half_their_window(
     cylinder: Cylinder, labelled_recordings: list[Recording]
 ) -> None:
-    estimator = ForceBalanceEstimator(cylinder, "paper")
-    estimator.fit(labelled_recordings)
-    stream = estimator.stream()
+    stream = ForceBalanceEstimator(cylinder, "paper").fit(labelled_recordings).stream()
     rate_pa_s = 1e6
     for step in range(100):
         force_n = stream.step(rate_pa_s * 0.005 * step, 0.0, 0.1)
@@ -51,9 +47,8 @@ def test_paper_filters_delay_a_pressure_ramp_by_half_their_window(
 
 
 def test_the_low_pass_is_tuned_to_beat_no_filter(cylinder: Cylinder, labelled_recordings: list[Recording]) -> None:
-    raw, tuned = ForceBalanceEstimator(cylinder, "none"), LowPassForceBalanceEstimator(cylinder)
-    raw.fit(labelled_recordings)
-    tuned.fit(labelled_recordings)
+    raw = ForceBalanceEstimator(cylinder, "none").fit(labelled_recordings)
+    tuned = LowPassForceBalanceEstimator(cylinder).fit(labelled_recordings)
     assert tuned.weight is not None
     assert 0.05 < tuned.weight < 0.95
     assert error_n(tuned, labelled_recordings) < 0.9 * error_n(raw, labelled_recordings)
@@ -72,8 +67,7 @@ def test_ridge_finds_the_areas_when_the_label_is_linear_in_a_sample(
         samples = recording.samples()
         late = samples[np.maximum(np.arange(len(samples)) - delay, 0)]
         linear.append(recording.with_columns(friction_n=late @ areas_m2))
-    estimator = RidgeEstimator(lags=1 + delay, penalty=1e-6)
-    estimator.fit(linear)
+    estimator = RidgeEstimator(lags=1 + delay, penalty=1e-6).fit(linear)
     assert error_n(estimator, linear) < 1e-3
 
 

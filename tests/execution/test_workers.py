@@ -20,14 +20,6 @@ def test_results_come_in_the_order_of_the_pieces_whichever_ends_first() -> None:
         assert list(workers.in_order([partial(slow_if_first, n) for n in range(5)])) == [*range(5)]
 
 
-def test_a_process_that_dies_costs_its_own_piece() -> None:
-    pieces = [partial(die if n == 1 else slow_if_first, n) for n in range(4)]
-    with Processes(2) as workers:
-        done = dict(workers.do_all(pieces))
-    assert done.pop(1) == LostPiece()
-    assert done == {0: 0, 2: 2, 3: 3}
-
-
 def test_a_process_that_dies_costs_none_of_the_pieces_that_were_handed_out_with_its_own() -> None:
     pieces = [partial(die if n in (9, 10) else slow_if_first, n) for n in range(40)]
     with Processes(2) as workers:

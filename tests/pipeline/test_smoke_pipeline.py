@@ -138,15 +138,6 @@ def test_the_way_back_from_an_experiment_leads_to_ones_own_results(finished_pipe
     assert re.findall(r"^(\w+):", run(folder, "dvc", "status").stdout, re.MULTILINE) == ["code"]
 
 
-def test_the_champion_is_registered_with_its_way_back(finished_pipeline: Path) -> None:
-    version = client_of(finished_pipeline).get_model_version_by_alias(MODEL, "champion")
-    head = run(finished_pipeline, "git", "rev-parse", "HEAD").stdout.strip()
-    assert version.tags["commit"] == head
-    shown = run_here(finished_pipeline, "cylinder-friction", "lineage")
-    assert head[:12] in shown.stdout
-    assert "links hold" in shown.stdout
-
-
 @pytest.mark.extended
 def test_track_fills_an_empty_store_from_a_pulled_clone_without_duplicates(
     finished_pipeline: Path, tmp_path: Path

@@ -129,3 +129,39 @@ def test_a_crane_loads_all_recordings_alike_by_position_alone_and_has_no_load_ce
 def test_unknown_choices_are_refused(cylinder: Cylinder, key: str, value: Any, known: str) -> None:
     with pytest.raises(ValueError, match=rf"record\.{key}: got '{value}', but expected one of \[{known}\]"):
         next(campaign(cylinder, replace(SHORT, **{key: value})))
+
+
+def test_line_loss_is_in_the_sensors_and_not_in_the_chambers(
+    cylinder: Cylinder, recordings: list[RigRecording]
+) -> None:
+    plain, lossy = recordings[0], next(campaign(cylinder, replace(SHORT, line_loss_bar=3.0, line_laminar_share=0.25)))
+    assert lossy.truth.equals(plain.truth)
+    velocity_m_s = lossy.truth["velocity_m_s"].to_numpy()
+    steady = np.abs(velocity_m_s) > 0.01
+    part = 10.0 * velocity_m_s[steady]
+    for column, area in (("P1 [bar]", 1.0), ("P2 [bar]", -cylinder.annulus_area_m2 / cylinder.piston_area_m2)):
+        lost_bar = (lossy.logger[column] - plain.logger[column]).to_numpy()[steady]
+        expected = 3.0 * (0.25 * area * part + 0.75 * area * abs(area) * part * np.abs(part))
+        assert np.median(np.abs(lost_bar - expected)) < 0.1
+
+
+def test_lag_makes_pressures_late(cylinder: Cylinder) -> None:
+    late = next(campaign(cylinder, replace(SHORT, pressure_lag_s=0.05)))
+    seen, true = late.logger["P1 [bar]"].to_numpy(), 1e-5 * late.truth["pressure_1_pa"].to_numpy()
+    errors = [np.square(seen[50:-50] - np.roll(true, shift)[50:-50]).mean() for shift in range(20)]
+    assert 5 <= int(np.argmin(errors)) <= 13
+
+
+def test_weight_is_carried_by_the_piston_side(cylinder: Cylinder) -> None:
+    loaded = next(campaign(replace(cylinder, moving_mass_kg=400.0), replace(SHORT, weight_n=4000.0)))
+    truth = loaded.truth
+    assert (truth["load_force_n"] == 4000.0).all()
+    drive_n = truth["pressure_1_pa"] * cylinder.piston_area_m2 - truth["pressure_2_pa"] * cylinder.annulus_area_m2
+    assert (drive_n - truth["friction_n"]).median() == pytest.approx(4000.0, rel=0.02)
+    assert truth["velocity_m_s"].max() > 0.02
+    assert truth["velocity_m_s"].min() < -0.02
+
+
+def test_conditions_differ_in_asymmetry(cylinder: Cylinder, recordings: list[RigRecording]) -> None:
+    differing = list(campaign(cylinder, replace(SHORT, asymmetry_by_condition=0.2)))
+    assert [not a.truth.equals(b.truth) for a, b in zip(differing, recordings, strict=True)] == [True] * 8

@@ -1,6 +1,5 @@
 """Stage ``offset``: identified where it can be, left alone where it must be; nothing of other sessions in training."""
 
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -86,37 +85,33 @@ def test_offsets_leave_the_labels_and_pressures_stay_as_measured(workplace: Path
     assert hash_of(PROCESSED_FOLDERS["train"]) == train, "other sessions change nothing in training"
 
 
+FEW = (
+    "offsets are not identified: strokes in both directions narrow it no further, as friction of each session may "
+    "be asymmetric in its own way; give at least 12 sessions of the cylinder together"
+)
+
+
 @pytest.mark.parametrize(
-    ("role", "metadata", "reason"),
+    ("stated", "given", "reason"),
     [
-        ("train", {"uncertainty": {}}, "the uncertainty of the sensors' zeros is not stated"),
+        (STATED, ("none", "auto"), FEW),
+        ({}, ("none", "auto"), "the uncertainty of the sensors' zeros is not stated"),
+        (STATED, ("none", "never"), "offset.identify is never"),
+        (STATED, ("position", "auto"), "has absorbed the sensors' offset"),
     ],
 )
 def test_offsets_are_left_alone_and_the_reason_is_kept(
-    workplace: Path, role: str, metadata: dict[str, Any], reason: str
+    workplace: Path, stated: dict[str, SensorUncertainty], given: tuple[str, str], reason: str
 ) -> None:
-    change(role, **metadata)
-    record = run()
+    change("train", uncertainty=stated)
+    write_loads(0.0)
+    record = run(*given)
     content = read_json(OFFSET_FILE)
     assert content["sessions"] == []
-    assert re.search(reason, content["left_alone_because"])
+    assert reason in content["left_alone_because"]
     assert record.tags["offsets"] == content["left_alone_because"]
     assert read_json(ESTIMATORS_FILE)["offset_tracker"] is None
     assert not any(each.metadata.identified_zero for each in read_stored(PROCESSED_FOLDERS["train"]))
-
-
-def test_what_few_sessions_do_not_show_is_left_alone(workplace: Path) -> None:
-    assert run().tags["offsets"] == (
-        "offsets are not identified: strokes in both directions narrow it no further, as friction of each session may "
-        "be asymmetric in its own way; give at least 12 sessions of the cylinder together"
-    )
-    assert read_json(ESTIMATORS_FILE)["offset_tracker"] is None
-
-
-def test_a_load_identified_from_position_and_a_wish_leave_offsets_alone(workplace: Path) -> None:
-    assert run(identify="never").tags["offsets"] == "offset.identify is never"
-    write_loads(0.0)
-    assert "has absorbed the sensors' offset" in run("position").tags["offsets"]
 
 
 def test_beside_a_measured_load_the_load_cell_has_its_part_of_the_offset(workplace: Path) -> None:

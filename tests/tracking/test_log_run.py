@@ -3,7 +3,6 @@
 import json
 import logging
 import socket
-import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
@@ -14,26 +13,17 @@ import pytest
 from mlflow import MlflowClient
 from mlflow.entities import Run
 
+from candidates import runs_in
 from cylinder_friction.dvc_hashes import dvc_hash
 from cylinder_friction.execution.measuring import MOST_SAMPLES, Took, measured
+from cylinder_friction.execution.ports import free_port
 from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.run_record import Dataset, RunRecord
 from cylinder_friction.stages._stage import datasets
 from cylinder_friction.tracking import log_run as module
 from cylinder_friction.tracking.log_run import dataset_input, log_run, track_or_warn
 from cylinder_friction.tracking.repository import TrackingError
-from cylinder_friction.tracking.store import EXPERIMENT, tracking_uri
-
-
-def client_of(root: Path) -> MlflowClient:
-    return MlflowClient(tracking_uri(root))
-
-
-def runs_of(root: Path, condition: str = "", experiment_name: str = EXPERIMENT) -> list[Run]:
-    client = client_of(root)
-    experiment = client.get_experiment_by_name(experiment_name)
-    assert experiment is not None
-    return list(client.search_runs([experiment.experiment_id], condition))
+from cylinder_friction.tracking.store import tracking_uri
 
 
 @pytest.fixture
@@ -59,7 +49,7 @@ def record(root: Path) -> RunRecord:
 
 def test_everything_in_a_record_is_in_the_run(root: Path, record: RunRecord) -> None:
     run_id = log_run(RunRecord.from_dict(json.loads(json.dumps(record.to_dict()))), root)
-    client = client_of(root)
+    client = MlflowClient(tracking_uri(root))
     run = client.get_run(run_id)
     assert run.info.status == "FINISHED"
     assert run.info.run_name == "train"
@@ -83,7 +73,7 @@ def test_everything_in_a_record_is_in_the_run(root: Path, record: RunRecord) -> 
     assert (run.data.metrics["system/processor_s"], run.data.metrics["system/peak_memory_mb"]) == (3.25, 812.5)
     (sample,) = client.get_metric_history(run_id, "system/memory_mb")
     assert (sample.timestamp, sample.value) == (2_000, 500.0)
-    children = runs_of(root, f"tags.`mlflow.parentRunId` = '{run_id}'")
+    children = runs_in(root, f"tags.`mlflow.parentRunId` = '{run_id}'")
     assert sorted(child.info.run_name for child in children) == ["trial 0", "trial 1", "trial 2"]
     assert all(child.info.status == "FINISHED" for child in children)
 
@@ -104,7 +94,7 @@ def test_a_record_is_logged_once_however_often_it_is_logged(root: Path, record: 
     first = log_run(record, root)
     other = replace(record, took=Took(1, 2), commit={"git_commit": "unknown", "git_dirty": "true"})
     assert log_run(other, root) == first, "when it ran, and at which commit, is no part of what it did"
-    assert len(runs_of(root)) == 1 + 3, "the stage, its trials"
+    assert len(runs_in(root)) == 1 + 3, "the stage, its trials"
     assert log_run(replace(record, metrics={"mae_n": 1.0}), root) != first, "another result"
 
 
@@ -118,12 +108,12 @@ def test_what_a_kill_left_half_written_is_done_again(
         patch.setattr(MlflowClient, "set_terminated", killed)
         with pytest.raises(KeyboardInterrupt):
             log_run(record, root)
-    half = runs_of(root)
+    half = runs_in(root)
     assert {run.info.status for run in half} == {"RUNNING"}
     whole = log_run(record, root)
     assert whole not in {run.info.run_id for run in half}
-    assert len(runs_of(root)) == 1 + 3
-    assert len(client_of(root).get_metric_history(whole, "validation_mae_n")) == 2500
+    assert len(runs_in(root)) == 1 + 3
+    assert len(MlflowClient(tracking_uri(root)).get_metric_history(whole, "validation_mae_n")) == 2500
 
 
 def test_a_run_that_was_made_twice_because_an_answer_was_lost_leaves_none_that_runs_for_ever(
@@ -137,7 +127,7 @@ def test_a_run_that_was_made_twice_because_an_answer_was_lost_leaves_none_that_r
 
     monkeypatch.setattr(MlflowClient, "create_run", twice)
     log_run(replace(record, name="compare", pipeline={"recipe": "default"}), root)
-    runs = runs_of(root)
+    runs = runs_in(root)
     assert {run.info.status for run in runs} == {"FINISHED"}
     assert len(runs) == 1 + 1 + 3
 
@@ -146,8 +136,8 @@ def test_a_record_of_another_recipe_lies_in_its_experiment_with_its_children(roo
     of_smoke = replace(record, experiment="smoke")
     run_id = log_run(of_smoke, root)
     assert log_run(RunRecord.from_dict(json.loads(json.dumps(of_smoke.to_dict()))), root) == run_id
-    assert runs_of(root) == [], "the default's table stays as it was"
-    runs = runs_of(root, experiment_name="cylinder-friction-smoke")
+    assert runs_in(root) == [], "the default's table stays as it was"
+    runs = runs_in(root, experiment_name="cylinder-friction-smoke")
     assert sorted(run.info.run_name for run in runs) == ["train", "trial 0", "trial 1", "trial 2"]
 
 
@@ -155,7 +145,7 @@ def test_an_artifact_that_is_missing_is_named(root: Path, record: RunRecord) -> 
     (root / "reports/table.md").unlink()
     with pytest.raises(TrackingError, match=r"reports/table.md is not there; run `dvc pull` or `dvc repro`"):
         log_run(record, root)
-    assert runs_of(root) == [], "nothing is half-logged"
+    assert runs_in(root) == [], "nothing is half-logged"
 
 
 def test_a_folder_of_recordings_is_a_dataset_that_mlflow_resolves(
@@ -187,47 +177,26 @@ def test_while_dvc_runs_a_stage_its_lock_states_the_hashes_and_nothing_is_read(
     assert used.md5.endswith(".dir")
 
 
-def test_a_server_that_is_gone_costs_no_result(
-    root: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        monkeypatch.setenv("MLFLOW_TRACKING_URI", f"http://127.0.0.1:{probe.getsockname()[1]}")
-        with caplog.at_level(logging.WARNING):
-            assert track_or_warn(RunRecord("label"), root) is None
-    assert "label: its results are written, but its MLflow run is not: http://127.0.0.1:" in caplog.text
-    assert "start the server, correct MLFLOW_TRACKING_URI" in caplog.text
-    assert "Run `cylinder-friction track`" in caplog.text
-
-
 @pytest.fixture
 def silent_server() -> Iterator[str]:
-    """A server that accepts connections and never answers."""
+    """A server whose port accepts connections, and which never answers."""
     with socket.create_server(("127.0.0.1", 0), backlog=50) as listening:
-        held: list[socket.socket] = []
-
-        def accept() -> None:
-            while True:
-                try:
-                    held.append(listening.accept()[0])
-                except OSError:
-                    return
-
-        threading.Thread(target=accept, daemon=True).start()
         yield f"http://127.0.0.1:{listening.getsockname()[1]}"
-        for each in held:
-            each.close()
 
 
-def test_a_server_that_accepts_and_never_answers_costs_seconds_and_one_warning(
-    root: Path, silent_server: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+@pytest.mark.parametrize("is_silent", [False, True])
+def test_a_server_that_is_gone_or_silent_costs_no_result_but_seconds_and_one_warning(
+    root: Path, silent_server: str, is_silent: bool, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setenv("MLFLOW_TRACKING_URI", silent_server)
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", silent_server if is_silent else f"http://127.0.0.1:{free_port()}")
     begun_s = time.monotonic()
     with caplog.at_level(logging.WARNING):
         assert track_or_warn(RunRecord("label"), root) is None
     assert time.monotonic() - begun_s < 30.0
     (warning,) = caplog.records
     assert warning.name == module.__name__
-    assert "is no MLflow store that can be opened" in warning.getMessage()
-    assert "timed out" in warning.getMessage()
+    said = warning.getMessage()
+    assert "label: its results are written, but its MLflow run is not: http://127.0.0.1:" in said
+    assert ("is no MLflow store that can be opened" if is_silent else "start the server, correct MLFLOW_TRACK") in said
+    assert ("timed out" if is_silent else "refused") in said
+    assert "Run `cylinder-friction track`" in said

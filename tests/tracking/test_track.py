@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from mlflow import MlflowClient
 
-from candidates import NAME, champion, other_model, registered_in, versions
+from candidates import NAME, champion, other_model, registered_in, runs_in, versions
 from cylinder_friction.tracking.registry import ALREADY, move_champion
 from cylinder_friction.tracking.repository import TrackingError
 from cylinder_friction.tracking.store import tracking_uri
@@ -39,10 +39,7 @@ def test_tracking_fills_an_empty_store_once_and_promotes_nothing(
     )
     assert len(versions(root)) == 1
     assert versions(root)[0].tags["decision"] == "promoted", "the decision is recorded as it was made"
-    client = MlflowClient(tracking_uri(root))
-    experiment = client.get_experiment_by_name("cylinder-friction")
-    assert experiment is not None
-    assert len(client.search_runs([experiment.experiment_id])) == 1 + 5 + 3, "trials below the search"
+    assert len(runs_in(root)) == 1 + 5 + 3, "trials below the search"
 
 
 def test_tracking_leaves_what_a_person_did_to_the_registry(registered_pipeline: Path) -> None:

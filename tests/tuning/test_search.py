@@ -3,37 +3,19 @@
 import threading
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
 from optuna.storages.journal import JournalFileSymlinkLock
 
-import process_work
-from cylinder_friction.tuning.search import Objective, Report, SearchPlan, Trial, Values, run_search
+from cylinder_friction.tuning.search import Objective, SearchPlan, Trial, run_search
 from cylinder_friction.tuning.space import SearchSpace
+from process_work import cost
+from search_work import KilledError, bowl, killed_at
 
 SPACE = SearchSpace((1, 2, 3), (16, 32, 64), (0.1, 0.3), (1e-5, 1e-3), (32, 100), (10, 50))
 PLAN = SearchPlan(trials=14, startup_trials=4, maximum_multiply_adds=190, seed=3)
-bowl, cost = partial(process_work.bowl, ""), process_work.cost
-
-
-class KilledError(Exception):
-    """Stands for the kill signal."""
-
-
-def killed_at(*calls: int) -> tuple[list[Values], Objective]:
-    """Return what was tried, and ``bowl`` killed at these calls."""
-    tried: list[Values] = []
-
-    def objective(params: Values, report: Report) -> float:
-        tried.append(params)
-        if len(tried) in calls:
-            raise KilledError
-        return bowl(params, report)
-
-    return tried, objective
 
 
 @pytest.fixture

@@ -10,21 +10,11 @@ import team_servers as servers
 from cylinder_friction.tuning.search import Objective, Report, SearchPlan, Trial, Values, run_search
 from cylinder_friction.tuning.space import SearchSpace
 from cylinder_friction.tuning.study_store import STUDY_STORE, StudyStoreError, study_storage
+from process_work import cost
+from search_work import KilledError, bowl, killed_at
 
-SPACE = SearchSpace((1,), (16, 32, 64), (0.1,), (1e-5, 1e-3), (32, 100), (10, 50))
-PLAN = SearchPlan(trials=10, startup_trials=3, seed=3, maximum_multiply_adds=64)
-
-
-class KilledError(Exception):
-    """Stands for the kill signal."""
-
-
-def bowl(values: Values, report: Report) -> float:
-    """Reports an error that falls over three epochs."""
-    error = abs(values["nodes"] - 48) / 7 + 1e3 * values["learning_rate"]
-    for epoch in range(3):
-        report(error * (2.0 - 0.3 * epoch))
-    return float(error)
+SPACE = SearchSpace((1, 2, 3), (16, 32, 64), (0.1,), (1e-5, 1e-3), (32, 100), (10, 50))
+PLAN = SearchPlan(trials=14, startup_trials=4, seed=3, maximum_multiply_adds=192)
 
 
 @pytest.fixture(scope="module")
@@ -36,10 +26,6 @@ def database() -> Iterator[str]:
         yield urls["studies"]
 
 
-def cost(values: Values) -> int:
-    return int(values["nodes"])
-
-
 def searched(journal: Path, objective: Objective = bowl) -> list[Trial]:
     return run_search(SPACE, PLAN, cost, objective, journal)
 
@@ -49,21 +35,13 @@ def test_a_search_killed_and_resumed_in_a_database_equals_one_in_the_journal(
 ) -> None:
     in_the_journal = searched(tmp_path / "search-1/trials.log")
     monkeypatch.setenv(STUDY_STORE, database)
-    calls = 0
-
-    def killed_once(values: Values, report: Report) -> float:
-        nonlocal calls
-        calls += 1
-        if calls == 5:
-            raise KilledError
-        return bowl(values, report)
-
+    tried, killed_once = killed_at(5)
     elsewhere = tmp_path / "other/search-2/trials.log"
     with pytest.raises(KilledError):
         searched(elsewhere, killed_once)
     assert searched(elsewhere, killed_once) == in_the_journal
     assert "pruned" in [trial.state for trial in in_the_journal]
-    assert calls == PLAN.trials + 1, "what was finished is not repeated"
+    assert len(tried) == PLAN.trials + 1, "what was finished is not repeated"
     assert not elsewhere.parent.exists()
 
 
@@ -71,16 +49,11 @@ def test_two_processes_that_search_the_same_at_the_same_time_find_the_same(
     database: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv(STUDY_STORE, database)
-    started, finished, calls = threading.Event(), threading.Event(), 0
+    started, finished, (tried, counted) = threading.Event(), threading.Event(), killed_at()
 
     def slow(values: Values, report: Report) -> float:
         started.set()
         assert finished.wait(60.0)
-        return bowl(values, report)
-
-    def counted(values: Values, report: Report) -> float:
-        nonlocal calls
-        calls += 1
         return bowl(values, report)
 
     results: list[list[Trial]] = []
@@ -93,7 +66,7 @@ def test_two_processes_that_search_the_same_at_the_same_time_find_the_same(
     first.join()
     assert [second] == results
     assert searched(journal, counted) == second, "each trial counts once, although both processes stored it"
-    assert calls == 0
+    assert tried == []
 
 
 @pytest.mark.parametrize(

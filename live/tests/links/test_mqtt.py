@@ -5,7 +5,6 @@ import queue
 import subprocess
 import threading
 import time
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -254,17 +253,3 @@ def test_a_broker_that_refuses_is_tried_again(service: LiveService, tmp_path: Pa
 
         served([link], service, tmp_path, use)
     assert link.counts["connected"] == 1
-
-
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [
-        (lambda: MqttSettings(prefix="a/#"), "prefix\n.*expected up to 20 levels of a topic"),
-        (lambda: MqttSettings(results_hz=0.0), "results_hz\n.*greater than 0"),
-        (lambda: BrokerSettings(port=0), "port\n.*greater than or equal to 1"),
-        (lambda: BrokerSettings("plant.example", password_file="word"), "tls: got false with a password for plant.ex"),
-    ],
-)
-def test_settings_that_cannot_be_are_refused(settings: Callable[[], object], words: str) -> None:
-    with pytest.raises(ValueError, match=words):
-        settings()
