@@ -1,13 +1,14 @@
 """A repository with a champion, served once for all tests that ask it."""
 
 import shutil
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
-from cylinder_friction.dvc_hashes import dvc_hash, hashes_in
+from candidates import candidate_in
+from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.tracking.gate import Candidate
 from cylinder_friction.tracking.registry import register
 
 
@@ -19,19 +20,8 @@ def champion_root(
     root = tmp_path_factory.mktemp("served") / "repository"
     shutil.copytree(written_pipeline, root)
     first = labelled_recordings[0]
-    candidate = Candidate(
-        "friction-estimator",
-        "models/hybrid",
-        dvc_hash(root / "models/hybrid"),
-        {"1": 2.0},
-        "label",
-        0.1,
-        hashes_in(root),
-        {"train": {"seed": 2}},
-        {name: first.column(name)[:800].tolist() for name in ("pressure_1_pa", "pressure_2_pa", "position_m")},
-        {"recipe": "default"},
-    )
+    example = {name: first.column(name)[:800].tolist() for name in SAMPLE_COLUMNS}
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("MLFLOW_TRACKING_URI", raising=False)
-        register(candidate, root, lambda folder: {})
+        register(replace(candidate_in(root), example=example), root, lambda folder: {})
     return root

@@ -3,6 +3,7 @@
 import gzip
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -38,12 +39,8 @@ def csv_text(table: pd.DataFrame, units: Mapping[str, str], delimiter: str = ","
     return "\n".join([delimiter.join(names), *(row.replace(".", decimal) for row in rows), ""])
 
 
-def write_csv(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> None:
-    path.write_text(csv_text(table, units), encoding="utf-8", newline="")
-
-
-def write_tsv(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> None:
-    path.write_text(csv_text(table, units, "\t"), encoding="utf-8", newline="")
+def write_csv(path: Path, table: pd.DataFrame, units: Mapping[str, str], delimiter: str = ",") -> None:
+    path.write_text(csv_text(table, units, delimiter), encoding="utf-8", newline="")
 
 
 def write_decimal_comma(path: Path, table: pd.DataFrame, units: Mapping[str, str]) -> None:
@@ -145,7 +142,7 @@ class Sample:
 
 SAMPLES = {
     "csv": Sample("csv", write_csv),
-    "tsv": Sample("csv", write_tsv),
+    "tsv": Sample("csv", partial(write_csv, delimiter="\t")),
     "decimal_comma": Sample("csv", write_decimal_comma),
     "csv_gz": Sample("csv", write_csv_gz),
     "matlab5": Sample("matlab", write_matlab5),

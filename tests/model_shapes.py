@@ -46,11 +46,9 @@ def random_forest(trees: int, depth: int, inputs: int, seed: int) -> Forest:
     for tree in range(trees):
         roots.append(len(feature))
         grow(0 if tree == trees - 1 else depth)
-    whole = (np.array(numbers, dtype=np.int64) for numbers in (left, right, roots))
-    lefts, rights, starts = whole
-    single = (np.array(numbers, dtype=np.float32) for numbers in (threshold, value))
-    thresholds, values = single
-    return Forest(np.array(feature, dtype=np.int64), thresholds, lefts, rights, values, starts, depth, inputs)
+    features, lefts, rights, starts = (np.array(each, dtype=np.int64) for each in (feature, left, right, roots))
+    thresholds, values = (np.array(each, dtype=np.float32) for each in (threshold, value))
+    return Forest(features, thresholds, lefts, rights, values, starts, depth, inputs)
 
 
 def _shapes() -> dict[str, Callable[[StepModel], StepModel]]:

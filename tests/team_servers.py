@@ -25,7 +25,7 @@ from cylinder_friction.execution.ports import free_port
 
 HOST = "127.0.0.1"
 ADMIN = "admin"
-_PATIENCE_S = 300.0
+PATIENCE_S = 300.0
 _DEBIAN = Path("/usr/lib/postgresql")  # keeps the programs of each version there, outside the PATH
 _SERVER_ACCOUNT = "postgres"  # PostgreSQL refuses to run as root; Debian's package makes this account
 
@@ -205,7 +205,7 @@ def _server(
             env={**os.environ, **(environment or {})},
         )  # fmt: skip
         try:
-            deadline = time.monotonic() + _PATIENCE_S
+            deadline = time.monotonic() + PATIENCE_S
             while not is_ready():
                 if process.poll() is not None or time.monotonic() > deadline:
                     raise OSError(f"{Path(command[0]).name} did not start: {log.read_text(errors='replace')[-2000:]}")
@@ -215,6 +215,14 @@ def _server(
             if process.poll() is None:
                 os.killpg(process.pid, stop)
             process.wait()
+
+
+def comes_true(condition: Callable[[], bool]) -> bool:
+    """Wait until a condition holds; false if it does not in time."""
+    deadline = time.monotonic() + PATIENCE_S
+    while not condition() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    return condition()
 
 
 def _responds(url: str) -> bool:

@@ -12,7 +12,6 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 import cylinder_friction as cf
@@ -45,22 +44,11 @@ def example(checkout: Path) -> dict[str, Any]:
     return found.globs
 
 
-@pytest.mark.parametrize("name", cf.__all__)
-def test_every_name_has_an_example_that_runs(
-    name: str, example: dict[str, Any], checkout: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(checkout)
-    finder = doctest.DocTestFinder(recurse=False)
-    (found,) = finder.find(getattr(cf, name), name, globs=dict(example))
-    outcome = doctest.DocTestRunner().run(found)
-    assert (outcome.failed, outcome.attempted > 1) == (0, True)
-
-
 def documented() -> list[tuple[str, str]]:
-    """Find the names with an example in the modules of the reference, less those that the package itself offers."""
+    """Find the names that the package offers, and those with an example in the other modules of the reference."""
     pages = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "docs/api").glob("*.md"))
     modules = [import_module(name) for name in sorted(set(re.findall(r"automodule:: (cylinder_friction\.\S+)", pages)))]
-    return [
+    return [("cylinder_friction", name) for name in cf.__all__] + [
         (module.__name__, name)
         for module in modules
         for name, value in vars(module).items()
@@ -71,7 +59,7 @@ def documented() -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize(("module", "name"), documented())
-def test_the_examples_of_the_reference_run(
+def test_every_name_has_an_example_that_runs(
     module: str, name: str, example: dict[str, Any], checkout: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(checkout)
@@ -81,18 +69,7 @@ def test_the_examples_of_the_reference_run(
     assert (outcome.failed, outcome.attempted > 1) == (0, True)
 
 
-def test_a_guessed_mapping_reads_the_same_numbers(checkout: Path) -> None:
-    paths = sorted((checkout / "data/raw/rig").glob("*.csv"))[:2]
-    mapped = cf.read_recordings(paths, channels=checkout / "conf/ingest/rig.yaml", cylinder=CYLINDER)
-    with pytest.warns(UserWarning, match="guessed"):
-        guessed = cf.read_recordings(paths, channels=None, cylinder=CYLINDER)
-    for one, other in zip(mapped, guessed, strict=True):
-        assert one.name == other.name
-        assert np.allclose(one.samples(), other.samples())
-
-
-def test_every_name_is_offered_and_an_unknown_one_is_refused() -> None:
-    assert all(getattr(cf, name) is not None for name in cf.__all__)
+def test_an_unknown_name_is_refused() -> None:
     with pytest.raises(AttributeError, match="has no attribute 'Hybrid'; it offers Cylinder"):
         _ = cf.Hybrid
 

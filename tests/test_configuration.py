@@ -57,7 +57,9 @@ def test_every_choice_of_every_group_is_accepted() -> None:
         compose_params(CONF, [choice])
 
 
-def test_the_paper_recipe_is_about_the_published_hybrid_table_and_label() -> None:
+def test_the_paper_recipe_is_about_the_published_hybrid_whose_final_values_are_trained_by_default(
+    composed: dict[str, Any],
+) -> None:
     content = compose_params(CONF, ["experiment=paper"])
     assert content["search"]["space"] == {
         "layers": [3, 4, 5],
@@ -71,17 +73,8 @@ def test_the_paper_recipe_is_about_the_published_hybrid_table_and_label() -> Non
     assert content["filter"]["method"] == "moving_average"
     assert content["offset"]["identify"] == "never"
     assert content["train"]["design"] == "force_balance"  # the row beside it
-
-
-def test_the_papers_final_values_are_trained_by_default(composed: dict[str, Any]) -> None:
-    assert composed["baselines"]["hybrid"] == {
-        "layers": 4,
-        "nodes": 64,
-        "dropout": 0.3,
-        "learning_rate": 1e-3,
-        "forest_trees": 64,
-        "forest_depth": 10,
-    }
+    final = {"layers": 4, "nodes": 64, "dropout": 0.3, "learning_rate": 1e-3, "forest_trees": 64, "forest_depth": 10}
+    assert composed["baselines"]["hybrid"] == final
 
 
 @pytest.mark.parametrize(

@@ -51,10 +51,9 @@ def test_the_index_names_every_page() -> None:
 
 def test_every_module_that_a_guide_imports_is_in_the_reference() -> None:
     reference = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "docs/api").glob("*.md"))
-    programs_of_tutorials = [path.read_text(encoding="utf-8") for path in (ROOT / "examples").glob("*.py")]
-    imported = {name for _, name in named(r"^from (cylinder_friction\.[\w.]+) import")}
-    for text in programs_of_tutorials:
-        imported.update(re.findall(r"^from (cylinder_friction\.[\w.]+) import", text, re.MULTILINE))
+    tutorials = "".join(path.read_text(encoding="utf-8") for path in (ROOT / "examples").glob("*.py"))
+    pattern = r"^from (cylinder_friction\.[\w.]+) import"
+    imported = {name for _, name in named(pattern)} | set(re.findall(pattern, tutorials, re.MULTILINE))
     assert imported
     assert [name for name in sorted(imported) if f"automodule:: {name}\n" not in reference] == []
 

@@ -51,6 +51,7 @@ for module in all_modules():
     if package == "cylinder_friction" and not name.startswith({}):
         import_module(module)
 """
+EXTRAS = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
 MAPPING = "conf/ingest/rig.yaml"
 LOG = "condition1_session01_recording01.csv"
 
@@ -112,8 +113,7 @@ def test_a_command_names_the_extra_it_needs(tmp_path: Path) -> None:
 
 
 def test_every_library_is_brought_by_the_extra_that_is_named() -> None:
-    extras = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
-    brings = {extra: {line.split(">")[0].split("=")[0].split("[")[0] for line in extras[extra]} for extra in extras}
+    brings = {extra: {line.split(">")[0].split("=")[0].split("[")[0] for line in EXTRAS[extra]} for extra in EXTRAS}
     brings["pipeline"] |= brings["train"] | brings["serve"]
     brought = {name: {each.replace("_", "-") for each in found} for name, found in packages_distributions().items()}
     for library, named in BROUGHT_BY.items():
@@ -124,8 +124,7 @@ def test_every_library_is_brought_by_the_extra_that_is_named() -> None:
 
 @pytest.mark.parametrize("extra", ["pipeline", "train", "serve"])
 def test_the_readmes_commands_find_what_they_need_after_make_install(extra: str) -> None:
-    extras = tomllib.loads((PROJECT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
-    wanted = {re.split(r"[><=\[]", line)[0] for line in extras[extra]} - {"cylinder-friction"}
+    wanted = {re.split(r"[><=\[]", line)[0] for line in EXTRAS[extra]} - {"cylinder-friction"}
     lock = (PROJECT / "requirements.lock").read_text(encoding="utf-8")
     assert wanted - {line.split("==")[0].replace("_", "-") for line in lock.splitlines()} == set()
 

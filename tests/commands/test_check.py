@@ -86,3 +86,17 @@ def test_a_git_that_refuses_is_quoted(
     monkeypatch.setenv("GIT_CONFIG_GLOBAL", "/dev/null")
     monkeypatch.setenv("GIT_CONFIG_SYSTEM", "/dev/null")
     assert "safe.directory" in check(capsys)
+
+
+def test_own_logs_that_are_not_there_are_named_with_what_to_do(
+    project: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["params", "experiment=own"]) == 0
+    assert main(["code"]) == 1
+    words = "data/raw/own (ingest.source): no such folder; put your logs there, each file where"
+    assert words in capsys.readouterr().err
+    (project / "data/raw/own").mkdir(parents=True)
+    assert main(["code"]) == 0
+    shutil.rmtree("data")
+    assert main(["params"]) == 0
+    assert main(["code"]) == 0, "the rig makes its own"

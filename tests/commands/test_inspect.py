@@ -50,6 +50,12 @@ def write(folder: Path, log: pd.DataFrame, session: int = 1) -> Path:
     return path
 
 
+def inspected(folder: Path, log: pd.DataFrame, *overrides: str) -> tuple[str, bool, str]:
+    """Return what the checks say of a log, whether it is refused, and its page."""
+    report, refused = inspect_path(write(folder, log), params_for(*overrides), folder / "page.html")
+    return report, refused, unpacked((folder / "page.html").read_text(encoding="utf-8"))
+
+
 def held(log: pd.DataFrame, column: str, first: int, last: int, value: float | None = None) -> pd.DataFrame:
     """Hold a column in the rows at a value, or at that of the first row."""
     values = log[column].to_numpy(copy=True)
@@ -62,7 +68,6 @@ def swapped(log: pd.DataFrame) -> pd.DataFrame:
 
 
 REFUSED: dict[str, tuple[Damage, str]] = {
-    "position constant": (lambda log: log.assign(**{POSITION: 120.0}), "motion"),
     "pressure beyond the sensor": (lambda log: held(log, P1, 1000, 1200, 400.0), "file"),
     "position stuck early on": (lambda log: held(log, POSITION, 500, 1100), "position_steps"),
     "too short for the filters": (lambda log: log.iloc[:20], "length"),
@@ -73,11 +78,9 @@ REFUSED: dict[str, tuple[Damage, str]] = {
 @pytest.mark.parametrize("name", list(REFUSED))
 def test_what_is_refused_is_told_and_shown_all_the_same(tmp_path: Path, log: pd.DataFrame, name: str) -> None:
     damage, check = REFUSED[name]
-    path = write(tmp_path / "logs", damage(log))
-    report, refused = inspect_path(path, params_for(), tmp_path / "page.html")
+    report, refused, page = inspected(tmp_path, damage(log))
     assert refused
     assert any(line.split()[:2] == ["refused", check] for line in report.splitlines()), report
-    page = unpacked((tmp_path / "page.html").read_text(encoding="utf-8"))
     assert '<div class="plot"' in page
     assert "What follows is drawn to show what is wrong, and is no result." in page
 
@@ -91,33 +94,28 @@ def test_odd_recordings_make_a_page_too(tmp_path: Path, log: pd.DataFrame, name:
         "spikes": lambda log: log.assign(**{P1: log[P1] + 100.0 * (np.arange(len(log)) == 77)}),
         "noise alone": lambda log: log.assign(**{POSITION: 120.0 + random.normal(0.0, 2.0, len(log))}),
     }
-    path = write(tmp_path / "logs", damages[name](log))
-    report, _ = inspect_path(path, params_for(f"ingest.load={load}"), tmp_path / "page.html")
-    assert report.startswith(path.name)
-    assert '<div class="plot"' in unpacked((tmp_path / "page.html").read_text(encoding="utf-8"))
+    report, _, page = inspected(tmp_path, damages[name](log), f"ingest.load={load}")
+    assert report.startswith("condition1_session01_recording01.csv")
+    assert '<div class="plot"' in page
 
 
 def test_what_is_no_recording_at_all_has_its_reason_in_the_table(tmp_path: Path, log: pd.DataFrame) -> None:
-    path = write(tmp_path / "logs", log.drop(columns=[P2]))
-    report, refused = inspect_path(path, params_for(), tmp_path / "page.html")
+    report, refused, page = inspected(tmp_path, log.drop(columns=[P2]))
     assert refused
     assert "'P2 [bar]' (for 'pressure_2_pa') is missing" in report
-    page = unpacked((tmp_path / "page.html").read_text(encoding="utf-8"))
     assert '<div class="plot"' not in page
     assert "is missing" in page
 
 
 def test_logs_at_another_rate_are_smoothed_as_long_without_a_note(tmp_path: Path, log: pd.DataFrame) -> None:
-    report, refused = inspect_path(write(tmp_path, log.iloc[::2]), params_for(), tmp_path / "page.html")
+    report, refused, _ = inspected(tmp_path, log.iloc[::2])
     assert not refused
     assert "filter_windows" not in report
 
 
 def test_every_piece_of_a_file_is_shown(tmp_path: Path, log: pd.DataFrame) -> None:
-    path = write(tmp_path / "logs", pd.concat([log.iloc[:1300], log.iloc[1400:2600], log.iloc[2700:]]))
-    report, refused = inspect_path(path, params_for(), tmp_path / "page.html")
+    report, refused, page = inspected(tmp_path, pd.concat([log.iloc[:1300], log.iloc[1400:2600], log.iloc[2700:]]))
     assert not refused
-    page = unpacked((tmp_path / "page.html").read_text(encoding="utf-8"))
     for part in (1, 2, 3):
         assert f"(part {part}): usable with these repairs; friction " in report
         assert f'<section id="recording-{part}"' in page
@@ -134,8 +132,6 @@ def test_without_a_project_logs_are_inspected_as_estimate_reads_them(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     log.to_csv("press.csv", index=False)
-    assert main(["inspect", "press.csv"]) == 1
-    assert "Give its dimensions, for example --cylinder bore_diameter_m=" in capsys.readouterr().err
     assert main(["inspect", "press.csv", "--cylinder", CYLINDER, "--output", "guessed.html"]) == 0
     words = capsys.readouterr().out
     assert words.startswith("note     no mapping was given; guessed from press.csv")
@@ -234,7 +230,6 @@ def test_a_refused_file_in_a_folder_is_told_by_the_exit_status(
         (["nowhere", "ingest=rig"], "nowhere: neither a file nor a folder"),
         (["conf", "ingest=rig"], "conf: no file matches '*.csv'; name another folder or ingest.pattern"),
         (["conf", "ingest=none_such"], "none_such"),
-        (["conf"], "params.yaml"),
         (["a.csv", "b.csv", "ingest=rig"], "got 'b.csv' after 'a.csv'; to inspect several files, name the folder"),
     ],
 )

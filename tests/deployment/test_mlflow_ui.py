@@ -3,30 +3,20 @@
 import socket
 import subprocess
 import sys
-import time
-from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
 from cylinder_friction.deployment.mlflow_ui import served_ui
 from cylinder_friction.tracking.repository import TrackingError
+from team_servers import comes_true
 
 pytestmark = pytest.mark.extended
 
 
-def comes_true(condition: Callable[[], bool], within_s: float) -> bool:
-    """Wait until a condition holds; false where it does not in time."""
-    deadline = time.monotonic() + within_s
-    while not condition() and time.monotonic() < deadline:
-        time.sleep(0.05)
-    return condition()
-
-
-def runs(pattern: str, at_least: int = 1) -> bool:
-    """Return whether so many processes have a command line that matches."""
-    found = subprocess.run(["pgrep", "-f", "--", pattern], capture_output=True, text=True, check=False)
-    return len(found.stdout.split()) >= at_least
+def runs(pattern: str) -> bool:
+    """Return whether a process has a command line that matches."""
+    return subprocess.run(["pgrep", "-f", "--", pattern], capture_output=True, check=False).returncode == 0
 
 
 def test_a_polite_kill_while_it_starts_leaves_no_server_behind(
@@ -35,16 +25,15 @@ def test_a_polite_kill_while_it_starts_leaves_no_server_behind(
     monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
     folder = champion_root / ".cylinder-friction"
     of_others = set(folder.glob("server-*.log"))
-    code = "import pathlib; from cylinder_friction.deployment.mlflow_ui import run_ui as run; "
-    code += "run(pathlib.Path())"
+    code = "import pathlib; from cylinder_friction.deployment.mlflow_ui import run_ui; run_ui(pathlib.Path())"
     served = subprocess.Popen([sys.executable, "-c", code], cwd=champion_root, stderr=subprocess.DEVNULL)
-    assert comes_true(lambda: bool(set(folder.glob("server-*.log")) - of_others), 120.0), "MLflow was not started"
+    assert comes_true(lambda: bool(set(folder.glob("server-*.log")) - of_others)), "MLflow was not started"
     (log,) = set(folder.glob("server-*.log")) - of_others
     server = f"127.0.0.1 --port {log.stem.removeprefix('server-')}"
-    assert comes_true(lambda: runs(server), 120.0), "the server was not started"
+    assert comes_true(lambda: runs(server)), "the server was not started"
     served.terminate()
     assert served.wait(60.0) != 0
-    assert comes_true(lambda: not runs(server), 120.0), "the server still runs"
+    assert comes_true(lambda: not runs(server)), "the server still runs"
     log.unlink()
 
 

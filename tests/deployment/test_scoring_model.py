@@ -7,32 +7,19 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pandas as pd
 import pytest
-from mlflow.models import Model
 
-from cylinder_friction.deployment.served_model import save_model_folder
 from cylinder_friction.files.whole_files import hash_of
 from cylinder_friction.import_graph import SOURCE
-from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 
-GOLDEN_MODEL = Path(__file__).parents[1] / "golden/model"
 LOAD = """
 import sys, mlflow
 model = mlflow.pyfunc.load_model(sys.argv[1])
-assert len(model.predict(model.input_example)) == 5
+assert len(model.predict(model.input_example)) == len(model.input_example)
 import cylinder_friction.deployment.scoring as used
 assert not {"torch", "sklearn"} & {*sys.modules}
 print(used.__file__)
 """
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("logged") / "model"
-    example = pd.DataFrame([[1e6, 1e6, 0.12]] * 5, columns=list(SAMPLE_COLUMNS))
-    save_model_folder(folder, GOLDEN_MODEL, {}, example, Model())
-    return folder
 
 
 @pytest.fixture(scope="module")
@@ -53,9 +40,9 @@ def load(folder: Path, package: Path, cache: Path, code: str = LOAD) -> subproce
 
 
 def test_the_installed_package_is_used_if_it_is_what_the_model_was_registered_with(
-    folder: Path, tmp_path: Path
+    golden_folder: Path, tmp_path: Path
 ) -> None:
-    done = load(folder, SOURCE, tmp_path)
+    done = load(golden_folder, SOURCE, tmp_path)
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == str(SOURCE / "cylinder_friction/deployment/scoring.py")
     assert not (tmp_path / "cylinder-friction").exists()
@@ -63,13 +50,13 @@ def test_the_installed_package_is_used_if_it_is_what_the_model_was_registered_wi
 
 @pytest.mark.extended
 def test_beside_another_version_the_models_own_code_runs_compiled_once_outside_its_folder(
-    folder: Path, other_version: Path, tmp_path: Path
+    golden_folder: Path, other_version: Path, tmp_path: Path
 ) -> None:
-    registered, files = hash_of(folder), sorted(folder.rglob("*"))
+    registered, files = hash_of(golden_folder), sorted(golden_folder.rglob("*"))
     moved = tmp_path / "downloaded elsewhere"
-    shutil.copytree(folder, moved)
+    shutil.copytree(golden_folder, moved)
     compiled = []
-    for each in (folder, moved, folder):
+    for each in (golden_folder, moved, golden_folder):
         done = load(each, other_version, tmp_path / "cache")
         assert done.returncode == 0, done.stderr
         (place,) = (tmp_path / "cache/cylinder-friction").iterdir()
@@ -79,13 +66,13 @@ def test_beside_another_version_the_models_own_code_runs_compiled_once_outside_i
             (place / "cylinder_friction/arrays.py").write_text("raise SystemExit\n")
     assert compiled[0]
     assert compiled[1] == compiled[0], "nothing was compiled again"
-    assert (hash_of(folder), sorted(folder.rglob("*"))) == (registered, files)
+    assert (hash_of(golden_folder), sorted(golden_folder.rglob("*"))) == (registered, files)
 
 
 def test_a_process_that_has_imported_another_version_is_refused_by_both_names(
-    folder: Path, other_version: Path, tmp_path: Path
+    golden_folder: Path, other_version: Path, tmp_path: Path
 ) -> None:
-    done = load(folder, other_version, tmp_path, f"import cylinder_friction\n{LOAD}")
+    done = load(golden_folder, other_version, tmp_path, f"import cylinder_friction\n{LOAD}")
     assert done.returncode == 1
     wanted = "this model brings cylinder_friction with code "
     assert wanted in done.stderr
@@ -95,17 +82,17 @@ def test_a_process_that_has_imported_another_version_is_refused_by_both_names(
 
 @pytest.mark.extended
 def test_without_a_cache_that_can_be_written_it_works_and_says_what_it_costs(
-    folder: Path, other_version: Path, tmp_path: Path
+    golden_folder: Path, other_version: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "file").write_text("no folder")
-    done = load(folder, other_version, tmp_path / "file")
+    done = load(golden_folder, other_version, tmp_path / "file")
     assert done.returncode == 0, done.stderr
     assert "set XDG_CACHE_HOME to a folder that only you can write" in done.stderr
 
 
-def test_a_model_that_misses_its_golden_trajectory_does_not_start(folder: Path, tmp_path: Path) -> None:
+def test_a_model_that_misses_its_golden_trajectory_does_not_start(golden_folder: Path, tmp_path: Path) -> None:
     copy = tmp_path / "model"
-    shutil.copytree(folder, copy)
+    shutil.copytree(golden_folder, copy)
     golden = copy / "artifacts/golden.json"
     content = json.loads(golden.read_text())
     content["newtons"][400][0] += 1.0

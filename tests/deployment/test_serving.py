@@ -11,11 +11,10 @@ import ssl
 import subprocess
 import sys
 import threading
-import time
 import urllib.error
 import urllib.request
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, field
@@ -37,12 +36,11 @@ from cylinder_friction.execution.ports import free_port
 from cylinder_friction.recordings.columns import SAMPLE_COLUMNS
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.tracking.lineage import lineage
-from team_servers import server_on
+from team_servers import PATIENCE_S, comes_true, server_on
 
 CHAMPION = "models:/friction-estimator@champion"
 CURL = "| tail -n 1\n"
 NEWTONS = ("friction_n", "lower_n", "upper_n")
-PATIENCE_S = 300.0
 TOLERANCE_N = 1e-9
 JSON = "application/json"
 
@@ -85,14 +83,6 @@ def send(
         connection.request("POST", "/invocations", body, headers | ({"Content-Type": media} if media else {}))
         answer = connection.getresponse()
         return answer.status, answer.read().decode()
-
-
-def comes_true(condition: Callable[[], bool]) -> bool:
-    """Wait until a condition holds; false if it does not in time."""
-    deadline = time.monotonic() + PATIENCE_S
-    while not condition() and time.monotonic() < deadline:
-        time.sleep(0.05)
-    return condition()
 
 
 def runs(process: psutil.Process) -> bool:
@@ -282,18 +272,10 @@ def proxy(server: Served, tmp_path: Path) -> Iterator[tuple[str, ssl.SSLContext]
     with subprocess.Popen([NGINX, "-p", tmp_path, "-e", tmp_path / "log", "-c", tmp_path / "nginx.conf"]) as process:
         url, trusted = f"https://127.0.0.1:{port}", ssl.create_default_context(cafile=str(public))
         try:
-            assert comes_true(lambda: process.poll() is not None or listens(port)), (tmp_path / "log").read_text()
+            assert comes_true((tmp_path / "pid").exists), (tmp_path / "log").read_text()
             yield url, trusted
         finally:
             process.terminate()
-
-
-def listens(port: int) -> bool:
-    try:
-        socket.create_connection(("127.0.0.1", port), 1.0).close()
-    except OSError:
-        return False
-    return True
 
 
 def test_the_proxy_asks_for_logins_and_limits_bytes(server: Served, proxy: tuple[str, ssl.SSLContext]) -> None:

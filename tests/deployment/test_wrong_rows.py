@@ -7,6 +7,7 @@ import io
 import json
 import re
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -84,11 +85,7 @@ def halves(rows: pd.DataFrame) -> pd.DataFrame:
 
 FLAGGED: dict[str, tuple[Callable[[pd.DataFrame], Request], ...]] = {
     "pressures in bar, kPa, MPa or psi, or both zero": (
-        lambda rows: scaled(rows, 1e-5),
-        lambda rows: scaled(rows, 1e-3),
-        lambda rows: scaled(rows, 1e-6),
-        lambda rows: scaled(rows, 1.0 / 6894.757),
-        lambda rows: scaled(rows, 0.0),
+        *(partial(scaled, pressure=share) for share in (1e-5, 1e-3, 1e-6, 1.0 / 6894.757, 0.0)),
     ),
     "all zero": (lambda rows: scaled(rows, 0.0, 0.0),),
     "pressures swapped": (lambda rows: split(rows.rename(columns={P1: P2, P2: P1})),),
@@ -97,10 +94,7 @@ FLAGGED: dict[str, tuple[Callable[[pd.DataFrame], Request], ...]] = {
     "a value that no working sensor gives": (
         lambda rows: split(rows.iloc[[0, *[1] * 99]], **{P1: [1e6] + [1e9] * 99}),
     ),
-    "pressures or position of the wrong sign": (
-        lambda rows: scaled(rows, -1.0),
-        lambda rows: scaled(rows, 1.0, -1.0),
-    ),
+    "pressures or position of the wrong sign": (lambda rows: scaled(rows, -1.0), lambda rows: scaled(rows, 1.0, -1.0)),
     "plausible values outside the training range": (
         lambda rows: split(rows, **{X: 1.5 * rows[X].max() - 0.5 * rows[X].min()}),
     ),
@@ -152,10 +146,7 @@ REFUSED: dict[str, tuple[str, Callable[[pd.DataFrame], Request]]] = {
     ),
     "columns of different lengths": (
         "Failed to enforce schema",
-        lambda rows: (
-            json.dumps({"inputs": {**rows.to_dict("list"), X: [0.1, 0.1]}}),
-            JSON,
-        ),
+        lambda rows: (json.dumps({"inputs": {**rows.to_dict("list"), X: [0.1, 0.1]}}), JSON),
     ),
     "a recording without a name": (
         "at row 7; expected the name of a recording in every row",

@@ -38,6 +38,7 @@ FINALS = [
     {"params": {"layers": 1, "nodes": 16}, "errors_n": [6.0, 6.5], "multiply_adds": 2000},
     {"params": {"layers": 1, "nodes": 48}, "errors_n": [5.5, 5.6], "multiply_adds": 11268},
 ]
+NOTHING = ReportInputs({}, {}, {}, [], {}, None, [], [], "", [])
 HOLD = "they hold friction, as made up here"
 HELD = Coverage("truth", "1", 4000, 90.25, 86.5, "s-t1_2", 81.75, 42.5)
 
@@ -68,7 +69,7 @@ def bare(compared, curves):
 
 @pytest.fixture(scope="module")
 def bare_page(bare):
-    return report_html(bare, ReportInputs({}, {}, {}, [], {}, None, [], [], "", []))
+    return report_html(bare, NOTHING)
 
 
 def test_every_figure_is_there_and_equal_data_are_equal_bytes(analysis):
@@ -163,10 +164,7 @@ def test_text_from_recordings_cannot_break_the_page(bare_page):
 
 def test_where_an_estimator_equals_the_label_the_report_warns_and_shows_none_of_its_residuals(compared, curves, page):
     comparison = compared(force_balance_paper=0.0, paper_hybrid=3.0, hybrid=1.0, lugre=40.0)
-    shown = report_html(
-        analyse(comparison, "paper_hybrid", "lugre", curves, 2.0, 20),
-        ReportInputs({}, {}, {}, [], {}, None, [], [], "", []),
-    )
+    shown = report_html(analyse(comparison, "paper_hybrid", "lugre", curves, 2.0, 20), NOTHING)
     sections = dict(
         re.findall(r'(?s)<details class="section" id="([\w-]+)">(.*?)(?=<details class="section"|$)', shown)
     )
