@@ -75,22 +75,22 @@ Change = Callable[[list[str]], list[str]]
 
 
 @pytest.mark.parametrize(
-    ("change", "used", "reason"),
+    ("change", "reason"),
     [
-        (lambda lines: [*lines[:55_000], "1,2,3\n", *lines[55_000:]], 3, "line 55001 holds 3 values: '1,2,3'; expect"),
-        (lambda lines: [*lines[:20_000], "1,broken,2,3\n", *lines[20_001:]], 3, r"in the part of rows 1\d+ to 3\d+, "),
+        (lambda lines: [*lines[:55_000], "1,2,3\n", *lines[55_000:]], "line 55001 holds 3 values: '1,2,3'; expect"),
+        (lambda lines: [*lines[:20_000], "1,broken,2,3\n", *lines[20_001:]], r"in the part of rows 1\d+ to 3\d+, "),
     ],
     ids=["no table any more", "text in a cell"],
 )
-def test_a_damaged_part_is_named_and_the_others_are_used(
-    tmp_path: Path, cylinder: Cylinder, change: Change, used: int, reason: str
+def test_a_damaged_part_is_named_and_others_used(
+    tmp_path: Path, cylinder: Cylinder, change: Change, reason: str
 ) -> None:
     made_log(ROWS).to_csv(tmp_path / "log.csv", index=False)
     lines = (tmp_path / "log.csv").read_text().splitlines(keepends=True)
     (tmp_path / "log.csv").write_text("".join(change(lines)))
     found = list(recordings_of({"log.csv": tmp_path / "log.csv"}, recipe(cylinder), PART))
     (refused,) = [each for each in found if isinstance(each, Quarantined)]
-    assert len(found) == used + 1
+    assert len(found) == 3 + 1
     with pytest.raises(RecordingError, match=reason):
         raise RecordingError(refused.reason)
 

@@ -95,49 +95,37 @@ def test_a_table_of_names_is_no_recording_although_the_pattern_matches_it(source
     assert [metadata.condition for metadata, _ in result.recordings] == ["1", "2", "2"]
 
 
-Damage = Callable[[pd.DataFrame], pd.DataFrame | str]
+Damage = Callable[[pd.DataFrame, str], str]
 DAMAGED = "condition1_session09_recording01"
 DAMAGES: dict[str, tuple[Damage, list[str], str]] = {
-    "cut in the last number": (lambda log: log.to_csv(index=False)[:-3], [""], "last line"),
-    "a second lost": (lambda log: log.drop(index=range(2000, 2200)), ["_part1", "_part2"], "split at 1 gap of more"),
-    "empty": (lambda _: "", [], "is empty"),
-    "another rate": (lambda log: log.iloc[::2], [], "sample time of 0.01 s"),
+    "cut in the last number": (lambda log, _: log.to_csv(index=False)[:-3], [""], "last line"),
+    "a second lost": (
+        lambda log, _: log.drop(index=range(2000, 2200)).to_csv(index=False),
+        ["_part1", "_part2"],
+        "split at 1 gap of more",
+    ),
+    "empty": (lambda *_: "", [], "is empty"),
+    "another rate": (lambda log, _: log.iloc[::2].to_csv(index=False), [], "sample time of 0.01 s"),
+    "the same bytes": (lambda _, first: first, [], "holds the same bytes as"),
+    "the same samples": (lambda _, first: first.replace(",", ";"), [], "holds the same samples as"),
 }
 
 
-def ingest_beside(source: Source, damaged: pd.DataFrame | str) -> tuple[list[Recording], list[str], str]:
-    """Return recordings of a damaged file beside good ones, reasons of refusals and the summary."""
-    text = damaged if isinstance(damaged, str) else damaged.to_csv(index=False)
-    (source.folder / f"{DAMAGED}.csv").write_text(text, encoding="utf-8")
-    out = source.folder.with_name("out")
-    result = ingest(source, out)
-    good = [f"condition1_session0{number}_recording01" for number in range(3)]
-    first, stored = read_stored(out)[:3], read_stored(out)[3:]
-    assert [each.name for each in first] == good
-    assert all(each.metadata.repairs == () for each in first)
-    return stored, [entry["reason"] for entry in read_json(out.with_name("out.json"))], result.summary()
-
-
-@pytest.fixture
-def log(labelled_recordings: list[Recording], tmp_path: Path) -> pd.DataFrame:
-    return pd.read_csv(write_log(tmp_path / "fourth.csv", labelled_recordings[3]))
-
-
 @pytest.mark.parametrize("name", DAMAGES)
-def test_a_damage_is_repaired_or_the_reason_of_a_refusal(name: str, source: Source, log: pd.DataFrame) -> None:
+def test_a_damaged_file_is_repaired_or_refused_beside_good_ones(
+    name: str, source: Source, tmp_path: Path, labelled_recordings: list[Recording]
+) -> None:
     damage, parts, says = DAMAGES[name]
-    recordings, reasons, summary = ingest_beside(source, damage(log))
-    assert [recording.name for recording in recordings] == [f"{DAMAGED}{part}" for part in parts]
-    assert all(says in " ".join(recording.metadata.repairs) for recording in recordings)
+    log = pd.read_csv(write_log(tmp_path / "fourth.csv", labelled_recordings[3]))
+    good = sorted(path.stem for path in source.folder.iterdir())
+    first = (source.folder / f"{good[0]}.csv").read_text(encoding="utf-8")
+    (source.folder / f"{DAMAGED}.csv").write_text(damage(log, first), encoding="utf-8")
+    result = ingest(source, tmp_path / "out")
+    stored = read_stored(tmp_path / "out")
+    assert [each.name for each in stored] == [*good, *(f"{DAMAGED}{part}" for part in parts)]
+    assert all(each.metadata.repairs == () for each in stored[:3])
+    assert all(says in " ".join(each.metadata.repairs) for each in stored[3:])
+    reasons = [entry["reason"] for entry in read_json(tmp_path / "out.json")]
     assert len(reasons) == (not parts)
     assert all(says in reason for reason in reasons)
-    assert says in summary
-
-
-@pytest.mark.parametrize(("delimiter", "says"), [("", "holds the same bytes as"), (";", "holds the same samples as")])
-def test_a_recording_that_is_there_twice_counts_once(source: Source, delimiter: str, says: str) -> None:
-    first = source.folder / "condition1_session00_recording01.csv"
-    again = pd.read_csv(first).to_csv(index=False, sep=delimiter) if delimiter else first.read_text()
-    recordings, (reason,), _ = ingest_beside(source, again)
-    assert recordings == []
-    assert says in reason
+    assert says in result.summary()

@@ -152,7 +152,7 @@ def plain(logs: Path, folder: Path, pressure: float = 1.0, position: float = 1.0
         ({"pressure": 1e5, "position": 0.1}, r"length of 'x' \(values .*\) fits mm or cm; .*--unit length=mm"),
         (
             {"pressure": 1e5, "time": 20.0},
-            r"time of 't' \(steps of 0.1\) fits s or ms; .*--unit time=s or --unit time=ms ",
+            r"time of 't' \(steps of 0.1\) fits s or ms; .*--unit time=s or --unit time=",
         ),
         ({"pressure": 1e-5}, r"pressure of 'p1' .* fits no usual unit; .*--unit pressure=UNIT "),
     ],

@@ -9,20 +9,20 @@ from cylinder_friction.recordings.recording import Recording, RecordingError, Re
 
 ABOUT = RecordingMetadata("a", "1", "s", sample_time_s=0.01)
 COLUMNS = {name: np.arange(5.0) for name in ("time_s", "position_m", "pressure_1_pa", "pressure_2_pa")}
+WHOLE = Recording(ABOUT, COLUMNS)
 
 
 def test_columns_and_a_table_make_the_same_recording() -> None:
-    one, other = Recording(ABOUT, COLUMNS), Recording(ABOUT, pd.DataFrame(COLUMNS))
+    one, other = WHOLE, Recording(ABOUT, pd.DataFrame(COLUMNS))
     pd.testing.assert_frame_equal(one.table, other.table)
     assert len(one) == len(other) == 5
 
 
 def test_what_is_derived_leaves_the_recording_as_it_was() -> None:
-    whole = Recording(ABOUT, COLUMNS)
-    more = whole.with_columns(friction_n=np.ones(5))
+    more = WHOLE.with_columns(friction_n=np.ones(5))
     assert list(more.rows(slice(1, 3)).column("position_m")) == [1.0, 2.0]
     assert "friction_n" not in more.without_columns("friction_n", "never there").columns
-    assert "friction_n" not in whole.columns
+    assert "friction_n" not in WHOLE.columns
     with pytest.raises(ValueError, match="read-only"):
         more.column("friction_n")[0] = 2.0
 
@@ -35,17 +35,13 @@ def test_a_column_of_another_shape_is_refused(values: Array) -> None:
     with pytest.raises(RecordingError, match=wanted):
         Recording(ABOUT, COLUMNS | {"friction_n": values})
     with pytest.raises(RecordingError, match=wanted):
-        Recording(ABOUT, COLUMNS).with_columns(friction_n=values)
+        WHOLE.with_columns(friction_n=values)
 
 
 def test_a_measured_column_stays_complete_and_finite() -> None:
     bad = np.array([0.0, 1.0, np.nan, 3.0, 4.0])
-    for make in (lambda: Recording(ABOUT, COLUMNS | {"position_m": bad}), lambda: _made().with_columns(position_m=bad)):
+    for make in (lambda: Recording(ABOUT, COLUMNS | {"position_m": bad}), lambda: WHOLE.with_columns(position_m=bad)):
         with pytest.raises(RecordingError, match=r"position_m is nan at row 2 \(1 such values in all\)"):
             make()
     with pytest.raises(RecordingError, match="column 'position_m' is missing; got columns"):
-        _made().without_columns("position_m")
-
-
-def _made() -> Recording:
-    return Recording(ABOUT, COLUMNS)
+        WHOLE.without_columns("position_m")

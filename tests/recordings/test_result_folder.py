@@ -28,11 +28,6 @@ def names(folder: Path) -> list[str]:
     return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if not path.is_dir())
 
 
-def marker(folder: Path, content: Any) -> None:
-    folder.mkdir(exist_ok=True)
-    (folder / MARKER).write_text(json.dumps(content), encoding="utf-8")
-
-
 def test_a_second_run_replaces_what_the_first_listed_and_nothing_else(tmp_path: Path) -> None:
     out = tmp_path / "out"
     write(out, "a", "parts/b")
@@ -67,9 +62,9 @@ def test_a_result_never_overwrites_a_file_that_no_run_wrote(tmp_path: Path) -> N
 )
 def test_a_marker_that_is_not_ours_is_refused(tmp_path: Path, content: Any, expected: str) -> None:
     out = tmp_path / "out"
-    marker(out, content)
     (tmp_path / "mine").write_text("mine", encoding="utf-8")
-    (out / "folder").mkdir()
+    (out / "folder").mkdir(parents=True)
+    (out / MARKER).write_text(json.dumps(content), encoding="utf-8")
     (out / "folder/mine").write_text("mine", encoding="utf-8")
     before = names(tmp_path)
     with pytest.raises(FileExistsError, match=expected):
@@ -117,9 +112,7 @@ def test_what_the_new_marker_keeps_stays_and_what_nobody_listed_cannot_be_kept(t
 
 
 @pytest.mark.parametrize("moved", range(4))
-def test_the_run_after_a_killed_one_replaces_what_that_wrote(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moved: int
-) -> None:
+def test_the_run_after_a_kill_replaces_its_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, moved: int) -> None:
     out, calls = tmp_path / "out", []
     write(out, "a", "b")
     replace = Path.replace

@@ -51,11 +51,7 @@ def sensor(**values: Any) -> SensorScale:
         (StartRules, {"zone": "Europe/Oslow"}, "zone: got 'Europe/Oslow', expected a name of the time zone database"),
         (StartRules, {"zone": "../../etc/passwd"}, "zone: got '../../etc/passwd', expected a name"),
         (StartRules, {"pattern": "("}, "pattern: '(' is not a regular expression: missing"),
-        (
-            StartRules,
-            {"pattern": "(?P<year>x)"},
-            "got groups year, expected year, month, day, and if you like hour, mi",
-        ),
+        (StartRules, {"pattern": "(?P<year>x)"}, "got groups year, expected year, month, day, and if you like hour"),
         (CsvOptions, {"delimiter": "ab"}, "delimiter: expected one character, 'whitespace' or 'auto', but got 'ab'"),
         (CsvOptions, {"encoding": "klingon"}, "encoding: expected one that Python knows"),
         (CsvOptions, {"header": "two"}, "header: expected one of auto, names_units, but got 'two'"),

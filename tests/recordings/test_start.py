@@ -47,12 +47,19 @@ BEGIN = pd.Timestamp("2026-03-27T09:15:00Z")
 
 
 def dated(log: pd.DataFrame, zone: str | None = "UTC") -> pd.DataFrame:
-    stamps = BEGIN + pd.to_timedelta(log["t"], unit="s")
-    return log.assign(t=stamps.dt.tz_convert(zone))
+    return log.assign(t=(BEGIN + pd.to_timedelta(log["t"], unit="s")).dt.tz_convert(zone))
 
 
-def write_dates(log: pd.DataFrame, path: Path) -> None:
-    dated(log, None).to_csv(path, index=False, date_format="%d.%m.%Y %H:%M:%S.%f")
+def local(log: pd.DataFrame, path: Path) -> None:
+    to_csv(dated(log, None), path)
+
+
+def since_1970(log: pd.DataFrame, path: Path) -> None:
+    to_csv(log.assign(t=log["t"] + BEGIN.timestamp()), path)
+
+
+def to_csv(log: pd.DataFrame, path: Path, form: str = "%d.%m.%Y %H:%M:%S.%f") -> None:
+    log.to_csv(path, index=False, date_format=form)
 
 
 def with_header(log: pd.DataFrame) -> str:
@@ -60,23 +67,16 @@ def with_header(log: pd.DataFrame) -> str:
     return "Starttime of export,134190764950000000,fredag\n\n" + log.assign(t=log["t"] + 5.0).to_csv(index=False)
 
 
-def write_zoned(log: pd.DataFrame, path: Path) -> None:
-    dated(log).to_csv(path, index=False, date_format="%Y-%m-%dT%H:%M:%S.%fZ")
-
-
-def write_seconds(log: pd.DataFrame, path: Path) -> None:
-    log.assign(t=log["t"] + BEGIN.timestamp()).to_csv(path, index=False)
-
-
 UTC, OSLO = "2026-03-27T09:15:00.000Z", "2026-03-27T08:15:00.000Z"
+ISO, STAMPS = "%Y-%m-%dT%H:%M:%S.%fZ", "time stamps of 't'"
 LOGS: dict[str, tuple[Callable[[pd.DataFrame, Path], Any], str, str, str]] = {
-    "dates in UTC": (write_zoned, "", UTC, "time stamps of 't'"),
-    "dates without a zone": (write_dates, "", UTC.removesuffix("Z"), "time stamps of 't'"),
-    "dates of a stated zone": (write_dates, "Europe/Oslo", OSLO, "time stamps of 't', Europe/Oslo"),
-    "Parquet": (lambda log, path: dated(log).to_parquet(path), "", UTC, "time stamps of 't'"),
-    "seconds since 1970": (write_seconds, "", UTC, "'t', which counts from 1970"),
+    "dates in UTC": (lambda log, path: to_csv(dated(log), path, ISO), "", UTC, STAMPS),
+    "dates without a zone": (local, "", UTC.removesuffix("Z"), STAMPS),
+    "dates of a stated zone": (local, "Europe/Oslo", OSLO, f"{STAMPS}, Europe/Oslo"),
+    "Parquet": (lambda log, path: dated(log).to_parquet(path), "", UTC, STAMPS),
+    "seconds since 1970": (since_1970, "", UTC, "'t', which counts from 1970"),
     "a header": (lambda log, path: path.write_text(with_header(log)), "", UTC, "FILETIME of the header"),
-    "nothing": (lambda log, path: log.to_csv(path, index=False), "", "", ""),
+    "nothing": (to_csv, "", "", ""),
 }
 
 

@@ -88,6 +88,9 @@ def test_without_a_header_channels_are_numbered(read) -> None:  # type: ignore[n
 
 def test_options_take_the_place_of_guesses(read) -> None:  # type: ignore[no-untyped-def]
     assert read("p [bar]\n3,845\n3,9\n", delimiter=";", decimal=",").channels["p [bar]"].tolist() == [3.845, 3.9]
+    commas = 't,p\n"0","1,234"\n"1","2,345"\n'
+    assert read(commas).channels["p"].tolist() == ["1,234", "2,345"]
+    assert read(commas, decimal=",").channels["p"].tolist() == [1.234, 2.345]
     table = read("t^p\n0^1,5\n1^2,5\n", delimiter="^")
     assert table.channels.to_dict("list") == {"t": [0, 1], "p": [1.5, 2.5]}
     assert read("T [°C]\r\n40.5\r\n".encode("cp437"), encoding="cp437").channels.to_dict("list") == {"T [°C]": [40.5]}
@@ -148,12 +151,6 @@ def test_a_decimal_comma_that_shows_late_is_found(read) -> None:  # type: ignore
     table = read("t;x\n" + rows + "20000;0,5\n")
     assert table.channels["x"].iloc[-1] == 0.5
     assert table.channels["x"].dtype == np.float64
-
-
-def test_commas_between_commas_are_decimal_only_if_stated(read) -> None:  # type: ignore[no-untyped-def]
-    content = 't,p\n"0","1,234"\n"1","2,345"\n'
-    assert read(content).channels["p"].tolist() == ["1,234", "2,345"]
-    assert read(content, decimal=",").channels["p"].tolist() == [1.234, 2.345]
 
 
 @pytest.mark.parametrize(

@@ -63,11 +63,7 @@ def write_hanging(path: Path) -> Path:
     ("write", "limits", "refusal"),
     [
         (write_crashing, {}, "reading it crashed the HDF5 library; the file is damaged; copy it"),
-        (
-            write_hanging,
-            {"LIMIT_S": 0.6},
-            "reading it took longer than 1 s; the file is damaged; copy it again, or expo",
-        ),
+        (write_hanging, {"LIMIT_S": 0.6}, "reading it took longer than 1 s; the file is damaged; copy it again, or e"),
         (write_greedy_matlab, {"LIMIT_BYTES": 1 << 29}, "damaged"),
     ],
 )

@@ -50,14 +50,10 @@ def test_samples_marked_invalid_are_missing(tmp_path: Path) -> None:
     np.testing.assert_array_equal(table.channels["P1"], [0, 1, np.nan, 3, 4, 5])
 
 
-def forty_samples(folder: Path) -> tuple[Path, bytearray]:
-    path = folder / "log.mf4"
-    format_writers.write_mdf4(path, *format_writers.synthetic(40))
-    return path, bytearray(path.read_bytes())
-
-
 def test_fewer_samples_than_stated_are_said(tmp_path: Path) -> None:
-    path, content = forty_samples(tmp_path)
+    path = tmp_path / "log.mf4"
+    format_writers.write_sample("mdf4", path, 40)
+    content = bytearray(path.read_bytes())
     # The number of samples stands behind a channel group's header, six links and the record's number.
     place = content.index(b"##CG") + 24 + 6 * 8 + 8
     assert content[place] == 40

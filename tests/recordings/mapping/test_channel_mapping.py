@@ -23,7 +23,7 @@ MAPPING = {
 
 COUNTS = SensorScale((0.0, 250.0), "bar", (0.0, 4095.0), bits=12)
 ABSOLUTE_LOOP, VOLTS = SensorScale((0.0, 10.0), "bara", (4.0, 20.0)), SensorScale((0.0, 3000.0), "psi", (0.5, 4.5))
-POSITION_LOOP = SensorScale((0.0, 300.0), "mm", (4.0, 20.0))
+POSITION_LOOP, COUNTED = (SensorScale((0.0, 300.0), "mm", signal) for signal in ((4.0, 20.0), (0.0, 4095.0)))
 
 
 @pytest.mark.parametrize(
@@ -86,18 +86,13 @@ def test_mapping_without_a_required_column_is_refused(column: str) -> None:
         check_mapping({other: source for other, source in MAPPING.items() if other != column})
 
 
-CURRENT = SensorScale(range=(0.0, 250.0), unit="bar", signal=(4.0, 20.0))
-
-
 def test_limits_follow_unit_sign_offset_and_reference() -> None:
     limits = sensor_limits(
         {
             "time_s": ChannelMapping("t", "s"),
-            "pressure_1_pa": ChannelMapping("a", "mA", sensor=CURRENT),
+            "pressure_1_pa": ChannelMapping("a", "mA", sensor=SensorScale((0.0, 250.0), "bar", (4.0, 20.0))),
             "pressure_2_pa": ChannelMapping("b", "bara", sensor=SensorScale((0.0, 100.0), "bara")),
-            "position_m": ChannelMapping(
-                "x", "count", -1, offset=300.0, sensor=SensorScale((0.0, 300.0), "mm", (0.0, 4095.0))
-            ),
+            "position_m": ChannelMapping("x", "count", -1, offset=300.0, sensor=COUNTED),
             "load_force_n": ChannelMapping("f", "N", sensor=SensorScale((-5.0, 5.0), "kN", bits=12)),
         }
     )
@@ -117,12 +112,7 @@ def test_limits_follow_unit_sign_offset_and_reference() -> None:
     ("sensor", "zero_pa", "span", "resolution_pa"),
     [
         (SensorScale((0.0, 250.0), "bar", bits=12, accuracy_percent=0.5), 1.25e5 / math.sqrt(3.0), 0.0, 250e5 / 4096),
-        (
-            SensorScale((0.0, 250.0), "bar", accuracy_percent=0.3, zero_uncertainty=0.1),
-            1e4,
-            0.003 / math.sqrt(3.0),
-            0.0,
-        ),
+        (SensorScale((0.0, 250.0), "bar", accuracy_percent=0.3, zero_uncertainty=0.1), 1e4, 3e-3 / math.sqrt(3.0), 0.0),
     ],
 )
 def test_accuracy_is_rectangular(sensor: SensorScale, zero_pa: float, span: float, resolution_pa: float) -> None:

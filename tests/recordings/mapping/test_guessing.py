@@ -101,10 +101,7 @@ TEXT = np.array(["soon"] * ROWS, dtype=object)
 @pytest.mark.parametrize(
     ("clocks", "words"),
     [
-        (
-            {"column_1": np.arange(ROWS)},
-            "'column_1' steps by exactly 1, so that it may count rows, and not time; state",
-        ),
+        ({"column_1": np.arange(ROWS)}, "'column_1' steps by exactly 1, so that it may count rows, and not time; stat"),
         ({"Time": np.arange(ROWS)}, "'Time' steps by exactly 1, so that it may count rows"),
         (MEASURED | {"energy": TIME}, "NOT FOUND"),
         ({"Sample": np.arange(ROWS), "Time": TEXT}, "'Time' is named like time, but its cells cannot be read, such as"),

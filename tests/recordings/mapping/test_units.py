@@ -2,12 +2,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.recordings.columns import QUANTITIES
-from cylinder_friction.recordings.mapping.units import (
-    COMMON,
-    check_unit,
-    to_column_unit,
-    units_agree,
-)
+from cylinder_friction.recordings.mapping.units import COMMON, check_unit, to_column_unit, units_agree
 from cylinder_friction.recordings.recording import RecordingError
 
 

@@ -6,11 +6,7 @@ import pytest
 from numpy.typing import NDArray
 
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.timeline.stamp_repair import (
-    OrderedStamps,
-    order_stamps,
-    resolve_duplicates,
-)
+from cylinder_friction.recordings.timeline.stamp_repair import OrderedStamps, order_stamps, resolve_duplicates
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
 Stamps = NDArray[np.float64]
@@ -46,27 +42,22 @@ def back(row: int, by_s: float) -> Damage:
     return lambda time_s: np.where(np.arange(ROWS) < row, time_s, time_s - by_s)
 
 
-def restarts(count: int, row: int, before: str, after: str) -> str:
-    what = f"{count} restart{'s' if count > 1 else ''}"
-    return f"split at {what} of the clock (first: row {row}, from {before} to {after} s)"
+CLOCK = "of the clock (first: row"
 
 
-CASES = {
-    "nothing": (lambda time_s: time_s, ROWS, []),
-    "no stamp": (stamps({7: np.nan, 9: np.inf}), ROWS - 2, ["2 rows without a time stamp left out (first: row 8)"]),
-    "logger restarted": (back(150, 150 * 0.005), ROWS, [restarts(1, 151, "0.745", "0")]),
-    "counter rolls over": (lambda time_s: np.mod(time_s, 0.64), ROWS, [restarts(3, 129, "0.635", "0")]),
-    "clock set back by a little": (back(150, 0.05), ROWS, [restarts(1, 151, "0.745", "0.7")]),
-}
-
-
-@pytest.mark.parametrize("name", CASES)
-def test_damaged_order(name: str) -> None:
-    damage, kept, repairs = CASES[name]
-    segments = 1 + max((int(text.split()[2]) for text in repairs if text.startswith("split")), default=0)
+@pytest.mark.parametrize(
+    ("damage", "kept", "segments", "repair"),
+    [
+        (stamps({7: np.nan, 9: np.inf}), ROWS - 2, 1, "2 rows without a time stamp left out (first: row 8)"),
+        (lambda time_s: np.mod(time_s, 0.64), ROWS, 4, f"split at 3 restarts {CLOCK} 129, from 0.635 to 0 s)"),
+        (back(150, 0.05), ROWS, 2, f"split at 1 restart {CLOCK} 151, from 0.745 to 0.7 s)"),
+    ],
+    ids=["no stamp", "counter rolls over", "clock set back by a little"],
+)
+def test_damaged_order(damage: Damage, kept: int, segments: int, repair: str) -> None:
     logged = damage(good())
     ordered = order_stamps(logged, np.zeros(ROWS, dtype=np.bool_))
-    assert list(ordered.repairs) == repairs
+    assert list(ordered.repairs) == [repair]
     assert len(ordered.time_s) == kept
     assert ordered.segments[-1] + 1 == segments
     within = np.diff(ordered.segments) == 0
@@ -89,10 +80,7 @@ def test_rows_with_neither_stamp_nor_value_are_no_rows() -> None:
         (lambda time_s: -time_s, "time_s runs backwards from row to row in all 400 rows, expected increasing time"),
         (stamps(dict.fromkeys(range(30, 60), np.nan)), "time_s is not a number, or beyond 1e+11 s, in 30 of 400"),
         (lambda time_s: np.random.default_rng(0).permutation(time_s), "time_s goes back in row "),
-        (
-            lambda time_s: np.mod(time_s, 0.05),
-            "time_s goes back in row 11, from 0.045 to 0 s, and does not",
-        ),
+        (lambda time_s: np.mod(time_s, 0.05), "time_s goes back in row 11, from 0.045 to 0 s, and does not"),
         (rows(1, 0), "goes back in row 102, from 0.505 to 0.5 s, and does not run on from there: rows are swapped, or"),
         (rows(1, 2, 3, 4, 0), "goes back in row 105, from 0.52 to 0.5 s"),
         (rows(*range(8, 16), *range(8)), "goes back in row 109, from 0.575 to 0.5 s"),

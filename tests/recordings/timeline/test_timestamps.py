@@ -1,32 +1,10 @@
 import numpy as np
-import pandas as pd
 import pytest
 
-from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.timeline.timestamps import even_rate, stamps_to_seconds
+from cylinder_friction.recordings.timeline.timestamps import even_rate
 
 RNG = np.random.default_rng(0)
 ROWS = np.arange(5000)
-
-
-@pytest.mark.parametrize(
-    ("stamps", "origin", "expected"),
-    [
-        (["NaT", "2024-05-01 12:00:00", "2024-05-01 12:00:00.005", "2024-05-02"], None, [np.nan, 0.0, 0.005, 43200.0]),
-        (["2024-05-01 11:59:59.5", "2024-05-01 12:00:01"], "2024-05-01T12:00:00", [-0.5, 1.0]),
-        (["2024-05-01 14:00:00+02:00", "2024-05-01 14:00:01+02:00"], "2024-05-01T12:00:00", [0.0, 1.0]),
-        (["NaT", "NaT"], None, [np.nan, np.nan]),
-    ],
-)
-def test_dates_become_seconds_from_an_origin(stamps: list[str], origin: str | None, expected: list[float]) -> None:
-    dates = pd.Series(pd.to_datetime(stamps, format="ISO8601"))
-    seconds = stamps_to_seconds(dates, None if origin is None else pd.Timestamp(origin))
-    np.testing.assert_array_equal(seconds, expected)
-
-
-def test_text_is_no_time() -> None:
-    with pytest.raises(RecordingError, match=r"time stamps are of type .* \(first: 'noon'\), expected numbers or"):
-        stamps_to_seconds(pd.Series(["noon", "1.0"]))
 
 
 STAMPS: dict[str, tuple[np.ndarray, float | None]] = {
