@@ -23,13 +23,7 @@ from cylinder_friction.execution.ports import free_port
 from cylinder_friction_live import client as client_module
 from cylinder_friction_live.client import Client
 from cylinder_friction_live.client_sockets import LiveClientError, connected
-from cylinder_friction_live.frames import (
-    Acknowledgement,
-    EstimateBlock,
-    pack_acknowledgement,
-    pack_estimates,
-    unpack,
-)
+from cylinder_friction_live.frames import Acknowledgement, EstimateBlock, pack_acknowledgement, pack_estimates, unpack
 from cylinder_friction_live.service import LiveService
 from live_process import served
 

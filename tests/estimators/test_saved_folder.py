@@ -108,14 +108,6 @@ def test_numbers_that_no_runtime_would_take_are_named(saved: Path, path: list[An
         load_estimator(saved)
 
 
-def change_forest(folder: Path, name: str, place: int, value: Any) -> None:
-    model = onnx.load(folder / "forest.onnx")
-    (attribute,) = (each for each in model.graph.node[0].attribute if each.name == name)
-    (attribute.floats or attribute.ints or attribute.strings)[place] = value
-    (folder / "forest.onnx").write_bytes(model.SerializeToString())
-    with_new_hashes(folder)
-
-
 @pytest.mark.parametrize(
     ("name", "value", "message"),
     [
@@ -128,7 +120,11 @@ def change_forest(folder: Path, name: str, place: int, value: Any) -> None:
     ],
 )
 def test_trees_end_and_ask_for_features_that_are_there(saved: Path, name: str, value: Any, message: str) -> None:
-    change_forest(saved, name, 0, value)
+    model = onnx.load(saved / "forest.onnx")
+    (attribute,) = (each for each in model.graph.node[0].attribute if each.name == name)
+    (attribute.floats or attribute.ints or attribute.strings)[0] = value
+    (saved / "forest.onnx").write_bytes(model.SerializeToString())
+    with_new_hashes(saved)
     with pytest.raises(SavedModelError, match=message):
         load_estimator(saved)
 

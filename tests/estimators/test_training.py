@@ -78,14 +78,8 @@ def test_training_resumed_after_a_kill_ends_bit_for_bit_where_an_undisturbed_one
 
 def test_early_stopping_waits_for_its_patience_and_keeps_the_best_epoch() -> None:
     generator = np.random.default_rng(0)
-    noise = [
-        SequenceData(
-            generator.normal(size=(300, 1)).astype(np.float32),
-            generator.normal(size=300).astype(np.float32),
-            np.ones(300, dtype=bool),
-        )
-        for _ in range(4)
-    ]
+    drawn = [[generator.normal(size=shape).astype(np.float32) for shape in ((300, 1), 300)] for _ in range(4)]
+    noise = [SequenceData(features, target, np.ones(300, dtype=bool)) for features, target in drawn]
     plan = TrainingPlan(epochs=60, patience=3, sequence_length=50, burn_in=0, batch_size=2, schedule="constant")
     _, curve = train_network(Architecture(1, 16, 0.0, 3e-2), plan, noise[:2], noise[2:], seed=0)
     assert len(curve.validation_mae) == curve.best_epoch + 3 < 60

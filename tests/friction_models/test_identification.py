@@ -98,15 +98,10 @@ def test_known_parameters_come_back_from_noisy_labels(cylinder: Cylinder, plain_
     # Normal noise of 10 N has a mean absolute value of 8 N, which no parameters can undo.
     assert found.error_n < 1.25 * 10.0 * np.sqrt(2.0 / np.pi)
     assert found.error_n <= found.first_error_n
-    assert set(found.intervals) == {
-        "coulomb_n",
-        "static_n",
-        "stribeck_velocity_m_s",
-        "stribeck_exponent",
-        "viscous_n_s_m",
-        "bristle_stiffness_n_m",
-        "retract_ratio",
-    }
+    assert ", ".join(sorted(found.intervals)) == (
+        "bristle_stiffness_n_m, coulomb_n, retract_ratio, static_n, stribeck_exponent, stribeck_velocity_m_s, "
+        "viscous_n_s_m"
+    )
 
 
 def test_the_pressure_slope_comes_back(cylinder: Cylinder) -> None:
@@ -147,17 +142,6 @@ def test_what_the_motion_says_nothing_about_gets_a_wide_interval(cylinder: Cylin
     interval = confidence_intervals(motions, truth, ("coulomb_n", "retract_ratio"), 0.95)
     assert interval["retract_ratio"][1] / interval["retract_ratio"][0] == pytest.approx(1e6)
     assert interval["coulomb_n"][1] / interval["coulomb_n"][0] < 1.05
-
-
-@pytest.mark.parametrize("reference_pressure_pa", [0.0, 1.5e6])
-def test_a_point_of_the_search_is_its_parameters_and_back(cylinder: Cylinder, reference_pressure_pa: float) -> None:
-    truth = lugre_to_find(cylinder.moving_mass_kg, slope_n_pa=4e-5 if reference_pressure_pa else 0.0)
-    coordinates = Coordinates.around(
-        LuGre(reference_pressure_pa > 0.0), truth.curve, cylinder.moving_mass_kg, 0.5, reference_pressure_pa
-    )
-    back = coordinates.parameters(coordinates.point(truth))
-    for name, value in truth.__dict__.items():
-        assert getattr(back, name) == pytest.approx(value, rel=1e-9), name
 
 
 def test_every_corner_of_the_search_is_physical_and_passive(cylinder: Cylinder) -> None:

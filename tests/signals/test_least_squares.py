@@ -50,12 +50,7 @@ def test_savitzky_golay_taps_are_those_of_the_fit(window: int, order: int, deriv
 def test_digits_do_not_depend_on_the_kernel_that_blas_chooses() -> None:
     digits = []
     for kernel in ("Haswell", "Sandybridge", "Nehalem"):
-        run = subprocess.run(
-            [sys.executable, "-c", SCRIPT],
-            env=os.environ | {"OPENBLAS_CORETYPE": kernel},
-            capture_output=True,
-            text=True,
-            check=True,
-        )
+        given = os.environ | {"OPENBLAS_CORETYPE": kernel}
+        run = subprocess.run([sys.executable, "-c", SCRIPT], env=given, capture_output=True, text=True, check=True)
         digits.append(run.stdout.split())
     assert len({own for own, _ in digits}) == 1

@@ -18,8 +18,8 @@ from shipped_params import shipped
 CONF = Path(__file__).parents[2] / "conf"
 
 
-def params_for(name: str) -> Params:
-    return check_params(compose_params(CONF, [f"ingest={name}"]), name)
+def own(*changes: str) -> Params:
+    return check_params(compose_params(CONF, ["ingest=own", *changes]), "own")
 
 
 @pytest.fixture
@@ -43,12 +43,12 @@ def test_own_logs_as_the_example_says(
     path = workplace / "data/raw/own/no-load_2026-03-14_monday/stroke_07.csv"
     path.parent.mkdir(parents=True)
     log.to_csv(path, index=False, sep=";", decimal=",")
-    ingest.run(params_for("own"))
-    (own,) = read_stored(RECORDINGS_FOLDER)
-    assert (own.metadata.condition, own.metadata.session) == ("no-load", "no-load_2026-03-14_monday")
-    assert own.name == "no-load_2026-03-14_monday-stroke_07"
-    assert own.metadata.cylinder == cylinder.name
-    np.testing.assert_allclose(own.samples(), recording.samples(), rtol=1e-12)
+    ingest.run(own())
+    (read,) = read_stored(RECORDINGS_FOLDER)
+    assert (read.metadata.condition, read.metadata.session) == ("no-load", "no-load_2026-03-14_monday")
+    assert read.name == "no-load_2026-03-14_monday-stroke_07"
+    assert read.metadata.cylinder == cylinder.name
+    np.testing.assert_allclose(read.samples(), recording.samples(), rtol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -85,6 +85,5 @@ def test_impossible_settings_are_refused(change: dict[str, Any], message: str) -
 def test_mapping_that_contradicts_load_or_temperature_is_refused_before_any_file(
     workplace: Path, changes: list[str], message: str
 ) -> None:
-    params = check_params(compose_params(CONF, ["ingest=own", *changes]), "test")
     with pytest.raises(RecordingError, match=message):
-        ingest.run(params)
+        ingest.run(own(*changes))

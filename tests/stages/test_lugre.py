@@ -35,14 +35,6 @@ def finished(tmp_path_factory: pytest.TempPathFactory, labelled_recordings: list
         return folder, lugre.run(tiny_params())
 
 
-@pytest.fixture
-def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, finished: tuple[Path, RunRecord]) -> Path:
-    """Where the stage has its recordings and has not run yet."""
-    shutil.copytree(finished[0] / "data", tmp_path / "data")
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 def test_the_stage_leaves_every_estimator_and_the_points(
     finished: tuple[Path, RunRecord], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -66,8 +58,13 @@ def test_the_stage_leaves_every_estimator_and_the_points(
 
 
 def test_recordings_of_other_conditions_change_what_is_identified_in_all_of_them_alone(
-    workplace: Path, finished: tuple[Path, RunRecord], labelled_recordings: list[Recording]
+    finished: tuple[Path, RunRecord],
+    labelled_recordings: list[Recording],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    shutil.copytree(finished[0] / "data", tmp_path / "data")
+    monkeypatch.chdir(tmp_path)
     write_recording(Path("data/processed/train"), labelled_recordings[-1])
     lugre.run(tiny_params())
     names = ("lugre", "pressure_lugre", "pressure_lugre_all", lugre.STRIBECK_FILE)

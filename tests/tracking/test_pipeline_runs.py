@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 from mlflow import MlflowClient
-from mlflow.entities import Run
 
+from candidates import runs_in
 from cylinder_friction.run_record import Dataset, RunRecord
 from cylinder_friction.tracking.log_run import log_run
 from cylinder_friction.tracking.store import EXPERIMENT, open_store, tracking_uri
@@ -45,13 +45,6 @@ def pipelines(root: Path) -> dict[str, list[str]]:
     return {name: sorted(stage for parent, stage in below if parent == name) for name in sorted(found.values())}
 
 
-def runs_in(root: Path) -> list[Run]:
-    client = MlflowClient(tracking_uri(root))
-    experiment = client.get_experiment_by_name(EXPERIMENT)
-    assert experiment is not None
-    return list(client.search_runs([experiment.experiment_id]))
-
-
 def test_it_states_recipe_seed_changes_data_and_held_out_errors(root: Path) -> None:
     ran(root, *BRANCHED, **{"train.lag_s": "0.05"})
     (run,) = (each for each in runs_in(root) if each.data.tags["stage"] == "pipeline")
@@ -69,7 +62,7 @@ def test_it_states_recipe_seed_changes_data_and_held_out_errors(root: Path) -> N
     assert pipelines(root) == {"default": sorted(BRANCHED)}
 
 
-def test_a_changed_stage_makes_another_run_with_what_ran_again(root: Path) -> None:
+def test_a_changed_stage_makes_another_run_and_what_is_restored_or_runs_again_alike_none(root: Path) -> None:
     ran(root, *BRANCHED)
     ran(root, "train", "compare", version=2.0, changes="train.seed=2")
     assert pipelines(root) == {"default": sorted(BRANCHED), "default, train.seed=2": ["compare", "train"]}
@@ -78,11 +71,6 @@ def test_a_changed_stage_makes_another_run_with_what_ran_again(root: Path) -> No
     assert "Ran: train, compare." in note
     assert "Up to date, from an earlier run: record, split, lugre." in note
     assert "compare found 2.0." in note
-
-
-def test_what_is_restored_or_runs_again_alike_logs_nothing(root: Path) -> None:
-    ran(root, *BRANCHED)
-    ran(root, "train", "compare", version=2.0, changes="train.seed=2")
     before = pipelines(root)
     ran(root, "train", "compare", log=False)  # DVC restores them
     assert track(root).logged == ()
