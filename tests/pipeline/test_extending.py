@@ -19,10 +19,7 @@ NEW_DIMENSION = {
         "    forest_depth: tuple[_Count, _Count]\n",
         "    forest_depth: tuple[_Count, _Count]\n    weight_decay: Sequence[float] = (0.0,)\n",
     ),
-    "conf/search/default.yaml": (
-        "  forest_depth: [4, 10]\n",
-        "  forest_depth: [4, 10]\n  weight_decay: [0.0, 0.01]\n",
-    ),
+    "conf/search/default.yaml": ("  forest_depth: [4, 10]\n", "  forest_depth: [4, 10]\n  weight_decay: [0.0, 0.01]\n"),
 }
 """Files that a search with another field of ``TrainingPlan`` needs, each with what is there and what it becomes."""
 SEARCHED = """
