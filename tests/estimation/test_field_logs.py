@@ -65,9 +65,7 @@ pytestmark = [
         ("double-rod/log.csv.gz", {}, 20.0, ""),
     ],
 )
-def test_the_right_friction_duration_speed_and_start(
-    tmp_path: Path, file: str, options: dict[str, Any], duration_s: float, start: str
-) -> None:
+def test_friction_and_start(tmp_path: Path, file: str, options: dict[str, Any], duration_s: float, start: str) -> None:
     if "channels" in options:
         options = {"channels": LOGS / Path(file).parent / options["channels"]}
     cylinder = HEAVY if "heavy" in file else TWO_RODS if "double-rod" in file else CYLINDER

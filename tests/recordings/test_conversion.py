@@ -90,7 +90,7 @@ def test_a_damaged_part_is_named_and_others_used(
     (tmp_path / "log.csv").write_text("".join(change(lines)))
     found = list(recordings_of({"log.csv": tmp_path / "log.csv"}, recipe(cylinder), PART))
     (refused,) = [each for each in found if isinstance(each, Quarantined)]
-    assert len(found) == 3 + 1
+    assert len(found) == 4
     with pytest.raises(RecordingError, match=reason):
         raise RecordingError(refused.reason)
 

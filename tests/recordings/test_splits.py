@@ -76,11 +76,6 @@ def test_what_cannot_be_split_is_refused(metadata: list[RecordingMetadata], mess
         split_sessions(metadata, 1, 1, 1)
 
 
-def test_nothing_held_out_is_refused() -> None:
-    with pytest.raises(ValueError, match="1 test, 0 validation and 0 calibration sessions, but got 0, 1 and 0"):
-        split_sessions(campaign({"1": 4}), 0, 1, 1)
-
-
 def test_sessions_held_out_by_name_take_the_place_of_drawn_ones() -> None:
     metadata = campaign({"1": 4, "2": 5}, 1)
     named = ["test1_s2", "test1_s3"]
@@ -92,5 +87,7 @@ def test_sessions_held_out_by_name_take_the_place_of_drawn_ones() -> None:
     assert validation[0] == validation[1]
     with pytest.raises(RecordingError, match=r"split\.held_out names session 'monday', which is not there"):
         split_sessions(metadata, 1, 1, 7, held_out=["monday"])
+    with pytest.raises(ValueError, match="1 test, 0 validation and 0 calibration sessions, but got 0, 1 and 0"):
+        split_sessions(metadata, 0, 1, 7)
     with pytest.raises(RecordingError, match=r"'1' has 4 sessions .*, but 5 are needed: 3 for test"):
         split_sessions(metadata, 1, 1, 7, held_out=[*named, "test1_s0"])

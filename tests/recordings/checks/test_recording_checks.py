@@ -118,7 +118,6 @@ def test_unusable_is_refused(spoil: Callable[[pd.DataFrame], pd.DataFrame], name
         (lambda n: 0.0 * n + 150.0, "force_alive", r"drive_force_n is constant \(at .* N\) while the cylinder moves"),
         (lambda n: 1e-6 * n, "force_alive", r"drive_force_n changes by 0.000\d+ N only"),
         (lambda n: n.where(n.index < 600, 150.0), "force_stuck", "stays at exactly 150 N from row 601 to row 2000"),
-        (lambda n: -n, "direction", "friction would drive the piston"),
     ],
 )
 def test_an_unusable_drive_force_is_refused(spoil: Callable[[pd.Series], pd.Series], name: str, message: str) -> None:

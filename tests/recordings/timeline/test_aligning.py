@@ -163,7 +163,6 @@ def test_uneven_stamps_come_to_an_even_grid(jitter: float) -> None:
 @pytest.mark.parametrize(
     ("columns", "rules", "message"),
     [
-        (one(EVEN_S[:2]), {}, "has 2 rows, expected at least 3"),
         (one(1.7e18 + 5e6 * np.arange(ROWS)), {}, "time_s is not a number, or beyond 1e+11 s, in 2000 of 2000 rows"),
         (one(EVEN_S, np.full(ROWS, np.nan)), {}, "a has 0 finite values in 2000 rows, expected at least 3"),
         (missing(list(range(2, ROWS))), {}, "b has 2 finite values in 2000 rows, expected at least 3"),
