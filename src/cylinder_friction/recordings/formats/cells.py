@@ -29,8 +29,9 @@ OVER_RANGE = (
 POINT_NUMBER = r"[+-]? *(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 COMMA_NUMBER = r"[+-]? *(?:\d+,?\d*|,\d+)(?:[eE][+-]?\d+)?"
 
-_POINT = re.compile(rf"(?:{POINT_NUMBER}|[+-]?inf(?:inity)?)", re.IGNORECASE)
-_COMMA = re.compile(rf"(?:{COMMA_NUMBER}|[+-]?inf(?:inity)?)", re.IGNORECASE)
+_MISSING_OR_OVER = frozenset((*MISSING, *OVER_RANGE))
+_FORMS = {".": POINT_NUMBER, ",": COMMA_NUMBER, None: f"{POINT_NUMBER}|{COMMA_NUMBER}"}
+_NUMBERS = {sign: re.compile(rf"{form}|[+-]?inf(?:inity)?", re.IGNORECASE) for sign, form in _FORMS.items()}
 _DATE = r"(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d{1,2}-[A-Za-z]{3}-(?:\d{4}|\d{2}))"
 _CLOCK = r"\d{1,2}:\d{2}(?::\d{2}(?:[.,:;]\d{1,9})?|[.,]\d{1,9})?(?: ?[AaPp][Mm])?(?:Z|[+-]\d{2}:?\d{2})?"
 _DATE_OR_CLOCK = re.compile(rf"{_DATE}(?:[T ,]+{_CLOCK})?|{_CLOCK}")
@@ -38,17 +39,17 @@ _TOKEN = re.compile(r'"[^"]*"|\S+(?:[ \t]+(?:\[[^\]]*\]|\([^)]*\)))?')
 
 
 def is_missing(cell: str) -> bool:
-    return cell in MISSING or cell in OVER_RANGE
+    return cell in _MISSING_OR_OVER
 
 
 def is_number(cell: str, decimal: str | None) -> bool:
     """Check whether a cell is a number with this decimal sign; None allows point and comma."""
-    return bool((decimal != "," and _POINT.fullmatch(cell)) or (decimal != "." and _COMMA.fullmatch(cell)))
+    return bool(_NUMBERS[decimal].fullmatch(cell))
 
 
 def is_value(cell: str, decimal: str | None) -> bool:
     """Check whether a cell is a number, a date or a time of day."""
-    return is_number(cell, decimal) or bool(_DATE_OR_CLOCK.fullmatch(cell))
+    return bool(_NUMBERS[decimal].fullmatch(cell) or _DATE_OR_CLOCK.fullmatch(cell))
 
 
 def split_cells(line: str, delimiter: str) -> list[str]:

@@ -92,7 +92,8 @@ def find_layout(lines: list[str], options: CsvOptions) -> Layout:
     decimal = None if options.decimal == "auto" else options.decimal
     # All delimiters that occur in no line give the same grid of one column.
     looked_at = [lines[index] for index in content[-LOOKED_AT:]]
-    absent = [each for each in delimiters if each != "whitespace" and each not in "".join(looked_at)]
+    characters = set("".join(looked_at))
+    absent = [each for each in delimiters if characters.isdisjoint(" \t" if each == "whitespace" else each)]
     tried = [each for each in delimiters if each not in absent[1:]]
     grids = [grid for delimiter in tried if (grid := _grid(looked_at, delimiter, decimal)) is not None]
     if not grids:
@@ -100,7 +101,9 @@ def find_layout(lines: list[str], options: CsvOptions) -> Layout:
             f"no rows of numbers were found in its first {len(content)} lines; expected a table: a line of names and "
             "one line per sample; name the delimiter and the decimal sign if they are unusual"
         )
-    grid = max(grids, key=lambda grid: _likelihood(grid, [lines[index] for index in content]))
+    grid, *others = grids
+    if others:
+        grid = max(grids, key=lambda grid: _likelihood(grid, [lines[index] for index in content]))
     first = _first_row(grid, lines, content)
     names, units = _names_and_units(lines[:first], grid, options.header)
     settled = decimal or _decimal([split_cells(line, grid.delimiter) for line in lines[first:][:LOOKED_AT]], grid)
@@ -172,8 +175,10 @@ def _first_row(grid: _Grid, lines: list[str], content: list[int]) -> int:
 def _decimal(rows: list[list[str]], grid: _Grid) -> str | None:
     """Find the decimal sign of these rows; None if they have only whole numbers."""
     cells = [row[index] for row in rows if len(row) == grid.width for index in grid.numeric]
-    points = sum("." in cell and is_number(cell, ".") for cell in cells)
-    commas = sum("," in cell and is_number(cell, ",") for cell in cells) if grid.delimiter != "," else 0
+    with_point = ("." in cell and is_number(cell, ".") for cell in cells)
+    if grid.delimiter == ",":
+        return "." if any(with_point) else None
+    points, commas = sum(with_point), sum("," in cell and is_number(cell, ",") for cell in cells)
     return None if not points and not commas else "," if commas > points else "."
 
 
