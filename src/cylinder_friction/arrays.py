@@ -1,4 +1,4 @@
-"""Types of arrays, runs of a mask, and extremes and means over sliding windows."""
+"""Types of arrays, runs of a mask, and extremes over sliding windows."""
 
 from __future__ import annotations
 
@@ -30,10 +30,3 @@ def _sliding_greatest(values: Array, width: int) -> Array:
     while 2 * span <= width:
         greatest, span = np.maximum(greatest[:-span], greatest[span:]), 2 * span
     return np.maximum(greatest[:rows], greatest[width - span :][:rows])
-
-
-def sliding_mean(values: Array, width: int) -> Array:
-    """Compute the mean over the samples that ``sliding_extremes`` looks at, shape ``(n,)``."""
-    row, sums = np.arange(len(values)), np.concatenate([[0.0], np.cumsum(values - values[0])])
-    first, end = np.maximum(row - width // 2, 0), np.minimum(row + (width + 1) // 2, len(values))
-    return np.asarray(values[0] + (sums[end] - sums[first]) / (end - first))

@@ -127,12 +127,11 @@ def unpacked(text: str) -> tuple[OffsetEvidence | None, Samples]:
     evidence, samples = about["evidence"], Samples(**about["samples"])
     if evidence is None:
         return None, samples
-    if (sliding := evidence["sliding"]) is not None:
-        sliding |= {name: np.array(sliding[name], dtype=np.float64) for name in ("label_n", "direction")}
-        sliding["stroke"] = np.array(sliding["stroke"], dtype=np.int64)
-        columns = {name: np.array(values, dtype=np.float64) for name, values in sliding.pop("columns").items()}
-        evidence["sliding"] = SlidingBlocks(**sliding, columns=columns)
-    return OffsetEvidence(**evidence), samples
+    sliding = evidence["sliding"]
+    sliding |= {name: np.array(sliding[name], dtype=np.float64) for name in ("label_n", "direction")}
+    sliding["stroke"] = np.array(sliding["stroke"], dtype=np.int64)
+    columns = {name: np.array(values, dtype=np.float64) for name, values in sliding.pop("columns").items()}
+    return OffsetEvidence(**evidence | {"sliding": SlidingBlocks(**sliding, columns=columns)}), samples
 
 
 @dataclass(frozen=True)

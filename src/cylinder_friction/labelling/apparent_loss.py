@@ -72,7 +72,7 @@ def apparent_loss(evidence: Sequence[OffsetEvidence]) -> ApparentLoss | None:
     """
     conditions: dict[str, dict[str, list[SlidingBlocks]]] = {}
     for each in evidence:
-        if each.sliding is not None and set(PRESSURES) <= set(each.sliding.columns):
+        if set(PRESSURES) <= set(each.sliding.columns):
             conditions.setdefault(each.condition, {}).setdefault(each.session, []).append(each.sliding)
     found = []
     for sessions in conditions.values():

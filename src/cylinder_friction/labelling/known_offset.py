@@ -1,12 +1,14 @@
 """The offset of the sensors' zeros in each session of logger files, and the evidence for it.
 
-The evidence is one of three: an interval with vented chambers, in which the sensors were zeroed; strokes in both
-directions (``labelling.offset_identification``); or the stated uncertainty alone, with the reason for having no more.
+The evidence is strokes in both directions (``labelling.offset_identification``), or the stated uncertainty alone, with
+the reason for having no more.
 """
 
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+
+import numpy as np
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.offset_identification import LEAST_NARROWING, OffsetModel, SessionOffset, offset_model
@@ -17,12 +19,11 @@ from cylinder_friction.labelling.sliding_blocks import (
     stated_zero_n,
     zero_uncertainty_n,
 )
-from cylinder_friction.labelling.uncertainty import sensitivities
 from cylinder_friction.recordings.columns import ALL_CONDITIONS, COVERAGE_FACTOR, LOAD_FORCE
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.wording import four_digits
 
-VENTED, STROKES, STATED, NOTHING = "vented interval", "strokes in both directions", "stated uncertainty", "nothing"
+STROKES, STATED, NOTHING = "strokes in both directions", "stated uncertainty", "nothing"
 """Sources of an offset or its uncertainty."""
 
 LEAST_SESSIONS, LEAST_NARROWING_OF_FEW = 12, 0.4
@@ -43,22 +44,11 @@ class OffsetEvidence:
     session: str
     # Standard uncertainty of the zeros behind the driving force, as friction [N]; None if it is not stated
     stated_n: float | None
-    vented_n: float | None  # Offset read with vented chambers and subtracted, as friction [N]; None if not read
-    sliding: SlidingBlocks | None  # None without labels
+    sliding: SlidingBlocks
     why_not: str = ""  # Reason why strokes do not count for the offset; empty if they do
     # Reason why the force that does not turn with the direction is too large for the stated zeros; else empty
     uneven: str = ""
     condition: str = ""
-
-    @property
-    def sliding_key(self) -> float:
-        """Key of the session."""
-        return 0.0 if self.sliding is None else float(self.sliding.label_n.sum())
-
-    @property
-    def strokes(self) -> SlidingBlocks | None:
-        """Steady sliding from which the offset is identified; None if strokes do not count."""
-        return None if self.why_not or self.vented_n is not None else self.sliding
 
 
 @dataclass(frozen=True)
@@ -66,19 +56,19 @@ class KnownOffset:
     """The offset in one session's friction, its uncertainty and its source."""
 
     session: str
-    source: str  # ``VENTED``, ``STROKES``, ``STATED`` or ``NOTHING``
+    source: str  # ``STROKES``, ``STATED`` or ``NOTHING``
     words: str  # Evidence for it, or the reason why there is none
     # Expanded uncertainties (k = 2) of the offset, and of the zeros as stated, as friction [N]; NaN if unknown
     uncertainty_n: float = math.nan
     stated_n: float = math.nan
-    offset_n: float = math.nan  # Offset to subtract from friction [N]; already subtracted if vented; NaN if unknown
+    offset_n: float = math.nan  # Offset to subtract from friction [N]; NaN if unknown
 
     @property
     def value(self) -> str:
         """Offset and uncertainty as text."""
         spread = f"± {self.uncertainty_n:.1f} N"
         if math.isfinite(self.offset_n):
-            return f"{self.offset_n:.1f} {spread}" if math.isfinite(self.uncertainty_n) else f"{self.offset_n:.1f} N"
+            return f"{self.offset_n:.1f} {spread}"
         return f"within {spread}" if math.isfinite(self.uncertainty_n) else "unknown"
 
 
@@ -94,24 +84,17 @@ def offset_evidence(
         uneven_n, friction_n: Half the sum and half the difference of friction up and down at equal position [N].
         why_not: Reason why strokes cannot show an offset; empty if they may.
     """
-    session, zeros = labelled.metadata.session or labelled.name, labelled.metadata.zero_offset
+    session = labelled.metadata.session or labelled.name
     identified = () if LOAD_FORCE in labelled.metadata.uncertainty else (LOAD_FORCE,)  # it has no sensor
     stated_n = zero_uncertainty_n(labelled.without_columns(*identified), cylinder)
-    condition, sliding = (
-        labelled.metadata.condition,
-        replace(sliding_blocks(labelled, cylinder, plan, stated_n or 0.0), session=session),
-    )
-    if zeros:
-        areas = sensitivities(labelled, cylinder)
-        vented_n = sum(areas[name] * zero for name, zero in zeros.items())
-        return OffsetEvidence(session, stated_n, vented_n, sliding, condition=condition)
+    sliding = replace(sliding_blocks(labelled, cylinder, plan, stated_n or 0.0), session=session)
     if not why_not:
         try:
             sliding = replace(sliding, prior_n=stated_zero_n(labelled, cylinder))
         except RecordingError as error:
             why_not = str(error)
     uneven = "" if why_not else too_uneven(uneven_n, friction_n, sliding.prior_n, plan)
-    return OffsetEvidence(session, stated_n, None, sliding, why_not, uneven, condition)
+    return OffsetEvidence(session, stated_n, sliding, why_not, uneven, labelled.metadata.condition)
 
 
 def too_uneven(uneven_n: float, friction_n: float, zero_n: float | None, plan: OffsetPlan) -> str:
@@ -132,17 +115,18 @@ def known_offsets(evidence: Sequence[OffsetEvidence], cylinder: Cylinder, plan: 
     The order of the evidence changes no digit of the results.
     """
     order = list(dict.fromkeys(each.session for each in evidence))
-    evidence = sorted(evidence, key=lambda each: (each.session, each.sliding_key))
+    evidence = sorted(evidence, key=lambda each: (each.session, float(each.sliding.label_n.sum())))
+    counted = [each for each in evidence if not each.why_not]
     odd = {each.session for each in evidence if each.uneven}
-    if len(odd) <= ODD_SHARE * len({each.session for each in evidence if each.strokes is not None}):
-        evidence = [replace(each, sliding=None) if each.session in odd else each for each in evidence]
-    sliding = [each.strokes for each in evidence if each.strokes is not None and len(each.strokes.direction)]
+    if len(odd) <= ODD_SHARE * len({each.session for each in counted}):
+        counted = [each for each in counted if each.session not in odd]
+    sliding = [each.sliding for each in counted if len(each.sliding.direction)]
     model = offset_model(sliding, cylinder, cautious(plan, {each.session for each in sliding})) if sliding else None
     sessions: dict[str, list[OffsetEvidence]] = {}
     for each in evidence:
         sessions.setdefault(each.session, []).append(each)
     known = [_known(name, sessions[name], model, plan) for name in order]
-    deviations = _deviations({each.session for each in known if each.source == STATED}, evidence, model, plan)
+    deviations = _deviations({each.session for each in known if each.source == STATED}, counted, model, plan)
     return [deviations.get(each.session, each) for each in known]
 
 
@@ -152,8 +136,8 @@ def _deviations(
     """Find how far each session in ``left`` deviates from the mean of its condition, if strokes show it."""
     conditions: dict[str, list[SlidingBlocks]] = {}
     for each in evidence:
-        if each.strokes is not None and len(set(each.strokes.direction.tolist())) == 2:
-            conditions.setdefault(each.condition, []).append(each.strokes)
+        if len(set(each.sliding.direction.tolist())) == 2:
+            conditions.setdefault(each.condition, []).append(each.sliding)
     found: dict[str, KnownOffset] = {}
     for sliding in conditions.values():
         if model is None or not left & {each.session for each in sliding}:
@@ -221,15 +205,19 @@ def _own_asymmetry_n(model: OffsetModel) -> float:
 
 
 def _deviation(found: SessionOffset, model: OffsetModel) -> KnownOffset:
-    words = (
+    return _from_strokes(
+        found,
         f"deviation from the mean of {len(model.sessions)} sessions of its condition ({found.strokes_extend} strokes "
         f"extending and {found.strokes_retract} retracting), if friction is as asymmetric in each: another ratio of "
-        f"both directions, by {200.0 * abs(found.offset_n) / model.level_n:.1f} %, would look the same; ± "
-        f"{COVERAGE_FACTOR * found.common_uncertainty_n:.1f} N of it common to all, whose mean looks like an asymmetry "
-        "of friction"
+        f"both directions, by {200.0 * abs(found.offset_n) / model.level_n:.1f} %, would look the same",
     )
-    uncertainty_n = COVERAGE_FACTOR * found.standard_uncertainty_n
-    return KnownOffset(found.session, STROKES, words, uncertainty_n, COVERAGE_FACTOR * found.prior_n, found.offset_n)
+
+
+def _from_strokes(found: SessionOffset, words: str) -> KnownOffset:
+    common_n = COVERAGE_FACTOR * found.common_uncertainty_n
+    words += f"; ± {common_n:.1f} N of it common to all, whose mean looks like an asymmetry of friction"
+    uncertainty_n, stated_n = COVERAGE_FACTOR * found.standard_uncertainty_n, COVERAGE_FACTOR * found.prior_n
+    return KnownOffset(found.session, STROKES, words, uncertainty_n, stated_n, found.offset_n)
 
 
 def mean_uncertainty_n(known: Sequence[KnownOffset]) -> float:
@@ -248,30 +236,23 @@ def cautious(plan: OffsetPlan, sessions: Collection[str]) -> OffsetPlan:
 
 
 def _known(session: str, own: Sequence[OffsetEvidence], model: OffsetModel | None, plan: OffsetPlan) -> KnownOffset:
-    taken_n = [each.vented_n for each in own if each.vented_n is not None]
-    stated = [each.stated_n for each in own]
-    stated_n = math.nan if None in stated else COVERAGE_FACTOR * max(each for each in stated if each is not None)
-    if taken_n:
-        words = "taken off as read with vented chambers"
-        return KnownOffset(session, VENTED, words, stated_n, stated_n, sum(taken_n) / len(taken_n))
     found = None if model is None else model.sessions.get(session)
     if found is None or model is None:
         reasons = dict.fromkeys(each.why_not or each.uneven for each in own if each.why_not or each.uneven)
         why_not = "; ".join(reasons) or f"no steady sliding faster than {1e3 * plan.slowest_m_s:g} mm/s"
-        source = NOTHING if math.isnan(stated_n) else STATED
-        return KnownOffset(session, source, f"not identified: {why_not}", stated_n, stated_n)
-    why_not = undetermined(found, model, plan)
-    if why_not:
+    elif why_not := undetermined(found, model, plan):
         why_not = next((each.uneven for each in own if each.uneven), why_not)
-        return KnownOffset(session, STATED, f"not identified: {why_not}", stated_n, stated_n)
-    words = (
-        f"{found.strokes_extend} strokes extending and {found.strokes_retract} retracting, {found.sliding_s:.0f} s, "
-        f"{len(model.sessions)} {'session' if len(model.sessions) == 1 else 'sessions'} together; "
-        f"± {COVERAGE_FACTOR * found.common_uncertainty_n:.1f} N of it common to all, whose mean looks like an "
-        "asymmetry of friction"
+    else:
+        return _from_strokes(
+            found,
+            f"{found.strokes_extend} strokes extending and {found.strokes_retract} retracting, {found.sliding_s:.0f} "
+            f"s, {len(model.sessions)} {'session' if len(model.sessions) == 1 else 'sessions'} together",
+        )
+    stated = [math.nan if each.stated_n is None else COVERAGE_FACTOR * each.stated_n for each in own]
+    stated_n = float(np.max(stated))
+    return KnownOffset(
+        session, NOTHING if math.isnan(stated_n) else STATED, f"not identified: {why_not}", stated_n, stated_n
     )
-    uncertainty_n = COVERAGE_FACTOR * found.standard_uncertainty_n
-    return KnownOffset(session, STROKES, words, uncertainty_n, COVERAGE_FACTOR * found.prior_n, found.offset_n)
 
 
 def undetermined(found: SessionOffset, model: OffsetModel, plan: OffsetPlan) -> str:

@@ -24,10 +24,10 @@ OFFSETS_N = (25.0, -5.0, -20.0, 10.0, -10.0, 15.0, -15.0, 5.0, -12.0, 12.0, 2.0,
 PRESSURES = ("pressure_1_pa", "pressure_2_pa")
 
 
-def stated(recording: Recording, session: str = "s0", **metadata: object) -> Recording:
+def stated(recording: Recording, session: str = "s0") -> Recording:
     """Return a recording of a session whose sensors' zeros are stated as uncertain."""
     known = {name: SensorUncertainty(ZERO_PA, 0.0) for name in PRESSURES}
-    return replace(recording, metadata=replace(recording.metadata, session=session, uncertainty=known, **metadata))  # type: ignore[arg-type]
+    return replace(recording, metadata=replace(recording.metadata, session=session, uncertainty=known))
 
 
 def known(recordings: list[Recording], cylinder: Cylinder, filters: Filters, no_offset: str = "") -> list[KnownOffset]:
@@ -67,14 +67,6 @@ def test_strokes_in_one_direction_determine_nothing(cylinder: Cylinder, filters:
     assert found.words == (
         "not identified: strokes extending alone do not separate it from friction; record strokes retracting too"
     )
-
-
-def test_what_was_read_with_vented_chambers_is_stated_as_taken_off(cylinder: Cylinder, filters: Filters) -> None:
-    vented = stated(made_strokes(cylinder), zero_offset={"pressure_1_pa": 1e4, "pressure_2_pa": 0.0})
-    (found,) = known([vented, vented], cylinder, filters)
-    assert found.source == "vented interval"
-    assert found.offset_n == pytest.approx(1e4 * cylinder.piston_area_m2)
-    assert found.words == "taken off as read with vented chambers"
 
 
 def test_a_load_that_nobody_stated_is_not_taken_for_an_offset(cylinder: Cylinder, filters: Filters) -> None:
