@@ -9,17 +9,24 @@ how many were counted, and how many were true. ``--quick`` takes one seed and sh
 """
 
 import argparse
+import math
+import re
+import tempfile
 import warnings
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from sentences import sentences
+from sentences import LOAD, NAMES, WORLDS, Simulated, holds, sentences, simulated, write_logs
 from zero_sweep import PLAN, RIG, Kind, identified, raw_recordings
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.commands.log_options import load_of
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimation.friction_of_logs import LabelledLogs
+from cylinder_friction.estimation.identification import MOST_ROWS, ModelSearch, _loaded
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
 from cylinder_friction.labelling.apparent_loss import apparent_loss
@@ -28,6 +35,7 @@ from cylinder_friction.labelling.label import Labeller, label
 from cylinder_friction.labelling.up_and_down import holds_load, up_and_down
 from cylinder_friction.recordings.columns import PRESSURES, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.line_loss import LineLoss
+from cylinder_friction.recordings.reading_logs import find_logs
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.rig.campaign import LOSS_SPEED_M_S
 from cylinder_friction.rig.campaign_plan import CampaignPlan
@@ -229,7 +237,61 @@ def rates(seed: int, quick: bool) -> Iterator[Row]:
         yield "estimators/hybrid.py", f"{rate} that of a tuned low-pass, hybrid", hybrid / balance
 
 
-PARTS = {"losses": losses, "loads": loads, "zeros": zeros, "rates": rates, "sentences": sentences}
+def intervals(seed: int, quick: bool) -> Iterator[Row]:
+    """Yield how often stated 95 % intervals hold truth, by kind of campaign, each from logs."""
+    for name, world in WORLDS.items():
+        made = simulated(world, seed, quick)
+        with tempfile.TemporaryDirectory() as scratch:
+            mapping, load = write_logs(made, Path(scratch)), load_of(world.load)
+            logs = find_logs(f"{scratch}/logs/*.csv", mapping, made.cylinder, names=NAMES, load=load)
+            run = LabelledLogs(logs, made.cylinder, Path(scratch) / "kept", None)
+            labelled = list(run.recordings(MOST_ROWS))
+        for quantity, held_ in intervals_of(made, run, labelled):
+            yield f"95 % interval of {quantity}", name, held_
+
+
+def intervals_of(
+    made: Simulated, run: LabelledLogs, labelled: Sequence[tuple[Recording, str]]
+) -> Iterator[tuple[str, bool | float]]:
+    """Yield each quantity that has an interval, and whether that holds truth; of a label, the percentage of rows."""
+    for found in filter(None, (re.search(LOAD, words) for _, words in labelled)):
+        yield (
+            "load",
+            abs(0.5 * (float(found[1]) + float(found[2] or found[1])) - made.world.weight_n) <= float(found[3]),
+        )
+    for session, offset in run.offsets.items():
+        if math.isfinite(offset.uncertainty_n):
+            off_n = made.zero_n(session) - (offset.offset_n if offset.source == STROKES else 0.0)
+            yield f"offset, {offset.source}", abs(off_n) <= offset.uncertainty_n
+    refused, used, true = _loaded(run, labelled), list[Recording](), list[Recording]()
+    for each in (each for each, _ in labelled if each.name not in refused):
+        truth_n = made.own(each.name)[0].truth["friction_n"].to_numpy()[: len(each)]
+        within = (each.column("lower_n") <= truth_n) & (truth_n <= each.column("upper_n"))
+        yield "label", 100.0 * float(within[each.usable()].mean())
+        used.append(each)
+        true.append(each.with_columns(friction_n=truth_n))
+    if not used:
+        return
+    search, of_truth = (ModelSearch(each, run, generations=2, seed=0) for each in (used, true))
+    for mine, theirs in zip(search.curves(), of_truth.curves(), strict=True):
+        for point, true_point in zip(mine.points, theirs.points, strict=True):
+            if point.known_half_width_n is not None:
+                yield "Stribeck point", abs(point.friction_n - true_point.friction_n) <= point.half_width_n
+    plain = search.plain()
+    for parameter in plain.parameters:
+        true_range = made.parameter(parameter.name, plain.recordings[0].split("_")[0])
+        if parameter.interval is not None and true_range is not None:
+            yield parameter.name, holds(parameter.interval, true_range)
+
+
+PARTS = {
+    "intervals": intervals,
+    "losses": losses,
+    "loads": loads,
+    "zeros": zeros,
+    "rates": rates,
+    "sentences": sentences,
+}
 
 
 def main() -> None:

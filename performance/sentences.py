@@ -39,6 +39,7 @@ TOPICS = re.compile(r"bound|\bload|zero|sensor|asymmetr|port|±", re.IGNORECASE)
 SLIDING_M_S = 0.02
 """Faster, friction is Coulomb and viscous friction alone [m/s]."""
 WEIGHT_N = 4218.0
+LOAD = r"the load is (-?[\d.]+)(?: to (-?[\d.]+))? N ± (\d+) N"
 
 
 @dataclass(frozen=True)
@@ -147,9 +148,9 @@ class Simulated:
         share = speed_m_s / LOSS_SPEED_M_S
         return self.world.line_bar * share * (0.2 + 0.8 * share)
 
-    def parameter(self, name: str) -> tuple[float, float] | None:
-        """Return least and greatest true value of a parameter in the sessions of condition 1; None if there is none."""
-        sessions = sorted({each.metadata.session for each in self.own("condition1")})
+    def parameter(self, name: str, condition: str = "condition1") -> tuple[float, float] | None:
+        """Return least and greatest true value of a parameter in the sessions of a condition; None if there is none."""
+        sessions = sorted({each.metadata.session for each in self.own(condition)})
         slid = [self.sliding(each) for each in sessions]
         ways = [each.groupby("direction")["dry_n"].mean() for each in slid]
         values = {
@@ -220,7 +221,7 @@ SENTENCES: tuple[tuple[str, str, Truth], ...] = (
     ),
     (
         "labelling/load.py sentence, load",
-        r"the load is (-?[\d.]+)(?: to (-?[\d.]+))? N ± (\d+) N",
+        LOAD,
         lambda m, made, _: abs(0.5 * (float(m[1]) + float(m[2] or m[1])) - made.world.weight_n) <= float(m[3]),
     ),
     (
