@@ -142,7 +142,7 @@ def _deviations(
     for sliding in conditions.values():
         if model is None or not left & {each.session for each in sliding}:
             continue
-        own = deviation_model(sliding, model.cylinder, plan, model)
+        own = deviation_model(sliding, model.quantities.cylinder, plan, model)
         found |= {} if own is None else {name: _deviation(each, own) for name, each in own.sessions.items()}
     return {name: each for name, each in found.items() if name in left}
 

@@ -19,25 +19,23 @@ the larger value that they show. Nor do strokes separate **the mean offset of al
 asymmetry**: the mean offset stays 0, and its uncertainty is that of the sensors' zeros, divided by the square root of
 the number of sessions.
 
-Only the mean of both pressures, weighted by their areas, explains friction. A single pressure contains friction itself,
-since the label is the difference of both. With a measured load, the load shows how the mean divides between them. The
-fit does not identify a gain error of the sensors. Its part that does not change with direction goes into the offset or,
-if all sessions share it and it grows with the load, into h.
+The fit does not identify a gain error of the sensors. Its part that does not change with direction goes into the offset
+or, if all sessions share it and it grows with the load, into h.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Self
+from dataclasses import dataclass, field, replace
+from typing import Self
 
 import numpy as np
-from numpy.polynomial import legendre
 from scipy.optimize import minimize
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.labelling.friction_quantities import POSITION_ORDER, FrictionQuantities
 from cylinder_friction.labelling.mixed_model import Evidence, Posterior, Reduced, solved
 from cylinder_friction.labelling.sliding_blocks import (
     EXPLAINING,
@@ -47,23 +45,9 @@ from cylinder_friction.labelling.sliding_blocks import (
     sliding_blocks,
     zero_uncertainty_n,
 )
-from cylinder_friction.recordings.columns import (
-    COVERAGE_FACTOR,
-    LOAD_FORCE,
-    OIL_TEMPERATURE,
-    PRESSURE_1,
-    PRESSURE_2,
-    REFERENCE_C,
-    UNCERTAINTY_COLUMN,
-)
+from cylinder_friction.recordings.columns import COVERAGE_FACTOR, OIL_TEMPERATURE, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.recording import IdentifiedZero, Recording, RecordingError
 
-POSITION_ORDER = 12
-"""Order of the polynomial in position, which describes ripple of the bore that strokes do not average out."""
-LEAST_OWN_SHARE = 0.02
-"""Least share of the mean pressure's variance that the direction must not explain. With less, as behind a servo valve,
-pressure is left out of friction: it would explain the difference between the directions, and with it the zeros."""
-_NOTHING = 1e6
 PASSES = 2
 """Number of passes; from the second on, the friction level of each block is known, to which scale and asymmetry are
 relative."""
@@ -112,15 +96,6 @@ class SessionOffset:
         """Standard uncertainty (k = 1) relative to the mean offset of all sessions [N]."""
         return math.sqrt(max(self.standard_uncertainty_n**2 - self.common_uncertainty_n**2, 0.0))
 
-    def to_dict(self) -> dict[str, Any]:
-        """Collect the content as JSON-compatible values."""
-        return asdict(self)
-
-    @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """Build the object from the content of ``to_dict``."""
-        return cls(**content)
-
 
 @dataclass(frozen=True)
 class OffsetModel:
@@ -131,35 +106,19 @@ class OffsetModel:
     """
 
     plan: OffsetPlan
-    cylinder: Cylinder
-    inputs: tuple[str, ...]  # Columns beside velocity and position that explain friction
-    position_range_m: tuple[float, float]
-    # Mean and standard deviation by which each quantity that explains friction is standardised
-    means: tuple[float, ...]
-    deviations: tuple[float, ...]
-    # Smallest and largest value of each quantity
-    lowest: tuple[float, ...]
-    highest: tuple[float, ...]
+    quantities: FrictionQuantities
     level_n: float  # Mean absolute friction [N]
-    noise_n: float  # Standard deviation of a block [N]
-    stroke_n: float  # Standard deviation of the error that the blocks of a stroke share [N]
-    scale: float  # Standard deviation between sessions of friction relative to the common friction
-    slope: float  # Standard deviation of its slope over standardised speed; 0 if the oil's temperature explains it
-    coefficients: tuple[float, ...]  # Coefficients of friction and its common asymmetry, over ``level_n``
-    precision: tuple[tuple[float, ...], ...]  # Inverse of the coefficients' covariance
-    common_uncertainty_n: float  # Standard uncertainty of the mean offset of all sessions [N]
+    # All numbers that follow are NaN or empty before the fit
+    noise_n: float = math.nan  # Standard deviation of a block [N]
+    stroke_n: float = math.nan  # Standard deviation of the error that the blocks of a stroke share [N]
+    scale: float = math.nan  # Standard deviation between sessions of friction relative to the common friction
+    slope: float = (
+        math.nan
+    )  # As ``scale``, of its slope over standardised speed; 0 if the oil's temperature explains it
+    coefficients: tuple[float, ...] = ()  # Coefficients of friction and its common asymmetry, over ``level_n``
+    precision: tuple[tuple[float, ...], ...] = ()  # Inverse of the coefficients' covariance
+    common_uncertainty_n: float = math.nan  # Standard uncertainty of the mean offset of all sessions [N]
     sessions: Mapping[str, SessionOffset] = field(default_factory=dict)  # Offsets of the sessions of the fit
-
-    @property
-    def speed_place(self) -> int:
-        """Index of the speed among the quantities that explain friction."""
-        return 2 if PRESSURE_1 in self.inputs else 0
-
-    @property
-    def even_places(self) -> list[int]:
-        """Indices, among the terms of friction, of the terms of its common asymmetry h: constant, pressure, load."""
-        pressure = [1] if PRESSURE_1 in self.inputs else []
-        return [0, *pressure, *([self.speed_place + 4] if LOAD_FORCE in self.inputs else [])]
 
     def about_mean(self) -> Self:
         """Make the model with each session's deviation from their mean as its offset.
@@ -173,7 +132,7 @@ class OffsetModel:
     def _shifted(self, mean_n: float, common_n: float) -> Self:
         """Build the model with the mean offset moved into friction, with the uncertainty ``common_n``."""
         coefficients = list(self.coefficients)
-        coefficients[len(coefficients) - len(self.even_places)] += mean_n / self.level_n
+        coefficients[len(coefficients) - len(self.quantities.even_places)] += mean_n / self.level_n
         sessions = {
             name: replace(
                 each,
@@ -202,12 +161,13 @@ class OffsetModel:
             RecordingError: The recordings are of several sessions, lack labels or a column of ``inputs``, or do not
                 state the uncertainty of their sensors' zeros.
         """
-        session = SlidingBlocks.joined([sliding_blocks(each, self.cylinder, self.plan) for each in recordings])
-        missing = [column for column in self.inputs if column not in session.columns]
+        cylinder, inputs = self.quantities.cylinder, self.quantities.inputs
+        session = SlidingBlocks.joined([sliding_blocks(each, cylinder, self.plan) for each in recordings])
+        missing = [column for column in inputs if column not in session.columns]
         if missing:
             raise RecordingError(
                 f"session {session.session!r}: column {missing[0]!r} is missing; the offset model was fitted to "
-                f"recordings with {', '.join(self.inputs)}; fit it without that column"
+                f"recordings with {', '.join(inputs)}; fit it without that column"
             )
         seen, precision, asymmetry_sd = self._seen([session]), np.array(self.precision), self.plan.asymmetry_sd
         friction = [self.scale] if self._warm_known else [self.scale, self.slope]
@@ -226,7 +186,7 @@ class OffsetModel:
             RecordingError: As ``identify``.
         """
         offsets = self.offsets(recordings)
-        return [_without_offset(each, offsets[each.metadata.session], self.cylinder) for each in recordings]
+        return [_without_offset(each, offsets[each.metadata.session], self.quantities.cylinder) for each in recordings]
 
     def offsets(self, recordings: Iterable[Recording]) -> dict[str, SessionOffset]:
         """Collect the offset of each session among labelled recordings, by name; see ``corrected``."""
@@ -235,42 +195,14 @@ class OffsetModel:
             by_session.setdefault(recording.metadata.session, []).append(recording)
         return {name: self.sessions.get(name) or self.identify(own) for name, own in by_session.items()}
 
-    def to_dict(self) -> dict[str, Any]:
-        """Collect the content as JSON-compatible values."""
-        content = asdict(self) | {"sessions": {name: each.to_dict() for name, each in self.sessions.items()}}
-        content |= {name: list(value) for name, value in content.items() if isinstance(value, tuple)}
-        return content | {"cylinder": self.cylinder.to_dict(), "precision": [list(row) for row in self.precision]}
-
-    @classmethod
-    def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """Build the object from the content of ``to_dict``."""
-        lists = {name: tuple(value) for name, value in content.items() if isinstance(value, list)}
-        return cls(
-            **{
-                **content,
-                **lists,
-                "plan": OffsetPlan(**content["plan"]),
-                "cylinder": Cylinder(**content["cylinder"]),
-                "precision": tuple(tuple(row) for row in content["precision"]),
-                "sessions": {name: SessionOffset.from_dict(each) for name, each in content["sessions"].items()},
-            }
-        )
-
-    def _explaining(self, session: SlidingBlocks) -> Array:
-        """Compute the standardised quantities that explain friction, the constant first, ``(blocks, quantities)``."""
-        standard = (_quantities(session, self.inputs, self.cylinder) - np.array(self.means)) / np.array(self.deviations)
-        first, last = self.position_range_m
-        along = np.clip((2.0 * session.columns["position_m"] - first - last) / max(last - first, 1e-12), -1.0, 1.0)
-        return np.hstack([np.ones((len(standard), 1)), standard, legendre.legvander(along, POSITION_ORDER)[:, 1:]])
-
     @property
     def _warm_known(self) -> bool:
-        return OIL_TEMPERATURE in self.inputs
+        return OIL_TEMPERATURE in self.quantities.inputs
 
     def _seen(self, sessions: Sequence[SlidingBlocks]) -> _Seen:
         """Build the columns of own effects and of common friction, and the label [N], of the sessions' blocks."""
         blocks, counts = SlidingBlocks.together(sessions), np.array([len(session.stroke) for session in sessions])
-        explaining, session = self._explaining(blocks), np.repeat(np.arange(len(counts)), counts)
+        explaining, session = self.quantities.explaining(blocks), np.repeat(np.arange(len(counts)), counts)
         known = np.array(self.coefficients[: explaining.shape[1]] or (1.0,))  # Before the first pass, friction's mean
         level_n = np.abs(explaining[:, : len(known)] @ known) * self.level_n
         # A varying level would seem to separate asymmetry from offset, and with strokes in one direction scale from
@@ -280,9 +212,10 @@ class OffsetModel:
         scaled_n = np.where(both[session], level_n, mean_level_n[session]) * blocks.direction
         own = [scaled_n, np.ones_like(level_n)]
         if not self._warm_known:
-            own.insert(1, scaled_n * explaining[:, 1 + self.speed_place])
-        design = (self.level_n * blocks.direction)[:, None] * explaining, self.level_n * explaining[:, self.even_places]
-        columns = np.column_stack([*own, *design, blocks.label_n])
+            own.insert(1, scaled_n * explaining[:, 1 + self.quantities.speed_place])
+        even = self.level_n * explaining[:, self.quantities.even_places]
+        odd = (self.level_n * blocks.direction)[:, None] * explaining
+        columns = np.column_stack([*own, odd, even, blocks.label_n])
         prior_n = np.array([session.prior_n for session in sessions])
         return _Seen(Evidence.of(columns, len(own), counts, blocks.stroke), prior_n, mean_level_n)
 
@@ -367,12 +300,11 @@ def offset_model(
             f"{', '.join(by_session)}; expected strokes faster than "
             f"{1e3 * plan.slowest_m_s:g} mm/s for more than {plan.settling_s:g} s"
         )
-    model = _empty_model(SlidingBlocks.together(sessions), cylinder, plan, columns)
-    asymmetry = max(plan.asymmetry, _asymmetry_seen(sessions))
+    asymmetry, blocks = max(plan.asymmetry, _asymmetry_seen(sessions)), SlidingBlocks.together(sessions)
     few = _FEW * asymmetry / max(len(sessions) - 1, 1)
     varies = plan.asymmetry_sd * (asymmetry / plan.asymmetry if plan.asymmetry > 0.0 else 1.0)
     plan = replace(plan, asymmetry=asymmetry, asymmetry_sd=math.hypot(varies, 2.0 * few))
-    model = replace(model, plan=plan)
+    model = OffsetModel(plan, FrictionQuantities.of(blocks, cylinder, columns), blocks.level_n)
     least = math.log(max(0.5 * plan.asymmetry_sd, _LEAST_ASYMMETRY))
     guess = expected = np.insert(_GUESS[:3] if model._warm_known else _GUESS, 2, least)
     for _ in range(PASSES):
@@ -382,13 +314,10 @@ def offset_model(
 
 def _asymmetry_seen(sessions: Sequence[SlidingBlocks]) -> float:
     """Compute the asymmetry of friction: root mean square over sessions, minus the part that zeros explain."""
-    squares = []
-    for session in sessions:
-        ways = [session.label_n[session.direction == sign] for sign in (1.0, -1.0)]
-        if min(map(len, ways)):
-            extend_n, retract_n = (float(way.mean()) for way in ways)
-            friction_n = max(0.5 * (extend_n - retract_n), 1e-9)
-            squares.append(((0.5 * (extend_n + retract_n)) ** 2 - session.prior_n**2) / friction_n**2)
+    halves = [(*session.halves_n(), session.prior_n) for session in sessions]
+    squares = [
+        (even_n**2 - prior_n**2) / max(odd_n, 1e-9) ** 2 for even_n, odd_n, prior_n in halves if not math.isnan(even_n)
+    ]
     return math.sqrt(max(float(np.mean(squares)), 0.0)) if squares else 0.0
 
 
@@ -412,68 +341,6 @@ def _without_offset(recording: Recording, found: SessionOffset, cylinder: Cylind
     return replace(recording.with_columns(**columns), metadata=replace(recording.metadata, identified_zero=zeros))
 
 
-def _quantities(session: SlidingBlocks, inputs: Sequence[str], cylinder: Cylinder) -> Array:
-    """Compute the quantities that explain friction, except position, ``(blocks, quantities)``; mean pressure first."""
-    of = session.columns
-    speed = np.abs(of["velocity_m_s"])
-    fast = np.log(np.maximum(speed, 1e-12))
-    pressure: list[Array] = []
-    if PRESSURE_1 in inputs:
-        areas = np.array([cylinder.piston_area_m2, cylinder.annulus_area_m2])
-        mean = areas @ np.stack([of[PRESSURE_1], of[PRESSURE_2]]) / areas.sum()
-        pressure = [mean, np.sqrt(np.maximum(mean, 0.0))]
-    load = [of[LOAD_FORCE], np.abs(of[LOAD_FORCE])] if LOAD_FORCE in inputs else []
-    quantities = [*pressure, speed, fast, fast**2, *load]
-    if OIL_TEMPERATURE in inputs:
-        warm = of[OIL_TEMPERATURE] - REFERENCE_C
-        quantities += [warm, warm**2, *(warm * each for each in (*pressure, speed, fast, fast**2))]
-    return np.column_stack(quantities)
-
-
-def _own_share(values: Array, direction: Array) -> float:
-    """Compute the share of a quantity's variance that the direction does not explain."""
-    ways = [values[direction == sign] for sign in (1.0, -1.0)]
-    return sum(float(way.var()) * len(way) for way in ways if len(way)) / max(float(values.var()) * len(values), 1e-300)
-
-
-def _empty_model(blocks: SlidingBlocks, cylinder: Cylinder, plan: OffsetPlan, columns: Collection[str]) -> OffsetModel:
-    """Make a model that has only the scales of its quantities, before a fit."""
-    common = set(columns).intersection(blocks.columns)
-    inputs = tuple(sorted(common - ({PRESSURE_1, PRESSURE_2} if not {PRESSURE_1, PRESSURE_2} <= common else set())))
-    quantities = _quantities(blocks, inputs, cylinder)
-    deviations, rounding = quantities.std(axis=0), 1e-9 * np.abs(quantities).max(axis=0)
-    level_n = float(np.mean(np.abs(blocks.label_n)))
-    deviations = np.where(deviations > rounding, deviations, 1.0)
-    if LOAD_FORCE in inputs:  # A load that hardly varies must explain nothing, or it would absorb the zeros
-        place = 3 + 2 * (PRESSURE_1 in inputs)
-        deviations[place : place + 2] = np.maximum(deviations[place : place + 2], level_n)
-    if PRESSURE_1 in inputs and _own_share(quantities[:, 0], blocks.direction) < LEAST_OWN_SHARE:
-        deviations[[0, 1, *([-5, -4] if OIL_TEMPERATURE in inputs else [])]] *= _NOTHING
-    position_m = blocks.columns["position_m"]
-    return OffsetModel(
-        plan=plan,
-        cylinder=cylinder,
-        inputs=inputs,
-        position_range_m=(float(position_m.min()), float(position_m.max())),
-        means=_floats(quantities.mean(axis=0)),
-        deviations=_floats(deviations),
-        lowest=_floats(quantities.min(axis=0)),
-        highest=_floats(quantities.max(axis=0)),
-        level_n=level_n,
-        noise_n=math.nan,
-        stroke_n=math.nan,
-        scale=math.nan,
-        slope=math.nan,
-        coefficients=(),
-        precision=(),
-        common_uncertainty_n=math.nan,
-    )
-
-
-def _floats(values: Array) -> tuple[float, ...]:
-    return tuple(float(value) for value in values)
-
-
 def _fitted(
     model: OffsetModel, plan: OffsetPlan, sessions: Sequence[SlidingBlocks], guess: Array, expected: Array
 ) -> tuple[OffsetModel, Array, tuple[Array, Array]]:
@@ -484,7 +351,7 @@ def _fitted(
     """
     seen, every = model._seen(sessions), -(-len(sessions) // MOST_SEARCHED)
     searched = seen if every == 1 else model._seen(sessions[::every])
-    size, even = len(seen.evidence.common) - 1, len(model.even_places)
+    size, even = len(seen.evidence.common) - 1, len(model.quantities.even_places)
     counts = 1, size - even - 1 - POSITION_ORDER, POSITION_ORDER, even
     deviations = np.repeat([1.0, _QUANTITY, _RIPPLE, max(model.plan.asymmetry, 1e-6)], counts)
     precision, nothing = np.diag(1.0 / deviations**2), np.zeros(size)
@@ -513,8 +380,8 @@ def _fitted(
         stroke_n=stroke_n,
         scale=friction[0],
         slope=0.0 if model._warm_known else friction[1],
-        coefficients=_floats(posterior.coefficients),
-        precision=tuple(_floats(row) for row in posterior.precision),
+        coefficients=tuple(posterior.coefficients.tolist()),
+        precision=tuple(map(tuple, posterior.precision.tolist())),
     )
     return fitted, found, seen.offsets(posterior, parts, asymmetry_sd)
 
@@ -549,7 +416,6 @@ def _session_offsets(
     for session, offset_n, uncertainty_n in zip(sessions, offsets_n.tolist(), uncertainties_n.tolist(), strict=True):
         extend, retract = (len(np.unique(session.stroke[session.direction == sign])) for sign in (1.0, -1.0))
         common, prior = min(common_n, uncertainty_n), (session.prior_n, extend, retract, session.sliding_s)
-        ways = [session.label_n[session.direction == sign] for sign in (1.0, -1.0)]
-        even_n = 0.5 * sum(float(way.mean()) for way in ways) if min(map(len, ways)) else math.nan
+        even_n, _ = session.halves_n()
         found.append(SessionOffset(session.session, offset_n, uncertainty_n, common, *prior, even_n))
     return found

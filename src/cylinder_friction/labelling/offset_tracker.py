@@ -9,7 +9,8 @@ from numpy.polynomial import legendre
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.labelling.offset_identification import POSITION_ORDER, OffsetModel, fit_offset_model
+from cylinder_friction.labelling.friction_quantities import POSITION_ORDER, FrictionQuantities
+from cylinder_friction.labelling.offset_identification import OffsetModel, fit_offset_model
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan, zero_uncertainty_n
 from cylinder_friction.labelling.uncertainty import sensitivities
 from cylinder_friction.realtime.bounds import causal_velocity
@@ -162,36 +163,36 @@ def _unlikely(error_n: Array, variance: Array) -> float:
 
 def _tracker(model: OffsetModel, recording: Recording, inputs: Sequence[str], prior_n: float) -> OffsetTracker:
     """Build the tracker from a model; the tracker's friction coefficients are in SI units, not standardised."""
-    places, step_s = _places(model), recording.sample_time_s
-    count = len(model.means)
-    standard = np.array(model.coefficients[1 : 1 + count]) / np.array(model.deviations) * model.level_n
+    explain, step_s = model.quantities, recording.sample_time_s
+    count, means, deviations = len(explain.means), np.array(explain.means), np.array(explain.deviations)
+    standard = np.array(model.coefficients[1 : 1 + count]) / deviations * model.level_n
     friction = np.zeros(QUANTITIES)
-    friction[places] = standard
+    friction[_places(explain)] = standard
     along = np.zeros(POWERS)
     powers = legendre.leg2poly([0.0, *model.coefficients[1 + count : 1 + count + POSITION_ORDER]])
     along[: len(powers)] = model.level_n * powers
-    along[0] += model.level_n * model.coefficients[0] - float(standard @ np.array(model.means))
+    along[0] += model.level_n * model.coefficients[0] - float(standard @ means)
     even = model.level_n * np.array(model.coefficients[1 + count + POSITION_ORDER :])
-    of = np.array(model.even_places[1:]) - 1
-    even_slopes = even[1:] / np.array(model.deviations)[of]
-    even_constant = even[0] - float(even_slopes @ np.array(model.means)[of])
+    of = np.array(explain.even_places[1:]) - 1
+    even_slopes = even[1:] / deviations[of]
+    even_constant = even[0] - float(even_slopes @ means[of])
     plan, block = model.plan, max(1, round(model.plan.block_s / step_s))
-    speed = model.speed_place
+    speed, cylinder = explain.speed_place, explain.cylinder
     settings = [
-        *(plan.slowest_m_s, round(plan.settling_s / step_s), block, model.cylinder.moving_mass_kg, block * step_s),
+        *(plan.slowest_m_s, round(plan.settling_s / step_s), block, cylinder.moving_mass_kg, block * step_s),
         *(model.noise_n, model.stroke_n, prior_n**2 * step_s / plan.drift_s, model.common_uncertainty_n),
-        *(model.means[speed], model.deviations[speed], *model.position_range_m),
+        *(explain.means[speed], explain.deviations[speed], *explain.position_range_m),
         *(even_constant, even_slopes[0], 1.0, prior_n**2, model.level_n),
         *(1.0 / (UNLIKE * deviation**2) if deviation > 0.0 else 0.0 for deviation in (model.scale, model.slope)),
     ]
-    weights = _weights(recording, model.cylinder, inputs, prior_n)
+    weights = _weights(recording, cylinder, inputs, prior_n)
     weights[BALANCE] -= float(sum(even_slopes[1:])) * weights[LOAD]
     return OffsetTracker(
         weights=weights,
         settings=OffsetSettings(*map(float, settings)),
         friction=friction,
         position=along,
-        ranges=_ranges(model, places),
+        ranges=_ranges(explain),
         prior=np.array([prior_n, 0.5 * plan.asymmetry_sd, model.scale, model.slope, 0.0]),
     )
 
@@ -212,15 +213,15 @@ def _weights(recording: Recording, cylinder: Cylinder, inputs: Sequence[str], pr
     return weights
 
 
-def _ranges(model: OffsetModel, places: Sequence[int]) -> Array:
+def _ranges(explain: FrictionQuantities) -> Array:
     """Compute the widened range of each ranged quantity; unlimited for a quantity that is not an input."""
-    lower, upper = np.full(QUANTITIES, -UNLIMITED), np.full(QUANTITIES, UNLIMITED)
-    slack = MARGIN * (np.array(model.highest) - np.array(model.lowest))
-    lower[places], upper[places] = model.lowest - slack, model.highest + slack
+    lower, upper, places = np.full(QUANTITIES, -UNLIMITED), np.full(QUANTITIES, UNLIMITED), _places(explain)
+    slack = MARGIN * (np.array(explain.highest) - np.array(explain.lowest))
+    lower[places], upper[places] = explain.lowest - slack, explain.highest + slack
     return np.stack([lower[list(RANGED_PLACES)], upper[list(RANGED_PLACES)]])
 
 
-def _places(model: OffsetModel) -> list[int]:
-    """List the index among ``QUANTITIES`` of each quantity of a model with pressures."""
-    load = [5, 6] if LOAD_FORCE in model.inputs else []
-    return [*range(5), *load, *(range(7, QUANTITIES) if OIL_TEMPERATURE in model.inputs else [])]
+def _places(explain: FrictionQuantities) -> list[int]:
+    """List the index among ``QUANTITIES`` of each quantity, if pressures are among them."""
+    load = [5, 6] if LOAD_FORCE in explain.inputs else []
+    return [*range(5), *load, *(range(7, QUANTITIES) if OIL_TEMPERATURE in explain.inputs else [])]

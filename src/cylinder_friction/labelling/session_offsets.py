@@ -1,7 +1,7 @@
 """The offset of the sensors' zeros in each session of a campaign, subtracted from the labels of every role."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 from cylinder_friction.cylinder import Cylinder
@@ -58,7 +58,7 @@ def take_offsets(
             own = of_condition(every, condition)
             conditions = {each.metadata.session: each.metadata.condition for each in own}
             for name, found in model.offsets(own).items():
-                sessions.append({"role": role, "condition": conditions[name], **found.to_dict()})
+                sessions.append({"role": role, "condition": conditions[name], **asdict(found)})
     corrected = {role: without_offsets(every, models) for role, every in recordings.items()}
     plan = cautious(plan, {each.metadata.session for each in recordings["train"]})
     learnable = PRESSURE_1 in corrected["train"][0].columns and zeros_are_known(corrected["train"])

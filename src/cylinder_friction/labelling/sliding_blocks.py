@@ -64,6 +64,19 @@ class SlidingBlocks:
     stroke: NDArray[np.int64]
     columns: dict[str, Array]  # Mean over each block of each column that may explain friction
 
+    @property
+    def level_n(self) -> float:
+        """Mean absolute label [N]."""
+        return float(np.mean(np.abs(self.label_n)))
+
+    def halves_n(self) -> tuple[float, float]:
+        """Compute half the sum and half the difference of the mean label extending and retracting [N]; else NaN."""
+        ways = [self.label_n[self.direction == sign] for sign in (1.0, -1.0)]
+        if not min(map(len, ways)):
+            return math.nan, math.nan
+        extend_n, retract_n = (float(way.mean()) for way in ways)
+        return 0.5 * (extend_n + retract_n), 0.5 * (extend_n - retract_n)
+
     @classmethod
     def joined(cls, parts: Sequence[Self]) -> Self:
         """Join the sliding of the recordings of a session; raises ``RecordingError`` for several sessions."""
