@@ -249,21 +249,23 @@ def test_results_overwrite_nothing(tmp_path: Path, logs: Path, cylinder: Cylinde
 def test_results_state_their_origin(tmp_path: Path, cylinder: Cylinder) -> None:
     sensor = {"range": [0, 250], "unit": "bar", "serial": 4711, "calibrated": "2026-01-31"}
     channels = CHANNELS | {"pressure_1_pa": CHANNELS["pressure_1_pa"] | {"sensor": sensor}}
-    pattern = r"(?P<year>\d{4})-(?P<month>\d\d)-(?P<day>\d\d)"
-    made_log(4000).to_csv(tmp_path / "press_2026-03-27.csv", index=False)
+    (tmp_path / "press_7.csv").write_text(f"Date: 2026-03-27\n\n{made_log(4000).to_csv(index=False)}")
     made_log(2000).to_csv(tmp_path / "press.csv", index=False)
-    mapping = {"channels": channels, "start": {"pattern": pattern}, "asset": "press 3"}
+    mapping = {"channels": channels, "asset": "press 3"}
     estimate_logs(tmp_path / "press*.csv", cylinder, tmp_path / "out", channels=mapping)
     summary = json.loads((tmp_path / "out/summary.json").read_text())
     unknown, known = summary["recordings"]
     assert (unknown["start"], unknown["start_source"]) == ("", "")
-    assert (known["start"], known["start_source"]) == ("2026-03-27", "file name, a date without a time of day")
+    assert (known["start"], known["start_source"]) == (
+        "2026-03-27",
+        "header line 'Date: 2026-03-27', a date without a time of day",
+    )
     assert known["asset"] == "press 3"
     assert known["sensors"] == {"pressure_1_pa": {"serial": "4711", "calibrated": "2026-01-31"}}
-    about = read_recording(tmp_path / "out/press_2026-03-27.parquet").metadata
+    about = read_recording(tmp_path / "out/press_7.parquet").metadata
     assert about.depends_on == summary["depends_on"]
     assert (about.start, about.asset, about.sensors) == (known["start"], known["asset"], known["sensors"])
-    pane = packed_pages.unpacked_pane(tmp_path / "out/panes/press_2026-03-27.js")
-    assert "2026-03-27 (file name, a date without a time of day)" in pane
+    pane = packed_pages.unpacked_pane(tmp_path / "out/panes/press_7.js")
+    assert "2026-03-27 (header line" in pane
     assert "serial 4711, calibrated 2026-01-31" in pane
     assert about.depends_on["mapping"][:12] in pane

@@ -11,7 +11,7 @@ import pytest
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.ingesting import Quarantined, recordings_of
-from cylinder_friction.recordings.path_names import NameRules
+from cylinder_friction.recordings.origin import NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from logger_files import CHANNELS, made_log
 
@@ -20,7 +20,7 @@ ROWS, PART = 60_000, 17_000
 
 def recipe(cylinder: Cylinder, **more: Any) -> Recipe:
     channels = CHANNELS | more.pop("channels", {})
-    return Recipe.from_settings({"channels": channels, **more}, NameRules(condition="1"), cylinder, "none")
+    return Recipe.from_settings({"channels": channels, **more}, NameRules(), cylinder, "none")
 
 
 def parts_of(path: Path, rules: Recipe, rows: int | None = PART) -> list[Recording]:

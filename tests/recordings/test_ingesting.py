@@ -14,7 +14,7 @@ from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_folder
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
-from cylinder_friction.recordings.path_names import NameRules
+from cylinder_friction.recordings.origin import NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_stored
 from logger_files import CHANNELS, write_log
@@ -84,15 +84,6 @@ def test_files_that_the_pattern_leaves_out_are_said(source: Source, tmp_path: Pa
     assert result.notes == [
         "1 file not read, for '*.csv' does not match (first: condition1_session07_recording01.CSV); see ingest.pattern"
     ]
-
-
-def test_a_table_of_names_is_no_recording_although_the_pattern_matches_it(source: Source, tmp_path: Path) -> None:
-    table = source.folder / "names.csv"
-    logs = [f"{path.name},{min(number, 2)},{number}" for number, path in enumerate(sorted(source.folder.iterdir()), 1)]
-    table.write_text("\n".join(["file,condition,session", *logs, ""]))
-    result = ingest(replace(source, recipe=replace(source.recipe, names=NameRules(table=table))), tmp_path / "out")
-    assert (result.files, result.quarantined, result.notes) == (3, [], [])
-    assert [metadata.condition for metadata, _ in result.recordings] == ["1", "2", "2"]
 
 
 Damage = Callable[[pd.DataFrame, str], pd.DataFrame | str]

@@ -42,14 +42,14 @@ def test_files_become_recordings_by_path(logs: Path, cylinder: Cylinder, rig_tab
         assert list(map(repr, read_recordings(given, mapping, cylinder))) == list(map(repr, recordings[:count]))
 
 
-def test_a_table_of_names_is_honoured_unless_names_are_given(logs: Path, cylinder: Cylinder, tmp_path: Path) -> None:
-    paths = [Path(shutil.copy(path, tmp_path)) for path in sorted(logs.glob("*.csv"))[:2]]
-    lines = [f"{path.name},{number} kN,monday" for number, path in enumerate(paths, start=1)]
-    (tmp_path / "names.csv").write_text("\n".join(["file,condition,session", *lines]))
-    mapping = {"channels": CHANNELS, "name_pattern": None, "name_table": "names.csv"}
-    tabled = [recording.metadata for recording in read_recordings(tmp_path, mapping, cylinder)]
-    assert [(each.condition, each.session) for each in tabled] == [("1 kN", "monday"), ("2 kN", "monday")]
-    first, _ = read_recordings(paths, mapping, cylinder, names=NAMES)
+def test_given_names_take_precedence_over_the_pattern_of_the_mapping(logs: Path, cylinder: Cylinder) -> None:
+    mapping = {"channels": CHANNELS, "name_pattern": r"(?P<session>condition\d)"}
+    tabled = read_recordings(logs, mapping, cylinder)
+    assert {(each.metadata.condition, each.metadata.session) for each in tabled} == {
+        ("1", "condition1"),
+        ("1", "condition2"),
+    }
+    first, *_ = read_recordings(logs, mapping, cylinder, names=NAMES)
     assert (first.metadata.condition, first.metadata.session) == ("1", "condition1_session01")
 
 

@@ -3,7 +3,6 @@
 import math
 import re
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -12,8 +11,7 @@ from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.line_loss import LineLoss
 from cylinder_friction.recordings.mapping.channel_mapping import SensorScale
-from cylinder_friction.recordings.path_names import NameRules
-from cylinder_friction.recordings.start import StartRules
+from cylinder_friction.recordings.origin import NameRules, StartRules
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
 
@@ -46,12 +44,8 @@ def sensor(**values: Any) -> SensorScale:
         (LineLoss, {"bar": 3.0, "speed_m_s": 0.1, "uncertainty_percent": 120.0}, "uncertainty_percent: expected 0 to"),
         (NameRules, {"pattern": "(?P<condition>a)("}, "is not a regular expression"),
         (NameRules, {"pattern": "(?P<condition>a)"}, "has no group 'session'"),
-        (NameRules, {}, "either a name pattern or a table"),
-        (NameRules, {"pattern": "(?P<session>a)", "table": Path("none.csv")}, "either a name pattern or a table"),
         (StartRules, {"zone": "Europe/Oslow"}, "zone: got 'Europe/Oslow', expected a name of the time zone database"),
         (StartRules, {"zone": "../../etc/passwd"}, "zone: got '../../etc/passwd', expected a name"),
-        (StartRules, {"pattern": "("}, "pattern: '(' is not a regular expression: missing"),
-        (StartRules, {"pattern": "(?P<year>x)"}, "got groups year, expected year, month, day, and if you like hour"),
         (CsvOptions, {"delimiter": "ab"}, "delimiter: expected one character, 'whitespace' or 'auto', but got 'ab'"),
         (CsvOptions, {"encoding": "klingon"}, "encoding: expected one that Python knows"),
         (CsvOptions, {"header": "two"}, "header: expected one of auto, names_units, but got 'two'"),

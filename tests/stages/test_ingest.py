@@ -55,7 +55,7 @@ def test_own_logs_as_the_example_says(
     ("change", "message"),
     [
         ({"channels": {"time_s": {"channel": "t", "unit": "s"}}}, "'pressure_1_pa' has no channel"),
-        ({"name_pattern": None}, "name_pattern or name_table must be set, and the other null"),
+        ({"name_pattern": "(?P<condition>a)"}, "has no group 'session'"),
         ({"csv": {"delimiter": ";;"}}, "csv: delimiter: expected one character, 'whitespace' or 'auto', but got ';;'"),
         ({"checks": {"least_travel": 2.0}}, "checks: least_travel: expected at least 0 and less than 1, but got 2.0"),
     ],

@@ -45,8 +45,8 @@ def inspect_path(path: Path, params: Params, page: Path) -> tuple[str, bool]:
         RecordingError: The folder holds no such file.
         FileNotFoundError: There is neither file nor folder.
     """
-    recipe = recipe_from(params, Path(params.ingest.source))
-    files = _files(path, params, recipe.names.table)
+    recipe = recipe_from(params)
+    files = _files(path, params)
     labeller, plan = labeller_from(params, params.ingest.load), plan_from(params.offset)
     filters = filters_by_method(labeller.cylinder, **params.filter.model_dump(exclude={"method"}))
     no_offset = LOADED.get(params.ingest.load, "")
@@ -92,13 +92,12 @@ def _without_project(options: argparse.Namespace) -> tuple[str, bool]:
     return "\n".join([*(f"note     {note}" for note in notes), report]), refused
 
 
-def _files(path: Path, params: Params, names_table: Path | None) -> dict[str, Path]:
+def _files(path: Path, params: Params) -> dict[str, Path]:
     if path.is_file():
         return {_short_path(path, Path(params.ingest.source)): path}
     if not path.is_dir():
         raise FileNotFoundError(f"{path}: neither a file nor a folder")
-    found = (entry for entry in path.glob(params.ingest.pattern) if entry.is_file())
-    files = sorted(entry for entry in found if names_table is None or entry.absolute() != names_table.absolute())
+    files = sorted(entry for entry in path.glob(params.ingest.pattern) if entry.is_file())
     if not files:
         raise RecordingError(
             f"{path}: no file matches {params.ingest.pattern!r}; name another folder or ingest.pattern"

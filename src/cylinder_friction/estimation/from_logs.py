@@ -257,9 +257,9 @@ def _depends_on(
     logs: Logs, cylinder: Cylinder, model: FrictionEstimator | Path | None, file_format: FileFormat
 ) -> dict[str, str]:
     """Hash what results depend on besides the logs. If one of the hashes changes, all logs are processed again."""
-    table = logs.recipe.names.table
-    given = [path for path in (table, logs.recipe.database) if path is not None and path.is_file()]
-    mapping = f"{replace(logs.recipe, cylinder='')}{''.join(map(hash_of, given))}"
+    database = logs.recipe.database
+    given = hash_of(database) if database is not None and database.is_file() else ""
+    mapping = f"{replace(logs.recipe, cylinder='')}{given}"
     contents = {"cylinder": repr(cylinder), "mapping": mapping, "format": file_format}
     hashes = {name: hashlib.sha256(content.encode()).hexdigest() for name, content in contents.items()}
     hashes |= {"version of the code": hash_of(Path(__file__).parents[1]), "model": ""}

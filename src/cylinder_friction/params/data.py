@@ -10,8 +10,7 @@ from cylinder_friction.params.section import Count, NotNegative, Positive, Secti
 from cylinder_friction.recordings.checks.limits import CheckRules, LoadMode
 from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, check_mapping
-from cylinder_friction.recordings.path_names import compile_name_pattern
-from cylinder_friction.recordings.start import StartRules
+from cylinder_friction.recordings.origin import NameRules, StartRules
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
@@ -25,7 +24,6 @@ class IngestParams(Section):
     oil_temperature: Literal["recorded", "input"]
     pattern: str
     name_pattern: str | None
-    name_table: str | None
     format: Literal["auto", "csv", "matlab", "mdf", "tdms", "hdf5", "parquet", "excel"]
     csv: CsvOptions
     channels: dict[str, ChannelMapping]
@@ -41,13 +39,10 @@ class IngestParams(Section):
         check_mapping(channels)
         return channels
 
-    @model_validator(mode="after")
-    def _names_come_from_one_place(self) -> IngestParams:
-        if (self.name_pattern is None) == (self.name_table is None):
-            raise ValueError("name_pattern or name_table must be set, and the other null")
-        if self.name_pattern is not None:
-            compile_name_pattern(self.name_pattern)
-        return self
+    @field_validator("name_pattern")
+    @classmethod
+    def _names_a_session(cls, pattern: str | None) -> str | None:
+        return NameRules(pattern).pattern
 
 
 class AdaptiveParams(Section):

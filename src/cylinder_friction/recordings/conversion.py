@@ -33,7 +33,7 @@ from cylinder_friction.recordings.mapping.channel_mapping import (
 )
 from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
-from cylinder_friction.recordings.path_names import NameRules, PathNames
+from cylinder_friction.recordings.origin import NameRules, PathNames, StartRules
 from cylinder_friction.recordings.recording import (
     UNNAMED,
     Recording,
@@ -41,11 +41,15 @@ from cylinder_friction.recordings.recording import (
     RecordingMetadata,
     SensorUncertainty,
 )
-from cylinder_friction.recordings.start import StartRules
 from cylinder_friction.recordings.stated_load import StatedLoad
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
+KEYS = (
+    *("channels", "source", "truth", "pattern", "name_pattern", "load", "oil_temperature"),
+    *("format", "csv", "database", "asset", "start", "time", "checks"),
+)
+"""Keys of an ingest configuration."""
 ROWS_AT_ONCE = 1 << 18
 """Approximate number of rows of the parts of a long log: 22 minutes at 200 Hz, 4 minutes at 1 kHz."""
 LEAST_SHARE = 0.5
@@ -77,14 +81,11 @@ class Recipe:
     ) -> Recipe:
         """Make the recipe from an ingest configuration (``conf/ingest/*.yaml`` as nested dictionaries).
 
-        ``settings`` contains ``channels``. The keys ``format``, ``csv``, ``time``, ``start``, ``asset``, ``database``
-        and ``checks`` are optional. Recordings are checked against the cylinder's stroke and areas.
+        ``settings`` contains ``channels``; other keys are optional. Recordings are checked against the cylinder's
+        stroke and areas.
         """
-        if settings.get("zero", {}).get("method", "none") != "none":
-            raise RecordingError(
-                "zero: zeros are no longer looked for in a log; state what each pressure sensor reads with vented "
-                "chambers as its offset in the mapping, and its zero_uncertainty"
-            )
+        if unknown := sorted(settings.keys() - KEYS):
+            raise RecordingError(f"mapping: key {unknown[0]!r} is not known; expected some of {', '.join(KEYS)}")
         channels = {
             column: entry if isinstance(entry, ChannelMapping) else ChannelMapping.from_dict(entry)
             for column, entry in settings["channels"].items()
@@ -173,8 +174,7 @@ def pieces_from(
         limits = sensor_limits(recipe.channels)
         signals, bad = screen_signals(signals, limits, recipe.limits.stroke_m)
         notes = (*mapped.notes, *bad)
-    start = recipe.start.of(mapped.start, about.source_file)
-    pieces = align(signals, recipe.time, replace(about, repairs=notes), start)
+    pieces = align(signals, recipe.time, replace(about, repairs=notes), recipe.start.in_utc(mapped.start))
     if recipe.limits.stated_load is not None:
         force_n = recipe.limits.stated_load.force_n
         pieces = [each.with_columns(load_force_n=np.full(len(each), force_n)) for each in pieces]

@@ -81,7 +81,7 @@ def ingest_folder(source: Source, into: Path, quarantine_file: Path, workers: Wo
     check_mapping(source.recipe.channels)
     # A dangling link counts as a file that cannot be read.
     found = (path for path in source.folder.glob(source.pattern) if not path.is_dir())
-    paths = sorted(path for path in found if path != source.recipe.names.table)
+    paths = sorted(found)
     if not paths:
         raise RecordingError(
             f"{source.folder}: no file matches {source.pattern!r}; put recordings there, or name their folder as "
@@ -99,7 +99,7 @@ def ingest_folder(source: Source, into: Path, quarantine_file: Path, workers: Wo
             path, rows = outcome.result
             path.rename(folder / f"{outcome.metadata.name}.parquet")
             result.recordings.append((outcome.metadata, rows))
-        notes = *source.recipe.names.lines_without_file(files), *_not_read(source, paths), seen.overlaps()
+        notes = *_not_read(source, paths), seen.overlaps()
         result.notes = [note for note in notes if note]
         shutil.rmtree(elsewhere, ignore_errors=True)
         others = other_rates([metadata for metadata, _ in result.recordings])
@@ -275,7 +275,7 @@ def none_usable(where: str, files: int, first: Quarantined) -> RecordingError:
 def _not_read(source: Source, matching: list[Path]) -> list[str]:
     """Name files that the pattern may leave out by mistake, such as .CSV among .csv files."""
     beside = {path for path in source.folder.rglob("*") if not path.is_dir() and not path.name.startswith(".")}
-    left_out = sorted(beside - set(matching) - {source.recipe.names.table})
+    left_out = sorted(beside - set(matching))
     if not left_out:
         return []
     first = left_out[0].relative_to(source.folder).as_posix()

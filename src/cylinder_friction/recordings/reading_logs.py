@@ -2,6 +2,7 @@
 
 import glob
 import os
+import re
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -20,7 +21,7 @@ from cylinder_friction.recordings.mapping.channel_mapping import SensorScale, ch
 from cylinder_friction.recordings.mapping.guessing import GuessedMapping, guess_mapping
 from cylinder_friction.recordings.mapping.mapping_text import channel_lines, refuse_unknown
 from cylinder_friction.recordings.mapping.units import check_unit, stated_rate
-from cylinder_friction.recordings.path_names import ONE_CONDITION, NameRules
+from cylinder_friction.recordings.origin import NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.stated_load import StatedLoad
 
@@ -53,8 +54,8 @@ def read_recordings(
             no file states is guessed only if the values fit no other unit.
         cylinder: The cylinder that was recorded; recordings are checked against its stroke and areas.
         names: Regular expression for a file's path with the groups ``condition`` and ``session`` (and ``load``). By
-            default the ``name_pattern`` or ``name_table`` of ``channels``; the table is in the folder of the files.
-            Without any, each file is a session of its own, named as the file, and all have the condition "1".
+            default the ``name_pattern`` of ``channels``. Without one, each file is a session of its own, named as the
+            file, and all have the condition "1".
         load: Load of the cylinder: ``none``, ``measured`` (``load_force_n``) or ``position`` (it depends on
             position alone). By default ``position`` if ``channels`` states that load, ``measured`` if
             ``load_force_n`` is mapped, else ``none``. Or a constant load, ``StatedLoad(4218.0, within_n=40.0)``.
@@ -185,12 +186,11 @@ def _logs(
     if rate_hz is not None:
         settings = {**settings, "time": {**settings.get("time", {}), "rate_hz": rate_hz}}
     root = _root(paths, settings.get("source"))
-    rules = _name_rules(names, settings, root)
-    paths = [path for path in paths if rules.table is None or path.absolute() != rules.table.absolute()]
     files = {Path(os.path.relpath(path, root)).as_posix(): path for path in paths}
-    if names is None and rules.pattern is not None and not any(map(rules.finds, files)):
-        rules = NameRules(condition=ONE_CONDITION)
-        words = f"name_pattern {settings['name_pattern']!r} of the mapping finds no session in any path, such as"
+    rules = NameRules(names or settings.get("name_pattern"))
+    if not names and rules.pattern is not None and not any(re.search(rules.pattern, file) for file in files):
+        words = f"name_pattern {rules.pattern!r} of the mapping finds no session in any path, such as"
+        rules = NameRules()
         warnings.warn(f"{words} {next(iter(files))!r}: each file is a session of its own", stacklevel=4)
     mode: LoadMode = "measured" if LOAD_FORCE in settings["channels"] else "none"
     mapped = settings.get("load")
@@ -224,13 +224,6 @@ def log_paths(files: Sequence[str | Path]) -> list[Path]:
     if not found:
         raise RecordingError("no logger file was given; expected a path, a pattern or a folder, or several of these")
     return sorted(found)
-
-
-def _name_rules(names: str | None, settings: Mapping[str, Any], root: Path) -> NameRules:
-    pattern, table = (settings.get("name_pattern"), settings.get("name_table")) if names is None else (names, None)
-    if pattern is None and table is None:
-        return NameRules(condition=ONE_CONDITION)
-    return NameRules(pattern, None if table is None else root / table)
 
 
 def _root(paths: Sequence[Path], source: str | None) -> Path:

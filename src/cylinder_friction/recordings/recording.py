@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Self
@@ -12,7 +12,14 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array, Mask
-from cylinder_friction.recordings.columns import DRIVE_FORCE, SAMPLE_COLUMNS, TIME, UNCERTAINTY_COLUMN, missing_column
+from cylinder_friction.recordings.columns import (
+    DRIVE_FORCE,
+    POSITION,
+    REQUIRED_COLUMNS,
+    SAMPLE_COLUMNS,
+    TIME,
+    UNCERTAINTY_COLUMN,
+)
 from cylinder_friction.recordings.line_loss import LineLoss
 from cylinder_friction.refusal import RefusalError
 
@@ -28,6 +35,28 @@ def expect(valid: object, name: str, expected: str, found: object) -> None:
     """Refuse a setting that is not ``valid``."""
     if not valid:
         raise RecordingError(f"{name}: expected {expected}, but got {found!r}")
+
+
+def missing_columns(columns: Collection[str]) -> list[str]:
+    """List the required columns that are missing; a drive force replaces both pressures.
+
+    Example:
+        >>> from cylinder_friction.recordings.recording import missing_columns
+        >>> missing_columns(["time_s", "pressure_1_pa", "position_m"])
+        ['pressure_2_pa']
+        >>> missing_columns(["time_s", "drive_force_n", "position_m"])
+        []
+    """
+    required = (TIME, POSITION) if DRIVE_FORCE in columns else REQUIRED_COLUMNS
+    return [column for column in required if column not in columns]
+
+
+def missing_column(columns: Collection[str]) -> str:
+    """Write a sentence on the first required column that a table lacks; empty if it has all."""
+    missing = missing_columns(columns)
+    expected = f"{list(REQUIRED_COLUMNS)} (or {TIME}, {POSITION} and {DRIVE_FORCE})"
+    got = f"got columns {list(columns)}, expected at least {expected}"
+    return f"column {missing[0]!r} is missing; {got}" if missing else ""
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from cylinder_friction.evaluation.reported import reported_errors
 from cylinder_friction.realtime.guard import TrainingRange
 from cylinder_friction.realtime.model import Bounds, Guard, from_json
-from cylinder_friction.recordings.columns import ALL_CONDITIONS, in_shown_unit
+from cylinder_friction.recordings.columns import ALL_CONDITIONS
 from cylinder_friction.reporting.estimator_titles import title
 
 if TYPE_CHECKING:
@@ -19,6 +19,7 @@ _USES = (
     ("validation", "{} of other sessions stopped it"),
     ("calibration", "{} of others again calibrated its bounds"),
 )
+_SHOWN_IN = {"pa": ("bar", 1e-5), "m": ("mm", 1e3), "n": ("N", 1.0), "c": ("°C", 1.0)}
 _AGAINST = {"truth": "true friction", "label": "the label, which it was trained on"}
 
 
@@ -100,6 +101,8 @@ def _range_rows(description: Mapping[str, Any]) -> list[str]:
         lower, upper = guard.trained_lower, guard.trained_upper
     rows = []
     for (column, limits), low, high in zip(trained.items(), lower, upper, strict=True):
-        what, unit, *from_to = in_shown_unit(column, low, high)
-        rows.append(f"| {what} [{unit}] | {' | '.join(from_to)} | {' to '.join(in_shown_unit(column, *limits)[2:])} |")
+        what, _, si_unit = column.rpartition("_")
+        unit, factor = _SHOWN_IN.get(si_unit, ("", 1.0))
+        known, trained_in = ([f"{factor * end:.4g}" for end in ends] for ends in ((low, high), limits))
+        rows.append(f"| {what.replace('_', ' ')} [{unit}] | {' | '.join(known)} | {' to '.join(trained_in)} |")
     return rows

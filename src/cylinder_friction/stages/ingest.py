@@ -13,7 +13,7 @@ from cylinder_friction.files.whole_files import write_json
 from cylinder_friction.recordings.columns import LOAD_FORCE, OIL_TEMPERATURE, OTHER_POSITIONS
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_folder
-from cylinder_friction.recordings.path_names import NameRules
+from cylinder_friction.recordings.origin import NameRules
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.run_record import RunRecord
 from cylinder_friction.stages._stage import INGESTED_FILE, RECORDINGS_FOLDER, artifacts, flat
@@ -35,8 +35,7 @@ def run(params: Params) -> RunRecord:
         RecordingError: Mapping and ``ingest.load`` contradict each other, there is no file, or no file is usable.
     """
     refuse_unlike_load(params.ingest)
-    folder = Path(params.ingest.source)
-    source = Source(folder, params.ingest.pattern, recipe_from(params, folder))
+    source = Source(Path(params.ingest.source), params.ingest.pattern, recipe_from(params))
     with workers_from_environment() as workers:
         ingested = ingest_folder(source, RECORDINGS_FOLDER, QUARANTINE_FILE, workers)
     content = params.ingest.model_dump(include={"source", "truth", "load", "oil_temperature"})
@@ -76,12 +75,10 @@ def refuse_unlike_load(settings: IngestParams) -> None:
         )
 
 
-def recipe_from(params: Params, folder: Path) -> Recipe:
-    """Make the recipe by which a file becomes recordings; ``folder`` holds the table of names, if any."""
+def recipe_from(params: Params) -> Recipe:
+    """Make the recipe by which a file becomes recordings."""
     settings = params.ingest
-    table = None if settings.name_table is None else folder / settings.name_table
-    names = NameRules(settings.name_pattern, table)
-    return Recipe.from_settings(settings.model_dump(), names, params.cylinder, settings.load)
+    return Recipe.from_settings(settings.model_dump(), NameRules(settings.name_pattern), params.cylinder, settings.load)
 
 
 def _metrics(ingested: Ingested) -> dict[str, float]:

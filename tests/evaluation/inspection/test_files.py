@@ -10,7 +10,7 @@ from cylinder_friction.evaluation.inspection.files import inspect_files
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.conversion import Recipe
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
-from cylinder_friction.recordings.path_names import NameRules
+from cylinder_friction.recordings.origin import NameRules
 from cylinder_friction.recordings.recording import Recording
 from inspected_recordings import made_strokes
 

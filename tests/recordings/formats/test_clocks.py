@@ -7,9 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from cylinder_friction.recordings.formats.cells import EPOCHS, epoch_of
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
-from cylinder_friction.recordings.start import EPOCHS, epoch_of
 
 ROWS = 40
 STEPS_NS = 5_000_000 * np.arange(ROWS)
@@ -84,6 +84,7 @@ def test_other_numbers_are_no_dates(numbers: Any) -> None:
         (134179497000000000, 10**7, True, "'stamp' counts ticks of 100 ns since 1601 (FILETIME)"),
         (639090729000000000, 10**7, False, "'stamp' counts ticks of 100 ns since the year 1 (.NET)"),
         (3856320900.0, 1, True, "'stamp' counts s since 1904 (LabVIEW)"),
+        (1773476100000.0, 1000, True, "'stamp' counts ms since 1970"),
     ],
 )
 def test_a_file_states_what_it_counts_from(tmp_path: Path, first: float, unit: float, utc: bool, words: str) -> None:

@@ -11,9 +11,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from cylinder_friction.recordings.formats import isolated
-from cylinder_friction.recordings.formats.format import LoggedTable
+from cylinder_friction.recordings.formats.format import LoggedTable, open_source
 from cylinder_friction.recordings.formats.reading import FORMATS, SETTINGS, format_of, read_logged_file
-from cylinder_friction.recordings.formats.source import open_source
 from cylinder_friction.recordings.recording import RecordingError
 from format_writers import SAMPLES, synthetic, write_sample
 

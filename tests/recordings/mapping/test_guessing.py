@@ -13,7 +13,7 @@ from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.mapping.guessing import guess_mapping
 from cylinder_friction.recordings.mapping.mapping_text import mapping_yaml
-from cylinder_friction.recordings.path_names import NameRules
+from cylinder_friction.recordings.origin import NameRules
 from cylinder_friction.recordings.recording import RecordingError
 
 PATH = Path("logs/noload_day1.csv")
@@ -28,7 +28,7 @@ def text_of(channels: dict[str, Any], units: dict[str, str] | None = None, path:
 
 def channels_of(text: str) -> dict[str, Any]:
     loaded = yaml.safe_load(text)
-    assert set(loaded) >= {"defaults", "source", "truth", "pattern", "name_pattern", "name_table", "channels"}
+    assert set(loaded) >= {"defaults", "source", "truth", "pattern", "name_pattern", "channels"}
     found: dict[str, Any] = loaded["channels"]
     return found
 
@@ -121,8 +121,6 @@ def test_time_is_asked_for_rather_than_taken_from_what_rises(clocks: dict[str, A
         ({"Sample": np.arange(ROWS), "t [ms]": np.arange(ROWS)}, "t [ms]", "ms"),
         ({"ElapsedTicks": 123456789 + 50_000 * np.arange(ROWS)}, "ElapsedTicks", "100ns"),
         ({"ticks": 5 * np.arange(ROWS)}, "ticks", "ms"),
-        ({"Time": 1.77e12 + 5.0 * np.arange(ROWS)}, "Time", "ms"),
-        ({"Time": 1.77e18 + 5e6 * np.arange(ROWS)}, "Time", "ns"),
         ({"Time": np.round(TIME, 1), "flow": STROKE}, "Time", "s"),
     ],
 )

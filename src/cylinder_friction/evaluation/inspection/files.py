@@ -10,7 +10,7 @@ from cylinder_friction.recordings.checks.limits import Finding
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
 from cylinder_friction.recordings.conversion import Recipe, metadata_of, open_tables, pieces_from
 from cylinder_friction.recordings.ingesting import shown
-from cylinder_friction.recordings.path_names import PathNames, name_of
+from cylinder_friction.recordings.origin import PathNames, name_of
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 
 
@@ -43,7 +43,7 @@ def _inspect_file(name: str, path: Path, recipe: Recipe) -> Iterator[tuple[Recor
         names = recipe.names.names(name)
     except RecordingError as error:
         findings.append(Finding("names", "noted", str(error)))
-        names = PathNames(name_of(name), "", "", "")
+        names = PathNames(name_of(name), "", "")
     about = metadata_of(names, name, "", recipe)
     try:
         pieces = pieces_from(open_tables(path, recipe), recipe, about)

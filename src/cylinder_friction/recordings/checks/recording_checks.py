@@ -17,9 +17,8 @@ from cylinder_friction.recordings.columns import (
     POSITION,
     PRESSURES,
     TIME,
-    missing_column,
 )
-from cylinder_friction.recordings.recording import Columns, Recording, RecordingError, RecordingMetadata
+from cylinder_friction.recordings.recording import Columns, Recording, RecordingError, RecordingMetadata, missing_column
 
 RATE_TOLERANCE = 1e-3  # Largest error of a logger's clock, as a share of its rate
 LOWEST_PRESSURE_PA = -2e5  # Lowest credible gauge pressure: vacuum and a sensor's offset [Pa]

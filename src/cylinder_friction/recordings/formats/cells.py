@@ -1,72 +1,25 @@
-"""Parse the cells of text tables, singly and by column: numbers, loggers' dates, missing values, or words."""
+"""Read the columns of tables: numbers, dates, times of day, and clocks that two columns or a count make."""
 
-import csv
-import re
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
 from typing import Any, NamedTuple
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.recordings.mapping.units import names_a_unit
+from cylinder_friction.recordings.formats.format import Column, LoggedTable
+from cylinder_friction.recordings.formats.layout import COMMA_NUMBER, MISSING, OVER_RANGE, POINT_NUMBER
+from cylinder_friction.recordings.mapping.channel_words import words_of
+from cylinder_friction.recordings.mapping.units import conversion, names_a_unit
 from cylinder_friction.recordings.recording import RecordingError
-
-MISSING = (
-    "", "nan", "NaN", "NAN", "-nan", "-NaN", "NA", "N/A", "n/a", "null", "NULL", "Null", "None", "-", "--", "---",
-    "#N/A", "#NV", "nan(ind)", "-nan(ind)", "1.#IND", "-1.#IND", "1.#QNAN", "-1.#QNAN", "EOF",
-)  # fmt: skip
-"""Cells of a missing sample. C libraries on Windows print NaN as ``1.#IND`` and the like. ``EOF`` is written below a
-column that ends before others."""
-
-OVER_RANGE = (
-    "∞", "+∞", "-∞", "OL", "+OL", "-OL", "OVER", "+OVER", "-OVER", "Over", "OVERLOAD", "Overload", "overload",
-    "OVERFLOW", "Overflow", "OVERRANGE", "Overrange", "+++++", "++++++", "-----", "------", "*****", "******",
-)  # fmt: skip
-"""Cells of a value beyond the range of the logger's input."""
-
-POINT_NUMBER = r"[+-]? *(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-COMMA_NUMBER = r"[+-]? *(?:\d+,?\d*|,\d+)(?:[eE][+-]?\d+)?"
-
-_MISSING_OR_OVER = frozenset((*MISSING, *OVER_RANGE))
-_FORMS = {".": POINT_NUMBER, ",": COMMA_NUMBER, None: f"{POINT_NUMBER}|{COMMA_NUMBER}"}
-_NUMBERS = {sign: re.compile(rf"{form}|[+-]?inf(?:inity)?", re.IGNORECASE) for sign, form in _FORMS.items()}
-_DATE = r"(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d{1,2}-[A-Za-z]{3}-(?:\d{4}|\d{2}))"
-_CLOCK = r"\d{1,2}:\d{2}(?::\d{2}(?:[.,:;]\d{1,9})?|[.,]\d{1,9})?(?: ?[AaPp][Mm])?(?:Z|[+-]\d{2}:?\d{2})?"
-_DATE_OR_CLOCK = re.compile(rf"{_DATE}(?:[T ,]+{_CLOCK})?|{_CLOCK}")
-_TOKEN = re.compile(r'"[^"]*"|\S+(?:[ \t]+(?:\[[^\]]*\]|\([^)]*\)))?')
-
-
-def is_missing(cell: str) -> bool:
-    return cell in _MISSING_OR_OVER
-
-
-def is_number(cell: str, decimal: str | None) -> bool:
-    """Check whether a cell is a number with this decimal sign; None allows point and comma."""
-    return bool(_NUMBERS[decimal].fullmatch(cell))
-
-
-def is_value(cell: str, decimal: str | None) -> bool:
-    """Check whether a cell is a number, a date or a time of day."""
-    return bool(_NUMBERS[decimal].fullmatch(cell) or _DATE_OR_CLOCK.fullmatch(cell))
-
-
-def split_cells(line: str, delimiter: str) -> list[str]:
-    """Split a line into cells, and strip blanks and quotation marks.
-
-    With the delimiter ``whitespace``, a unit in brackets stays with the name before it.
-    """
-    line = line.rstrip("\r\n")
-    if delimiter == "whitespace":
-        return [token.strip('"') for token in _TOKEN.findall(line)]
-    if '"' not in line:
-        return [cell.strip() for cell in line.split(delimiter)]
-    try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
-    except csv.Error:
-        return [cell.strip() for cell in line.split(delimiter)]
-
+from cylinder_friction.recordings.timeline.timestamps import LATEST_S
 
 _CLOCK_PARTS = r"(?P<H>\d{1,2}):(?P<M>\d{2})(?::(?P<S>\d{2})(?:[.,:;](?P<f>\d{1,9}))?)?\s*(?P<half>[AaPp][Mm])?"
 _MINUTES = r"^(?P<M>\d{1,2}):(?P<S>\d{2})[.,](?P<f>\d{1,9})$"  # as Excel shows a time of day: mm:ss.0
@@ -140,7 +93,7 @@ def _text_values(column: Any, decimal: str, name: str) -> CellValues:
         return CellValues(_numbers(pc.if_else(over, None, text), number, decimal), note=note)
     if (seconds := _clock_seconds(text)) is not None:
         return CellValues(seconds, "s", clock=True)
-    if (stamps := _date_stamps(text, name)) is not None:
+    if (stamps := date_stamps(text, name)) is not None:
         return CellValues(stamps)
     if (parts := _fields(text, _WITH_UNIT)) is not None:
         units = pc.unique(parts["unit"].drop_null()).to_pylist()
@@ -180,7 +133,7 @@ def _clock_seconds(text: Any) -> Array | None:
     return None
 
 
-def _date_stamps(text: Any, name: str) -> NDArray[np.datetime64] | None:
+def date_stamps(text: Any, name: str) -> NDArray[np.datetime64] | None:
     """Convert dates with or without a time of day to ``datetime64[ns]``; a null becomes NaT. None for other cells.
 
     In dates with dots the day comes first. In dates with slashes, the first row that can only be read one way decides
@@ -243,3 +196,206 @@ def _stamps(fields: dict[str, Any]) -> Any | None:
         return iso.cast(pa.timestamp("ns", "UTC"))
     except pa.ArrowInvalid:
         return None
+
+
+EARLIEST_S = 946_684_800
+"""Earliest credible date of a log, the year 2000 [s since 1970]."""
+LONGEST_STEP_S = 60.0
+"""Longest credible time between two rows of a log [s]."""
+NEVER_FALLS = 0.99
+"""Least share of a clock's steps that do not fall."""
+
+
+@dataclass(frozen=True)
+class Epoch:
+    """A way to write a date as one number."""
+
+    unit: str  # Unit of the number, spelled as in ``units``
+    unit_ns: int  # One unit [ns]
+    of_1970: int  # Number of the first moment of 1970
+    since: str  # Date that it counts from, for messages
+    utc: bool  # Whether it is in UTC; otherwise it is local time
+
+    @property
+    def counted(self) -> str:
+        """Description of what it counts."""
+        return {"100ns": "ticks of 100 ns", "d": "days"}.get(self.unit, self.unit)
+
+    def holds(self, number: float, latest_s: float) -> bool:
+        """Check whether a number is a date between 2000 and ``latest_s`` [s since 1970]."""
+        return EARLIEST_S < (number - self.of_1970) * self.unit_ns * 1e-9 < latest_s
+
+    def stamps(self, numbers: NDArray[Any]) -> NDArray[np.datetime64]:
+        """Convert numbers to ``datetime64[ns]``; NaN becomes NaT."""
+        stamps = np.full(len(numbers), np.datetime64("NaT"), dtype="datetime64[ns]")
+        known = np.isfinite(numbers)
+        whole = np.floor(numbers[known]).astype(np.int64)  # separate, because a float cannot hold all digits
+        parts = np.rint((numbers[known] - whole) * self.unit_ns).astype(np.int64)
+        stamps[known] = ((whole - self.of_1970) * self.unit_ns + parts).astype("datetime64[ns]")
+        return stamps
+
+
+DAY_NS = 86_400 * 10**9
+FILETIME = Epoch("100ns", 100, 116_444_736_000_000_000, "1601 (FILETIME)", True)
+EPOCHS = (
+    FILETIME,
+    Epoch("100ns", 100, 621_355_968_000_000_000, "the year 1 (.NET)", False),
+    Epoch("d", DAY_NS, 25_569, "30 December 1899 (Excel)", False),
+    Epoch("d", DAY_NS, 719_529, "the year 0 (MATLAB)", False),
+    Epoch("s", 10**9, 2_082_844_800, "1904 (LabVIEW)", True),
+    *(Epoch(unit, size, 0, "1970", True) for unit, size in (("s", 10**9), ("ms", 10**6), ("us", 10**3), ("ns", 1))),
+)
+"""Epochs that are detected. No number is a date since 2000 in two of them."""
+WINCC = Epoch("millionths of a day", DAY_NS // 10**6, 25_569 * 10**6, "30 December 1899 (WinCC)", False)
+
+
+def is_future(moment: np.datetime64) -> bool:
+    """Check whether a moment is later than tomorrow, so that no log can have been made then."""
+    return bool(moment > np.datetime64(int(_tomorrow_s()), "s"))
+
+
+def epoch_of(numbers: NDArray[Any], name: str = "") -> Epoch | None:
+    """Find the epoch of a channel's numbers, shape ``(n,)``, also by its name; None if they are not dates."""
+    known = numbers[np.isfinite(numbers)] if numbers.dtype.kind == "f" else numbers
+    if numbers.dtype.kind not in "iuf" or len(known) < 3:
+        return None
+    latest_s, ends = _tomorrow_s(), (float(known[0]), float(known[-1]))
+    epochs = (WINCC,) if name.casefold() == "time_ms" else EPOCHS
+    found = next((each for each in epochs if all(each.holds(end, latest_s) for end in ends)), None)
+    if found is None:
+        return None
+    steps = np.diff(known.astype(np.float64) - ends[0])
+    mean_s = abs(ends[1] - ends[0]) / len(steps) * found.unit_ns * 1e-9
+    runs = max((steps >= 0.0).mean(), (steps <= 0.0).mean()) >= NEVER_FALLS
+    return found if runs and 0.0 < mean_s <= LONGEST_STEP_S else None
+
+
+def _tomorrow_s() -> float:
+    return (datetime.now(UTC) + timedelta(days=1)).timestamp()
+
+
+DAY = np.timedelta64(1, "D")
+MILLISECONDS = ("ms", "msec", "millisecond", "milliseconds", "millisekunden")
+"""Names of a column that holds the milliseconds of a stamp beside it."""
+FEWEST_ROWS = 20
+"""Fewest rows that show an order; in fewer, the order may be chance."""
+
+
+def beside_clocks(names: Collection[str]) -> set[str]:
+    """Name the columns that may be a part of a time stamp: dates, times of day, milliseconds."""
+    return {name for name in names if words_of(name).quantity == "time" or name.casefold() in MILLISECONDS}
+
+
+class Columns(NamedTuple):
+    """The content of Arrow columns."""
+
+    columns: list[Column]
+    units: dict[str, str]  # Units that their cells state, by name
+    notes: list[str]
+    utc: bool  # Whether time stamps state their time zone
+
+
+def columns_of(named: Iterable[tuple[str, Any]], decimal: str, wanted: Collection[str] | None) -> Columns:
+    """Read named Arrow columns. A column that is not wanted is left out if it cannot be read.
+
+    Date and time of day, or whole seconds and milliseconds, are joined.
+    """
+    columns, units, clocks, notes, utc = list[Column](), dict[str, str](), list[str](), list[str](), False
+    for name, column in named:
+        utc |= states_zone(column)
+        try:
+            cells = column_values(column, decimal, name)
+        except RecordingError:
+            if wanted is None or name in wanted:
+                raise
+            continue
+        columns.append((name, cells.values))
+        units |= {name: cells.unit} if cells.unit else {}
+        notes += [cells.note] if cells.note else []
+        clocks += [name] if cells.clock else []
+    return Columns(_joined(columns, clocks, wanted), units, notes, utc)
+
+
+def _joined(columns: list[Column], clocks: Collection[str], wanted: Collection[str] | None) -> list[Column]:
+    """Join dates with times of day; ``clocks`` names the columns of times of day, which are in seconds."""
+    dates = [name for name, values in columns if values.dtype.kind == "M"]
+    days = [name for name, values in columns if name in dates and _known(values, DAY)]
+    found = dict(columns)
+    if len(days) == 1 and len(clocks) == 1:
+        (day,), (clock,) = days, clocks
+        seconds = np.rint(1e9 * found[clock])
+        stamps = found[day] + np.where(np.isfinite(seconds), seconds, np.iinfo(np.int64).min).astype("timedelta64[ns]")
+        kept = day if wanted and day in wanted and clock not in wanted else clock
+        return _in_place(columns, {day, clock}, stamps, kept)
+    parts = [name for name, values in columns if name.casefold() in MILLISECONDS and _are_milliseconds(values)]
+    seconds_of = [name for name in dates if name not in days and _known(found[name], np.timedelta64(1, "s"))]
+    if len(seconds_of) == 1 and len(parts) == 1 and (wanted is None or seconds_of[0] in wanted):
+        stamps = found[seconds_of[0]] + found[parts[0]].astype("timedelta64[ms]")
+        return _in_place(columns, {seconds_of[0], parts[0]}, stamps, seconds_of[0])
+    return columns
+
+
+def _known(stamps: NDArray[Any], step: np.timedelta64) -> bool:
+    """Check whether there are stamps and all of them are multiples of ``step``."""
+    known = stamps[~np.isnat(stamps)].astype(np.int64)
+    return len(known) > 0 and not (known % step.astype("timedelta64[ns]").astype(np.int64)).any()
+
+
+def _are_milliseconds(values: NDArray[Any]) -> bool:
+    return values.dtype.kind in "iu" and bool(((values >= 0) & (values < 1000)).all())
+
+
+def _in_place(columns: list[Column], old: set[str], stamps: NDArray[Any], name: str) -> list[Column]:
+    return [(other, stamps if other == name else values) for other, values in columns if other not in old - {name}]
+
+
+def with_dates(table: LoggedTable) -> LoggedTable:
+    """Convert a table's numbers of days, seconds or ticks since a known date to dates, and note which."""
+    dates: dict[str, NDArray[Any]] = {}
+    notes, utc = [], table.utc
+    for name, values in table.channels.items():
+        name, numbers = str(name), values.to_numpy()
+        epoch = epoch_of(numbers, name)
+        if epoch is None or (table.channels.columns == name).sum() > 1:
+            continue
+        unit = conversion(table.units.get(name, ""), "time")
+        if unit and epoch.unit != table.units[name] and abs(float(numbers[0])) * unit[0] < LATEST_S:
+            continue
+        dates[name], utc = epoch.stamps(numbers), utc or epoch.utc
+        notes.append(f"time: {name!r} counts {epoch.counted} since {epoch.since}")
+    if not dates:
+        return table
+    units = {name: unit for name, unit in table.units.items() if name not in dates}
+    channels = table.channels.copy(deep=False)
+    for name, stamps in dates.items():
+        channels[name] = stamps
+    return replace(table, channels=channels, units=units, utc=utc, notes=(*table.notes, *notes))
+
+
+def oldest_first(table: LoggedTable) -> LoggedTable:
+    """Reverse a table that was written newest row first, and add a note.
+
+    A table is reversed if a column of dates or one named time falls, and none rises.
+    """
+    ways = [
+        way_of(values.to_numpy())
+        for name, values in table.channels.items()
+        if words_of(str(name)).quantity == "time" and values.dtype.kind in "Miuf"
+    ]
+    if len(table.channels) < FEWEST_ROWS or -1 not in ways or 1 in ways:
+        return table
+    turned = table.channels.iloc[::-1].reset_index(drop=True)
+    return replace(table, channels=turned, notes=(*table.notes, "its newest row comes first; turned round"))
+
+
+def steps_of(values: NDArray[Any]) -> NDArray[Any]:
+    """Compute the differences of numbers or dates, without missing ones."""
+    known = values[~pd.isna(values)]
+    return np.diff(known.astype(np.int64) if known.dtype.kind in "Miu" else known)
+
+
+def way_of(values: NDArray[Any]) -> int:
+    """Return 1 if values hardly ever fall, -1 if they hardly ever rise, else 0, also if they are constant."""
+    steps = steps_of(values)
+    rises, falls = ((way * steps > 0).any() and (way * steps >= 0).mean() >= NEVER_FALLS for way in (1, -1))
+    return int(rises) - int(falls)

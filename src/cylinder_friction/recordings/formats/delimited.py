@@ -1,5 +1,8 @@
 """Read text tables separated by comma, semicolon, tab or blanks, with any lines of a logger above them."""
 
+from __future__ import annotations
+
+import codecs
 import re
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
@@ -13,18 +16,45 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 
-from cylinder_friction.recordings.formats.cells import MISSING, holds_decimal_commas, split_cells
-from cylinder_friction.recordings.formats.clocks import beside_clocks, columns_of, repeated_names, split_groups
-from cylinder_friction.recordings.formats.format import Format, LoggedTable
-from cylinder_friction.recordings.formats.layout import AUTOMATIC, SCOPE_TIME, CsvOptions, Layout, find_layout
-from cylinder_friction.recordings.formats.source import HEAD_SIZE, MOST_INDIVISIBLE, FileSource, Text, open_text
+from cylinder_friction.recordings.formats.cells import (
+    FILETIME,
+    beside_clocks,
+    columns_of,
+    date_stamps,
+    holds_decimal_commas,
+    states_zone,
+    way_of,
+)
+from cylinder_friction.recordings.formats.format import (
+    BYTE_ORDER_MARKS,
+    HEAD_SIZE,
+    Column,
+    FileSource,
+    Format,
+    LoggedTable,
+    named_columns,
+)
+from cylinder_friction.recordings.formats.layout import (
+    AUTOMATIC,
+    CLOCK,
+    DATE,
+    MISSING,
+    CsvOptions,
+    Layout,
+    find_layout,
+    repeated_names,
+    split_cells,
+)
+from cylinder_friction.recordings.origin import Start
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.start import Start, start_in_header
 
-_FEWEST_LINES = 20
-LARGEST_STEP = 4.0
-"""Largest change of a value to the next row, as a multiple of its largest change in the rows before."""
-_LARGEST_HEAD, _USUAL_LINES = 64 * HEAD_SIZE, 500
+MOST_INDIVISIBLE = 256 * 10**6
+"""Largest text that is read whole if it cannot be read in parts [bytes]."""
+_FEWEST_LINES, _USUAL_LINES = 20, 500
+_LARGEST_HEAD = 64 * HEAD_SIZE
+_TAIL = 1 << 16
+_READ_AT_ONCE = 1 << 22  # Largest file that is held in memory [bytes]
+_EOF = re.compile(rb"(?<=[\r\n])[\s;,|\"]*EOF(?:[\s;,|\"]|EOF)*\Z")
 
 
 def read_delimited(
@@ -77,7 +107,7 @@ def _read(
     return [replace(first, more=later, parts=-(-(text.end - begin) // step))]
 
 
-def _parts(rows: "_Rows", step: int, wanted: Collection[str] | None) -> Iterator[LoggedTable]:
+def _parts(rows: _Rows, step: int, wanted: Collection[str] | None) -> Iterator[LoggedTable]:
     begin = rows.begin
     while begin < rows.text.end:
         end = _line_end(rows.text, begin + step)
@@ -98,7 +128,7 @@ def _line_end(text: Text, place: int) -> int:
     return text.end
 
 
-def _tables(rows: "_Rows", wanted: Collection[str] | None) -> list[LoggedTable]:
+def _tables(rows: _Rows, wanted: Collection[str] | None) -> list[LoggedTable]:
     text, layout, names = rows.text, rows.layout, rows.layout.names
     asked = set(names) if wanted is None else set(wanted) - {""}
     unread = tuple(name for name in names if name and name not in asked)
@@ -118,7 +148,7 @@ def _tables(rows: "_Rows", wanted: Collection[str] | None) -> list[LoggedTable]:
     ]
     first, *others = split_groups(columns, {**layout.units, **found.units}, repeated)
     unread = tuple(name for name in unread if name not in first.channels)
-    notes = (*text.notes, *found.notes, *filter(None, [rows.ended]), *first.notes)
+    notes = (*text.notes, *found.notes, *first.notes)
     return [
         replace(each, start=rows.start, utc=found.utc) for each in (replace(first, unread=unread, notes=notes), *others)
     ]
@@ -150,7 +180,6 @@ class _Rows:
     begin: int
     first: int  # The byte where the first row of the table begins
     start: Start | None  # The start that the lines above the rows state
-    ended: str = ""  # A sentence if channels end before others
 
     def parsed(self, loaded: list[int]) -> tuple[Any, str]:
         """Parse the columns with these numbers. Return a ``pyarrow.Table`` and the decimal sign that was used."""
@@ -176,9 +205,6 @@ class _Rows:
         try:
             table = pa_csv.read_csv(self._stream(), reading, parsing, cells)
         except pa.ArrowInvalid as error:
-            if self.layout.names[0] == SCOPE_TIME and not self.ended and (ended := self._ended_early()):
-                self.ended = ended
-                return self._parsed(loaded, decimal)
             self._refuse_ragged_line()
             raise RecordingError(f"cannot be read as a text table: {error}") from None
         if any(pa.types.is_binary(column.type) for column in table.columns):
@@ -188,7 +214,7 @@ class _Rows:
     def _stream(self) -> Any:
         length = self.text.end - self.begin
         spaces = self.layout.delimiter == "whitespace"
-        padded = self.ended or (not spaces and repeated_names(self.layout.names))
+        padded = not spaces and repeated_names(self.layout.names)
         if not (spaces or padded):
             return self.text.file.get_stream(self.begin, length)
         content = self.text.file.read_at(length, self.begin)
@@ -198,32 +224,6 @@ class _Rows:
         for outside, end in ((b"\n\t", b"\n"), (b"\r\t", b"\r"), (b"\t\n", b"\n"), (b"\t\r", b"\r")):
             content = content.replace(outside, end)
         return pa.BufferReader(content.strip(b"\t"))
-
-    def _ended_early(self) -> str:
-        """State that channels ended early, if the last rows are shorter, as a scope writes them; empty otherwise.
-
-        The first short row must continue the row before, because its cells could belong to other channels.
-        """
-        names, rows = self.layout.names, [split_cells(line, self.layout.delimiter) for _, line in self._lines()]
-        widths = [len(row) for row in rows]
-        whole = widths.count(len(names))
-        falling = widths == sorted(widths, reverse=True) and widths[0] == len(names)
-        if not (falling and _FEWEST_LINES <= whole < len(rows)):
-            return ""
-        try:
-            values = np.array(
-                [row[: widths[whole]] for row in rows[whole - _FEWEST_LINES : whole + 1]], dtype=np.float64
-            )
-            _ = [np.array(row, dtype=np.float64) for row in rows[whole:]]
-        except ValueError:
-            return ""
-        steps = np.abs(np.diff(values, axis=0))
-        if (steps[-1] > LARGEST_STEP * steps[:-1].max(axis=0) + 1e-6 * np.abs(values[-2])).any():
-            return ""
-        return (
-            f"the last {len(rows) - whole} rows hold {widths[-1]} of {len(names)} values: {names[widths[-1]]!r} and "
-            "the channels behind it end before the others"
-        )
 
     def _padded(self, content: bytes) -> bytes:
         """Pad every row to the number of names, because a group may end before the others."""
@@ -261,6 +261,148 @@ class _Rows:
                 f"line {number} is the header again: {line[:80]!r}; two logs in one file have two clocks; "
                 "cut the file in two there"
             )
+
+
+@dataclass(frozen=True)
+class Text:
+    """A text as UTF-8."""
+
+    file: Any  # A ``pyarrow.NativeFile``: the file itself, or its characters in memory
+    start: int  # Byte where the text begins, after a byte order mark
+    end: int  # Byte where its last whole line ends, without the line end
+    notes: tuple[str, ...]  # What was left out, one sentence each
+    quote: str | bool  # Quotation mark around cells; False without one
+
+
+def open_text(source: FileSource, encoding: str) -> Text:
+    """Open a text up to its last whole line.
+
+    A last line without a line end is left out, because its last number may be cut off. Zero bytes that a logger leaves
+    when it loses power are left out, too. ``notes`` reports both. ``auto`` takes the encoding from the byte order mark;
+    without one it is UTF-8, or cp1252 if the beginning is not UTF-8.
+
+    Raises:
+        RecordingError: The bytes are not text in that encoding, or there is no whole line.
+    """
+    mark = next((mark for mark in BYTE_ORDER_MARKS if source.head.startswith(mark)), b"")
+    if encoding == "auto":
+        encoding = BYTE_ORDER_MARKS.get(mark, "utf-8")
+        try:
+            codecs.getincrementaldecoder(encoding)().decode(source.head, final=len(source.head) >= source.size)
+        except UnicodeDecodeError:
+            encoding = encoding if mark else "cp1252"
+    start = len(codecs.BOM_UTF8) if mark == codecs.BOM_UTF8 else 0
+    if codecs.lookup(encoding).name in ("utf-8", "utf-8-sig", "ascii"):
+        if not isinstance(source.origin, bytes) and source.size > _READ_AT_ONCE:
+            return _ended(pa.OSFile(str(source.origin)), start, '"')
+        return _ended_in_memory(source.all_bytes, start)
+    if source.size > MOST_INDIVISIBLE:
+        raise RecordingError(
+            f"its characters are {encoding} and it has {source.size / 1e6:.0f} MB; only UTF-8 is read in parts, other "
+            f"text whole, up to {MOST_INDIVISIBLE / 1e6:.0f} MB; save it as UTF-8, or split it"
+        )
+    try:
+        text = source.all_bytes.decode(encoding, errors="replace" if encoding == "cp1252" else "strict")
+    except UnicodeDecodeError as error:
+        raise RecordingError(
+            f"its characters are not {encoding}: {error.reason} at position {error.start}; name the right encoding, or "
+            "leave it to be found out (auto)"
+        ) from None
+    return _ended_in_memory(text.removeprefix("\ufeff").encode(errors="replace"), 0)
+
+
+def _ended_in_memory(content: bytes, start: int) -> Text:
+    return _ended(pa.BufferReader(content), start, '"' if b'"' in content else False)
+
+
+def _ended(file: Any, start: int, quote: str | bool) -> Text:
+    notes: list[str] = []
+    size, length = file.size(), _TAIL
+    while True:
+        begin = max(start, size - length)
+        tail: bytes = file.read_at(size - begin, begin)
+        body = tail.rstrip(b"\0\x1a")
+        if begin == start or b"\n" in body or b"\r" in body:
+            break
+        length *= 16
+    if (zeros := len(tail) - len(body)) > 1:
+        notes.append(f"{zeros} zero bytes at its end were left out, as a logger leaves them that loses power")
+    if body.rstrip(b' \t\n\r\f\v;,|"').endswith(b"EOF") and (match := _EOF.search(body)):
+        body = body[: match.start()]  # a last line that only marks the end, perhaps in every cell
+    whole = max(body.rfind(b"\n"), body.rfind(b"\r")) + 1
+    if 0 < whole < len(body):
+        cut = body[whole:][:80].decode(errors="replace")
+        notes.append(f"its last line has no line end and may be cut in a number; it was left out: {cut!r}")
+    end = begin + len(body[:whole].rstrip(b"\r\n"))
+    if end <= start:
+        raise RecordingError(
+            "holds not one whole line; expected a line of names and one line per sample, each with its end"
+        )
+    return Text(file, start, end, tuple(notes), quote)
+
+
+_KEY = re.compile(
+    r"(?:(?:test|log|logging|recording|measurement|acquisition|mess|aufnahme|aufzeichnungs)?"
+    r"(?:start|begin|beginn|date|datum|time|zeit|uhrzeit|timestamp|(?:start|date)(?:date|time|timestamp|zeit|datum)))"
+    r"|started|recorded(?:at)?"
+)
+"""Words before a start in a header, in lower case, letters only."""
+_LINE = re.compile(r"^[\s#%;\"*/]*([^\W\d][^\d:=;,\t]*?)[\s\"]*[:=;,\t](.*)$")
+_DATE, _CLOCK = re.compile(rf"(?<!\d){DATE}(?!\d)"), re.compile(rf"(?<!\d){CLOCK}(?: ?UTC)?")
+
+
+def start_in_header(lines: list[str], delimiter: str) -> Start | None:
+    """Read the start in the lines above a text table's rows; None without an unambiguous date.
+
+    It reads the FILETIME of the TwinCAT Scope, lines such as ``Start time: 2026-03-27 10:15:00``, and a date and a time
+    of day on separate lines.
+    """
+    date = clock = None
+    where = ""
+    for line in lines:
+        cells = line.split(delimiter) if delimiter != "whitespace" else [line]
+        if cells[0].strip().casefold() == "starttime of export" and len(cells) > 1 and cells[1].strip().isdecimal():
+            return Start(FILETIME.stamps(np.array([int(cells[1])]))[0], True, "FILETIME of the header")
+        found = _LINE.match(line.rstrip())
+        if found is None or not _KEY.fullmatch(re.sub(r"[\W_]", "", found[1]).casefold()):
+            continue
+        if date is None and (date := _DATE.search(found[2])):
+            where = f"header line {line.strip()[:60]!r}"
+        clock = clock or _CLOCK.search(found[2])
+    if date is None:
+        return None
+    stamp = pa.array([f"{date[0]} {clock[0].replace('UTC', 'Z')}" if clock else date[0]])
+    try:
+        at = date_stamps(stamp, where)
+    except RecordingError:  # the day or the month may come first
+        return None
+    if at is None:
+        return None
+    if clock is None:
+        return Start(at[0].astype("datetime64[D]"), False, f"{where}, a date without a time of day")
+    return Start(at[0], states_zone(stamp), where)
+
+
+def split_groups(columns: list[Column], units: dict[str, str], repeated: Collection[str]) -> list[LoggedTable]:
+    """Make a table ``group 1``, ... for each time column of a ``repeated`` name; without one, make a single table.
+
+    A group ends with its last row that is not empty.
+    """
+    names = [name for name, _ in columns]
+    clock = next((name for name in names if name in repeated and _are_clocks(columns, name)), None)
+    if clock is None:
+        return [LoggedTable(named_columns(columns), units)]
+    starts = [index for index, name in enumerate(names) if name == clock]
+    bounds = [0, *starts[1:], len(columns)]
+    frames = [named_columns(columns[start:end]) for start, end in pairwise(bounds)]
+    filled = [frame[frame.notna().any(axis=1)].reset_index(drop=True) for frame in frames]
+    return [LoggedTable(frame, units, f"group {number}") for number, frame in enumerate(filled, start=1) if len(frame)]
+
+
+def _are_clocks(columns: list[Column], name: str) -> bool:
+    """Check whether all columns of a name have rising stamps, or are empty because their channels have no samples."""
+    found = [values for other, values in columns if other == name and not pd.isna(values).all()]
+    return bool(found) and all(values.dtype.kind in "iufM" and way_of(values) == 1 for values in found)
 
 
 FORMAT = Format("csv", "a text table", read_delimited, ("csv", "rows"))

@@ -6,9 +6,8 @@ from datetime import datetime, timedelta
 from typing import Any
 
 from cylinder_friction.recordings.formats.delimited import read_delimited
-from cylinder_friction.recordings.formats.format import Format, LoggedTable
+from cylinder_friction.recordings.formats.format import HEAD_SIZE, FileSource, Format, LoggedTable
 from cylinder_friction.recordings.formats.layout import MOST_COLUMNS, CsvOptions
-from cylinder_friction.recordings.formats.source import HEAD_SIZE, FileSource
 from cylinder_friction.recordings.recording import RecordingError
 
 _AS_TEXT = CsvOptions(delimiter="\t", decimal=".", encoding="utf-8")

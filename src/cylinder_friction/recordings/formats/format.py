@@ -1,22 +1,30 @@
-"""Definition of a file format: how it is recognized, its reader, and the tables that the reader returns."""
+"""Definition of a file format: how it is recognized, the bytes that its reader gets and the tables that it returns."""
 
 from __future__ import annotations
 
+import codecs
+import gzip
+import io
 import logging
+import shutil
 import warnings
+import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import cached_property
 from importlib.util import find_spec
-from typing import Any
+from pathlib import Path
+from tempfile import NamedTemporaryFile
+from typing import Any, BinaryIO
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
 from cylinder_friction.extras import not_installed
+from cylinder_friction.recordings.origin import Start
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.start import Start
 from cylinder_friction.wording import in_brief
 
 Column = tuple[str, NDArray[Any]]
@@ -70,6 +78,77 @@ class Format:
         """Raise ``RecordingError`` with the command that installs the library this format needs."""
         if self.library and find_spec(self.library) is None:
             raise RecordingError(f"reading {self.what} needs {not_installed(self.library, self.extra)}")
+
+
+HEAD_SIZE = 65536
+"""Number of first bytes from which a file's format is detected."""
+MOST_IN_MEMORY = 1 << 26
+"""Largest gzipped file that is unpacked in memory [bytes]; a larger one is unpacked on disk."""
+GZIP = b"\x1f\x8b"
+BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
+
+
+@dataclass(frozen=True)
+class FileSource:
+    """The source of a reader's bytes: a path, or the unpacked bytes of a gzipped file."""
+
+    origin: Path | bytes
+    head: bytes  # The first ``HEAD_SIZE`` bytes
+    size: int  # Size of the whole file, unpacked [bytes]
+    kept: Any = None  # Keeps the temporary file alive that ``origin`` names
+
+    def handle(self) -> str | io.BytesIO:
+        """Return the path as text, or the bytes as a file, for a library to open."""
+        return io.BytesIO(self.origin) if isinstance(self.origin, bytes) else str(self.origin)
+
+    def opened(self) -> BinaryIO:
+        """Open the bytes as a file that the caller closes, because libraries leave damaged files open."""
+        return io.BytesIO(self.origin) if isinstance(self.origin, bytes) else self.origin.open("rb")
+
+    @cached_property
+    def all_bytes(self) -> bytes:
+        return self.origin if isinstance(self.origin, bytes) else self.origin.read_bytes()
+
+
+def open_source(path: Path) -> FileSource:
+    """Open a file, unpacked if it is gzipped; refuse one that cannot be opened, is empty, or is a damaged gzip file."""
+    if path.exists() and not path.is_file():
+        raise RecordingError("is no regular file; copy what comes from it into one")
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEAD_SIZE)
+        source = _unpacked(path) if head.startswith(GZIP) else FileSource(path, head, path.stat().st_size)
+    except (gzip.BadGzipFile, EOFError, zlib.error) as error:
+        raise RecordingError(
+            f"its gzip cannot be unpacked: {error}; the file is damaged or cut off; copy it again"
+        ) from None
+    except OSError as error:
+        raise RecordingError(f"cannot be opened: {error.strerror or error}") from None
+    if not source.head:
+        raise RecordingError("the file is empty: 0 bytes; expected a log")
+    return source
+
+
+def _unpacked(path: Path) -> FileSource:
+    with gzip.open(path) as file:
+        content = file.read(MOST_IN_MEMORY)
+        head = content[:HEAD_SIZE]
+        if len(content) < MOST_IN_MEMORY:
+            return FileSource(content, head, len(content))
+        unpacked = NamedTemporaryFile()  # noqa: SIM115 - it is removed with the source
+        unpacked.write(content)
+        shutil.copyfileobj(file, unpacked, HEAD_SIZE)
+        unpacked.flush()
+        return FileSource(Path(unpacked.name), head, Path(unpacked.name).stat().st_size, unpacked)
+
+
+def is_text(head: bytes) -> bool:
+    """Check whether bytes are text, which may contain rare damaged characters and end with zero bytes (power loss)."""
+    if any(head.startswith(mark) for mark in BYTE_ORDER_MARKS if mark != codecs.BOM_UTF8):
+        return True
+    body = head.rstrip(b"\0")
+    odd = len(body) - len(body.translate(None, bytes(range(9)) + bytes(range(14, 26)) + bytes(range(27, 32)) + b"\x7f"))
+    return bool(body) and b"\0" not in body and odd <= 0.01 * len(body)
 
 
 @contextmanager

@@ -15,8 +15,7 @@ from cylinder_friction.recordings.formats.channels import (
     table_of,
     tables_by_length,
 )
-from cylinder_friction.recordings.formats.format import Format, LoggedTable
-from cylinder_friction.recordings.formats.source import FileSource
+from cylinder_friction.recordings.formats.format import FileSource, Format, LoggedTable
 
 _RATES = ("sampling_rate", "sample_rate", "samplerate", "sampling_frequency", "sample_rate_hz", "fs", "rate")
 _STEPS = ("dt", "sample_time", "sample_time_s", "sampling_time", "sampling_interval", "sample_interval", "wf_increment")

@@ -13,8 +13,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any
 
-from cylinder_friction.recordings.formats.format import Format, LoggedTable, guarded
-from cylinder_friction.recordings.formats.source import open_source
+from cylinder_friction.recordings.formats.format import Format, LoggedTable, guarded, open_source
 from cylinder_friction.recordings.recording import RecordingError
 
 if sys.platform != "win32":

@@ -4,16 +4,71 @@ Units are stated with the names (``P1 [bar]``, ``P1 / bar``) or on a line of the
 """
 
 import codecs
+import csv
 import re
 from collections import Counter
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import pairwise
 
-from cylinder_friction.recordings.formats.cells import is_missing, is_number, is_value, split_cells
-from cylinder_friction.recordings.formats.clocks import padded
 from cylinder_friction.recordings.mapping.units import KNOWN, unit_in_name
 from cylinder_friction.recordings.recording import RecordingError, expect
+
+MISSING = (
+    "", "nan", "NaN", "NAN", "-nan", "-NaN", "NA", "N/A", "n/a", "null", "NULL", "Null", "None", "-", "--", "---",
+    "#N/A", "#NV", "nan(ind)", "-nan(ind)", "1.#IND", "-1.#IND", "1.#QNAN", "-1.#QNAN", "EOF",
+)  # fmt: skip
+"""Cells of a missing sample. C libraries on Windows print NaN as ``1.#IND`` and the like. ``EOF`` is written below a
+column that ends before others."""
+
+OVER_RANGE = (
+    "∞", "+∞", "-∞", "OL", "+OL", "-OL", "OVER", "+OVER", "-OVER", "Over", "OVERLOAD", "Overload", "overload",
+    "OVERFLOW", "Overflow", "OVERRANGE", "Overrange", "+++++", "++++++", "-----", "------", "*****", "******",
+)  # fmt: skip
+"""Cells of a value beyond the range of the logger's input."""
+
+POINT_NUMBER = r"[+-]? *(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+COMMA_NUMBER = r"[+-]? *(?:\d+,?\d*|,\d+)(?:[eE][+-]?\d+)?"
+
+_MISSING_OR_OVER = frozenset((*MISSING, *OVER_RANGE))
+_FORMS = {".": POINT_NUMBER, ",": COMMA_NUMBER, None: f"{POINT_NUMBER}|{COMMA_NUMBER}"}
+_NUMBERS = {sign: re.compile(rf"{form}|[+-]?inf(?:inity)?", re.IGNORECASE) for sign, form in _FORMS.items()}
+DATE = r"(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d{1,2}-[A-Za-z]{3}-(?:\d{4}|\d{2}))"
+CLOCK = r"\d{1,2}:\d{2}(?::\d{2}(?:[.,:;]\d{1,9})?|[.,]\d{1,9})?(?: ?[AaPp][Mm])?(?: ?(?:Z|[+-]\d{2}:?\d{2}))?"
+_DATE_OR_CLOCK = re.compile(rf"{DATE}(?:[T ,]+{CLOCK})?|{CLOCK}")
+_TOKEN = re.compile(r'"[^"]*"|\S+(?:[ \t]+(?:\[[^\]]*\]|\([^)]*\)))?')
+
+
+def is_missing(cell: str) -> bool:
+    return cell in _MISSING_OR_OVER
+
+
+def is_number(cell: str, decimal: str | None) -> bool:
+    """Check whether a cell is a number with this decimal sign; None allows point and comma."""
+    return bool(_NUMBERS[decimal].fullmatch(cell))
+
+
+def is_value(cell: str, decimal: str | None) -> bool:
+    """Check whether a cell is a number, a date or a time of day."""
+    return bool(_NUMBERS[decimal].fullmatch(cell) or _DATE_OR_CLOCK.fullmatch(cell))
+
+
+def split_cells(line: str, delimiter: str) -> list[str]:
+    """Split a line into cells, and strip blanks and quotation marks.
+
+    With the delimiter ``whitespace``, a unit in brackets stays with the name before it.
+    """
+    line = line.rstrip("\r\n")
+    if delimiter == "whitespace":
+        return [token.strip('"') for token in _TOKEN.findall(line)]
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(delimiter)]
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
+    except csv.Error:
+        return [cell.strip() for cell in line.split(delimiter)]
+
 
 HEADERS = ("auto", "names_units")
 
@@ -279,3 +334,29 @@ def _scope_names(above: list[str], grid: _Grid) -> tuple[list[str], list[str] | 
         elif key:
             break
     return None
+
+
+def repeated_names(names: Sequence[str]) -> set[str]:
+    """Find names that occur again after another column, because they may be time columns."""
+    counts = Counter(names)
+    adjacent = {one for one, other in pairwise(names) if one == other}
+    return {name for name, count in counts.items() if name and count > 1} - adjacent
+
+
+def padded(lines: list[str], delimiters: Collection[str]) -> list[str]:
+    """Pad the rows below a line of repeated names to its number of cells."""
+    for number, line in enumerate(lines):
+        if line[:1].isdecimal():  # a row, as most lines are
+            continue
+        for delimiter in delimiters:
+            cells = split_cells(line, delimiter) if delimiter != "whitespace" else []
+            if cells and cells[0] in repeated_names(cells) and not is_value(cells[0], None):
+                return [*lines[:number], *(_padded(below, delimiter, len(cells)) for below in lines[number:])]
+    return lines
+
+
+def _padded(line: str, delimiter: str, width: int) -> str:
+    """Append empty cells to a row up to ``width`` cells; return any other line unchanged."""
+    first = next((cell for cell in split_cells(line, delimiter) if cell), "")
+    bare = line.rstrip("\r\n")
+    return bare + delimiter * (width - 1 - bare.count(delimiter)) + line[len(bare) :] if is_value(first, None) else line

@@ -9,9 +9,8 @@ from numpy.typing import NDArray
 
 from cylinder_friction.extras import not_installed
 from cylinder_friction.recordings.formats.channels import Channel, Found, column_arrays, numeric, tables_by_length
-from cylinder_friction.recordings.formats.format import Format, LoggedTable
+from cylinder_friction.recordings.formats.format import FileSource, Format, LoggedTable
 from cylinder_friction.recordings.formats.hdf5 import SIGNATURE
-from cylinder_friction.recordings.formats.source import FileSource
 from cylinder_friction.recordings.recording import RecordingError
 
 VERSION_5 = b"MATLAB 5.0 MAT-file"

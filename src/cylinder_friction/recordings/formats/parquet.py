@@ -7,9 +7,8 @@ from typing import Any
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from cylinder_friction.recordings.formats.clocks import beside_clocks, columns_of
-from cylinder_friction.recordings.formats.format import Format, LoggedTable, named_columns
-from cylinder_friction.recordings.formats.source import FileSource
+from cylinder_friction.recordings.formats.cells import beside_clocks, columns_of
+from cylinder_friction.recordings.formats.format import FileSource, Format, LoggedTable, named_columns
 from cylinder_friction.recordings.recording import RecordingError
 
 

@@ -6,11 +6,10 @@ from functools import partial
 from pathlib import Path
 
 from cylinder_friction.recordings.formats import delimited, excel, hdf5, matlab, mdf, parquet, tdms
-from cylinder_friction.recordings.formats.clocks import oldest_first, with_dates
-from cylinder_friction.recordings.formats.format import Format, LoggedTable, guarded
+from cylinder_friction.recordings.formats.cells import oldest_first, with_dates
+from cylinder_friction.recordings.formats.format import Format, LoggedTable, guarded, is_text, open_source
 from cylinder_friction.recordings.formats.isolated import read_isolated
 from cylinder_friction.recordings.formats.layout import AUTOMATIC, CsvOptions
-from cylinder_friction.recordings.formats.source import is_text, open_source
 from cylinder_friction.recordings.recording import RecordingError
 
 FORMATS = {

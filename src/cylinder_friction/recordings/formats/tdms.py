@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from cylinder_friction.recordings.formats.cells import steps_of, way_of
 from cylinder_friction.recordings.formats.channels import Channel, numeric, table_of
-from cylinder_friction.recordings.formats.clocks import steps_of
-from cylinder_friction.recordings.formats.format import Format, LoggedTable
-from cylinder_friction.recordings.formats.source import FileSource
+from cylinder_friction.recordings.formats.format import FileSource, Format, LoggedTable
 from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.mapping.units import quantity_of
-from cylinder_friction.recordings.start import NEVER_FALLS, Start
+from cylinder_friction.recordings.origin import Start
 
 FIRST_ROWS = 256
 """Number of first rows that decide whether a channel is a clock."""
@@ -69,7 +68,7 @@ def _is_clock(channel: Any, name: str) -> bool:
         return False
     values = np.asarray(channel[:FIRST_ROWS])
     steps = steps_of(values)
-    if len(steps) < 3 or (steps > 0).mean() < NEVER_FALLS:
+    if len(steps) < 3 or way_of(values) != 1:
         return False
     stated = words_of(name).quantity == "time" or quantity_of(_unit(channel)) == "time" or values.dtype.kind == "M"
     usual = float(np.median(steps))

@@ -13,10 +13,10 @@ import pandas as pd
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, QUANTITIES, TIME
+from cylinder_friction.recordings.formats.cells import NEVER_FALLS
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.mapping.channel_words import Words, words_of
 from cylinder_friction.recordings.mapping.units import column_scale, electrical, quantity_of
-from cylinder_friction.recordings.start import NEVER_FALLS
 from cylinder_friction.recordings.timeline.timestamps import stamps_to_datetimes
 
 

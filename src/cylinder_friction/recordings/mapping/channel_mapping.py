@@ -11,10 +11,10 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import ONE_CHAMBER
-from cylinder_friction.recordings.columns import PRESSURE_2, PRESSURES, QUANTITIES, TIME, missing_columns
+from cylinder_friction.recordings.columns import PRESSURE_2, PRESSURES, QUANTITIES, TIME
 from cylinder_friction.recordings.line_loss import RECTANGULAR, LineLoss
 from cylinder_friction.recordings.mapping import units
-from cylinder_friction.recordings.recording import RecordingError, SensorUncertainty, expect
+from cylinder_friction.recordings.recording import RecordingError, SensorUncertainty, expect, missing_columns
 
 
 @dataclass(frozen=True)

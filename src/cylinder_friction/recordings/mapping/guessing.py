@@ -38,7 +38,6 @@ from cylinder_friction.recordings.mapping.units import (
     stated_rate,
 )
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.start import epoch_of
 
 SIDE_WORDS = {1: "piston side", 2: "rod side"}
 
@@ -301,9 +300,6 @@ def _with_unit(
     column, given = guess.column, units.get(QUANTITIES[guess.column])
     if channel.dates:
         return replace(guess, reasons=("holds dates",))
-    if column == TIME and not channel.unit and (epoch := epoch_of(channel.values)) is not None:
-        counted = (f"counts {epoch.counted} since {epoch.since}",)
-        return replace(guess, unit=epoch.unit, reasons=counted, fitting=(epoch.unit,))
     if channel.unit or given is not None:
         unit, stated = (channel.unit, f"from the {channel.stated_by}") if channel.unit else (str(given), "as given")
         return replace(guess, unit=unit, reasons=(f"unit {unit} {stated}", channel.described()))

@@ -13,12 +13,13 @@ import pandas as pd
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import QUANTITIES, TIME
+from cylinder_friction.recordings.formats.cells import is_future
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.mapping import units
 from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts, clocks_of
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
+from cylinder_friction.recordings.origin import Start
 from cylinder_friction.recordings.recording import RecordingError, Signal
-from cylinder_friction.recordings.start import SECONDS_SINCE_1970, Start, epoch_of, is_future
 from cylinder_friction.recordings.timeline.timestamps import stamps_to_datetimes, stamps_to_seconds
 
 RATE_AGREES = 0.05  # Largest difference of a stated rate from a time channel's, as a share: stamps are rounded or lost
@@ -95,9 +96,6 @@ def _start(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Array]) -> Sta
             row = int(known.argmax())
             at = stamps_to_datetimes(raw.iloc[row : row + 1])[0]
             return Start(at, table.utc, f"time stamps of {clock.channel!r}", dated_rows=True).after(-float(time_s[row]))
-        if epoch_of(time_s) == SECONDS_SINCE_1970:
-            counted = f"{clock.channel!r}, which counts from 1970"
-            return Start(np.datetime64(0, "ns"), utc=True, source=counted, dated_rows=True)
     return next((tables[clock.table].start for clock in stamps if tables[clock.table].start is not None), None)
 
 
@@ -263,12 +261,6 @@ def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping
             "expected dates, or numbers with channels.time_s.unit"
         )
     values = _numbers(raw, channel, TIME, unit)
-    epoch = epoch_of(values)
-    if epoch is not None and not math.isclose(units.column_scale(TIME, unit), 1e-9 * epoch.unit_ns):
-        raise RecordingError(
-            f"time channel {channel!r} begins at {values[0]:.15g}, which in {epoch.counted} since {epoch.since} is "
-            f"{epoch.stamps(values[:1])[0]}, but it is read in {unit!r}; correct channels.time_s.unit in the mapping"
-        )
     return units.to_column_unit(values - time.offset if time.offset else values, unit, TIME)
 
 

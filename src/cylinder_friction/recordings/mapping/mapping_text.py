@@ -32,7 +32,6 @@ truth: data/raw/rig_truth  # for the simulated rig alone: nobody knows your true
 pattern: {pattern}
 # guess: the name of the file is the session, what comes before its first _ the condition.
 name_pattern: {name_pattern}
-name_table: null
 {database}channels:
 {channels}
 """

@@ -1,4 +1,4 @@
-"""When a recording was made: by its header, its stamps or its file's name."""
+"""Who and when a recording is: named by its file's path, dated by its header or its stamps."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -9,11 +9,37 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.recordings.formats.delimited import start_in_header
 from cylinder_friction.recordings.ingesting import recordings_of
+from cylinder_friction.recordings.origin import NameRules, PathNames, Start, StartRules
 from cylinder_friction.recordings.reading_logs import find_logs
-from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.recordings.start import Start, StartRules, start_in_header
+from cylinder_friction.recordings.recording import Recording, RecordingError
 from logger_files import CHANNELS, made_log
+
+FOLDERS = r"^(?P<session>(?P<condition>\w+)_\d+)/(?P<load>\d+kg)"
+FIRST = "condition1_session07_recording02"
+RIG = r"(?P<session>condition(?P<condition>[^_/]+)_session[^_/]+)_[^/]*\.csv$"
+
+
+@pytest.mark.parametrize(
+    ("pattern", "path", "expected"),
+    [
+        (RIG, f"{FIRST}.csv", (FIRST, "1", "condition1_session07", "")),
+        (r"(?P<session>_\d{6})\.", "Jib_230425.csv.gz", ("Jib_230425.csv", "1", "_230425", "")),
+        (FOLDERS, "crane_3/20kg.part.csv", ("crane_3-20kg.part", "crane", "crane_3", "20kg")),
+    ],
+)
+def test_a_pattern_reads_names(pattern: str, path: str, expected: tuple[str, str, str, str]) -> None:
+    assert NameRules(pattern).names(path) == PathNames(*expected)
+    with pytest.raises(RecordingError, match=r"path 'notes.csv' does not give condition and session"):
+        NameRules(pattern).names("notes.csv")
+
+
+@pytest.mark.parametrize("path", ["back\\slash.csv", "new\nline.csv", "day/bytes\udcff.csv"])
+def test_a_name_that_other_systems_cannot_have_is_refused(path: str) -> None:
+    with pytest.raises(RecordingError, match="holds a backslash, a control character or bytes that are not UTF-8"):
+        NameRules().names(path)
+    assert NameRules().names("Öl\u00a05 °C.csv").name == "Öl\u00a05 °C"
 
 
 @pytest.mark.parametrize(
@@ -38,7 +64,7 @@ def test_a_header_states_the_start_or_none(lines: list[str], text: str | None) -
 
 
 def test_a_day_stays_a_day() -> None:
-    assert Start(np.datetime64("2026-03-27"), utc=False, source="file name").after(90.0).text() == "2026-03-27"
+    assert Start(np.datetime64("2026-03-27"), utc=False, source="header").after(90.0).text() == "2026-03-27"
     start = Start(np.datetime64("2026-03-27T23:59:59", "ns"), utc=True, source="header")
     assert start.after(1.5).text() == "2026-03-28T00:00:00.500Z"
 
@@ -74,7 +100,7 @@ LOGS: dict[str, tuple[Callable[[pd.DataFrame, Path], Any], str, str, str]] = {
     "dates without a zone": (local, "", UTC.removesuffix("Z"), STAMPS),
     "dates of a stated zone": (local, "Europe/Oslo", OSLO, f"{STAMPS}, Europe/Oslo"),
     "Parquet": (lambda log, path: dated(log).to_parquet(path), "", UTC, STAMPS),
-    "seconds since 1970": (since_1970, "", UTC, "'t', which counts from 1970"),
+    "seconds since 1970": (since_1970, "", UTC, "time stamps of 't'"),
     "a header": (lambda log, path: path.write_text(with_header(log)), "", UTC, "FILETIME of the header"),
     "nothing": (to_csv, "", "", ""),
 }
@@ -102,32 +128,17 @@ def test_a_recording_knows_when_it_was_made(tmp_path: Path, cylinder: Cylinder, 
     assert len(found) == (1 if rows is None else 3)
 
 
-PATTERN = r"(?P<day>\d\d)(?P<month>\d\d)(?P<year>\d\d)(?:_(?P<hour>\d\d)(?P<minute>\d\d))?"
-
-
 @pytest.mark.parametrize(
-    ("path", "text"),
+    ("at", "text"),
     [
-        ("press_270326_1015.csv", "2026-03-27T09:15:00.000Z"),
-        ("press_270726_1015.csv", "2026-07-27T08:15:00.000Z"),  # summer time
-        ("press_270326.csv", "2026-03-27"),
-        ("press_310226.csv", None),
-        ("press.csv", None),
+        ("2026-03-27T10:15:00", "2026-03-27T09:15:00.000Z"),
+        ("2026-07-27T10:15:00", "2026-07-27T08:15:00.000Z"),  # summer time
+        ("2026-10-25T02:30:00", "2026-10-25T02:30:00.000"),  # this hour was twice
+        ("2026-03-29T02:30:00", "2026-03-29T02:30:00.000"),  # this hour never was
     ],
 )
-def test_a_file_name_states_the_start_if_the_log_does_not(path: str, text: str | None) -> None:
-    rules, stated = (
-        StartRules("Europe/Oslo", PATTERN),
-        Start(np.datetime64("2026-01-02T03:04:05", "ns"), True, "header"),
-    )
-    start = rules.of(None, path)
-    assert (start and start.text()) == text
-    assert rules.of(stated, path) == stated
-
-
-@pytest.mark.parametrize("path", ["251026_0230", "290326_0230"])
-def test_an_hour_that_was_twice_or_never_stays_local(path: str) -> None:
-    start = StartRules("Europe/Oslo", PATTERN).of(None, path)
+def test_a_stated_zone_makes_utc_but_of_an_hour_that_was_twice_or_never(at: str, text: str) -> None:
+    start = StartRules("Europe/Oslo").in_utc(Start(np.datetime64(at, "ns"), utc=False, source="header"))
     assert start is not None
-    assert not start.utc
-    assert start.source == "file name; in Europe/Oslo that hour was twice or never"
+    assert start.text() == text
+    assert start.source == f"header{', Europe/Oslo' if start.utc else '; in Europe/Oslo that hour was twice or never'}"
