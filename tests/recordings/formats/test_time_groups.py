@@ -129,3 +129,32 @@ def test_blanks_between_numbers_cannot_show_which_column_ended(read) -> None:  #
     lines = "".join(f"{i} 1 2 {i} 3\n" for i in range(60)) + "60 1 2\n"
     with pytest.raises(RecordingError, match=r"holds 3 values: '60 1 2'; expected 5 .*, or export it separated by tab"):
         read("Name p1 p2 Name x\n" + lines)
+
+
+def one_time_column(*ends: str) -> str:
+    """Return an export with one time column for all channels; ``ends`` are its last rows."""
+    steady = [f"{10 * row};{5.0 + 0.01 * (row % 3)};{0.7 + 0.001 * (row % 2)};1.5" for row in range(40)]
+    return BANNER + "Name;p1;x;other\n\n" + "\n".join([*steady, *ends, ""])
+
+
+def test_channels_that_end_before_the_others_are_used_as_far_as_they_go(read) -> None:  # type: ignore[no-untyped-def]
+    (table,) = read(one_time_column("400;5.01;0.7", "410;5.02;0.701", "420;5.02"))
+    assert len(table.channels) == 43
+    assert table.channels["p1"].tolist()[-3:] == [5.01, 5.02, 5.02]
+    assert np.isnan(table.channels["x"].to_numpy()[-1])
+    assert np.isnan(table.channels["other"].to_numpy()[-3:]).all()
+    assert table.notes == ("the last 3 rows hold 2 of 4 values: 'x' and the channels behind it end before the others",)
+
+
+@pytest.mark.parametrize(
+    "ends",
+    [
+        ("400;0.7;1.5",),  # p1 has ended, and what follows would be taken for it
+        ("400;5.01;0.7", "410;5.02;0.701;1.5"),
+        ("400;5.01;0.7", "stopped"),
+    ],
+    ids=["another channel's values", "a whole row behind", "no numbers"],
+)
+def test_short_rows_that_may_mean_something_else_are_refused(read, ends: tuple[str, ...]) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(RecordingError, match=r"line 48 holds 3 values: .*; expected 4"):
+        read(one_time_column(*ends))

@@ -39,6 +39,7 @@ from cylinder_friction.recordings.formats.layout import (
     CLOCK,
     DATE,
     MISSING,
+    SCOPE_TIME,
     CsvOptions,
     Layout,
     find_layout,
@@ -52,6 +53,8 @@ MOST_INDIVISIBLE = 256 * 10**6
 """Largest text that is read whole if it cannot be read in parts [bytes]."""
 _FEWEST_LINES, _USUAL_LINES = 20, 500
 _LARGEST_HEAD = 64 * HEAD_SIZE
+LARGEST_STEP = 4.0
+"""Largest change of a value to the next row, as a multiple of its largest change in the rows before."""
 _TAIL = 1 << 16
 _READ_AT_ONCE = 1 << 22  # Largest file that is held in memory [bytes]
 _EOF = re.compile(rb"(?<=[\r\n])[\s;,|\"]*EOF(?:[\s;,|\"]|EOF)*\Z")
@@ -148,7 +151,7 @@ def _tables(rows: _Rows, wanted: Collection[str] | None) -> list[LoggedTable]:
     ]
     first, *others = split_groups(columns, {**layout.units, **found.units}, repeated)
     unread = tuple(name for name in unread if name not in first.channels)
-    notes = (*text.notes, *found.notes, *first.notes)
+    notes = (*text.notes, *found.notes, *filter(None, [rows.ended]), *first.notes)
     return [
         replace(each, start=rows.start, utc=found.utc) for each in (replace(first, unread=unread, notes=notes), *others)
     ]
@@ -180,6 +183,7 @@ class _Rows:
     begin: int
     first: int  # The byte where the first row of the table begins
     start: Start | None  # The start that the lines above the rows state
+    ended: str = ""  # A sentence if channels end before others
 
     def parsed(self, loaded: list[int]) -> tuple[Any, str]:
         """Parse the columns with these numbers. Return a ``pyarrow.Table`` and the decimal sign that was used."""
@@ -205,6 +209,9 @@ class _Rows:
         try:
             table = pa_csv.read_csv(self._stream(), reading, parsing, cells)
         except pa.ArrowInvalid as error:
+            if self.layout.names[0] == SCOPE_TIME and not self.ended and (ended := self._ended_early()):
+                self.ended = ended
+                return self._parsed(loaded, decimal)
             self._refuse_ragged_line()
             raise RecordingError(f"cannot be read as a text table: {error}") from None
         if any(pa.types.is_binary(column.type) for column in table.columns):
@@ -214,7 +221,7 @@ class _Rows:
     def _stream(self) -> Any:
         length = self.text.end - self.begin
         spaces = self.layout.delimiter == "whitespace"
-        padded = not spaces and repeated_names(self.layout.names)
+        padded = self.ended or (not spaces and repeated_names(self.layout.names))
         if not (spaces or padded):
             return self.text.file.get_stream(self.begin, length)
         content = self.text.file.read_at(length, self.begin)
@@ -224,6 +231,28 @@ class _Rows:
         for outside, end in ((b"\n\t", b"\n"), (b"\r\t", b"\r"), (b"\t\n", b"\n"), (b"\t\r", b"\r")):
             content = content.replace(outside, end)
         return pa.BufferReader(content.strip(b"\t"))
+
+    def _ended_early(self) -> str:
+        """State that channels ended early, if the last rows are shorter, as a scope writes them; empty otherwise.
+
+        The first short row must continue the row before, because its cells could belong to other channels.
+        """
+        names, rows = self.layout.names, [split_cells(line, self.layout.delimiter) for _, line in self._lines()]
+        widths = [len(row) for row in rows]
+        whole = widths.count(len(names))
+        if widths != sorted(widths, reverse=True) or not _FEWEST_LINES <= whole < len(rows):
+            return ""
+        try:
+            ends = [np.array(row[: widths[whole]], dtype=np.float64) for row in rows[whole - _FEWEST_LINES :]]
+        except ValueError:
+            return ""
+        steps = np.abs(np.diff(ends[: _FEWEST_LINES + 1], axis=0))
+        if (steps[-1] > LARGEST_STEP * steps[:-1].max(axis=0) + 1e-6 * np.abs(ends[_FEWEST_LINES - 1])).any():
+            return ""
+        return (
+            f"the last {len(rows) - whole} rows hold {widths[-1]} of {len(names)} values: {names[widths[-1]]!r} and "
+            "the channels behind it end before the others"
+        )
 
     def _padded(self, content: bytes) -> bytes:
         """Pad every row to the number of names, because a group may end before the others."""
