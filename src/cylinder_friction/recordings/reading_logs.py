@@ -18,8 +18,7 @@ from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.ingesting import Quarantined, none_usable, other_rates, recordings_of
 from cylinder_friction.recordings.mapping.channel_mapping import SensorScale, check_mapping
-from cylinder_friction.recordings.mapping.guessing import GuessedMapping, guess_mapping
-from cylinder_friction.recordings.mapping.mapping_text import channel_lines, refuse_unknown
+from cylinder_friction.recordings.mapping.guessing import GuessedMapping, channel_lines, guess_mapping, refuse_unknown
 from cylinder_friction.recordings.mapping.units import check_unit, stated_rate
 from cylinder_friction.recordings.origin import NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
@@ -135,7 +134,7 @@ def find_logs(
     try:
         if channels is None:
             guess, tables = _guessed(paths[0], cylinder, units or {}, None if database is None else Path(database))
-            settings = {"channels": {name: guess.mapped(name) for name in guess.columns}, "database": database}
+            settings = {"channels": {name: guess.entry(name) for name in guess.columns}, "database": database}
             logs = _logs(paths, settings, cylinder, names, load, rate_hz)
             read = {name: tables for name, path in logs.files.items() if path == paths[0]}
             return replace(logs, guessed={"from": paths[0].name, "columns": guess.to_dict()}, tables=read)

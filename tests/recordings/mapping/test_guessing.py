@@ -91,7 +91,6 @@ def test_two_cylinders_in_one_file_stay_apart_and_are_marked() -> None:
     assert {name.split("_")[0] for column, name in found.items() if column != "time_s"} == {"main"}
     assert "AMBIGUOUS: main_pA_cyl_bar (values 20 to 21) or jib_pA_cyl_bar (values 40 to 42)" in text
     assert "AMBIGUOUS: main_x_m (values 0 to 0.5) or jib_x_m" in text
-    assert 'on which the load depends, add other_position_1_m: {channel: "jib_x_m", unit: m}' in text
 
 
 MEASURED = {"p1 [bar]": 20 + STROKE, "p2 [bar]": 9 + STROKE, "x [mm]": 200 * STROKE}

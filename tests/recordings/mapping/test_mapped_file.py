@@ -92,9 +92,6 @@ def test_two_clocks_of_one_table_are_refused_unless_each_column_states_its_own()
         map_signals(tables, MAPPING)
     mapping = MAPPING | {"position_m": ChannelMapping("x", "mm", time="t10 [ms]")}
     assert map_signals(tables, mapping).signals["position_m"].time_s[-1] == 0.39
-    in_seconds = MAPPING | {"position_m": ChannelMapping("x", "mm", time="t10 [ms]", time_unit="s")}
-    tables = [LoggedTable(pd.DataFrame(PLC | {"t10 [ms]": 0.005 * ROWS}))]
-    assert map_signals(tables, in_seconds).signals["position_m"].time_s[-1] == pytest.approx(0.195)
     alike = {name: cells for name, cells in PLC.items() if name != "t10 [ms]"}
     for clock in (5000 * ROWS, 0.005 * ROWS, ROWS, pd.Timestamp("2026-03-14") + pd.to_timedelta(5 * ROWS, "ms")):
         map_signals([LoggedTable(pd.DataFrame(alike | {"clock": clock}))], MAPPING)

@@ -1,4 +1,4 @@
-"""Rate how well the channels of a logged file fit each column, and which units their values fit."""
+"""Rate how well the channels of a logged file fit each column and each unit, and choose those that fit best."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import pandas as pd
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, QUANTITIES, TIME
+from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, QUANTITIES, SAMPLE_COLUMNS, TIME
 from cylinder_friction.recordings.formats.cells import NEVER_FALLS
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.mapping.channel_words import Words, words_of
@@ -205,3 +205,41 @@ def fitting_units(column: str, channels: Sequence[ChannelFacts], cylinder: Cylin
         and (not ticks or unit in ("ms", "100ns"))
         and (greatest == np.inf or size * column_scale(column, unit) <= greatest)
     ]
+
+
+def channels_of_one_cylinder(ranked: dict[str, Ranked]) -> dict[str, ChannelFacts]:
+    """Choose pressures and position of the cylinder that fits best; cylinders differ in the rest of the names.
+
+    If no cylinder has all three, the best channel of each column is returned.
+    """
+    groups: dict[tuple[str, ...], dict[str, tuple[ChannelFacts, float]]] = {}
+    for column in SAMPLE_COLUMNS:
+        for channel, score in ranked[column]:
+            group = groups.setdefault(channel.words.rest, {})
+            if channel not in [taken for taken, _ in group.values()]:
+                group.setdefault(column, (channel, score))
+    whole = [group for group in groups.values() if len(group) == len(SAMPLE_COLUMNS)]
+    if whole:
+        best = max(whole, key=lambda group: sum(score for _, score in group.values()))
+        return {column: best[column][0] for column in SAMPLE_COLUMNS}
+    chosen: dict[str, ChannelFacts] = {}
+    for column in SAMPLE_COLUMNS:
+        take_first_free(column, ranked, chosen)
+    return chosen
+
+
+def take_first_free(column: str, ranked: dict[str, Ranked], chosen: dict[str, ChannelFacts]) -> None:
+    """Add a column's best channel that fills no other column."""
+    free = [channel for channel, _ in ranked[column] if channel not in chosen.values()]
+    if free:
+        chosen[column] = free[0]
+
+
+def stamps_of(ranked: Ranked, chosen: dict[str, ChannelFacts]) -> dict[str, ChannelFacts]:
+    """Find the time channel of each column: the best one in its table."""
+    stamps: dict[str, ChannelFacts] = {}
+    for column, channel in chosen.items():
+        free = (time for time, _ in ranked if time.table == channel.table and time not in chosen.values())
+        if (best := next(free, None)) is not None:
+            stamps[column] = best
+    return stamps

@@ -4,7 +4,6 @@ import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from datetime import date
 from typing import Any, Self
 
 import numpy as np
@@ -49,11 +48,6 @@ class SensorScale:
         expect(known, "sensor: accuracy_percent", "0 to 100 (of full scale)", accuracy)
         expect(zero is None or 0.0 <= zero < math.inf, "sensor: zero_uncertainty", "zero or a positive number", zero)
         expect(0.0 <= self.delay_s < math.inf, "sensor: delay_s", "zero or a positive number", self.delay_s)
-        if self.calibrated:
-            try:
-                date.fromisoformat(self.calibrated)
-            except ValueError:
-                expect(False, "sensor: calibrated", "a day such as 2026-03-27", self.calibrated)
         if zero is not None and accuracy is None:
             raise RecordingError("sensor: zero_uncertainty needs accuracy_percent beside it, which holds for the span")
 
@@ -118,7 +112,6 @@ class ChannelMapping:
     # Time channel of this channel, if tables have their own ones; by default the channel of ``time_s`` in the same
     # table
     time: str = ""
-    time_unit: str = ""  # Unit of that time channel, if the file does not state it
     sensor: SensorScale | None = None  # Scale and limits of the sensor
     # Reading at which the column is zero, in the sensor's unit; for a position sensor the reading with the rod
     # retracted
@@ -220,10 +213,8 @@ def _problem(column: str, source: ChannelMapping) -> str:
     if column == TIME:
         if source.unit:
             units.check_unit(column, source.unit)
-        meaningless = source.sign != 1 or sensor is not None or source.time or source.time_unit
+        meaningless = source.sign != 1 or sensor is not None or source.time
         return "sign, sensor and time have no meaning for time; leave them out" if meaningless else ""
-    if source.time_unit:
-        units.check_unit(TIME, source.time_unit)
     if source.rate_hz is not None:
         return f"rate_hz is for {TIME!r} alone; name the channel"
     if sensor is None and units.of_stroke(column, source.unit):

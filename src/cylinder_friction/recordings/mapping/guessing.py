@@ -1,21 +1,26 @@
-"""Guess a first mapping of a file from names, units and values, with reasons."""
+"""Guess a first mapping of a log from names, units and values; write it as YAML with a comment on every guess."""
+
+from __future__ import annotations
 
 import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
-from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.cylinder import ONE_CHAMBER, Cylinder
 from cylinder_friction.recordings.columns import (
     DRIVE_FORCE,
     LOAD_FORCE,
     OIL_TEMPERATURE,
     POSITION,
+    PRESSURE_1,
+    PRESSURE_2,
     PRESSURES,
     QUANTITIES,
     SAMPLE_COLUMNS,
@@ -26,26 +31,25 @@ from cylinder_friction.recordings.mapping.channel_facts import (
     SIDES,
     ChannelFacts,
     Ranked,
+    channels_of_one_cylinder,
     facts_of,
     fitting_units,
     ranked_channels,
+    stamps_of,
+    take_first_free,
     usual_unit,
 )
-from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
-from cylinder_friction.recordings.mapping.units import (
-    electrical,
-    of_stroke,
-    stated_rate,
-)
+from cylinder_friction.recordings.mapping.units import electrical, of_stroke, stated_rate, units_agree
 from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.wording import printable
 
-SIDE_WORDS = {1: "piston side", 2: "rod side"}
-
+NOT_FOUND = "NOT FOUND"
+"""Placeholder for a channel's name that the user must fill in; ingest refuses it and lists the file's channels."""
+OTHERWISE = {"time": "200Hz"}  # Example of a rate of the rows, if no unit of time fits
+LISTED = 60  # Most unused channels that are listed
 NEARLY = 3.0  # Largest distance from the best score of candidates that are also named
-
 BELOW_ZERO = 0.05
 """Share of its travel beyond which a position below zero shows that it does not count from the retracted end."""
-
 MOST_TAGS, LEAST_RECURRENCE = 1000, 10
 """Most different names, and least mean number of rows per name, of a column that names channels."""
 _VALUES = re.compile(r"val|wert|messwert|reading|data", re.IGNORECASE)
@@ -62,7 +66,7 @@ class GuessedColumn:
     reasons: tuple[str, ...] = ()
     checks: tuple[str, ...] = ()
     others: tuple[ChannelFacts, ...] = ()  # Other channels that could be meant, best first
-    fitting: tuple[str, ...] | None = None  # Units that the values fit; None if the unit is stated or given
+    fitting: Sequence[str] | None = None  # Units that the values fit; None if the unit is stated or given
     rate_hz: float | None = None  # Rate of the rows, if it is given in place of a time channel [Hz]
 
     @property
@@ -83,21 +87,17 @@ class GuessedMapping:
     ambiguous: frozenset[str] = frozenset()  # Names of channels that occur in several tables
     stamps: dict[str, ChannelFacts] = field(default_factory=dict)  # Time channel of each column that has one
 
-    def mapped(self, column: str) -> ChannelMapping:
-        """Make the mapping of a column with a guessed channel, or of time with a given rate."""
-        guessed = self.columns[column]
-        if guessed.rate_hz is not None:
-            return ChannelMapping(rate_hz=guessed.rate_hz)
-        assert guessed.channel is not None
-        table, time = self.place_of(column)
-        return ChannelMapping(guessed.channel.name, guessed.unit, table=table, time=time)
-
-    def place_of(self, column: str) -> tuple[str, str]:
-        """Return the table and the time channel that a column's mapping must name; empty if not needed."""
-        channel, stamp, main = self.columns[column].channel, self.stamps.get(column), self.columns[TIME].channel
-        several = channel is not None and column != TIME and channel.name in self.ambiguous
-        own = stamp is not None and main is not None and stamp.name != main.name
-        return channel.table_name if channel and several else "", stamp.name if stamp and own else ""
+    def entry(self, column: str) -> dict[str, Any]:
+        """Return the mapping of a column with a guessed channel, or of time with a given rate, as in a file."""
+        guessed, time = self.columns[column], self.columns[TIME].channel
+        if guessed.channel is None:
+            return {"rate_hz": guessed.rate_hz}
+        entry, stamp = {"channel": guessed.channel.name, "unit": guessed.unit}, self.stamps.get(column)
+        if column != TIME and guessed.channel.name in self.ambiguous:
+            entry["table"] = guessed.channel.table_name
+        if stamp is not None and time is not None and stamp.name != time.name:
+            entry["time"] = stamp.name
+        return entry
 
     def to_dict(self) -> dict[str, Any]:
         """Return each column's guess, reasons and checks as JSON-compatible values."""
@@ -133,10 +133,10 @@ def guess_mapping(
     rate_hz = stated_rate((units or {}).get("time", ""))
     clock_given = "time" in (units or {}) and rate_hz is None
     ranked = {column: ranked_channels(column, facts, clock_given) for column in QUANTITIES}
-    chosen = _of_one_cylinder(ranked)
+    chosen = channels_of_one_cylinder(ranked)
     forces = (LOAD_FORCE,) if any(column in chosen for column in SIDES) else (DRIVE_FORCE, LOAD_FORCE)
     for column in (*forces, OIL_TEMPERATURE):
-        _take_first_free(column, ranked, chosen)
+        take_first_free(column, ranked, chosen)
     # A drive force replaces pressures if none was found.
     driven_by = (DRIVE_FORCE,) if DRIVE_FORCE in chosen else PRESSURES
     wanted = [TIME, *driven_by, POSITION, *(column for column in (LOAD_FORCE, OIL_TEMPERATURE) if column in chosen)]
@@ -144,7 +144,7 @@ def guess_mapping(
     why = "" if rate_hz else _time_unknown(ranked[TIME], facts)
     if POSITION not in chosen:
         _refuse_row_per_tag(tables, [time for time, _ in ranked[TIME]])
-    stamps = {} if rate_hz or why else _stamps(ranked[TIME], chosen)
+    stamps = {} if rate_hz or why else stamps_of(ranked[TIME], chosen)
     time = next((stamps[column] for column in (*SAMPLE_COLUMNS, DRIVE_FORCE, *stamps) if column in stamps), None)
     if time is not None:
         chosen[TIME] = time
@@ -203,43 +203,6 @@ def _refuse_row_per_tag(tables: Sequence[LoggedTable], clocks: Sequence[ChannelF
             )
 
 
-def _of_one_cylinder(ranked: dict[str, Ranked]) -> dict[str, ChannelFacts]:
-    """Choose pressures and position of the cylinder that fits best; cylinders differ in the rest of the names.
-
-    If no cylinder has all three, the best channel of each column is returned.
-    """
-    groups: dict[tuple[str, ...], dict[str, tuple[ChannelFacts, float]]] = {}
-    for column in SAMPLE_COLUMNS:
-        for channel, score in ranked[column]:
-            group = groups.setdefault(channel.words.rest, {})
-            if channel not in [taken for taken, _ in group.values()]:
-                group.setdefault(column, (channel, score))
-    whole = [group for group in groups.values() if len(group) == len(SAMPLE_COLUMNS)]
-    if whole:
-        best = max(whole, key=lambda group: sum(score for _, score in group.values()))
-        return {column: best[column][0] for column in SAMPLE_COLUMNS}
-    chosen: dict[str, ChannelFacts] = {}
-    for column in SAMPLE_COLUMNS:
-        _take_first_free(column, ranked, chosen)
-    return chosen
-
-
-def _take_first_free(column: str, ranked: dict[str, Ranked], chosen: dict[str, ChannelFacts]) -> None:
-    free = [channel for channel, _ in ranked[column] if channel not in chosen.values()]
-    if free:
-        chosen[column] = free[0]
-
-
-def _stamps(ranked: Ranked, chosen: dict[str, ChannelFacts]) -> dict[str, ChannelFacts]:
-    """Find the time channel of each column: the best one in its table."""
-    stamps: dict[str, ChannelFacts] = {}
-    for column, channel in chosen.items():
-        free = (time for time, _ in ranked if time.table == channel.table and time not in chosen.values())
-        if (best := next(free, None)) is not None:
-            stamps[column] = best
-    return stamps
-
-
 def _guessed(
     column: str,
     chosen: Mapping[str, ChannelFacts],
@@ -257,17 +220,36 @@ def _guessed(
         for other, score in ranked
         if id(other) not in taken and score >= least and not (column == TIME and other.table != channel.table)
     )
-    guess = _with_unit(GuessedColumn(column, channel, others=others), channel, chosen, cylinder, units)
-    reasons, checks = (_meaning(column, channel), *guess.reasons), (*_meaning_checks(column, channel), *guess.checks)
-    return replace(guess, reasons=reasons, checks=checks)
+    reasons, checks = [_meaning(column, channel)], _meaning_checks(column, channel)
+    unit, fitting, given = channel.unit, None, units.get(QUANTITIES[column])
+    if channel.dates:
+        unit, reasons = "", [*reasons, "holds dates"]
+    elif unit or given is not None:
+        unit, stated = (unit, f"from the {channel.stated_by}") if unit else (str(given), "as given")
+        reasons += [f"unit {unit} {stated}", channel.described()]
+    else:
+        alike = [chosen[name] for name in PRESSURES if name in chosen] if column in SIDES else [channel]
+        fitting = fitting_units(column, [each for each in alike if not each.unit], cylinder)
+        stated_units = [each.unit for each in alike if each.unit in fitting]
+        unit, *more = sorted(fitting, key=lambda unit: unit not in stated_units) or [usual_unit(column)]
+        also = (
+            f"; {' or '.join(more)} would fit too" if more else "" if fitting else "; the values fit none of the usual"
+        )
+        reasons.append(f"{_size(column, channel)}{f' fit {unit}' if fitting else f'; {unit} is usual'}")
+        checks.append(f"the unit is stated nowhere{also}")
+    return GuessedColumn(column, channel, unit, tuple(reasons), tuple(checks), others, fitting)
+
+
+def _size(column: str, channel: ChannelFacts) -> str:
+    return f"steps of {channel.step:.4g}" if column == TIME else channel.described()
 
 
 def _meaning(column: str, channel: ChannelFacts) -> str:
     """State why a channel was chosen for a column."""
-    quantity = QUANTITIES[column].replace("length", "position")
-    side = SIDES.get(column)
+    quantity, side = QUANTITIES[column].replace("length", "position"), SIDES.get(column)
     if side is not None and channel.words.side == side:
-        return f"name means {'pressure, ' if channel.words.quantity == 'pressure' else ''}{SIDE_WORDS[side]}"
+        pressure = "pressure, " if channel.words.quantity == "pressure" else ""
+        return f"name means {pressure}{('piston', 'rod')[side - 1]} side"
     if channel.words.quantity == QUANTITIES[column]:
         return f"name means {quantity}"
     return "values rise steadily" if column == TIME else f"unit is one of {quantity}"
@@ -289,26 +271,88 @@ def _meaning_checks(column: str, channel: ChannelFacts) -> list[str]:
     return []
 
 
-def _with_unit(
-    guess: GuessedColumn,
-    channel: ChannelFacts,
-    chosen: Mapping[str, ChannelFacts],
-    cylinder: Cylinder | None,
-    units: Mapping[str, str],
-) -> GuessedColumn:
-    """Add the unit, its reasons and checks, and all fitting units if it is stated nowhere."""
-    column, given = guess.column, units.get(QUANTITIES[guess.column])
-    if channel.dates:
-        return replace(guess, reasons=("holds dates",))
-    if channel.unit or given is not None:
-        unit, stated = (channel.unit, f"from the {channel.stated_by}") if channel.unit else (str(given), "as given")
-        return replace(guess, unit=unit, reasons=(f"unit {unit} {stated}", channel.described()))
-    alike = [chosen[name] for name in PRESSURES if name in chosen] if column in SIDES else [channel]
-    fitting = fitting_units(column, [each for each in alike if not each.unit], cylinder)
-    stated_units = [each.unit for each in alike if each.unit in fitting]
-    first, *more = sorted(fitting, key=lambda unit: unit not in stated_units) or [usual_unit(column)]
-    also = f"; {' or '.join(more)} would fit too" if more else "" if fitting else "; the values fit none of the usual"
-    what = f"steps of {channel.step:.4g}" if column == TIME else channel.described()
-    reason = f"{what} fit {first}" if fitting else f"{what}; {first} is usual"
-    checks = (f"the unit is stated nowhere{also}",)
-    return replace(guess, unit=first, reasons=(reason,), checks=checks, fitting=tuple(fitting))
+def channel_lines(guess: GuessedMapping) -> list[str]:
+    """Write the lines below ``channels:`` without indentation; unused channels are listed at the end."""
+    lines = [line for column in guess.columns.values() for line in _column_lines(column, guess)]
+    if guess.unused:
+        lines.append("# Not used:")
+        for channel in guess.unused[:LISTED]:
+            unit = f" [{channel.unit}]" if channel.unit and channel.words.unit != channel.unit else ""
+            place = f" in table {channel.table_name}" if channel.table_name else ""
+            lines.append(f"#   {printable(f'{channel.name}{unit}{place}: {channel.described()}')}")
+        if len(guess.unused) > LISTED:
+            lines.append(f"#   and {len(guess.unused) - LISTED} more")
+    return lines
+
+
+def _column_lines(column: GuessedColumn, guess: GuessedMapping) -> list[str]:
+    name, channel = column.column, column.channel
+    checks = [f"# CHECK: {printable(check)}" for check in column.checks]
+    if column.rate_hz is not None:
+        return [f"{name}: {{rate_hz: {column.rate_hz:g}}}"]
+    if channel is None:
+        rate = ", or write {rate_hz: ...} if the rows come at a constant rate" if name == TIME else ""
+        unknown = f'{name}: {{channel: "{NOT_FOUND}", unit: {usual_unit(name)}}}'
+        return [f"# {NOT_FOUND}: name the channel{rate}", *checks, unknown]
+    lines = [f"# guess: {printable(', '.join(column.reasons))}"]
+    if column.others:
+        named = [f"{each.name} ({each.described()})" for each in (channel, *column.others)]
+        lines.append(f"# AMBIGUOUS: {printable(' or '.join(named))}")
+    entry = {key: _unit(text) if key == "unit" else quoted(text) for key, text in guess.entry(name).items()}
+    lines += checks
+    if not column.known:
+        lines.append(f"# {NOT_FOUND}: the sensor's range, and what the channel holds at its two ends")
+        signal = {"mA": "[4, 20]", "count": "[0, 4095]"}.get(electrical(channel.unit) or "", "[0, 10]")
+        entry["sensor"] = f"{{range: [0, 1], unit: {_unit(usual_unit(name))}, signal: {signal}}}"
+    return [*lines, f"{name}: {{{', '.join(f'{key}: {value}' for key, value in entry.items())}}}"]
+
+
+def _unit(unit: str) -> str:
+    return unit if re.fullmatch(r"[A-Za-z°]+", unit) and yaml.safe_load(unit) == unit else quoted(unit)
+
+
+def quoted(text: str) -> str:
+    """Write any text as a quoted YAML scalar on one line."""
+    return yaml.safe_dump(text, default_style='"', allow_unicode=True, width=10**9).rstrip("\n")
+
+
+def refuse_unknown(guess: GuessedMapping, units: Mapping[str, str]) -> None:
+    """Refuse a guess with open columns or units, or ``units`` (by quantity) that the file contradicts.
+
+    Raises:
+        RecordingError: A column, a sensor's range or a unit cannot be guessed; the message states what to write.
+    """
+    unknown = {name: each.checks for name, each in guess.columns.items() if not each.known}
+    if unknown:
+        why = "".join(f": {check}" for check in unknown.get(TIME, ()))
+        why += f" ({ONE_CHAMBER})" if PRESSURE_2 in unknown and PRESSURE_1 not in unknown else ""
+        raise RecordingError(
+            f"no mapping was given, and that of {', '.join(unknown)} cannot be guessed{why}; state channels, starting "
+            "from\n" + "\n".join(channel_lines(guess))
+        )
+    doubtful: dict[str, list[GuessedColumn]] = {}
+    for name, each in guess.columns.items():
+        quantity, channel = QUANTITIES[name], each.channel
+        if channel is not None and channel.unit and not units_agree(channel.unit, units.get(quantity, channel.unit)):
+            raise RecordingError(
+                f"channel {channel.name!r} states {channel.unit}, but {quantity}={units[quantity]} was given as its "
+                "unit; leave it out, or correct the file"
+            )
+        # Friction does not depend on temperature.
+        if each.fitting is not None and len(each.fitting) != 1 and quantity != "temperature":
+            doubtful.setdefault(quantity, []).append(each)
+    if doubtful:
+        words = "; ".join(f"{quantity} of {_and_their_fit(each)}" for quantity, each in doubtful.items())
+        options = "; ".join(
+            " or ".join(f"--unit {quantity}={unit}" for unit in each[0].fitting or [OTHERWISE.get(quantity, "UNIT")])
+            for quantity, each in doubtful.items()
+        )
+        raise RecordingError(
+            f"no mapping was given, and units that the file does not state cannot be guessed: {words}; state what they "
+            f"are: {options} (in Python units={{quantity: unit}}), or give a mapping"
+        )
+
+
+def _and_their_fit(columns: Sequence[GuessedColumn]) -> str:
+    named = [f"{each.channel.name!r} ({_size(each.column, each.channel)})" for each in columns if each.channel]
+    return f"{' and '.join(named)} fits {' or '.join(columns[0].fitting or ['no usual unit'])}"

@@ -185,7 +185,7 @@ def _refuse_two_clocks(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Ar
                 raise RecordingError(
                     f"the table has two clocks, {clock.channel!r} with {own_hz[-1]:.4g} Hz and {other.name!r} with "
                     f"{other_hz:.4g} Hz, and no column is stamped by {other.name!r}; state the clock of each column as "
-                    "channels.<column>.time (and time_unit) in the mapping, or leave one out of the export"
+                    "channels.<column>.time in the mapping, or leave one out of the export"
                 )
 
 
@@ -236,31 +236,28 @@ def _stamps(
         if clock in dates:
             stamps_s[clock] = stamps_to_seconds(dates[clock], origin)
         elif clock.channel:
-            stamps_s[clock] = _seconds(tables[clock.table], clock.channel, column, time, mapping[column].time_unit)
+            stamps_s[clock] = _seconds(tables[clock.table], clock.channel, column, time)
         else:
             assert time.rate_hz is not None
             stamps_s[clock] = np.arange(len(tables[clock.table].channels)) / time.rate_hz
     return stamps_s
 
 
-def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping, time_unit: str) -> Array:
-    """Read a time channel's numbers in seconds.
-
-    The unit of ``time_s`` applies to the channel that it names. The mapping (``time_unit``) or the file states the unit
-    of another time channel.
-    """
-    raw, stated = table.channels[channel], table.units.get(channel, "")
-    of_time = channel == time.channel
-    configured = time_unit or (time.unit if of_time else "")
-    if stated and configured:
-        _refuse_other_unit(stated, configured, channel, TIME if of_time else column)
-    unit = configured or (stated if of_time or units.quantity_of(stated) == "time" else time.unit)
+def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping) -> Array:
+    """Read a time channel's numbers in seconds; the unit of ``time_s`` applies unless the file states another's."""
+    stated = table.units.get(channel, "")
+    if channel == time.channel:
+        unit = time.unit or stated
+        if stated:
+            _refuse_other_unit(stated, unit, channel, TIME)
+    else:
+        unit = stated if units.quantity_of(stated) == "time" else time.unit
     if not unit:
         raise RecordingError(
-            f"time channel {channel!r} (for {column!r}) holds {raw.dtype} and states no unit; "
+            f"time channel {channel!r} (for {column!r}) holds {table.channels[channel].dtype} and states no unit; "
             "expected dates, or numbers with channels.time_s.unit"
         )
-    values = _numbers(raw, channel, TIME, unit)
+    values = _numbers(table.channels[channel], channel, TIME, unit)
     return units.to_column_unit(values - time.offset if time.offset else values, unit, TIME)
 
 
@@ -325,10 +322,10 @@ def _numbers(raw: pd.Series[Any], channel: str, column: str, unit: str) -> Array
     if raw.dtype.kind in "iufb":
         return raw.to_numpy(dtype=np.float64)
     if raw.dtype.kind in "mMc":
+        kind = "dates" if raw.dtype.kind == "M" else raw.dtype
         raise RecordingError(
-            f"channel {channel!r} (for {column!r}) holds "
-            f"{'dates' if raw.dtype.kind == 'M' else raw.dtype}; expected numbers "
-            f"in {unit}; correct channels.{column}.channel"
+            f"channel {channel!r} (for {column!r}) holds {kind}; expected numbers in {unit}; correct "
+            f"channels.{column}.channel"
         )
     values: Array = pd.to_numeric(raw, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
     rows = np.flatnonzero(np.isnan(values) & raw.notna().to_numpy())
