@@ -17,8 +17,9 @@ from cylinder_friction.friction_models.identification.intervals import confidenc
 from cylinder_friction.friction_models.identification.simulation import Motion, Motions
 from cylinder_friction.friction_models.lugre import LugreParameters
 from cylinder_friction.labelling.equation_of_motion import drive_force
-from cylinder_friction.labelling.load import LoadPlan, pooled_load
+from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.labelling.mass import MotionIdentification, MotionPlan, motion_points
+from cylinder_friction.labelling.pooled_load import pooled_load
 from cylinder_friction.labelling.sliding_blocks import zero_uncertainty_n
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.signals.smooth_signals import signals_of

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 import pytest
+from pydantic import TypeAdapter
 
 from boom import boom_points, load_at_angle
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.label import Labeller, label, position_load
-from cylinder_friction.labelling.load import LoadIdentification, LoadPlan, identify_load, pooled_load
+from cylinder_friction.labelling.load import LoadIdentification, LoadPlan, identify_load
+from cylinder_friction.labelling.pooled_load import pooled_load
 from cylinder_friction.recordings.columns import OTHER_POSITIONS
 from cylinder_friction.recordings.reading_logs import read_recordings
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
@@ -53,7 +55,7 @@ def test_load_and_friction_are_found_where_strokes_went(other_m) -> None:  # typ
     assert found.coulomb_n == pytest.approx(400.0, rel=0.03)
     assert (found.other_order > 0) == (other_m is wandering)
     assert not found.knows(places + np.array([0.0, 0.1])).any()
-    assert LoadIdentification.from_dict(json.loads(json.dumps(found.to_dict()))) == found
+    assert TypeAdapter(LoadIdentification).validate_json(json.dumps(asdict(found))) == found
     assert f", {OTHER[0]} from 0." in found.sentence()
 
 

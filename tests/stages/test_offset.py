@@ -1,6 +1,6 @@
 """Stage ``offset``: identified where it can be, left alone where it must be; nothing of other sessions in training."""
 
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -136,14 +136,10 @@ def test_beside_a_measured_load_the_load_cell_has_its_part_of_the_offset(workpla
 def write_loads(spread_n: float) -> None:
     """Write what stage ``label`` would of loads by position: 300 N in the first session, more in each further one."""
     names = sorted({each.metadata.session for each in read_stored(LABELLED_FOLDER)})
-    number = dict.fromkeys(("asymmetry_n", "coulomb_n", "residual_n"), 4.0)
-    pairs = dict.fromkeys(("coulomb_interval_n", "viscous_interval_n_s_m", "load_range_n"), (0.0, 0.0))
-    load = LoadIdentification(
-        (0.0,), TravelCovered(((0.02, 0.2),)), (3.0,) * 51, viscous_n_s_m=0.0, confidence=0.95,
-        strokes_extend=9, strokes_retract=9, **number, **pairs,
-    )  # fmt: skip
+    covered, interval = TravelCovered(((0.02, 0.2),)), (0.0, 0.0)
+    load = LoadIdentification((0.0,), covered, (3.0,) * 51, 4.0, 4.0, interval, interval, 9, 9)
     loads = {name: replace(load, coefficients_n=(300.0 + spread_n * at,)) for at, name in enumerate(names)}
-    write_json(IDENTIFIED_FILE, {name: {"load": each.to_dict()} for name, each in loads.items()})
+    write_json(IDENTIFIED_FILE, {name: {"load": asdict(each)} for name, each in loads.items()})
 
 
 def test_with_a_common_load_the_offset_of_each_session_is_identified_beside_it(

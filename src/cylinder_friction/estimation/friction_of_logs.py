@@ -26,8 +26,8 @@ from cylinder_friction.labelling.known_offset import (
     offset_evidence,
 )
 from cylinder_friction.labelling.label import Labeller
-from cylinder_friction.labelling.load import pooled_load
 from cylinder_friction.labelling.offset_identification import MOST_SEARCHED
+from cylinder_friction.labelling.pooled_load import pooled_load
 from cylinder_friction.labelling.session import SessionIdentification
 from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan
 from cylinder_friction.labelling.up_and_down import holds_load, up_and_down

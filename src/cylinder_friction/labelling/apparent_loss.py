@@ -9,8 +9,8 @@ from scipy.optimize import nnls
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.friction_models.stribeck import HUBER_NOISE_MULTIPLE
 from cylinder_friction.labelling.known_offset import OffsetEvidence, offset_evidence
+from cylinder_friction.labelling.robust import robust_fit
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan, SlidingBlocks
 from cylinder_friction.recordings.columns import PRESSURES
 from cylinder_friction.recordings.recording import Recording
@@ -27,7 +27,6 @@ LEAST_BLOCKS = 30
 MARGIN = 1.1
 """Factor by which a loss may be larger than it looks."""
 _PRESSURE_POWER = 0.8
-_ROUNDS = 12
 
 
 @dataclass(frozen=True)
@@ -103,10 +102,8 @@ def loss_of_labels(labelled: Sequence[Recording], cylinder: Cylinder) -> Apparen
 
 def _fitted(sessions: Sequence[SlidingBlocks]) -> ApparentLoss:
     """Fit the sessions of one condition by least squares, with Huber's weights and no negative term."""
-    blocks, session = (
-        SlidingBlocks.together(sessions),
-        np.repeat(np.arange(len(sessions)), [len(s.stroke) for s in sessions]),
-    )
+    blocks, counts = SlidingBlocks.together(sessions), [len(each.stroke) for each in sessions]
+    session = np.repeat(np.arange(len(sessions)), counts)
     direction, speed = blocks.direction, np.abs(blocks.columns["velocity_m_s"])
     highest = float(np.quantile(speed, HIGHEST_SPEED))
     part = speed / highest
@@ -117,14 +114,8 @@ def _fitted(sessions: Sequence[SlidingBlocks]) -> ApparentLoss:
     fits = []
     for stribeck_m_s in STRIBECK_SPEEDS_M_S:
         design = np.column_stack([np.exp(-speed / stribeck_m_s), known])
-        weights = np.ones(len(part))
-        for _ in range(_ROUNDS):
-            root = np.sqrt(weights)
-            coefficients, _ = nnls(design * root[:, None], against_n * root)
-            off_n = np.abs(against_n - design @ coefficients)
-            threshold = HUBER_NOISE_MULTIPLE * 1.4826 * float(np.median(off_n))
-            weights = np.minimum(1.0, threshold / np.maximum(off_n, max(threshold, 1e-9)))
-        fits.append((float(off_n.sum()), *coefficients[-2:].tolist()))
+        fit = robust_fit(design, against_n, solve=lambda own, target: nnls(own, target)[0])
+        fits.append((float(np.abs(fit.residuals).sum()), *fit.coefficients[-2:].tolist()))
     _, linear_n, square_n = min(fits)
     friction_n = float(np.mean(np.abs(against_n - square_n * part**2)))
     return ApparentLoss(square_n, linear_n, friction_n, highest)

@@ -5,7 +5,7 @@ the reason for having no more.
 """
 
 import math
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -126,43 +126,39 @@ def known_offsets(evidence: Sequence[OffsetEvidence], cylinder: Cylinder, plan: 
     for each in evidence:
         sessions.setdefault(each.session, []).append(each)
     known = [_known(name, sessions[name], model, plan) for name in order]
-    deviations = _deviations({each.session for each in known if each.source == STATED}, counted, model, plan)
-    return [deviations.get(each.session, each) for each in known]
+    left = {each.session for each in known if each.source == STATED}
+    if model is None or not left:
+        return known
+    both_ways = [(each.condition, each.sliding) for each in counted if not math.isnan(each.sliding.halves_n()[0])]
+    own_models = _deviation_models(both_ways, plan, model).values()
+    deviations = {name: _deviation(each, own) for own in own_models for name, each in own.sessions.items()}
+    return [deviations[each.session] if each.session in left & deviations.keys() else each for each in known]
 
 
-def _deviations(
-    left: set[str], evidence: Sequence[OffsetEvidence], model: OffsetModel | None, plan: OffsetPlan
-) -> dict[str, KnownOffset]:
-    """Find how far each session in ``left`` deviates from the mean of its condition, if strokes show it."""
-    conditions: dict[str, list[SlidingBlocks]] = {}
-    for each in evidence:
-        if len(set(each.sliding.direction.tolist())) == 2:
-            conditions.setdefault(each.condition, []).append(each.sliding)
-    found: dict[str, KnownOffset] = {}
-    for sliding in conditions.values():
-        if model is None or not left & {each.session for each in sliding}:
-            continue
-        own = deviation_model(sliding, model.quantities.cylinder, plan, model)
-        found |= {} if own is None else {name: _deviation(each, own) for name, each in own.sessions.items()}
-    return {name: each for name, each in found.items() if name in left}
-
-
-def deviation_model(
-    sliding: Sequence[SlidingBlocks], cylinder: Cylinder, plan: OffsetPlan, of_all: OffsetModel
-) -> OffsetModel | None:
-    """Fit the model whose offsets are deviations from the mean of one condition; None if strokes do not show them.
+def _deviation_models(
+    sliding: Iterable[tuple[str, SlidingBlocks]], plan: OffsetPlan, of_all: OffsetModel
+) -> dict[str, OffsetModel]:
+    """Fit, by condition, the models whose offsets are deviations from the condition's mean, if strokes show them.
 
     The sessions of a condition share friction's asymmetry but not their zeros. ``of_all`` is the model of all
     conditions; if there is only one condition, it is used.
     """
-    names = {each.session for each in sliding}
-    if len(names) < LEAST_IN_CONDITION:
-        return None
-    alone = names == set(of_all.sessions)
-    model = (of_all if alone else offset_model(sliding, cylinder, cautious(plan, names))).about_mean()
-    prior_n = max(each.prior_n for each in model.sessions.values())
-    worst_n = max(each.standard_uncertainty_n for each in model.sessions.values())
-    return model if _own_asymmetry_n(model) <= prior_n and worst_n < LEAST_NARROWING * prior_n else None
+    conditions: dict[str, list[SlidingBlocks]] = {}
+    for condition, each in sliding:
+        conditions.setdefault(condition, []).append(each)
+    models = {}
+    for condition, own in conditions.items():
+        names = {each.session for each in own}
+        if len(names) < LEAST_IN_CONDITION:
+            continue
+        alone = names == set(of_all.sessions)
+        model = of_all if alone else offset_model(own, of_all.quantities.cylinder, cautious(plan, names))
+        model = model.about_mean()
+        prior_n = max(each.prior_n for each in model.sessions.values())
+        worst_n = max(each.standard_uncertainty_n for each in model.sessions.values())
+        if _own_asymmetry_n(model) <= prior_n and worst_n < LEAST_NARROWING * prior_n:
+            models[condition] = model
+    return models
 
 
 def training_models(
@@ -178,11 +174,7 @@ def training_models(
     reasons = [why for found in model.sessions.values() if (why := undetermined(found, model, plan))]
     if always or len(reasons) <= ODD_SHARE * len(model.sessions):
         return {ALL_CONDITIONS: model}, ""
-    conditions: dict[str, list[SlidingBlocks]] = {}
-    for each, own in zip(train, sliding, strict=True):
-        conditions.setdefault(each.metadata.condition, []).append(own)
-    found = {name: deviation_model(own, cylinder, plan, model) for name, own in conditions.items()}
-    models = {name: each for name, each in found.items() if each is not None}
+    models = _deviation_models(zip([each.metadata.condition for each in train], sliding, strict=True), plan, model)
     return models, "" if models else f"offsets are not identified: {reasons[0]}"
 
 

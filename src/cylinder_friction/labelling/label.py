@@ -12,8 +12,9 @@ from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.audit import Audit
 from cylinder_friction.labelling.equation_of_motion import Stiffness, friction_label
-from cylinder_friction.labelling.load import LoadPlan, pooled_load
+from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.labelling.mass import MotionPlan, motion_points
+from cylinder_friction.labelling.pooled_load import pooled_load
 from cylinder_friction.labelling.session import SessionIdentification, identify_session
 from cylinder_friction.labelling.strokes import stroke_points
 from cylinder_friction.labelling.uncertainty import label_uncertainty, line_uncertainty, smoothing_deviation

@@ -14,9 +14,7 @@ scatter of the strokes.
 """
 
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any, Self
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.polynomial import legendre
@@ -24,6 +22,7 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.labelling.robust import (
+    RobustFit,
     bootstrap_coefficients,
     clustered_covariance,
     quantile_interval,
@@ -31,19 +30,15 @@ from cylinder_friction.labelling.robust import (
     robust_fit,
 )
 from cylinder_friction.labelling.strokes import OthersCovered, StrokePoints, TravelCovered, coverage_of, others_covered
-from cylinder_friction.realtime.position_load import LoadAxis, PositionLoad
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, POSITION
 from cylinder_friction.recordings.line_loss import RECTANGULAR
 from cylinder_friction.recordings.recording import RecordingError
 
 GRID = 51
 """Number of positions at which the uncertainty is stored."""
-POOLED_PLACES = 129
-"""Number of positions at which the mean load of several sessions is stored."""
 OTHER_REACH_M = 0.01
 """Largest distance between another cylinder's position and its position in the strokes at which the load holds [m]."""
 GREATEST_OTHER_ORDER = 1
-MOST_OTHER_PLACES = 33
 MOST_SCATTER = 0.2
 """Uncertainty of the load, as a share of Coulomb friction, above which the load counts as unknown."""
 LEAST_SPREAD = 0.25
@@ -98,7 +93,7 @@ class LoadPlan:
 
 @dataclass(frozen=True)
 class LoadIdentification:
-    """A load that depends on position, identified from one session, and the friction identified with it.
+    """A load that depends on position, identified from one session, and the Coulomb friction identified with it.
 
     ``load_n`` computes the load, positive if it resists extension, and ``uncertainty_n`` its standard uncertainty, both
     in newtons. Outside ``coverage`` the load is unknown.
@@ -112,14 +107,10 @@ class LoadIdentification:
     asymmetry_n: float  # Standard uncertainty of the load from friction that may differ between the directions [N]
     coulomb_n: float  # Coulomb friction: half the difference between up and down, extrapolated to zero speed [N]
     coulomb_interval_n: tuple[float, float]  # Confidence interval of Coulomb friction [N]
-    viscous_n_s_m: float  # Viscous friction [N s/m]; 0 if the speeds do not determine it
-    viscous_interval_n_s_m: tuple[float, float]  # Its confidence interval [N s/m]; (0, 0) if not determined
     load_range_n: tuple[float, float]  # Least and greatest load over the coverage [N]
     # Number of strokes
     strokes_extend: int
     strokes_retract: int
-    residual_n: float  # Median absolute residual of the points [N]
-    confidence: float  # Probability of the intervals
     others: tuple[str, ...] = ()  # Columns of the other positions that the load depends on
     other_order: int = 0  # Greatest order of the polynomial in each of the other positions
     around: OthersCovered | None = None  # Other positions that strokes of both directions passed; None without others
@@ -181,26 +172,16 @@ class LoadIdentification:
         )
         return "".join(f", {words}" for words in between)
 
-    def to_dict(self) -> dict[str, Any]:
-        """Collect the content as JSON-compatible values."""
-        content = asdict(self)
-        if self.around is None:
-            del content["others"], content["other_order"], content["around"]
-        content["range_m"], content["order"] = list(self.coverage.range_m), self.order
-        content["stretches_m"] = [list(each) for each in content.pop("coverage")["stretches_m"]]
-        return {key: list(value) if isinstance(value, tuple) else value for key, value in sorted(content.items())}
 
-    @classmethod
-    def from_dict(cls, content: dict[str, Any]) -> Self:
-        """Build the object from the content of ``to_dict``."""
-        kept: dict[str, Any] = {
-            key: tuple(value) if isinstance(value, list) else value for key, value in content.items()
-        }
-        del kept["range_m"], kept["order"]
-        if around := kept.pop("around", None):
-            listed: dict[str, Any] = {name: tuple(each) for name, each in around.items() if isinstance(each, list)}
-            kept["around"] = OthersCovered(**around | listed)
-        return cls(coverage=TravelCovered(tuple(map(tuple, kept.pop("stretches_m")))), **kept)
+@dataclass(frozen=True)
+class _Candidate:
+    """A fit of the load beside friction with some terms of speed."""
+
+    design: Array
+    fit: RobustFit
+    drawn: Array  # Coefficients of the bootstrap samples
+    error_n: float  # Sum of absolute residuals [N]
+    known: bool  # Whether strokes determine its friction
 
 
 def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] = ()) -> LoadIdentification:
@@ -225,47 +206,38 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
     blocks, groups = _blocks(points, direction)
     order, other_order = _orders(points, coverage, around, blocks, plan)
     shape = _polynomials(_positions(points), coverage, around, order, other_order)
-    of_load = shape.shape[1]
-    dry = np.column_stack([shape, direction])
-    linear = points.velocity_m_s[:, None]
-    fits, loads_n = [], []
-    for terms in (linear[:, :0], linear, linear * np.abs(linear), np.hstack([linear, linear * np.abs(linear)])):
-        design = np.hstack([dry, terms])
+    of_load, linear = shape.shape[1], points.velocity_m_s[:, None]
+    square, candidates = linear * np.abs(linear), list[_Candidate]()
+    for terms in (linear[:, :0], linear, square, np.hstack([linear, square])):
+        design = np.hstack([np.column_stack([shape, direction]), terms])
         fit = robust_fit(design, points.force_n)
         drawn = bootstrap_coefficients(design, fit, points.force_n, blocks, groups, plan.repeats, plan.seed)
-        loads_n.append((float(np.abs(fit.residuals).sum()), fit.coefficients[:of_load]))
-        if not terms.shape[1] or _determined(design, drawn[:, of_load:], plan.confidence):
-            fits.append((float(np.abs(fit.residuals).sum()), terms is linear or terms.shape[1] > 1, design, fit, drawn))
-    least = min(each[0] for each in fits)
-    _, is_viscous, design, fit, drawn = next(each for each in fits if each[0] <= _AS_GOOD * least)
-    alike = [each[-1][:, of_load] for each in fits if each[0] <= _ALIKE * least]
-    viscous = float(fit.coefficients[of_load + 1]) if is_viscous else 0.0
-    viscous_interval = quantile_interval(drawn[:, of_load + 1], plan.confidence) if is_viscous else (0.0, 0.0)
-    coulomb = float(fit.coefficients[of_load])
-    ends = [quantile_interval(each, plan.confidence) for each in alike]
-    coulomb_interval_n = min(low for low, _ in ends), max(high for _, high in ends)
-    if coulomb > 0.0 and coulomb_interval_n[0] <= 0.0:
+        known = not terms.shape[1] or _determined(design, drawn[:, of_load:], plan.confidence)
+        error_n = float(np.abs(fit.residuals).sum())
+        candidates.append(_Candidate(design, fit, drawn, error_n, known))
+    least_n = min(each.error_n for each in candidates if each.known)
+    chosen = next(each for each in candidates if each.known and each.error_n <= _AS_GOOD * least_n)
+    alike = [each.drawn[:, of_load] for each in candidates if each.known and each.error_n <= _ALIKE * least_n]
+    load, coulomb = chosen.fit.coefficients[:of_load], float(chosen.fit.coefficients[of_load])
+    lows, highs = zip(*(quantile_interval(each, plan.confidence) for each in alike), strict=True)
+    if coulomb <= 0.0 or min(lows) <= 0.0:
+        found = f"load and friction cannot be separated: Coulomb friction would be {coulomb:.4g} N"
         raise RecordingError(
-            f"load and friction cannot be separated: Coulomb friction would be {coulomb:.4g} N, but may be "
-            f"{coulomb_interval_n[0]:.4g} to {coulomb_interval_n[1]:.4g} N; record more strokes at slow, steady speed"
+            f"{found}, but may be {min(lows):.4g} to {max(highs):.4g} N; record more strokes at slow, steady speed"
+            if coulomb > 0.0
+            else f"{found}, which drives the motion; check the sign of position and of the forces in the mapping"
         )
-    if coulomb <= 0.0:
-        raise RecordingError(
-            f"load and friction cannot be separated: Coulomb friction would be {coulomb:.4g} N, which drives the "
-            "motion; check the sign of position and of the forces in the mapping"
-        )
-    grid = np.linspace(*coverage.range_m, GRID)
-    friction_n = points.force_n - shape @ fit.coefficients[:of_load]
+    grid, friction_n = np.linspace(*coverage.range_m, GRID), points.force_n - shape @ load
     if around is None:
         along = _polynomials(grid[:, None], coverage, None, order, 0)
-        better = [each for error, each in loads_n if _ALIKE * error < np.abs(fit.residuals).sum()]
-        off_n = max((np.abs(along @ (each - fit.coefficients[:of_load])) for each in better), key=np.max, default=0.0)
-        scatter_n = np.hypot(np.std(drawn[:, :of_load] @ along.T, axis=0), RECTANGULAR * off_n)
-        loads = (along @ fit.coefficients[:of_load])[coverage.holds(grid)]
+        others_n = [each.fit.coefficients[:of_load] for each in candidates if _ALIKE * each.error_n < chosen.error_n]
+        off_n = max((np.abs(along @ (each - load)) for each in others_n), key=np.max, default=0.0)
+        scatter_n = np.hypot(np.std(chosen.drawn[:, :of_load] @ along.T, axis=0), RECTANGULAR * off_n)
+        loads_n = (along @ load)[coverage.holds(grid)]
     else:
         along = _polynomials(around.middles_m, coverage, around, order, other_order)
         # A bootstrap draw may leave a place without strokes of one direction; its load would then be unknown.
-        covariance = clustered_covariance(design, fit, blocks)[:of_load, :of_load]
+        covariance = clustered_covariance(chosen.design, chosen.fit, blocks)[:of_load, :of_load]
         of_cells_n = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", along, covariance, along), 0.0))
         sure = of_cells_n < MOST_SCATTER * coulomb
         if not sure.any():
@@ -273,74 +245,23 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
                 f"the load is nowhere known to {MOST_SCATTER * coulomb:.0f} N, half of Coulomb friction, from "
                 f"{len(np.unique(points.stroke))} strokes; record more strokes with the other cylinders at rest"
             )
-        loads = along[sure] @ fit.coefficients[:of_load]
+        loads_n = along[sure] @ load
         scatter_n = _worst_along(grid, around.middles_m[sure, 0], of_cells_n[sure])
+        around = replace(around, known=tuple(np.array(around.known)[sure].tolist()))
     return LoadIdentification(
-        coefficients_n=tuple(float(value) for value in fit.coefficients[:of_load]),
+        coefficients_n=tuple(load.tolist()),
         coverage=coverage,
-        scatter_n=tuple(map(float, scatter_n)),
+        scatter_n=tuple(scatter_n.tolist()),
         asymmetry_n=plan.asymmetry * max(coulomb, float(np.mean(np.abs(friction_n)))),
         coulomb_n=coulomb,
-        coulomb_interval_n=coulomb_interval_n,
-        viscous_n_s_m=viscous,
-        viscous_interval_n_s_m=viscous_interval,
-        load_range_n=(float(loads.min()), float(loads.max())),
+        coulomb_interval_n=(min(lows), max(highs)),
+        load_range_n=(float(loads_n.min()), float(loads_n.max())),
         strokes_extend=len(np.unique(points.stroke[direction > 0.0])),
         strokes_retract=len(np.unique(points.stroke[direction < 0.0])),
-        residual_n=float(np.median(np.abs(fit.residuals))),
-        confidence=plan.confidence,
         others=others,
         other_order=other_order,
-        around=around if around is None else replace(around, known=tuple(np.array(around.known)[sure].tolist())),
+        around=around,
     )
-
-
-def pooled_load(sessions: Sequence[LoadIdentification]) -> PositionLoad:
-    """Average the loads of sessions, for an estimator to subtract.
-
-    The mean of loads of one position is known at positions that all sessions know; with several positions, at positions
-    that any session knows. Its uncertainty applies to a further session: it combines the spread between two or more
-    sessions with the uncertainty of each session's own load.
-
-    Raises:
-        RecordingError: There is no session, or they share no stretch of position.
-    """
-    if not sessions:
-        raise RecordingError("a load that depends on position cannot be pooled: got no session; expected at least one")
-    if sessions[0].others:
-        return _pooled_over_several(sessions)
-    firsts, lasts = zip(*(each.coverage.range_m for each in sessions), strict=True)
-    first_m, last_m = max(firsts), min(lasts)
-    if not first_m < last_m:
-        raise RecordingError(
-            f"the sessions' loads share no position: one is known from {first_m:.4g} m on, one up to {last_m:.4g} m; "
-            "record strokes over the same travel in each session"
-        )
-    position_m = np.linspace(first_m, last_m, POOLED_PLACES)
-    loads_n = np.array([each.load_n(position_m) for each in sessions])
-    own_n = np.sqrt(np.mean([each.uncertainty_n(position_m) ** 2 for each in sessions], axis=0))
-    spread_n = loads_n.std(axis=0, ddof=1) if len(sessions) > 1 else np.zeros(POOLED_PLACES)
-    return PositionLoad(first_m, last_m, loads_n.mean(axis=0), np.hypot(own_n, spread_n))
-
-
-def refuse_unlike_loads(sessions: Mapping[str, LoadIdentification], common: PositionLoad) -> None:
-    """Refuse sessions that cannot all carry the common load.
-
-    Raises:
-        RecordingError: A session's load differs from the common load by over twice the session's standard uncertainty.
-    """
-    positions_m = _places(common)
-    for name, each in sessions.items():
-        own_m = positions_m[each.knows(positions_m)] if each.others else positions_m
-        if not len(own_m):
-            continue
-        off_n, known_n = each.load_n(own_m) - common.at(own_m), each.uncertainty_n(own_m)
-        if np.sqrt(np.mean(np.square(off_n / known_n))) > COVERAGE_FACTOR:
-            raise RecordingError(
-                f"sessions carry different loads: that of {name} is {np.sqrt(np.mean(off_n**2)):.3g} N from the mean "
-                f"of the training sessions, known to {known_n.mean():.3g} N; expected at most {COVERAGE_FACTOR:g} "
-                "times that; set offset.common_load to false, so that each session keeps its own"
-            )
 
 
 def _worst_along(grid: Array, position_m: Array, values: Array) -> Array:
@@ -350,44 +271,6 @@ def _worst_along(grid: Array, position_m: Array, values: Array) -> Array:
     np.fmax.at(worst, np.clip(nearest, 0, len(grid) - 1), values)
     known = np.isfinite(worst)
     return np.asarray(np.interp(grid, grid[known], worst[known]))
-
-
-def _pooled_over_several(sessions: Sequence[LoadIdentification]) -> PositionLoad:
-    """Average loads of several positions; at each place, over the sessions that know the load there."""
-    ranges_m = [(each.coverage.range_m, *(each.around.ranges_m if each.around else ())) for each in sessions]
-    axes = []
-    for number, column in enumerate(sessions[0].columns):
-        first_m, last_m = min(own[number][0] for own in ranges_m), max(own[number][1] for own in ranges_m)
-        axes.append(LoadAxis(column, first_m, last_m))
-    most = MOST_OTHER_PLACES if len(axes) == 2 else MOST_OTHER_PLACES // 2
-    counts = [min(most, math.ceil((each.last_m - each.first_m) / OTHER_REACH_M) + 1) for each in axes[1:]]
-    shape = (POOLED_PLACES, *counts)
-    empty = PositionLoad(*axes[0][1:], np.zeros(shape), np.zeros(shape), tuple(axes[1:]))
-    positions_m = _places(empty)
-    known = np.array([each.knows(positions_m) for each in sessions])
-    loads_n = np.array([each.load_n(positions_m) for each in sessions])
-    own_n = np.array([each.uncertainty_n(positions_m) for each in sessions])
-    everywhere: Mask = np.reshape(known.any(axis=0), shape)
-    from scipy.ndimage import distance_transform_edt  # Only loads by several positions need it
-
-    nearest = distance_transform_edt(~everywhere, return_distances=False, return_indices=True)
-    # At an unknown place, average the sessions that know the nearest known place.
-    goes_on = known[:, np.ravel_multi_index(tuple(nearest), shape).ravel()]
-    count = goes_on.sum(axis=0)
-    mean_n = np.where(goes_on, loads_n, 0.0).sum(axis=0) / count
-    several = known & (known.sum(axis=0) > 1)
-    free = several.sum() - several.any(axis=0).sum()
-    off_n = np.where(several, loads_n - mean_n, 0.0)
-    spread_n = math.sqrt(float((off_n**2).sum()) / free) if free else 0.0  # of sessions at places that several know
-    half_n = np.hypot(np.sqrt(np.where(goes_on, own_n**2, 0.0).sum(axis=0) / count), spread_n)
-    tables = [np.reshape(each, shape) for each in (mean_n, half_n)]
-    return PositionLoad(axes[0].first_m, axes[0].last_m, tables[0], tables[1], tuple(axes[1:]), everywhere)
-
-
-def _places(load: PositionLoad) -> Array:
-    """Compute the positions of a load's table, shape ``(places, positions)``."""
-    along = [np.linspace(*axis[1:], count) for axis, count in zip(load.axes, load.load_n.shape, strict=True)]
-    return np.stack([each.ravel() for each in np.meshgrid(*along, indexing="ij")], axis=1)
 
 
 def _positions(points: StrokePoints) -> Array:
@@ -413,21 +296,14 @@ def _polynomials(
 def _determined(design: Array, drawn: Array, confidence: float) -> bool:
     """Check whether strokes determine dry friction and each term of speed as positive.
 
-    ``drawn`` has a column for each of them, in this order. The last column of ``design`` is the last of these terms.
+    ``drawn`` has a column for each of them, in this order. The last column of ``design`` is the last of these terms. If
+    all strokes of a direction have one speed, position and direction explain nearly all of it. Viscous friction then
+    cannot be told from Coulomb friction or, if the speeds of the directions differ, from a constant load.
     """
+    others, last = design[:, :-1], design[:, -1]
+    left = last - others @ np.linalg.lstsq(others, last, rcond=None)[0]
     positive = all(quantile_interval(each, confidence)[0] > 0.0 for each in drawn.T)
-    return positive and _own_share(design) >= _OWN_SHARE
-
-
-def _own_share(design: Array) -> float:
-    """Compute the share of velocity's square, the last column, that position and direction do not explain.
-
-    The share is nearly zero if all strokes of a direction have one speed. Viscous friction then cannot be told from
-    Coulomb friction or, if the speeds of the directions differ, from a constant load.
-    """
-    others, velocity = design[:, :-1], design[:, -1]
-    residual = velocity - others @ np.linalg.lstsq(others, velocity, rcond=None)[0]
-    return float(residual @ residual / (velocity @ velocity))
+    return positive and float(left @ left / (last @ last)) >= _OWN_SHARE
 
 
 def _blocks(points: StrokePoints, direction: Array) -> tuple[NDArray[np.int64], Array]:

@@ -1,6 +1,7 @@
 """Robust linear regression, and its uncertainty when neighbouring residuals are correlated."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,11 +24,22 @@ class RobustFit:
     residuals: Array  # Target minus fit, shape ``(n,)``
 
 
-def robust_fit(design: Array, target: Array, multiple: float = HUBER_NOISE_MULTIPLE) -> RobustFit:
+def least_squares(design: Array, target: Array) -> Array:
+    """Solve for the coefficients of smallest norm."""
+    return np.asarray(np.linalg.lstsq(design, target, rcond=None)[0])
+
+
+def robust_fit(
+    design: Array,
+    target: Array,
+    multiple: float = HUBER_NOISE_MULTIPLE,
+    solve: Callable[[Array, Array], Array] = least_squares,
+) -> RobustFit:
     """Fit ``target``, shape ``(n,)``, by the columns of ``design``, shape ``(n, k)``, with Huber's loss.
 
     The method is iteratively reweighted least squares. Huber's threshold is a ``multiple`` of the noise, measured in
     each round as a standard deviation from the median absolute residual. Identical columns share their coefficient.
+    ``solve`` fits without weights.
 
     Source: Huber 1981, section 7.8.
     """
@@ -39,7 +51,7 @@ def robust_fit(design: Array, target: Array, multiple: float = HUBER_NOISE_MULTI
     residuals: Array = target
     for _ in range(_GREATEST_ROUNDS):
         root = np.sqrt(weights)
-        found = np.linalg.lstsq(scaled * root[:, None], target * root, rcond=None)[0]
+        found = solve(scaled * root[:, None], target * root)
         residuals = np.asarray(target - scaled @ found)
         threshold = multiple * 1.4826 * float(np.median(np.abs(residuals)))
         settled = np.max(np.abs(found - coefficients)) <= _SETTLED * (np.max(np.abs(found)) + 1e-300)
@@ -74,12 +86,9 @@ def clustered_half_widths(design: Array, fit: RobustFit, clusters: NDArray[np.in
     Source: ``clustered_covariance``, with Student's t; its degrees of freedom are the number of clusters minus the
     number of coefficients.
     """
-    free = int(clusters.max()) + 1 - design.shape[1]
-    if free < 1:
-        return np.full(design.shape[1], np.inf)
-    covariance = clustered_covariance(design, fit, clusters)
-    quantile = float(stdtrit(free, 0.5 + 0.5 * confidence))
-    return np.asarray(quantile * np.sqrt(np.maximum(np.diag(covariance), 0.0)))
+    free = max(int(clusters.max()) + 1 - design.shape[1], 1)
+    variance = np.diag(clustered_covariance(design, fit, clusters))
+    return np.asarray(stdtrit(free, 0.5 + 0.5 * confidence) * np.sqrt(np.maximum(variance, 0.0)))
 
 
 def bootstrap_coefficients(

@@ -1,7 +1,7 @@
 """Load and moving mass of one session, identified from the motion of its recordings."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from cylinder_friction.labelling.load import LoadIdentification, LoadPlan, identify_load
@@ -25,7 +25,7 @@ class SessionIdentification:
         """Collect the content as JSON-compatible values."""
         return {
             "moving_mass_kg": self.moving_mass_kg,
-            "load": None if self.load is None else self.load.to_dict(),
+            "load": None if self.load is None else asdict(self.load),
             "motion": None if self.motion is None else self.motion.to_dict(),
         }
 

@@ -6,11 +6,13 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from cylinder_friction.files.whole_files import read_json, whole_folder, write_json, write_text
 from cylinder_friction.labelling.apparent_loss import loss_of_labels
 from cylinder_friction.labelling.label import with_common_load
-from cylinder_friction.labelling.load import LoadIdentification, pooled_load, refuse_unlike_loads
+from cylinder_friction.labelling.load import LoadIdentification
+from cylinder_friction.labelling.pooled_load import pooled_load, refuse_unlike_loads
 from cylinder_friction.labelling.session_offsets import take_offsets
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan
 from cylinder_friction.realtime.position_load import channel_names
@@ -53,7 +55,8 @@ def run(params: Params) -> RunRecord:
     }
     load = None
     if ingested["load"] == "position":
-        loads = {name: LoadIdentification.from_dict(each["load"]) for name, each in read_json(IDENTIFIED_FILE).items()}
+        kind, identified = TypeAdapter(LoadIdentification), read_json(IDENTIFIED_FILE)
+        loads = {name: kind.validate_python(each["load"]) for name, each in identified.items()}
         load = pooled_load([loads[name] for name in sorted({each.metadata.session for each in recordings["train"]})])
     if load is not None and settings.common_load:
         refuse_unlike_loads(loads, load)
