@@ -216,8 +216,13 @@ SENTENCES: tuple[tuple[str, str, Truth], ...] = (
     ),
     (
         "estimation/results.py load_left; evaluation/inspection",
-        r"holds a load, or a sensor's zero, of about (-?\d+)|(-?\d+)[.\d]* N does not turn with the direction;",
-        lambda m, made, name: made.world.noisy_position or near(float(m[1] or m[2]) or 1e-9, made.uneven_n(name), 1.25),
+        r"holds a load, a sensor's zero or the loss of a line, of about (-?\d+)"
+        r"|(-?\d+)[.\d]* N does not turn with the direction;",
+        lambda m, made, name: (
+            made.world.noisy_position
+            or bool(made.world.line_bar)
+            or near(float(m[1] or m[2]) or 1e-9, made.uneven_n(name), 1.25)
+        ),
     ),
     (
         "labelling/load.py sentence, load",

@@ -182,7 +182,7 @@ def test_a_load_by_position_comes_off(tmp_path: Path, cylinder: Cylinder, labell
     assert result.recordings[0].load_left_n is None
     without = estimate_logs(tmp_path / "logs", cylinder, tmp_path / "none", channels=CHANNELS)
     assert without.recordings[0].load_left_n == pytest.approx(weight_n, abs=60.0)
-    assert "holds a load, or a sensor" in (tmp_path / "none/friction.html").read_text()
+    assert "holds a load, a sensor" in (tmp_path / "none/friction.html").read_text()
     written = read_recording(tmp_path / "out/loaded.parquet")
     usable = written.usable()
     assert written.column("load_force_n")[usable].mean() == pytest.approx(weight_n, abs=60.0)

@@ -24,5 +24,5 @@ def test_the_sentence_asks_and_offers_what_to_state(cylinder: Cylinder) -> None:
     assert words == (
         "1600 N of friction at 0.05 m/s grow with speed, as if a line between sensors and cylinder lost about 3.4 bar; "
         "are the sensors at the cylinder's ports? If they are not, state the loss (sensor.line_loss in the mapping); "
-        "until then bounds are wider by what the line may lose, and viscous friction is not known"
+        "until then bounds are wider by what the line may lose, and Coulomb and viscous friction are not known"
     )

@@ -278,8 +278,8 @@ class ModelSearch:
             return _unidentified(model, recordings, str(error))
         intervals = widened_intervals(found, model, recordings, self.velocities, pressure, **given)
         found = replace(found, intervals=shifted_intervals(found, intervals, self._zeros_n(recordings)))
-        no_viscous = "" if self.run.loss is None else self.run.loss.unknown_viscous
-        parameters = determined(model, found, points, DAMPING_RATIO, no_viscous)
+        loss = "" if self.run.loss is None else self.run.loss.unknown_viscous
+        parameters = determined(model, found, points, DAMPING_RATIO, loss)
         names = tuple(recording.name for recording in recordings)
         return IdentifiedModel(model.name, model.title, names, "", parameters, found.velocity, found)
 

@@ -51,6 +51,8 @@ UNSEPARATED = (
     "part of it may be how dry friction falls with speed, as the Stribeck velocity is not determined; record more "
     "strokes at constant speed, slow ones and fast ones"
 )
+BENT_BY_A_LOSS = ("coulomb_n", "viscous_n_s_m", "retract_ratio")
+"""Parameters that a loss in a line changes: it grows with the square of speed, and the directions differ in speed."""
 _AT_THE_EDGE = 0.01
 _AT_THE_LIMIT = 0.05
 """Distance from a search limit, as a share of it, within which the end of an interval counts as that limit."""
@@ -105,7 +107,7 @@ class IdentifiedModel:
 
 
 def determined(
-    model: LuGre, found: Identification, points: Sequence[SteadyPoint], damping_ratio: float, no_viscous: str = ""
+    model: LuGre, found: Identification, points: Sequence[SteadyPoint], damping_ratio: float, loss: str = ""
 ) -> tuple[IdentifiedParameter, ...]:
     """List every parameter of the model. A parameter that the motion does not determine has no number.
 
@@ -114,7 +116,7 @@ def determined(
         found: The result of its identification.
         points: Points of steady sliding in the recordings that it was identified from.
         damping_ratio: Assumed damping ratio of the mass on its bristles.
-        no_viscous: Why viscous friction is not known; empty if it is.
+        loss: Why ``BENT_BY_A_LOSS`` are not known; empty without an apparent loss between sensors and cylinder.
     """
     assert isinstance(found.parameters, LugreParameters)
     searched = {spec.name for spec in model.searched}
@@ -124,7 +126,8 @@ def determined(
         why_not[spec.name] = (no_rise if spec.name in SLOW_PARAMETERS else "") or _unknown(spec, found)
     falls = found.parameters.static_n > (1.0 + LEAST_RISE) * found.parameters.coulomb_n
     unseparated = UNSEPARATED if falls and why_not["stribeck_velocity_m_s"] else ""
-    why_not["viscous_n_s_m"] = no_viscous or why_not["viscous_n_s_m"] or unseparated
+    why_not["viscous_n_s_m"] = why_not["viscous_n_s_m"] or unseparated
+    why_not |= dict.fromkeys(BENT_BY_A_LOSS, loss) if loss else {}
     parameters = []
     for spec in model.specs:
         if spec.relative_to == "pressure" and not model.pressure_scaled:

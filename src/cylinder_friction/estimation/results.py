@@ -112,8 +112,9 @@ def load_left(each: FrictionOfRecording) -> str:
     """State the load that friction still contains, and what to do; empty if there is no sign of one."""
     if each.load_left_n is None:
         return ""
+    causes = "a load, a sensor's zero or the loss of a line"
     remedy = "map a load cell, use --load position, zero the sensors, or state a second rod (rod_diameter_1_m)"
-    return f"friction_n holds a load, or a sensor's zero, of about {each.load_left_n:.0f} N; {remedy}"
+    return f"friction_n holds {causes}, of about {each.load_left_n:.0f} N; {remedy}"
 
 
 def table_rows(result: FrictionOfLogs) -> list[tuple[str, str, float | None, str, str]]:

@@ -59,7 +59,7 @@ class ApparentLoss:
             f"{four_digits(growing_n)} N of friction at {self.speed_m_s:.2g} m/s grow with speed, as if a line between "
             f"sensors and cylinder lost about {lost_bar:.2g} bar; are the sensors at the cylinder's ports? If they are "
             "not, state the loss (sensor.line_loss in the mapping); until then bounds are wider by what the line may "
-            "lose, and viscous friction is not known"
+            "lose, and Coulomb and viscous friction are not known"
         )
 
 

@@ -70,7 +70,7 @@ FINDINGS: dict[str, tuple[Callable[[Cylinder], Recording], str, str]] = {
     "a load": (
         lambda cylinder: made_strokes(cylinder, load_n=4000.0),
         "refused",
-        " N does not turn with the direction; state the load (--load; ingest.load in a project), map a load cell",
+        " N does not turn with the direction; state the load (--load; ingest.load in a project) or a line",
     ),
     "a load below friction, zeros unknown": (lambda cylinder: made_strokes(cylinder, load_n=170.0), "ok", ""),
     "a load below friction": (

@@ -87,7 +87,10 @@ def friction_finding(
         remedy = "the position counts the other way, the pressures are swapped, or a load acts"
         return Finding("friction", "refused", f"friction would push the piston ({found}): {remedy}")
     if held:
-        remedy = "state the load (--load; ingest.load in a project), map a load cell, or zero the pressure sensors"
+        remedy = (
+            "state the load (--load; ingest.load in a project) or a line's loss (sensor.line_loss), map a load cell, "
+            "or zero the pressure sensors"
+        )
         return Finding("friction", "refused", f"the force is not friction alone: {held}; {remedy}")
     interval = "95 %" if view.has_interval else "no interval: the sensors' accuracy is not stated"
     text = f"mean while sliding {text} ({interval})"
