@@ -181,7 +181,7 @@ class _Candidate:
     fit: RobustFit
     drawn: Array  # Coefficients of the bootstrap samples
     error_n: float  # Sum of absolute residuals [N]
-    known: bool  # Whether strokes determine its friction
+    determined: bool  # Whether strokes determine its friction
 
 
 def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] = ()) -> LoadIdentification:
@@ -212,12 +212,12 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
         design = np.hstack([np.column_stack([shape, direction]), terms])
         fit = robust_fit(design, points.force_n)
         drawn = bootstrap_coefficients(design, fit, points.force_n, blocks, groups, plan.repeats, plan.seed)
-        known = not terms.shape[1] or _determined(design, drawn[:, of_load:], plan.confidence)
+        determined = not terms.shape[1] or _determined(design, drawn[:, of_load:], plan.confidence)
         error_n = float(np.abs(fit.residuals).sum())
-        candidates.append(_Candidate(design, fit, drawn, error_n, known))
-    least_n = min(each.error_n for each in candidates if each.known)
-    chosen = next(each for each in candidates if each.known and each.error_n <= _AS_GOOD * least_n)
-    alike = [each.drawn[:, of_load] for each in candidates if each.known and each.error_n <= _ALIKE * least_n]
+        candidates.append(_Candidate(design, fit, drawn, error_n, determined))
+    least_n = min(each.error_n for each in candidates if each.determined)
+    chosen = next(each for each in candidates if each.determined and each.error_n <= _AS_GOOD * least_n)
+    alike = [each.drawn[:, of_load] for each in candidates if each.determined and each.error_n <= _ALIKE * least_n]
     load, coulomb = chosen.fit.coefficients[:of_load], float(chosen.fit.coefficients[of_load])
     lows, highs = zip(*(quantile_interval(each, plan.confidence) for each in alike), strict=True)
     if coulomb <= 0.0 or min(lows) <= 0.0:
