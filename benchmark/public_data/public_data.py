@@ -10,10 +10,9 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.label import InertiaMode, Labeller
 from cylinder_friction.labelling.load import LoadPlan
 from cylinder_friction.recordings.checks.limits import CheckLimits
-from cylinder_friction.recordings.conversion import Recipe
+from cylinder_friction.recordings.conversion import NameRules, Recipe
 from cylinder_friction.recordings.ingesting import Source, ingest_folder
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
-from cylinder_friction.recordings.origin import NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_stored
 from cylinder_friction.recordings.timeline.timestamps import TimeRules

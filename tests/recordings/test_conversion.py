@@ -9,9 +9,8 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.conversion import Recipe
+from cylinder_friction.recordings.conversion import NameRules, Recipe
 from cylinder_friction.recordings.ingesting import Quarantined, recordings_of
-from cylinder_friction.recordings.origin import NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from logger_files import CHANNELS, made_log
 

@@ -11,10 +11,9 @@ import pytest
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.files.whole_files import read_json
 from cylinder_friction.recordings.checks.limits import CheckLimits
-from cylinder_friction.recordings.conversion import Recipe
+from cylinder_friction.recordings.conversion import NameRules, Recipe
 from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_folder
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
-from cylinder_friction.recordings.origin import NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_stored
 from logger_files import CHANNELS, write_log

@@ -9,11 +9,11 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.recordings.conversion import NameRules, PathNames, StartRules
 from cylinder_friction.recordings.formats.delimited import start_in_header
 from cylinder_friction.recordings.ingesting import recordings_of
-from cylinder_friction.recordings.origin import NameRules, PathNames, Start, StartRules
 from cylinder_friction.recordings.reading_logs import find_logs
-from cylinder_friction.recordings.recording import Recording, RecordingError
+from cylinder_friction.recordings.recording import Recording, RecordingError, Start
 from logger_files import CHANNELS, made_log
 
 FOLDERS = r"^(?P<session>(?P<condition>\w+)_\d+)/(?P<load>\d+kg)"

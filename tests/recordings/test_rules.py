@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 
 from cylinder_friction.recordings.checks.limits import CheckLimits
+from cylinder_friction.recordings.conversion import NameRules, StartRules
 from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.line_loss import LineLoss
 from cylinder_friction.recordings.mapping.channel_mapping import SensorScale
-from cylinder_friction.recordings.origin import NameRules, StartRules
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
 

@@ -17,9 +17,8 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.files.whole_files import whole_folder
 from cylinder_friction.labelling.equation_of_motion import Stiffness
 from cylinder_friction.labelling.label import Labeller
-from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of, pieces_from
+from cylinder_friction.recordings.conversion import NameRules, Recipe, checked, metadata_of, pieces_from
 from cylinder_friction.recordings.formats.format import LoggedTable
-from cylinder_friction.recordings.origin import NameRules
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.rig.campaign import RigRecording, campaign

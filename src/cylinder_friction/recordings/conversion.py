@@ -6,12 +6,15 @@ A log that is too long for memory is cut into parts of some minutes. Each part i
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Any
+from unicodedata import category
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pandas as pd
@@ -33,13 +36,13 @@ from cylinder_friction.recordings.mapping.channel_mapping import (
 )
 from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.mapping.mapped_file import map_signals
-from cylinder_friction.recordings.origin import NameRules, PathNames, StartRules
 from cylinder_friction.recordings.recording import (
     UNNAMED,
     Recording,
     RecordingError,
     RecordingMetadata,
     SensorUncertainty,
+    Start,
 )
 from cylinder_friction.recordings.stated_load import StatedLoad
 from cylinder_friction.recordings.timeline.aligning import align
@@ -54,6 +57,95 @@ ROWS_AT_ONCE = 1 << 18
 """Approximate number of rows of the parts of a long log: 22 minutes at 200 Hz, 4 minutes at 1 kHz."""
 LEAST_SHARE = 0.5
 """Least length of a last part, as a share of the part before it; a shorter one is joined to that part."""
+
+
+@dataclass(frozen=True)
+class PathNames:
+    """Name, condition, session, load and machine of a file's recording."""
+
+    name: str
+    condition: str
+    session: str
+    load: str = ""
+    asset: str = ""
+
+
+@dataclass(frozen=True)
+class NameRules:
+    """How a file's path below the source states condition and session.
+
+    ``pattern`` is a regular expression with the group ``session`` and optionally ``condition`` (by default "1"),
+    ``load`` and ``asset``. None makes each file a session of its own, named as its recording.
+    """
+
+    pattern: str | None = None
+
+    def __post_init__(self) -> None:
+        try:
+            groups = re.compile(self.pattern or "").groupindex
+        except re.error as error:
+            raise RecordingError(f"name pattern {self.pattern!r} is not a regular expression: {error}") from None
+        if self.pattern is not None and "session" not in groups:
+            raise RecordingError(
+                f"name pattern {self.pattern!r} has no group 'session'; write (?P<session>...) around the part of the "
+                "path that names the session"
+            )
+
+    def names(self, relative_path: str) -> PathNames:
+        """Find the names of a file by its path relative to the source, with ``/``.
+
+        Raises:
+            RecordingError: The pattern does not match, or the name is not allowed on other systems.
+        """
+        if "\\" in relative_path or {"Cc", "Cs"} & set(map(category, relative_path)):
+            raise RecordingError(
+                f"path {relative_path!r} holds a backslash, a control character or bytes that are not UTF-8; rename "
+                "the file"
+            )
+        name = name_of(relative_path)
+        if self.pattern is None:
+            return PathNames(name, "1", name)
+        match = re.search(self.pattern, relative_path)
+        groups = {"condition": "1", **match.groupdict()} if match else {}
+        if not groups.get("condition") or not groups.get("session"):
+            raise RecordingError(
+                f"path {relative_path!r} does not give condition and session: the pattern {self.pattern!r} finds "
+                f"{'nothing in it' if match is None else groups}; rename the file, or change the "
+                "pattern: name_pattern in the mapping, or --names"
+            )
+        return PathNames(name, *(groups.get(each) or "" for each in ("condition", "session", "load", "asset")))
+
+
+def name_of(path: str) -> str:
+    """Make a recording's name from its file's path: drop the last suffix and replace ``/`` by ``-``."""
+    stem = path.rsplit(".", 1)[0] if "." in path.rsplit("/", 1)[-1] else path
+    return stem.replace("/", "-")
+
+
+@dataclass(frozen=True)
+class StartRules:
+    """A mapping's rules for the start of logs."""
+
+    zone: str | None = None  # Time zone of the logger's clock, such as Europe/Oslo, if the logs state none
+
+    def __post_init__(self) -> None:
+        try:
+            _ = self.zone is None or ZoneInfo(self.zone)
+        except (KeyError, ValueError, OSError) as error:
+            raise RecordingError(
+                f"start: zone: got {self.zone!r}, expected a name of the time zone database such as Europe/Oslo"
+            ) from error
+
+    def in_utc(self, start: Start | None) -> Start | None:
+        """Convert a start to UTC if the zone is known; a day, or an hour that was twice or never, stays unchanged."""
+        if start is None or start.utc or self.zone is None or start.day_only:
+            return start
+        local, zone = start.at.astype("datetime64[us]").item(), ZoneInfo(self.zone)
+        offsets = {local.replace(tzinfo=zone, fold=fold).utcoffset() for fold in (0, 1)}
+        if len(offsets) > 1:
+            return replace(start, source=f"{start.source}; in {self.zone} that hour was twice or never")
+        at = start.at - np.timedelta64(offsets.pop(), "ns")
+        return replace(start, at=at, utc=True, source=f"{start.source}, {self.zone}")
 
 
 @dataclass(frozen=True)

@@ -13,14 +13,13 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.files.whole_files import read_yaml
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, QUANTITIES
-from cylinder_friction.recordings.conversion import ROWS_AT_ONCE, Recipe
+from cylinder_friction.recordings.conversion import ROWS_AT_ONCE, NameRules, Recipe
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.ingesting import Quarantined, none_usable, other_rates, recordings_of
 from cylinder_friction.recordings.mapping.channel_mapping import SensorScale, check_mapping
 from cylinder_friction.recordings.mapping.guessing import GuessedMapping, channel_lines, guess_mapping, refuse_unknown
 from cylinder_friction.recordings.mapping.units import check_unit, stated_rate
-from cylinder_friction.recordings.origin import NameRules
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.stated_load import StatedLoad
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
 from functools import cached_property
 from typing import Any, Self
 
@@ -339,3 +340,31 @@ class Signal:
     time_s: Array
     # Values in the column's own unit (Pa, m, N, °C), shape ``(n,)``; NaN if a sample is missing
     values: Array
+
+
+@dataclass(frozen=True)
+class Start:
+    """When a log's clock was at 0 s."""
+
+    at: np.datetime64  # Time to the nanosecond, or the day if no time of day is stated
+    utc: bool  # Whether it is UTC; otherwise it is the time of the logger's clock, whose time zone is not stated
+    source: str  # Its source, in words
+    dated_rows: bool = False  # Whether every row is dated, also after a restart of the clock
+
+    @property
+    def day_only(self) -> bool:
+        return np.datetime_data(self.at.dtype)[0] == "D"
+
+    @classmethod
+    def of_datetime(cls, moment: datetime, source: str) -> Start:
+        """Make a start from a date with or without a time zone."""
+        plain = moment if moment.tzinfo is None else moment.astimezone(UTC).replace(tzinfo=None)
+        return cls(np.datetime64(plain, "ns"), moment.tzinfo is not None, source)
+
+    def after(self, seconds: float) -> Start:
+        """Return the start moved later by ``seconds``; a day without a time of day stays unchanged."""
+        return self if self.day_only else replace(self, at=self.at + np.timedelta64(round(1e9 * seconds), "ns"))
+
+    def text(self) -> str:
+        """Format it in ISO 8601 to the millisecond, with Z if it is UTC; a day alone if only that is known."""
+        return str(self.at) if self.day_only else f"{self.at.astype('datetime64[ms]')}{'Z' if self.utc else ''}"

@@ -8,9 +8,8 @@ import pytest
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.evaluation.inspection.files import inspect_files
 from cylinder_friction.recordings.checks.limits import CheckLimits
-from cylinder_friction.recordings.conversion import Recipe
+from cylinder_friction.recordings.conversion import NameRules, Recipe
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
-from cylinder_friction.recordings.origin import NameRules
 from cylinder_friction.recordings.recording import Recording
 from inspected_recordings import made_strokes
 

@@ -8,12 +8,12 @@ import pandas as pd
 import pytest
 import yaml
 
+from cylinder_friction.recordings.conversion import NameRules
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.mapping.guessing import guess_mapping
 from cylinder_friction.recordings.mapping.mapping_text import mapping_yaml
-from cylinder_friction.recordings.origin import NameRules
 from cylinder_friction.recordings.recording import RecordingError
 
 PATH = Path("logs/noload_day1.csv")

@@ -8,9 +8,8 @@ from cylinder_friction.evaluation.inspection.subject import Inspected, worst
 from cylinder_friction.recordings.checks.duplicates import Samples, SeenRecordings
 from cylinder_friction.recordings.checks.limits import Finding
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
-from cylinder_friction.recordings.conversion import Recipe, metadata_of, open_tables, pieces_from
+from cylinder_friction.recordings.conversion import PathNames, Recipe, metadata_of, name_of, open_tables, pieces_from
 from cylinder_friction.recordings.ingesting import shown
-from cylinder_friction.recordings.origin import PathNames, name_of
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 
 

@@ -46,8 +46,7 @@ from cylinder_friction.recordings.formats.layout import (
     repeated_names,
     split_cells,
 )
-from cylinder_friction.recordings.origin import Start
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import RecordingError, Start
 
 MOST_INDIVISIBLE = 256 * 10**6
 """Largest text that is read whole if it cannot be read in parts [bytes]."""

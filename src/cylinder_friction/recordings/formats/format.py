@@ -23,8 +23,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from cylinder_friction.extras import not_installed
-from cylinder_friction.recordings.origin import Start
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import RecordingError, Start
 from cylinder_friction.wording import in_brief
 
 Column = tuple[str, NDArray[Any]]

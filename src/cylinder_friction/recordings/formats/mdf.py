@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.channels import numeric
 from cylinder_friction.recordings.formats.format import FileSource, Format, LoggedTable, named_columns
-from cylinder_friction.recordings.origin import Start
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import RecordingError, Start
 
 _LOCAL_TIME = 1  # Bit in a header's time flags (ASAM MDF 4.1)
 _PLAIN_BUS_EVENT = 4  # Bit in a channel group's flags (ASAM MDF 4.1) that marks raw frames

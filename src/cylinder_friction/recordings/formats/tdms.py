@@ -13,7 +13,7 @@ from cylinder_friction.recordings.formats.channels import Channel, numeric, tabl
 from cylinder_friction.recordings.formats.format import FileSource, Format, LoggedTable
 from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.mapping.units import quantity_of
-from cylinder_friction.recordings.origin import Start
+from cylinder_friction.recordings.recording import Start
 
 FIRST_ROWS = 256
 """Number of first rows that decide whether a channel is a clock."""

@@ -18,8 +18,7 @@ from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.mapping import units
 from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts, clocks_of
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
-from cylinder_friction.recordings.origin import Start
-from cylinder_friction.recordings.recording import RecordingError, Signal
+from cylinder_friction.recordings.recording import RecordingError, Signal, Start
 from cylinder_friction.recordings.timeline.timestamps import stamps_to_datetimes, stamps_to_seconds
 
 RATE_AGREES = 0.05  # Largest difference of a stated rate from a time channel's, as a share: stamps are rounded or lost
@@ -61,8 +60,13 @@ def map_signals(tables: Sequence[LoggedTable], mapping: Mapping[str, ChannelMapp
     columns = [column for column in mapping if column != TIME]
     places = {name: _find_channel(tables, mapping[name].channel, mapping[name].table, name) for name in columns}
     clocks = {column: _clock(tables, places[column], column, mapping) for column in columns}
-    if (rate_hz := mapping[TIME].rate_hz) is not None:
-        _refuse_rate(tables, sorted({clock.table for clock in clocks.values() if not clock.channel}), rate_hz)
+    rated = sorted({clock.table for clock in clocks.values() if not clock.channel})
+    if len({len(tables[index].channels) for index in rated}) > 1:
+        lengths = ", ".join(f"{tables[index].name!r} has {len(tables[index].channels)}" for index in rated)
+        raise RecordingError(
+            f"tables of different lengths cannot all be at time_s.rate_hz = {mapping[TIME].rate_hz:g} Hz: {lengths} "
+            "rows; name the time channel of each as channels.<column>.time"
+        )
     stamps = _stamps(tables, clocks, mapping)
     _refuse_two_clocks(tables, stamps)
     notes = [note for index in sorted(set(places.values())) for note in tables[index].notes]
@@ -136,26 +140,6 @@ def _clock(tables: Sequence[LoggedTable], place: int, column: str, mapping: Mapp
     )
 
 
-def _refuse_rate(tables: Sequence[LoggedTable], of: Sequence[int], rate_hz: float) -> None:
-    """Refuse a stated rate if tables differ in length, or if a time channel contradicts it.
-
-    A time channel contradicts the rate if neither its mean nor its median step confirms it.
-    """
-    for clock in (clock for index in of for clock in clocks_of(tables[index])):
-        if logged_hz := _other_rate(clock, [rate_hz]):
-            raise RecordingError(
-                f"time_s.rate_hz = {rate_hz:g} Hz contradicts the file: its time channel {clock.name!r} runs at "
-                f"{logged_hz:.4g} Hz, so that its channels would run {rate_hz / logged_hz:.3g} times too fast; map it "
-                f"instead, time_s: {{channel: {clock.name!r}, unit: {clock.unit or '...'}}}, or state its rate"
-            )
-    if len({len(tables[index].channels) for index in of}) > 1:
-        lengths = ", ".join(f"{tables[index].name!r} has {len(tables[index].channels)}" for index in of)
-        raise RecordingError(
-            f"tables of different lengths cannot all be at time_s.rate_hz = {rate_hz:g} Hz: {lengths} rows; "
-            "name the time channel of each as channels.<column>.time"
-        )
-
-
 def _other_rate(clock: ChannelFacts, own_hz: Sequence[float]) -> float | None:
     """Return the rate of a clock if neither its mean nor its median step confirms any of ``own_hz``; else None.
 
@@ -171,10 +155,10 @@ def _other_rate(clock: ChannelFacts, own_hz: Sequence[float]) -> float | None:
 
 
 def _refuse_two_clocks(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Array]) -> None:
-    """Refuse a table with an unused clock whose step differs from that of the clock in use."""
+    """Refuse a table with an unused clock that contradicts the clock in use, or the stated rate."""
     for clock, time_s in stamps.items():
         steps_s = np.diff(time_s[np.isfinite(time_s)])
-        if not clock.channel or len(steps_s) < FEWEST_ROWS:
+        if len(steps_s) < FEWEST_ROWS:
             continue
         own_hz = [1.0 / step_s for step_s in (steps_s.mean(), np.median(steps_s)) if step_s > 0.0]
         if not own_hz:
@@ -182,10 +166,11 @@ def _refuse_two_clocks(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Ar
         known = [each.channel for each in stamps if each.table == clock.table]
         for other in clocks_of(tables[clock.table], known):
             if other_hz := _other_rate(other, own_hz):
+                own = repr(clock.channel) if clock.channel else "the stated rate"
                 raise RecordingError(
-                    f"the table has two clocks, {clock.channel!r} with {own_hz[-1]:.4g} Hz and {other.name!r} with "
-                    f"{other_hz:.4g} Hz, and no column is stamped by {other.name!r}; state the clock of each column as "
-                    "channels.<column>.time in the mapping, or leave one out of the export"
+                    f"the table has two clocks, {own} with {own_hz[-1]:.4g} Hz and {other.name!r} with {other_hz:.4g} "
+                    f"Hz, and no column is stamped by {other.name!r}; name it as the channel of time_s, or as "
+                    "channels.<column>.time of the columns that it stamps, or leave one out of the export"
                 )
 
 

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import OIL_TEMPERATURE, TIME
-from cylinder_friction.recordings.origin import Start
 from cylinder_friction.recordings.recording import (
     UNNAMED,
     Columns,
@@ -16,6 +15,7 @@ from cylinder_friction.recordings.recording import (
     RecordingError,
     RecordingMetadata,
     Signal,
+    Start,
 )
 from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimeline, find_timelines
 from cylinder_friction.recordings.timeline.resampling import fill_lost, own_rate, sampled_at, uniform_segments
