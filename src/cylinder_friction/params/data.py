@@ -24,7 +24,6 @@ class IngestParams(Section):
     oil_temperature: Literal["recorded", "input"]
     pattern: str
     name_pattern: str | None
-    format: Literal["auto", "csv", "matlab", "mdf", "tdms", "hdf5", "parquet", "excel"]
     csv: CsvOptions
     channels: dict[str, ChannelMapping]
     time: TimeRules

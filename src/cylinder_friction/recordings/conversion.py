@@ -50,7 +50,7 @@ from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
 KEYS = (
     *("channels", "source", "truth", "pattern", "name_pattern", "load", "oil_temperature"),
-    *("format", "csv", "database", "asset", "start", "time", "checks"),
+    *("csv", "database", "asset", "start", "time", "checks"),
 )
 """Keys of an ingest configuration."""
 ROWS_AT_ONCE = 1 << 18
@@ -152,15 +152,13 @@ class StartRules:
 class Recipe:
     """Settings for converting a logger's files to recordings.
 
-    ``channels`` maps columns to channels. ``cylinder`` is the cylinder's name. ``file_format`` is one of
-    ``formats.reading.SETTINGS``, or ``auto``, which detects the format from the content.
+    ``channels`` maps columns to channels. ``cylinder`` is the cylinder's name.
     """
 
     names: NameRules
     channels: Mapping[str, ChannelMapping]
     cylinder: str
     limits: CheckLimits
-    file_format: str = "auto"
     csv: CsvOptions = field(default_factory=CsvOptions)
     time: TimeRules = field(default_factory=TimeRules)
     start: StartRules = field(default_factory=StartRules)
@@ -195,7 +193,6 @@ class Recipe:
             limits=CheckLimits(
                 cylinder.stroke_m, *areas_m2, mode, steps, rod_1_m, stated, **settings.get("checks", {})
             ),
-            file_format=settings.get("format", "auto"),
             csv=CsvOptions(**settings.get("csv", {})),
             time=TimeRules(**settings.get("time", {})),
             start=StartRules(**settings.get("start", {})),
@@ -209,7 +206,7 @@ def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> list[Log
 
     If a rate is stated, channels named time are also read, to check that they do not contradict it.
     """
-    read = partial(read_logged_file, path, recipe.file_format, recipe.csv, database=recipe.database, rows=rows)
+    read = partial(read_logged_file, path, recipe.csv, database=recipe.database, rows=rows)
     wanted = wanted_channels(recipe.channels)
     tables = read(wanted)
     unread = {name for table in tables for name in table.unread} if recipe.channels[TIME].rate_hz else set()

@@ -1,7 +1,9 @@
 import gzip
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from cylinder_friction.recordings.formats.format import LoggedTable
@@ -12,12 +14,12 @@ from cylinder_friction.recordings.recording import RecordingError
 
 @pytest.fixture
 def read(tmp_path: Path):  # type: ignore[no-untyped-def]
-    """Write text (CRLF and all as given) to a file and reads it."""
+    """Write text to a file as it is, and read it."""
 
     def written(content: str | bytes, *, wanted: list[str] | None = None, **options: str) -> LoggedTable:
         path = tmp_path / "log.csv"
         path.write_bytes(content if isinstance(content, bytes) else content.encode())
-        (table,) = read_logged_file(path, "csv", CsvOptions(**options), wanted)
+        (table,) = read_logged_file(path, CsvOptions(**options), wanted)
         return table
 
     return written
@@ -81,19 +83,42 @@ def test_units_of_the_header(read, header: str, units: dict[str, str]) -> None: 
     assert list(table.channels.columns) == header.split("\n", maxsplit=1)[0].split(",")
 
 
-def test_without_a_header_channels_are_numbered(read) -> None:  # type: ignore[no-untyped-def]
-    table = read("0\t1.5\n1\t2.5\n")
-    assert table.channels.to_dict("list") == {"column_1": [0, 1], "column_2": [1.5, 2.5]}
+MISSING = ["", "nan", "NaN", "NA", "N/A", "null", "-", "#N/A", " ", "1.#QNAN"]
+QUOTED = 't,p\n"0","1,234"\n"1","2,345"\n'
 
 
-def test_options_take_the_place_of_guesses(read) -> None:  # type: ignore[no-untyped-def]
-    assert read("p [bar]\n3,845\n3,9\n", delimiter=";", decimal=",").channels["p [bar]"].tolist() == [3.845, 3.9]
-    commas = 't,p\n"0","1,234"\n"1","2,345"\n'
-    assert read(commas).channels["p"].tolist() == ["1,234", "2,345"]
-    assert read(commas, decimal=",").channels["p"].tolist() == [1.234, 2.345]
-    table = read("t^p\n0^1,5\n1^2,5\n", delimiter="^")
-    assert table.channels.to_dict("list") == {"t": [0, 1], "p": [1.5, 2.5]}
-    assert read("T [°C]\r\n40.5\r\n".encode("cp437"), encoding="cp437").channels.to_dict("list") == {"T [°C]": [40.5]}
+@pytest.mark.parametrize(
+    ("content", "options", "column", "values"),
+    [
+        ("0\t1.5\n1\t2.5\n", {}, "column_2", [1.5, 2.5]),
+        ("p [bar]\n3,845\n3,9\n", {"delimiter": ";", "decimal": ","}, "p [bar]", [3.845, 3.9]),
+        (QUOTED, {}, "p", ["1,234", "2,345"]),
+        (QUOTED, {"decimal": ","}, "p", [1.234, 2.345]),
+        ("t^p\n0^1,5\n1^2,5\n", {"delimiter": "^"}, "p", [1.5, 2.5]),
+        ("T [°C]\r\n40.5\r\n".encode("cp437"), {"encoding": "cp437"}, "T [°C]", [40.5]),
+        (
+            "t,p\n" + "".join(f"{i},{cell}\n" for i, cell in enumerate(MISSING)) + "99,1.5\n",
+            {},
+            "p",
+            [np.nan] * 10 + [1.5],
+        ),
+        ("t,p\n" + "0,\n1,\n", {}, "p", [np.nan] * 2),
+        ("t;p\n0;1.5\n1;broken\n3;-2e1\n", {}, "p", [1.5, "broken", -20.0]),
+        ("t;p\n0;1.5\n" + "1;2\n" * 60 + '2;"3"\n3;broken\n', {}, "p", [1.5, *[2.0] * 60, 3.0, "broken"]),
+        ("t;p\n0;1,5\n1;1.234,5\n2;3.845\n3;2,5\n", {}, "p", [1.5, "1.234,5", "3.845", 2.5]),  # points and commas
+        ("t;p\n0;high\n1;high\n" + "2;1.5\n" * 18, {}, "p", ["high", "high", *[1.5] * 18]),
+        ("t;p\n" + "1;+  7.205\n" * 5, {}, "p", [7.205] * 5),
+        ("t;p\n" + "0;1.5\n1;2\n" * 40, {}, "t", [0, 1] * 40),
+        ("t;p\n" + "0.5;9007199254740993\n1;2\n" * 40, {}, "p", [9007199254740993, 2] * 40),
+        ("t;p\n" + "0;0\n" * 20000 + "20000;0,5\n", {}, "p", [0.0] * 20000 + [0.5]),  # a decimal comma that shows late
+    ],
+)
+def test_cells_become_values(  # type: ignore[no-untyped-def]
+    read, content: str | bytes, options: dict[str, str], column: str, values: list[Any]
+) -> None:
+    found = read(content, **options).channels[column]
+    assert found.dtype == pd.Series(values).dtype
+    np.testing.assert_array_equal(found, pd.Series(values))
 
 
 def test_older_encodings_are_recognised(read) -> None:  # type: ignore[no-untyped-def]
@@ -106,51 +131,11 @@ def test_older_encodings_are_recognised(read) -> None:  # type: ignore[no-untype
         read(f"t,remark\n{rows}20000,zu heiß\n".encode("cp1252"), encoding="utf-8")
 
 
-def test_missing_values_are_nan(read) -> None:  # type: ignore[no-untyped-def]
-    tokens = ["", "nan", "NaN", "NA", "N/A", "null", "-", "#N/A", " ", "1.#QNAN"]
-    table = read("t,p,empty\n" + "".join(f"{i},{token},\n" for i, token in enumerate(tokens)) + "99,1.5,\n")
-    np.testing.assert_array_equal(table.channels["p"].to_numpy(), [*[np.nan] * len(tokens), 1.5])
-    assert table.channels["empty"].isna().all()
-
-
-@pytest.mark.parametrize(
-    ("rows", "values"),
-    [
-        ("0;1.5\n1;broken\n3;-2e1\n", [1.5, "broken", -20.0]),
-        ("0;1.5\n" + "1;2\n" * 60 + '2;"3"\n3;broken\n4;2026\n', [1.5, *[2.0] * 60, 3.0, "broken", 2026.0]),
-        ("0;1,5\n1;1.234,5\n2;3.845\n3;2,5\n", [1.5, "1.234,5", "3.845", 2.5]),  # a point beside decimal commas
-        ("0;high\n1;high\n" + "2;1.5\n" * 18, ["high", "high", *[1.5] * 18]),
-    ],
-)
-def test_text_stays_text_and_its_neighbours_numbers(read, rows: str, values: list[object]) -> None:  # type: ignore[no-untyped-def]
-    assert read(f"t;p\n{rows}").channels["p"].tolist() == values
-
-
 @pytest.mark.parametrize("sign", ["overload", "∞", "+++++", "OL"])
 def test_a_value_beyond_the_range_is_missing_and_stated(read, sign: str) -> None:  # type: ignore[no-untyped-def]
     table = read(f"t;p\n0;{sign}\n1;{sign}\n" + "2;1.5\n" * 18)
     np.testing.assert_array_equal(table.channels["p"], [np.nan, np.nan, *[1.5] * 18])
     assert table.notes == (f"2 cells of 'p' with {sign!r}, beyond the range of the input, taken as missing",)
-
-
-@pytest.mark.parametrize(("cells", "unit", "first"), [("7.2 bar", "bar", 7.2), ("+  7.205", "", 7.205)])
-def test_numbers_with_a_unit_or_blanks_behind_the_sign(read, cells: str, unit: str, first: float) -> None:  # type: ignore[no-untyped-def]
-    table = read("t;p\n" + f"1;{cells}\n" * 5)
-    assert table.channels["p"].tolist() == [first] * 5
-    assert table.units.get("p", "") == unit
-
-
-@pytest.mark.parametrize(("rows", "kinds"), [("0;1.5\n1;2\n", "if"), ("0.5;9007199254740993\n1;2\n", "fi")])
-def test_whole_numbers_beside_decimals_stay_whole(read, rows: str, kinds: str) -> None:  # type: ignore[no-untyped-def]
-    channels = read(f"t;p\n{rows * 40}").channels
-    assert [channels[name].dtype.kind for name in "tp"] == list(kinds)
-
-
-def test_a_decimal_comma_that_shows_late_is_found(read) -> None:  # type: ignore[no-untyped-def]
-    rows = "".join(f"{i};0\n" for i in range(20000))
-    table = read("t;x\n" + rows + "20000;0,5\n")
-    assert table.channels["x"].iloc[-1] == 0.5
-    assert table.channels["x"].dtype == np.float64
 
 
 @pytest.mark.parametrize(

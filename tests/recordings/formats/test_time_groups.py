@@ -26,7 +26,7 @@ def read(tmp_path: Path):  # type: ignore[no-untyped-def]
     def written(content: str | bytes, wanted: list[str] | None = None, **options: str) -> list[LoggedTable]:
         path = tmp_path / "log.csv"
         path.write_bytes(content if isinstance(content, bytes) else content.encode())
-        return read_logged_file(path, "csv", CsvOptions(**options), wanted)
+        return read_logged_file(path, CsvOptions(**options), wanted)
 
     return written
 

@@ -6,7 +6,6 @@ import codecs
 import gzip
 import io
 import logging
-import shutil
 import warnings
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -15,7 +14,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.util import find_spec
 from pathlib import Path
-from tempfile import NamedTemporaryFile
 from typing import Any, BinaryIO
 
 import numpy as np
@@ -81,8 +79,8 @@ class Format:
 
 HEAD_SIZE = 65536
 """Number of first bytes from which a file's format is detected."""
-MOST_IN_MEMORY = 1 << 26
-"""Largest gzipped file that is unpacked in memory [bytes]; a larger one is unpacked on disk."""
+MOST_UNPACKED = 500 * 10**6
+"""Largest gzipped file that is read, unpacked in memory [bytes]."""
 GZIP = b"\x1f\x8b"
 BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 
@@ -94,7 +92,6 @@ class FileSource:
     origin: Path | bytes
     head: bytes  # The first ``HEAD_SIZE`` bytes
     size: int  # Size of the whole file, unpacked [bytes]
-    kept: Any = None  # Keeps the temporary file alive that ``origin`` names
 
     def handle(self) -> str | io.BytesIO:
         """Return the path as text, or the bytes as a file, for a library to open."""
@@ -110,35 +107,30 @@ class FileSource:
 
 
 def open_source(path: Path) -> FileSource:
-    """Open a file, unpacked if it is gzipped; refuse one that cannot be opened, is empty, or is a damaged gzip file."""
+    """Open a file, unpacked if it is gzipped; refuse one that cannot be opened, unpacked or is empty."""
     if path.exists() and not path.is_file():
         raise RecordingError("is no regular file; copy what comes from it into one")
     try:
         with path.open("rb") as file:
             head = file.read(HEAD_SIZE)
-        source = _unpacked(path) if head.startswith(GZIP) else FileSource(path, head, path.stat().st_size)
+        if not head:
+            raise RecordingError("the file is empty: 0 bytes; expected a log")
+        if not head.startswith(GZIP):
+            return FileSource(path, head, path.stat().st_size)
+        with gzip.open(path) as unpacked:
+            content = unpacked.read(MOST_UNPACKED + 1)
     except (gzip.BadGzipFile, EOFError, zlib.error) as error:
         raise RecordingError(
             f"its gzip cannot be unpacked: {error}; the file is damaged or cut off; copy it again"
         ) from None
     except OSError as error:
         raise RecordingError(f"cannot be opened: {error.strerror or error}") from None
-    if not source.head:
-        raise RecordingError("the file is empty: 0 bytes; expected a log")
-    return source
-
-
-def _unpacked(path: Path) -> FileSource:
-    with gzip.open(path) as file:
-        content = file.read(MOST_IN_MEMORY)
-        head = content[:HEAD_SIZE]
-        if len(content) < MOST_IN_MEMORY:
-            return FileSource(content, head, len(content))
-        unpacked = NamedTemporaryFile()  # noqa: SIM115 - it is removed with the source
-        unpacked.write(content)
-        shutil.copyfileobj(file, unpacked, HEAD_SIZE)
-        unpacked.flush()
-        return FileSource(Path(unpacked.name), head, Path(unpacked.name).stat().st_size, unpacked)
+    if len(content) > MOST_UNPACKED:
+        raise RecordingError(
+            f"unpacks to more than {MOST_UNPACKED / 1e6:.0f} MB, which must fit in memory; unpack it, so that it can be "
+            "read in parts"
+        )
+    return FileSource(content, content[:HEAD_SIZE], len(content))
 
 
 def is_text(head: bytes) -> bool:

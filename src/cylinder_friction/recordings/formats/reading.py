@@ -25,8 +25,6 @@ FORMATS = {
     )
 }
 """Every format by its name."""
-SETTINGS = tuple(FORMATS)
-"""Values of ``format`` in a configuration, besides ``auto``."""
 MOST_WHOLE = 2 * 10**9
 """Largest file of a format that cannot be read in parts [bytes]."""
 
@@ -49,31 +47,26 @@ _OWN_FILES = {
 """Endings of the own formats of measurement programs, and the export that can be read instead."""
 
 
-def format_of(head: bytes, setting: str = "auto", suffix: str = "") -> Format:
-    """Determine the format of a file by its first bytes and by the configuration's setting.
+def format_of(head: bytes, suffix: str = "") -> Format:
+    """Determine the format of a file by its first bytes.
 
     Raises:
         RecordingError: The file has none of these formats. By its ending ``suffix``, the message states what to export.
-        ValueError: The setting is not known.
     """
-    if setting not in ("auto", *SETTINGS):
-        raise ValueError(f"format {setting!r} is not known; expected auto or one of {', '.join(SETTINGS)}")
-    possible = [each for each in FORMATS.values() if setting in ("auto", each.name)]
-    found = [each for each in possible if head.startswith(each.starts)] or [
-        each for each in possible if each.fits and each.fits(head)
+    found = [each for each in FORMATS.values() if head.startswith(each.starts)] or [
+        each for each in FORMATS.values() if each.fits and each.fits(head)
     ]
-    if found or setting != "auto":
-        return (found or possible)[0]
+    if found:
+        return found[0]
     other = next((f"is {name}" for start, name in _OTHERS.items() if head.startswith(start)), "")
     if not other and is_text(head):
         return delimited.FORMAT
     problem = other or f"is neither text nor a known binary log: it begins with {head[:8]!r}"
-    raise RecordingError(f"{problem}; expected one of {', '.join(SETTINGS)}{_OWN_FILES.get(suffix.lower(), '')}")
+    raise RecordingError(f"{problem}; expected one of {', '.join(FORMATS)}{_OWN_FILES.get(suffix.lower(), '')}")
 
 
 def read_logged_file(
     path: Path,
-    file_format: str = "auto",
     csv: CsvOptions = AUTOMATIC,
     wanted: Collection[str] | None = None,
     *,
@@ -83,7 +76,6 @@ def read_logged_file(
     """Read a logger's file: one table for the channels that share their rows.
 
     Args:
-        file_format: One of ``SETTINGS``, or ``auto`` to go by the content.
         csv: Options for text; by default everything is detected.
         wanted: Names of the channels to load; the others are only listed in ``unread``. None loads all.
         database: DBC file of the bus, to decode the frames in a measurement file.
@@ -92,10 +84,9 @@ def read_logged_file(
 
     Raises:
         RecordingError: The file cannot be opened or read, is damaged, or has no channels with rows.
-        ValueError: The format is not known.
     """
     source = open_source(path)
-    found = format_of(source.head, file_format, path.suffix)
+    found = format_of(source.head, path.suffix)
     found.refuse_missing_library()
     if database is not None and "database" not in found.takes:
         raise RecordingError(f"database {database}: is for an MDF file of bus frames, not for {found.what}")
