@@ -3,17 +3,18 @@
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from unittest.mock import ANY
 
 import numpy as np
 import pandas as pd
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.conversion import NameRules, PathNames, StartRules
+from cylinder_friction.recordings.conversion import NameRules, StartRules
 from cylinder_friction.recordings.formats.delimited import start_in_header
 from cylinder_friction.recordings.ingesting import recordings_of
 from cylinder_friction.recordings.reading_logs import find_logs
-from cylinder_friction.recordings.recording import Recording, RecordingError, Start
+from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, Start
 from logger_files import CHANNELS, made_log
 
 FOLDERS = r"^(?P<session>(?P<condition>\w+)_\d+)/(?P<load>\d+kg)"
@@ -30,7 +31,7 @@ RIG = r"(?P<session>condition(?P<condition>[^_/]+)_session[^_/]+)_[^/]*\.csv$"
     ],
 )
 def test_a_pattern_reads_names(pattern: str, path: str, expected: tuple[str, str, str, str]) -> None:
-    assert NameRules(pattern).names(path) == PathNames(*expected)
+    assert NameRules(pattern).names(path) == RecordingMetadata(*expected[:3], ANY, load=expected[3])
     with pytest.raises(RecordingError, match=r"path 'notes.csv' does not give condition and session"):
         NameRules(pattern).names("notes.csv")
 

@@ -60,17 +60,6 @@ LEAST_SHARE = 0.5
 
 
 @dataclass(frozen=True)
-class PathNames:
-    """Name, condition, session, load and machine of a file's recording."""
-
-    name: str
-    condition: str
-    session: str
-    load: str = ""
-    asset: str = ""
-
-
-@dataclass(frozen=True)
 class NameRules:
     """How a file's path below the source states condition and session.
 
@@ -91,8 +80,8 @@ class NameRules:
                 "path that names the session"
             )
 
-    def names(self, relative_path: str) -> PathNames:
-        """Find the names of a file by its path relative to the source, with ``/``.
+    def names(self, relative_path: str) -> RecordingMetadata:
+        """Find name, condition, session, load and machine of a file by its path relative to the source, with ``/``.
 
         Raises:
             RecordingError: The pattern does not match, or the name is not allowed on other systems.
@@ -104,16 +93,17 @@ class NameRules:
             )
         name = name_of(relative_path)
         if self.pattern is None:
-            return PathNames(name, "1", name)
+            return RecordingMetadata(name, "1", name, math.nan)
         match = re.search(self.pattern, relative_path)
         groups = {"condition": "1", **match.groupdict()} if match else {}
-        if not groups.get("condition") or not groups.get("session"):
+        condition, session, load, asset = (groups.get(key) or "" for key in ("condition", "session", "load", "asset"))
+        if not condition or not session:
             raise RecordingError(
                 f"path {relative_path!r} does not give condition and session: the pattern {self.pattern!r} finds "
                 f"{'nothing in it' if match is None else groups}; rename the file, or change the "
                 "pattern: name_pattern in the mapping, or --names"
             )
-        return PathNames(name, *(groups.get(each) or "" for each in ("condition", "session", "load", "asset")))
+        return RecordingMetadata(name, condition, session, math.nan, load=load, asset=asset)
 
 
 def name_of(path: str) -> str:
@@ -182,17 +172,21 @@ class Recipe:
         }
         channels = {column: each.for_stroke(column, cylinder.stroke_m) for column, each in channels.items()}
         steps = {column: limits.step for column, limits in sensor_limits(channels).items() if limits.step}
-        stated = load if isinstance(load, StatedLoad) else None
-        mode: LoadMode = "measured" if isinstance(load, StatedLoad) else load
-        rod_1_m = cylinder.rod_diameter_1_m
-        areas_m2 = (cylinder.piston_area_m2, cylinder.annulus_area_m2)
+        limits = CheckLimits(
+            cylinder.stroke_m,
+            cylinder.piston_area_m2,
+            cylinder.annulus_area_m2,
+            "measured" if isinstance(load, StatedLoad) else load,
+            steps,
+            cylinder.rod_diameter_1_m,
+            load if isinstance(load, StatedLoad) else None,
+            **settings.get("checks", {}),
+        )
         return cls(
             names=names,
             channels=channels,
             cylinder=cylinder.name,
-            limits=CheckLimits(
-                cylinder.stroke_m, *areas_m2, mode, steps, rod_1_m, stated, **settings.get("checks", {})
-            ),
+            limits=limits,
             csv=CsvOptions(**settings.get("csv", {})),
             time=TimeRules(**settings.get("time", {})),
             start=StartRules(**settings.get("start", {})),
@@ -214,23 +208,20 @@ def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> list[Log
     return read(wanted | clocks) if clocks else tables
 
 
-def metadata_of(names: PathNames, source_file: str, digest: str, recipe: Recipe) -> RecordingMetadata:
-    """Collect the metadata that a file's recordings share; each has its own sample time and start."""
+def metadata_of(named: RecordingMetadata, source_file: str, digest: str, recipe: Recipe) -> RecordingMetadata:
+    """Add to the names of a file what else its recordings share; each has its own sample time and start."""
     stated = recipe.limits.stated_load
     areas_m2 = dict(zip(PRESSURES, recipe.limits.areas_m2 or (0.0, 0.0), strict=True))
     sensors = {column: each.sensor for column, each in recipe.channels.items() if each.sensor is not None}
     load = {} if stated is None else {LOAD_FORCE: SensorUncertainty(RECTANGULAR * stated.within_n, 0.0)}
-    return RecordingMetadata(
-        name=names.name,
-        condition=names.condition,
-        session=names.session,
-        sample_time_s=math.nan,
+    return replace(
+        named,
         cylinder=recipe.cylinder,
-        load=names.load if stated is None else stated.in_words(),
+        load=named.load if stated is None else stated.in_words(),
         uncertainty=load | sensor_uncertainty(recipe.channels),
         source_file=source_file,
         source_sha256=digest,
-        asset=names.asset or recipe.asset,
+        asset=named.asset or recipe.asset,
         sensors={column: sensor.identity for column, sensor in sensors.items() if sensor.identity},
         line_loss={
             column: replace(sensor.line_loss, area_m2=areas_m2[column])

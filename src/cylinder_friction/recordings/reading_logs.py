@@ -212,12 +212,12 @@ def log_paths(files: Sequence[str | Path]) -> list[Path]:
         else:
             named = [path] if path.exists() else map(Path, glob.glob(str(file), recursive=True))  # noqa: PTH207
             matching = [each for each in named if each.is_file()]
-        if not matching and path.is_dir():
-            raise RecordingError(f"{file}: is an empty folder; expected logs in it")
-        if not matching and path.exists():
-            raise RecordingError(f"{file}: is no regular file; copy what comes from it into one")
         if not matching:
-            raise RecordingError(f"{file}: no such file, and no file matches it as a pattern; correct the path")
+            problem = "no such file, and no file matches it as a pattern; correct the path"
+            if path.exists():
+                empty = "is an empty folder; expected logs in it"
+                problem = empty if path.is_dir() else "is no regular file; copy what comes from it into one"
+            raise RecordingError(f"{file}: {problem}")
         found.update(matching)
     if not found:
         raise RecordingError("no logger file was given; expected a path, a pattern or a folder, or several of these")

@@ -1,5 +1,6 @@
 """Files read as by ``ingest``, with all findings instead of the first refusal."""
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -8,7 +9,7 @@ from cylinder_friction.evaluation.inspection.subject import Inspected, worst
 from cylinder_friction.recordings.checks.duplicates import Samples, SeenRecordings
 from cylinder_friction.recordings.checks.limits import Finding
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
-from cylinder_friction.recordings.conversion import PathNames, Recipe, metadata_of, name_of, open_tables, pieces_from
+from cylinder_friction.recordings.conversion import Recipe, metadata_of, name_of, open_tables, pieces_from
 from cylinder_friction.recordings.ingesting import shown
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 
@@ -42,7 +43,7 @@ def _inspect_file(name: str, path: Path, recipe: Recipe) -> Iterator[tuple[Recor
         names = recipe.names.names(name)
     except RecordingError as error:
         findings.append(Finding("names", "noted", str(error)))
-        names = PathNames(name_of(name), "", "")
+        names = RecordingMetadata(name_of(name), "", "", math.nan)
     about = metadata_of(names, name, "", recipe)
     try:
         pieces = pieces_from(open_tables(path, recipe), recipe, about)

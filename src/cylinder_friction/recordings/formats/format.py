@@ -127,8 +127,7 @@ def open_source(path: Path) -> FileSource:
         raise RecordingError(f"cannot be opened: {error.strerror or error}") from None
     if len(content) > MOST_UNPACKED:
         raise RecordingError(
-            f"unpacks to more than {MOST_UNPACKED / 1e6:.0f} MB, which must fit in memory; unpack it, so that it can be "
-            "read in parts"
+            f"unpacks to more than {MOST_UNPACKED / 1e6:.0f} MB; unpack it, so that it can be read in parts"
         )
     return FileSource(content, content[:HEAD_SIZE], len(content))
 
