@@ -29,7 +29,6 @@ from cylinder_friction.estimation.friction_of_logs import LabelledLogs
 from cylinder_friction.estimation.identification import MOST_ROWS, ModelSearch, _loaded
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
-from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.labelling.apparent_loss import apparent_loss
 from cylinder_friction.labelling.known_offset import STROKES, KnownOffset, OffsetEvidence, offset_evidence
 from cylinder_friction.labelling.label import Labeller, label
@@ -278,13 +277,11 @@ def intervals_of(
         for point, true_point in zip(mine.points, theirs.points, strict=True):
             if point.known_half_width_n is not None:
                 yield "Stribeck point", abs(point.friction_n - true_point.friction_n) <= point.half_width_n
-    for condition in sorted({each.metadata.condition for each in used}):
-        for parameter in search._identified(LuGre(), search._of(condition)).parameters:
-            true_range = made.parameter(parameter.name, f"condition{condition}")
-            if true_range is not None and parameter.interval is not None:
-                yield parameter.name, holds(parameter.interval, true_range)
-            elif true_range is not None:
-                yield f"{parameter.name}: not determined", 1.0
+    plain = search.plain()
+    for parameter in plain.parameters:
+        true_range = made.parameter(parameter.name, plain.recordings[0].split("_")[0])
+        if parameter.interval is not None and true_range is not None:
+            yield parameter.name, holds(parameter.interval, true_range)
 
 
 PARTS = {
