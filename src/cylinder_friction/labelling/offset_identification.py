@@ -36,6 +36,7 @@ from scipy.optimize import minimize
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.friction_quantities import POSITION_ORDER, FrictionQuantities
+from cylinder_friction.labelling.label import by_session
 from cylinder_friction.labelling.mixed_model import Evidence, Posterior, Reduced, solved
 from cylinder_friction.labelling.sliding_blocks import (
     EXPLAINING,
@@ -112,9 +113,7 @@ class OffsetModel:
     noise_n: float = math.nan  # Standard deviation of a block [N]
     stroke_n: float = math.nan  # Standard deviation of the error that the blocks of a stroke share [N]
     scale: float = math.nan  # Standard deviation between sessions of friction relative to the common friction
-    slope: float = (
-        math.nan
-    )  # As ``scale``, of its slope over standardised speed; 0 if the oil's temperature explains it
+    slope: float = math.nan  # The same of its slope over standardised speed; 0 if the oil's temperature explains it
     coefficients: tuple[float, ...] = ()  # Coefficients of friction and its common asymmetry, over ``level_n``
     precision: tuple[tuple[float, ...], ...] = ()  # Inverse of the coefficients' covariance
     common_uncertainty_n: float = math.nan  # Standard uncertainty of the mean offset of all sessions [N]
@@ -162,7 +161,13 @@ class OffsetModel:
                 state the uncertainty of their sensors' zeros.
         """
         cylinder, inputs = self.quantities.cylinder, self.quantities.inputs
-        session = SlidingBlocks.joined([sliding_blocks(each, cylinder, self.plan) for each in recordings])
+        parts = [sliding_blocks(each, cylinder, self.plan) for each in recordings]
+        if len(names := sorted({each.session for each in parts})) != 1:
+            raise RecordingError(
+                f"expected recordings of one session, but got {len(names)} sessions ({', '.join(names) or 'none'}); "
+                "identify each session's offset by itself"
+            )
+        session = SlidingBlocks.together(parts)
         missing = [column for column in inputs if column not in session.columns]
         if missing:
             raise RecordingError(
@@ -190,10 +195,8 @@ class OffsetModel:
 
     def offsets(self, recordings: Iterable[Recording]) -> dict[str, SessionOffset]:
         """Collect the offset of each session among labelled recordings, by name; see ``corrected``."""
-        by_session: dict[str, list[Recording]] = {}
-        for recording in recordings:
-            by_session.setdefault(recording.metadata.session, []).append(recording)
-        return {name: self.sessions.get(name) or self.identify(own) for name, own in by_session.items()}
+        sessions = by_session(recordings)
+        return {name: self.sessions.get(name) or self.identify(own) for name, own in sessions.items()}
 
     @property
     def _warm_known(self) -> bool:
@@ -288,16 +291,16 @@ def offset_model(
     Raises:
         RecordingError: As ``fit_offset_model``.
     """
-    plan, by_session = plan or OffsetPlan(), dict[str, list[SlidingBlocks]]()
+    plan, by_name = plan or OffsetPlan(), dict[str, list[SlidingBlocks]]()
     for part in sliding:
-        by_session.setdefault(part.session, []).append(part)
-    sessions = [SlidingBlocks.joined(parts) for parts in by_session.values()]
+        by_name.setdefault(part.session, []).append(part)
+    sessions = [SlidingBlocks.together(parts) for parts in by_name.values()]
     if not sessions:
         raise RecordingError("sensor offsets cannot be identified: expected at least one recording, but got none")
     if not sum(len(session.direction) for session in sessions):
         raise RecordingError(
             f"sensor offsets cannot be identified: got no steady sliding in sessions "
-            f"{', '.join(by_session)}; expected strokes faster than "
+            f"{', '.join(by_name)}; expected strokes faster than "
             f"{1e3 * plan.slowest_m_s:g} mm/s for more than {plan.settling_s:g} s"
         )
     asymmetry, blocks = max(plan.asymmetry, _asymmetry_seen(sessions)), SlidingBlocks.together(sessions)

@@ -78,17 +78,6 @@ class SlidingBlocks:
         return 0.5 * (extend_n + retract_n), 0.5 * (extend_n - retract_n)
 
     @classmethod
-    def joined(cls, parts: Sequence[Self]) -> Self:
-        """Join the sliding of the recordings of a session; raises ``RecordingError`` for several sessions."""
-        names = sorted({part.session for part in parts})
-        if len(names) != 1:
-            raise RecordingError(
-                f"expected recordings of one session, but got {len(names)} sessions ({', '.join(names) or 'none'}); "
-                "identify each session's offset by itself"
-            )
-        return cls.together(parts)
-
-    @classmethod
     def together(cls, parts: Sequence[Self]) -> Self:
         """Join the sliding of several recordings or sessions in their order, under the name of the first."""
         before = np.cumsum([0, *(1 + int(part.stroke.max(initial=-1)) for part in parts)])
