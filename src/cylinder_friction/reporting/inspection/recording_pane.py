@@ -188,8 +188,6 @@ def _facts(recording: Recording) -> list[tuple[str, str]]:
             continue
         values = recording.column(column) / scale
         facts.append((words, f"{four_digits(np.min(values))} to {four_digits(np.max(values))} {unit}"))
-        if column in about.zero_offset:
-            facts.append((f"{words}: zero offset subtracted", f"{about.zero_offset[column] / scale:.4g} {unit}"))
         if column in about.uncertainty:
             known = about.uncertainty[column]
             facts.append((f"{words}: uncertainty", f"± {known.zero / scale:.3g} {unit} and {100.0 * known.span:.3g} %"))
