@@ -86,52 +86,59 @@ def test_a_guessed_mapping_is_stated(logs: Path, cylinder: Cylinder) -> None:
         pd.testing.assert_frame_equal(one.table, other.table)
 
 
-def test_what_cannot_be_guessed_is_named(tmp_path: Path, cylinder: Cylinder) -> None:
-    pd.DataFrame({"t [s]": np.arange(9.0), "p_A [bar]": 1.0, "p_B [mA]": 2.0}).to_csv(tmp_path / "a.csv", index=False)
-    with pytest.raises(RecordingError, match=r"a.csv: no mapping was given, and that of pressure_2_pa, position_m"):
-        read_recordings(tmp_path / "a.csv", None, cylinder)
-
-
 def test_unusable_files_are_left_out_with_a_warning(logs: Path, cylinder: Cylinder, tmp_path: Path) -> None:
     (tmp_path / "broken.csv").write_text("a\n1\n")
     with pytest.warns(UserWarning, match=r"left out \S*broken.csv: channel 'p_A .* is missing"):
         assert len(read_recordings([logs, tmp_path], CHANNELS, cylinder)) == 3
 
 
-def test_missing_files_and_channels_are_refused(logs: Path, cylinder: Cylinder, tmp_path: Path) -> None:
-    with pytest.raises(RecordingError, match="no logger file was given; expected a path, a pattern or a folder, or"):
-        read_recordings([], CHANNELS, cylinder)
-    with pytest.raises(RecordingError, match=r"nothing\*.csv: no such file, and no file matches it as a pattern"):
-        read_recordings(tmp_path / "nothing*.csv", CHANNELS, cylinder)
-    (tmp_path / "usb").mkdir()
-    with pytest.raises(RecordingError, match=r"usb: is an empty folder; expected logs in it"):
-        read_recordings(tmp_path / "usb", CHANNELS, cylinder)
-    (tmp_path / "empty.yaml").write_text("source: here\n")
-    with pytest.raises(RecordingError, match="expected a key 'channels' with one entry per column, but got source"):
-        read_recordings(logs, tmp_path / "empty.yaml", cylinder)
+WRONG = {
+    "chanel.yaml": {"channels": {"time_s": {"chanel": "t"}}},
+    "csv.yaml": {"channels": CHANNELS, "csv": 5},
+    "checks.yaml": {"channels": CHANNELS, "checks": {"stroke": 1}},
+    "defaults.yaml": {"channels": CHANNELS, "defaults": 5},
+    "keys.yaml": {"channels": CHANNELS, "name_table": "names.csv"},
+    "empty.yaml": {"source": "here"},
+}
+"""Mappings by the name of their file."""
 
 
 @pytest.mark.parametrize(
-    "wrong",
+    ("files", "channels", "units", "words"),
     [
-        {"channels": {"time_s": {"chanel": "t"}}},
-        {"channels": CHANNELS, "csv": 5},
-        {"channels": CHANNELS, "checks": {"stroke": 1}},
-        {"channels": CHANNELS, "defaults": 5},
+        ([], CHANNELS, None, "no logger file was given; expected a path, a pattern or a folder, or"),
+        ("nothing*.csv", CHANNELS, None, r"nothing\*.csv: no such file, and no file matches it as a pattern"),
+        ("usb", CHANNELS, None, r"usb: is an empty folder; expected logs in it"),
+        ("half.csv", None, None, "half.csv: no mapping was given, and that of pressure_2_pa, position_m"),
+        *[
+            ("log.csv", file, None, f"{file}: is no mapping of channels to columns with rules")
+            for file in list(WRONG)[:4]
+        ],
+        ("log.csv", "keys.yaml", None, "key 'name_table' is not known; expected some of channels, source"),
+        ("log.csv", "empty.yaml", None, "expected a key 'channels' with one entry per column, but got source"),
+        ("log.csv", None, {"presure": "bar"}, "units: got 'presure', expected one of time, pressure, .*pressure=bar"),
+        ("log.csv", None, {"pressure": "inch"}, "unit 'inch' measures length, but the column holds a pressure"),
+        (
+            "log.csv",
+            None,
+            {"pressure": "psi"},
+            r"'p_A \[bar\]' states bar, but pressure=psi was given as its unit; leave",
+        ),
+        ("log.csv", CHANNELS, {"pressure": "bar"}, r"units: got \{'pressure': 'bar'\} beside a mapping; state them in"),
     ],
 )
-def test_a_wrong_mapping_is_refused(logs: Path, cylinder: Cylinder, tmp_path: Path, wrong: dict[str, Any]) -> None:
-    mapping = tmp_path / "press.yaml"
-    mapping.write_text(yaml.safe_dump(wrong))
-    with pytest.raises(RecordingError, match=r"press.yaml: is no mapping of channels to columns with rules"):
-        read_recordings(logs, mapping, cylinder)
-
-
-def test_a_table_of_very_many_columns_is_refused_at_once(cylinder: Cylinder, tmp_path: Path) -> None:
-    names = ",".join(f"c{column}" for column in range(100_000))
-    (tmp_path / "wide.csv").write_text(f"{names}\n" + f"{','.join(['1.0'] * 100_000)}\n" * 3)
-    with pytest.raises(RecordingError, match=r"wide.csv: has 100,000 columns, expected at most 10,000"):
-        read_recordings(tmp_path / "wide.csv", None, cylinder)
+def test_what_is_missing_or_wrong_is_refused(
+    logs: Path, cylinder: Cylinder, tmp_path: Path, files: Any, channels: Any, units: Any, words: str
+) -> None:
+    half = pd.DataFrame({"t [s]": np.arange(9.0), "p_A [bar]": 1.0, "p_B [mA]": 2.0})
+    half.to_csv(tmp_path / "half.csv", index=False)
+    shutil.copy(min(logs.glob("*.csv")), tmp_path / "log.csv")
+    (tmp_path / "usb").mkdir()
+    for name, mapping in WRONG.items():
+        (tmp_path / name).write_text(yaml.safe_dump(mapping))
+    given = tmp_path / channels if isinstance(channels, str) else channels
+    with pytest.raises(RecordingError, match=words):
+        read_recordings(tmp_path / files if files else files, given, cylinder, units=units)
 
 
 def plain(logs: Path, folder: Path, pressure: float = 1.0, position: float = 1.0, time: float = 1.0) -> Path:
@@ -175,19 +182,3 @@ def test_units_that_are_given_or_that_alone_fit_are_taken(
     (recording,) = read_recordings(plain(logs, tmp_path, scale), None, cylinder, units=units)
     first = read_recordings(sorted(logs.glob("*.csv"))[0], CHANNELS, cylinder)[0]
     np.testing.assert_allclose(recording.samples(), first.samples(), rtol=1e-5)
-
-
-@pytest.mark.parametrize(
-    ("units", "channels", "words"),
-    [
-        ({"presure": "bar"}, None, "units: got 'presure', expected one of time, pressure, length, .*pressure=bar"),
-        ({"pressure": "inch"}, None, "unit 'inch' measures length, but the column holds a pressure"),
-        ({"pressure": "psi"}, None, r"channel 'p_A \[bar\]' states bar, but pressure=psi was given as its unit; leave"),
-        ({"pressure": "bar"}, CHANNELS, r"units: got \{'pressure': 'bar'\} beside a mapping; state them in"),
-    ],
-)
-def test_units_that_cannot_hold_are_refused(
-    logs: Path, cylinder: Cylinder, units: dict[str, str], channels: dict[str, Any] | None, words: str
-) -> None:
-    with pytest.raises(RecordingError, match=words):
-        read_recordings(logs, channels, cylinder, units=units)

@@ -164,6 +164,7 @@ def test_an_open_end_is_cut_off_and_said(read, content: str, kept: list[int], no
         ("a,b\n1,2,3\n3,4,5\n", "line 1 names 2 channels, but the line below holds 3 values"),
         ("t,p\n0,1\n1,2\nt,p\n0,3\n", "line 4 is the header again: 't,p'; two logs in one file have two clocks"),
         ("# log 1\nt,p\n0,1\n1,2\n# log 2\nt,p\n0,3\n", "line 5 holds 1 values: '# log 2'"),
+        (f"{'c,' * 99_999}c\n" + f"{'1,' * 99_999}1\n" * 3, "has 100,000 columns, expected at most 10,000"),
     ],
 )
 def test_what_is_no_table_is_refused(read, content: str, message: str) -> None:  # type: ignore[no-untyped-def]

@@ -118,17 +118,21 @@ def test_a_name_that_comes_again_is_no_time_unless_it_rises(read) -> None:  # ty
     assert list(table.channels) == ["t", "p", "x", "q", "x"]
 
 
-def test_a_short_row_above_longer_ones_is_damage(read) -> None:  # type: ignore[no-untyped-def]
-    lines = rows("short").splitlines()
-    damaged = "\n".join([lines[0], "5;1", *lines[2:], ""])
-    with pytest.raises(RecordingError, match=re.escape("line 3 holds 2 values: '5;1'; expected 5 as in the lines")):
-        read(HEADER + damaged)
-
-
-def test_blanks_between_numbers_cannot_show_which_column_ended(read) -> None:  # type: ignore[no-untyped-def]
-    lines = "".join(f"{i} 1 2 {i} 3\n" for i in range(60)) + "60 1 2\n"
-    with pytest.raises(RecordingError, match=r"holds 3 values: '60 1 2'; expected 5 .*, or export it separated by tab"):
-        read("Name p1 p2 Name x\n" + lines)
+@pytest.mark.parametrize(
+    ("header", "content", "words"),
+    [
+        (
+            HEADER,
+            rows("short").replace("5;1;11;10;1.5", "5;1"),
+            "line 3 holds 2 values: '5;1'; expected 5 as in the lines",
+        ),
+        (HEADER.replace(";", " "), "0 1 2 0 3\n" * 60 + "60 1 2\n", "holds 3 values: '60 1 2'; expected 5"),
+    ],
+    ids=["a short row above longer ones", "blanks cannot show which column ended"],
+)
+def test_short_rows_that_are_no_end_are_refused(read, header: str, content: str, words: str) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(RecordingError, match=re.escape(words)):
+        read(header + content)
 
 
 def one_time_column(*ends: str) -> str:

@@ -161,8 +161,7 @@ def find_layout(lines: list[str], options: CsvOptions) -> Layout:
         grid = max(grids, key=lambda grid: _likelihood(grid, [lines[index] for index in content]))
     first = _first_row(grid, lines, content)
     names, units = _names_and_units(lines[:first], grid, options.header)
-    settled = decimal or _decimal([split_cells(line, grid.delimiter) for line in lines[first:][:LOOKED_AT]], grid)
-    return Layout(grid.delimiter, settled, names, units, first)
+    return Layout(grid.delimiter, decimal or _decimal(grid), names, units, first)
 
 
 def _grid(lines: list[str], delimiter: str, decimal: str | None) -> _Grid | None:
@@ -227,9 +226,9 @@ def _first_row(grid: _Grid, lines: list[str], content: list[int]) -> int:
     return content[first]
 
 
-def _decimal(rows: list[list[str]], grid: _Grid) -> str | None:
-    """Find the decimal sign of these rows; None if they have only whole numbers."""
-    cells = [row[index] for row in rows if len(row) == grid.width for index in grid.numeric]
+def _decimal(grid: _Grid) -> str | None:
+    """Find the decimal sign of a grid's rows; None if they have only whole numbers."""
+    cells = [row[index] for row in grid.rows if len(row) == grid.width for index in grid.numeric]
     with_point = ("." in cell and is_number(cell, ".") for cell in cells)
     if grid.delimiter == ",":
         return "." if any(with_point) else None
