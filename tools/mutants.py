@@ -101,7 +101,7 @@ MUTANTS = (
     Mutant(
         "a millimetre is a centimetre",
         "recordings/mapping/units.py",
-        '1e-2: "cm", 1e-3: "mm"',
+        '1e-3: "mm", 1e-2: "cm"',
         '1e-2: "cm mm"',
         ("recordings/mapping",),
     ),

@@ -172,7 +172,8 @@ class Recording:
         Raises:
             RecordingError: A column is missing or of another shape, or a measured column contains NaN or infinity.
         """
-        self._set(metadata, {str(name): _read_only(values) for name, values in columns.items()})
+        own = {str(name): _read_only(values) for name, values in columns.items()}
+        self.__dict__.update(metadata=metadata, columns=own)
         if missing := missing_column(self.columns):
             raise RecordingError(f"recording {self.name!r}: {missing}")
         self._check_shapes()
@@ -188,15 +189,12 @@ class Recording:
     def unchecked(cls, metadata: RecordingMetadata, columns: Columns) -> Self:
         """Make a recording of columns without checking them."""
         recording = object.__new__(cls)
-        recording._set(metadata, columns)
+        recording.__dict__.update(metadata=metadata, columns=columns)
         return recording
 
     def described(self, **changes: Any) -> Recording:
         """Return a copy with changed metadata and the same columns."""
         return Recording.unchecked(replace(self.metadata, **changes), self.columns)
-
-    def _set(self, metadata: RecordingMetadata, columns: Columns) -> None:
-        self.__dict__.update(metadata=metadata, columns=columns)
 
     def _check_shapes(self) -> None:
         rows = (len(self),)
@@ -290,22 +288,19 @@ class Recording:
         merged = {**self.columns, **{name: _read_only(values) for name, values in columns.items()}}
         if _CHECKED & columns.keys():
             return replace(self, columns=merged)
-        derived = self._derived(merged)
+        derived = Recording.unchecked(self.metadata, merged)
         derived._check_shapes()
         return derived
 
     def rows(self, own: slice) -> Recording:
         """Return some rows, with the metadata of the whole recording; the values are not copied."""
-        return self._derived({name: values[own] for name, values in self.columns.items()})
+        return Recording.unchecked(self.metadata, {name: values[own] for name, values in self.columns.items()})
 
     def without_columns(self, *names: str) -> Recording:
         """Return a copy without these columns; names that do not exist are ignored."""
         kept = {name: values for name, values in self.columns.items() if name not in names}
-        return replace(self, columns=kept) if _CHECKED & set(names) & self.columns.keys() else self._derived(kept)
-
-    def _derived(self, columns: Columns) -> Recording:
-        """Return a copy with other columns, whose measured values have been checked before."""
-        return Recording.unchecked(self.metadata, columns)
+        checked = bool(_CHECKED & set(names) & self.columns.keys())
+        return replace(self, columns=kept) if checked else Recording.unchecked(self.metadata, kept)
 
 
 _CHECKED = {*SAMPLE_COLUMNS, DRIVE_FORCE, TIME}

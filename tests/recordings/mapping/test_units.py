@@ -2,14 +2,16 @@ import numpy as np
 import pytest
 
 from cylinder_friction.recordings.columns import QUANTITIES
-from cylinder_friction.recordings.mapping.units import COMMON, check_unit, to_column_unit, units_agree
+from cylinder_friction.recordings.mapping.units import check_unit, to_column_unit, units_agree
 from cylinder_friction.recordings.recording import RecordingError
+
+OWN = {"time": "s", "pressure": "Pa", "length": "m", "force": "N", "temperature": "°C"}
 
 
 @pytest.mark.parametrize("column", QUANTITIES)
 def test_own_unit_leaves_values_untouched(column: str) -> None:
     values = np.array([1.0 / 3.0, -0.0, np.nan])
-    assert to_column_unit(values, COMMON[QUANTITIES[column]][0], column) is values
+    assert to_column_unit(values, OWN[QUANTITIES[column]], column) is values
 
 
 @pytest.mark.parametrize(

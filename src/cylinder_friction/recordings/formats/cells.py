@@ -29,18 +29,8 @@ _YEAR_FIRST = r"^(?P<Y>\d{4})[-/.](?P<m>\d{1,2})[-/.](?P<d>\d{1,2})" + _REST
 _DOTS = r"^(?P<d>\d{1,2})\.(?P<m>\d{1,2})\.(?P<Y>\d{4})" + _REST
 _EITHER = r"^(?P<d>\d{1,2})[-/](?P<m>\d{1,2})[-/](?P<Y>\d{4})" + _REST
 _NAMED_MONTH = r"^(?P<d>\d{1,2})-(?P<m>[A-Za-z]{3})-(?P<Y>\d{4}|\d{2})" + _REST
-_ZONED = r"\d:\d{2}(?:[.,:]\d+)?\s*(?:[AaPp][Mm])?\s*(?:Z|[+-]\d{2}:?\d{2})\s*$"
 _MONTHS = pa.array(["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"])
 _HALF_DAYS = pa.array([f"{hour or 12:02d}{half}" for half in ("am", "pm") for hour in range(12)])
-
-
-def states_zone(column: Any) -> bool:
-    """Check whether every cell of a column is a time stamp with a time zone."""
-    if pa.types.is_timestamp(column.type):
-        return column.type.tz is not None
-    if not pa.types.is_string(column.type) or column.null_count == len(column):
-        return False
-    return bool(pc.all(pc.match_substring_regex(column, _ZONED)).as_py())
 
 
 class CellValues(NamedTuple):
@@ -49,6 +39,7 @@ class CellValues(NamedTuple):
     values: NDArray[Any]  # Numbers, dates, or numbers and text, shape ``(n,)``
     unit: str = ""  # Unit that every cell states; ``s`` for times of day, which are seconds since midnight
     clock: bool = False  # Whether the values are times of day
+    utc: bool = False  # Whether every date states its time zone
     note: str = ""  # Which cells were read as missing
 
 
@@ -62,6 +53,7 @@ def column_values(column: Any, decimal: str, name: str) -> CellValues:
         nanoseconds = column.cast(pa.time64("ns") if clock else pa.duration("ns")).cast(pa.int64())
         seconds = pc.divide(nanoseconds.cast(pa.float64()), 1e9).to_numpy()
         return CellValues(seconds, "s" if clock else "", clock)
+    utc = types.is_timestamp(kind) and kind.tz is not None
     if types.is_temporal(kind):
         column = column.cast(pa.timestamp("ns"))
     elif types.is_boolean(kind):
@@ -70,7 +62,7 @@ def column_values(column: Any, decimal: str, name: str) -> CellValues:
         column = column.cast(pa.float64())
     elif not (types.is_integer(kind) or types.is_floating(kind)):
         return _text_values(column, decimal, name)
-    return CellValues(np.asarray(column.to_numpy()))
+    return CellValues(np.asarray(column.to_numpy()), utc=utc)
 
 
 def _text_values(column: Any, decimal: str, name: str) -> CellValues:
@@ -93,8 +85,8 @@ def _text_values(column: Any, decimal: str, name: str) -> CellValues:
         return CellValues(_numbers(pc.if_else(over, None, text), number, decimal), note=note)
     if (seconds := _clock_seconds(text)) is not None:
         return CellValues(seconds, "s", clock=True)
-    if (stamps := date_stamps(text, name)) is not None:
-        return CellValues(stamps)
+    if (dates := dates_of(text, name)) is not None:
+        return dates
     if (parts := _fields(text, _WITH_UNIT)) is not None:
         units = pc.unique(parts["unit"].drop_null()).to_pylist()
         values = _numbers(parts["number"], pc.match_substring_regex(parts["number"], form), decimal)
@@ -133,7 +125,7 @@ def _clock_seconds(text: Any) -> Array | None:
     return None
 
 
-def date_stamps(text: Any, name: str) -> NDArray[np.datetime64] | None:
+def dates_of(text: Any, name: str) -> CellValues | None:
     """Convert dates with or without a time of day to ``datetime64[ns]``; a null becomes NaT. None for other cells.
 
     In dates with dots the day comes first. In dates with slashes, the first row that can only be read one way decides
@@ -148,7 +140,10 @@ def date_stamps(text: Any, name: str) -> NDArray[np.datetime64] | None:
             fields["Y"] = pc.replace_substring_regex(fields["Y"], "^(..)$", r"20\1")
             fields["m"] = pc.add(pc.index_in(pc.utf8_lower(fields["m"]), _MONTHS), 1).cast(pa.string())
         stamps = _stamps(fields)
-        return None if stamps is None else stamps.cast(pa.timestamp("ns")).to_numpy()
+        if stamps is None:
+            return None
+        zoned = bool(pc.all(pc.not_equal(fields["zone"], "")).as_py())
+        return CellValues(stamps.cast(pa.timestamp("ns")).to_numpy(), utc=zoned)
     return None
 
 
@@ -302,7 +297,6 @@ def columns_of(named: Iterable[tuple[str, Any]], decimal: str, wanted: Collectio
     """
     columns, units, clocks, notes, utc = list[Column](), dict[str, str](), list[str](), list[str](), False
     for name, column in named:
-        utc |= states_zone(column)
         try:
             cells = column_values(column, decimal, name)
         except RecordingError:
@@ -310,6 +304,7 @@ def columns_of(named: Iterable[tuple[str, Any]], decimal: str, wanted: Collectio
                 raise
             continue
         columns.append((name, cells.values))
+        utc |= cells.utc
         units |= {name: cells.unit} if cells.unit else {}
         notes += [cells.note] if cells.note else []
         clocks += [name] if cells.clock else []

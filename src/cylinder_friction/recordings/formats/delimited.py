@@ -20,9 +20,8 @@ from cylinder_friction.recordings.formats.cells import (
     FILETIME,
     beside_clocks,
     columns_of,
-    date_stamps,
+    dates_of,
     holds_decimal_commas,
-    states_zone,
     way_of,
 )
 from cylinder_friction.recordings.formats.format import (
@@ -399,16 +398,16 @@ def start_in_header(lines: list[str], delimiter: str) -> Start | None:
         clock = clock or _CLOCK.search(found[2])
     if date is None:
         return None
-    stamp = pa.array([f"{date[0]} {clock[0].replace('UTC', 'Z')}" if clock else date[0]])
+    stamp = f"{date[0]} {clock[0].replace('UTC', 'Z')}" if clock else date[0]
     try:
-        at = date_stamps(stamp, where)
+        dates = dates_of(pa.array([stamp]), where)
     except RecordingError:  # the day or the month may come first
         return None
-    if at is None:
+    if dates is None:
         return None
     if clock is None:
-        return Start(at[0].astype("datetime64[D]"), False, f"{where}, a date without a time of day")
-    return Start(at[0], states_zone(stamp), where)
+        return Start(dates.values[0].astype("datetime64[D]"), False, f"{where}, a date without a time of day")
+    return Start(dates.values[0], dates.utc, where)
 
 
 def split_groups(columns: list[Column], units: dict[str, str], repeated: Collection[str]) -> list[LoggedTable]:

@@ -10,18 +10,18 @@ from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import POSITION, QUANTITIES
 from cylinder_friction.recordings.recording import RecordingError
 
-_SPELLINGS: dict[str, dict[float, str]] = {
+_SPELLINGS: dict[str, dict[float | tuple[float, float], str]] = {
     "time": {
         1.0: "s sec secs second seconds sek sekunde sekunden", 1e-3: "ms msec", 1e-6: "us μs usec", 1e-9: "ns",
         1e-7: "100ns ticks", 60.0: "min minute minutes minuten", 3600.0: "h hr hour hours std", 86400.0: "d day",
     },
     "pressure": {
-        1.0: "Pa N/m2", 1e2: "hPa mbar", 1e3: "kPa kN/m2", 1e6: "MPa N/mm2", 1e5: "bar",
+        1.0: "Pa N/m2", 1e3: "kPa kN/m2", 1e6: "MPa N/mm2", 1e5: "bar", 1e2: "mbar hPa",
         6894.757293168362: "psi lbf/in2 lb/in2", 6894757.293168361: "ksi",
         98066.5: "kgf/cm2 kg/cm2 kp/cm2 at", 101325.0: "atm",
     },
     "length": {
-        1.0: "m meter metre", 1e-2: "cm", 1e-3: "mm", 1e-6: "um μm micron",
+        1.0: "m meter metre", 1e-3: "mm", 1e-2: "cm", 1e-6: "um μm micron",
         0.0254: "in inch inches zoll", 0.3048: "ft", 2.54e-5: "mil thou",
     },
     # A load cell may display the mass that hangs on it; the force is its weight.
@@ -30,20 +30,22 @@ _SPELLINGS: dict[str, dict[float, str]] = {
         4.4482216152605: "lbf lb lbs", 4448.2216152605: "kip kips",
         9.80665: "kgf kp kg", 9806.65: "tf t",
     },
+    "temperature": {
+        1.0: "°C degC gradC C celsius", (1.0, -273.15): "K kelvin", (5.0 / 9.0, -160.0 / 9.0): "°F degF F fahrenheit",
+    },
 }  # fmt: skip
-"""Spellings of the units of each quantity, separated by blanks, by their factor to the column's unit.
+"""Spellings of the units of each quantity, separated by blanks, by their factor (and offset) to the column's unit.
 
 Upper and lower case are equivalent, and so are ``cm²``, ``cm2`` and ``cm^2``.
 """
-_TEMPERATURES = {
-    (1.0, 0.0): "°C degC gradC C celsius",
-    (1.0, -273.15): "K kelvin",
-    (5.0 / 9.0, -160.0 / 9.0): "°F degF F fahrenheit",
-}
 _CONVERSIONS = {
-    quantity: {name.casefold(): (factor, 0.0) for factor, names in factors.items() for name in names.split()}
-    for quantity, factors in _SPELLINGS.items()
-} | {"temperature": {name.casefold(): both for both, names in _TEMPERATURES.items() for name in names.split()}}
+    quantity: {
+        name.casefold(): scale if isinstance(scale, tuple) else (scale, 0.0)
+        for scale, names in spellings.items()
+        for name in names.split()
+    }
+    for quantity, spellings in _SPELLINGS.items()
+}
 
 USUAL = frozenset(name for names in _CONVERSIONS.values() for name in names)
 """Spellings of all units that can be converted to a column's unit, in lower case."""
@@ -60,15 +62,6 @@ OTHER_QUANTITIES = {
     "rpm", "1/min", "u/min", "rad/s", "°/s", "rad", "deg", "°", "%", "nm", "n·m", "n*m", "w", "kw", "hz", "khz", "a",
 }  # fmt: skip
 """Units of other quantities that loggers record, in lower case."""
-
-COMMON = {
-    "time": ("s", "ms", "us", "100ns", "min"),
-    "pressure": ("Pa", "kPa", "MPa", "bar", "mbar", "psi", "kgf/cm2"),
-    "length": ("m", "mm", "in", "cm", "um"),
-    "force": ("N", "kN", "lbf", "kgf", "kip"),
-    "temperature": ("°C", "K", "°F"),
-}
-"""Units that messages suggest; the first is the column's own unit."""
 
 _RARE = "psig psia kg/cm² dm g mN uN μN uV μV MHz deg_c m/s² m/s^2 mm/s² g/s 1/s min-1 J ohm Ω m³/s cm³/s bit bits -"
 KNOWN = frozenset({*USUAL, *ELECTRICAL, *OTHER_QUANTITIES, *_RARE.casefold().split()})
@@ -176,7 +169,8 @@ def check_unit(column: str, unit: str) -> tuple[float, float]:
         )
     measured = quantity_of(unit)
     problem = "is not known" if measured is None else f"measures {measured}, but the column holds a {wanted}"
-    raise RecordingError(f"column {column!r}: unit {unit!r} {problem}; expected one of {', '.join(COMMON[wanted])}")
+    usual = ", ".join(names.split()[0] for names in _SPELLINGS[wanted].values())
+    raise RecordingError(f"column {column!r}: unit {unit!r} {problem}; expected one of {usual}")
 
 
 def to_column_unit(values: Array, unit: str, column: str) -> Array:
