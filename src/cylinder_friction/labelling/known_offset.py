@@ -129,7 +129,9 @@ def known_offsets(evidence: Sequence[OffsetEvidence], cylinder: Cylinder, plan: 
     left = {each.session for each in known if each.source == STATED}
     if model is None or not left:
         return known
-    both_ways = [(each.condition, each.sliding) for each in counted if not math.isnan(each.sliding.halves_n()[0])]
+    conditions = {each.condition for each in counted if each.session in left}
+    of_them = [each for each in counted if each.condition in conditions]
+    both_ways = [(each.condition, each.sliding) for each in of_them if not math.isnan(each.sliding.halves_n()[0])]
     own_models = _deviation_models(both_ways, plan, model).values()
     deviations = {name: _deviation(each, own) for own in own_models for name, each in own.sessions.items()}
     return [deviations[each.session] if each.session in left & deviations.keys() else each for each in known]
