@@ -16,8 +16,8 @@ from cylinder_friction.estimators.saved_folder import read_description, write_de
 from cylinder_friction.evaluation.reported import error_metrics
 from cylinder_friction.files.whole_files import read_yaml
 from cylinder_friction.run_record import Dataset, RunRecord
-from cylinder_friction.tracking import model_version
-from cylinder_friction.tracking.gate import Candidate, Registered
+from cylinder_friction.tracking import registry
+from cylinder_friction.tracking.gate import Candidate
 from cylinder_friction.tracking.lineage import shaping_params
 from cylinder_friction.tracking.log_run import log_run
 from cylinder_friction.tracking.registry import REGISTERED_FILE, register
@@ -53,7 +53,7 @@ def measured(folder: Path) -> dict[str, float]:
     return _MEASURED[dvc_hash(folder)]
 
 
-def registered_in(root: Path, errors: dict[str, float] | None = None, tolerance_percent: float = 0.1) -> Registered:
+def registered_in(root: Path, errors: dict[str, float] | None = None, tolerance_percent: float = 0.1) -> Candidate:
     """Register the model that lies there as the stage does: its file, its record and its run included."""
     candidate = candidate_in(root, errors, tolerance_percent)
     registered = register(candidate, root, measured)
@@ -84,7 +84,7 @@ def race(roots: Sequence[Path], errors_of: dict[str, dict[str, float]], barrier:
 
     The models cannot be served, so that a round takes no second of computing.
     """
-    model_version.save_model_folder = _save_estimator_alone
+    registry.save_model_folder = _save_estimator_alone
     for root in roots:
         register_together(root, errors_of, barrier)
         barrier.wait()  # whoever looks between two rounds finds both decided

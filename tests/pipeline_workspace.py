@@ -11,6 +11,7 @@ from pathlib import Path
 from types import MappingProxyType
 from unittest.mock import patch
 
+from copied_stores import copied
 from cylinder_friction.commands.cli import main
 
 PROJECT = Path(__file__).parents[1]
@@ -77,4 +78,4 @@ def new_repository(folder: Path) -> Path:
 
 def copy_of(pipeline: Path, parent: Path) -> Path:
     """Return a copy of a finished pipeline's repository, its data, cache and store included."""
-    return Path(shutil.copytree(pipeline, parent / "project", symlinks=True))
+    return copied(pipeline, parent / "project")

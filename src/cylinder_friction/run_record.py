@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
-from cylinder_friction.execution.measuring import Took
-from cylinder_friction.files.whole_files import json_hash
+from cylinder_friction.execution.measuring import Took, now_ms
+from cylinder_friction.files.whole_files import json_hash, read_json
 
 Scalar = str | int | float | bool
 Table = dict[str, list[Any]]
@@ -31,11 +31,8 @@ def records_in(root: Path) -> dict[str, RunRecord]:
     """Read the records of the stages in a repository, by stage; leave out records that cannot be read."""
     records = {}
     for stage in STAGES:
-        try:
-            content = json.loads((root / RUNS_FOLDER / f"{stage}.json").read_text(encoding="utf-8"))
-            records[stage] = RunRecord.from_dict(content)
-        except (OSError, ValueError, TypeError, AttributeError):  # missing, or cut off
-            continue
+        with suppress(OSError, ValueError, TypeError, AttributeError):  # missing, or cut off
+            records[stage] = RunRecord.from_dict(read_json(root / RUNS_FOLDER / f"{stage}.json"))
     return records
 
 
@@ -62,38 +59,22 @@ class Dataset:
 
 @dataclass(frozen=True)
 class RunRecord:
-    """What a stage did. Equal work gives records with equal keys.
+    """What a stage did. Equal work gives records with equal keys."""
 
-    Attributes:
-        name: Name of the stage, or of the trial of a search.
-        params: Parameters of the stage.
-        metrics: Results as single numbers; the part of a name before ``/`` groups them.
-        curves: Results by step (epoch or trial): a list per name.
-        tables: Results as tables, for example by condition or estimator.
-        note: Results in words, as Markdown.
-        tags: Further tags of the run.
-        artifacts: Files and folders to log, relative to the repository root.
-        datasets: Recordings that the stage read, by role (train, validation, test).
-        children: Runs below this one, for example the trials of a search.
-        experiment: MLflow experiment: the recipe's name, or empty for the default recipe.
-        took: When the stage ran and what it cost. The key leaves out this field and the next two.
-        commit: Commit at which the stage ran, as tags of its run.
-        pipeline: Parameters of the pipeline's run, stated by ``compare`` and ``register``: recipe, seeds and
-            differences from the default recipe.
-    """
-
-    name: str
-    params: dict[str, Scalar] = field(default_factory=dict)
-    metrics: dict[str, float] = field(default_factory=dict)
-    curves: dict[str, list[float]] = field(default_factory=dict)
-    tables: dict[str, Table] = field(default_factory=dict)
-    note: str = ""
-    tags: dict[str, str] = field(default_factory=dict)
-    artifacts: tuple[str, ...] = ()
-    datasets: dict[str, Dataset] = field(default_factory=dict)
-    children: tuple[RunRecord, ...] = ()
-    experiment: str = ""
-    took: Took | None = None
+    name: str  # Name of the stage, or of the trial of a search
+    params: dict[str, Scalar] = field(default_factory=dict)  # Parameters of the stage
+    metrics: dict[str, float] = field(default_factory=dict)  # Results; the part of a name before ``/`` groups them
+    curves: dict[str, list[float]] = field(default_factory=dict)  # Results by step (epoch or trial)
+    tables: dict[str, Table] = field(default_factory=dict)  # Results as tables, for example by condition or estimator
+    note: str = ""  # Results in words, as Markdown
+    tags: dict[str, str] = field(default_factory=dict)  # Further tags of the run
+    artifacts: tuple[str, ...] = ()  # Files and folders to log, relative to the repository root
+    datasets: dict[str, Dataset] = field(default_factory=dict)  # Recordings that the stage read, by role (train, ...)
+    children: tuple[RunRecord, ...] = ()  # Runs below this one, for example the trials of a search
+    experiment: str = ""  # MLflow experiment: the recipe's name, or empty for the default recipe
+    # The key leaves out the circumstances: when the stage ran and what it cost, its commit as tags of the run, and from
+    # ``compare`` and ``register`` the parameters of the pipeline's run: recipe, seeds, differences from the default.
+    took: Took = field(default_factory=lambda: Took(now_ms(), now_ms()), compare=False)
     commit: dict[str, str] = field(default_factory=dict)
     pipeline: dict[str, Scalar] = field(default_factory=dict)
 
@@ -108,13 +89,9 @@ class RunRecord:
         given["children"] = tuple(cls.from_dict(child) for child in given.get("children", ()))
         given["datasets"] = {role: Dataset(**each) for role, each in given.get("datasets", {}).items()}
         given["artifacts"] = tuple(given.get("artifacts", ()))
-        given["took"] = Took(**given["took"]) if given.get("took") else None
-        return cls(**given)
+        return cls(**given | ({"took": Took(**given["took"])} if "took" in given else {}))
 
     def key(self) -> str:
         """Hash the work that was done: two records with equal keys are the same run."""
-        return json_hash(self._compared())
-
-    def _compared(self) -> dict[str, Any]:
-        content = {key: value for key, value in self.to_dict().items() if key not in _CIRCUMSTANCES}
-        return {**content, "children": [child._compared() for child in self.children]}
+        work = {name: value for name, value in self.to_dict().items() if name not in _CIRCUMSTANCES}
+        return json_hash({**work, "children": [child.key() for child in self.children]})

@@ -43,19 +43,19 @@ def test_the_candidate_is_registered_and_the_file_says_on_what_grounds(repositor
     record = register.run(shipped())
     content = json.loads(registered(repository))
     assert content["promote"] is True
-    assert content["candidate"]["errors_percent"] == {"1": 2.1, "2": 2.2, "3": 2.3, "4": 2.4}
-    assert list(content["candidate"]["data"]) == sorted(content["candidate"]["data"])
+    assert content["errors_percent"] == {"1": 2.1, "2": 2.2, "3": 2.3, "4": 2.4}
+    assert list(content["data"]) == sorted(content["data"])
     assert str(repository) not in registered(repository), "no absolute path in a file that DVC tracks"
     assert record.metrics["label_error_percent/mean"] == pytest.approx(2.25)
-    card = content["candidate"]["card"]
+    card = content["card"]
     assert "- Trained on: 2 recordings" in card
     (version,) = MlflowClient(tracking_uri(repository)).search_model_versions(f"name = '{NAME}'")
     assert version.description.startswith("**Promoted: there is no incumbent")
     assert card in version.description
-    assert content["candidate"]["data"]["data/raw/rig"] in version.description
+    assert content["data"]["data/raw/rig"] in version.description
     assert f"`cylinder-friction lineage models:/{NAME}/1` checks it." in version.description
     client, first = MlflowClient(tracking_uri(repository)), registered(repository)
-    assert client.get_model_version_by_alias(NAME, "champion").tags["hash_model"] == content["candidate"]["model_md5"]
+    assert client.get_model_version_by_alias(NAME, "champion").tags["hash_model"] == content["model_md5"]
     assert register.run(shipped()) == record
     assert registered(repository) == first, "running it again changes no byte"
     assert len(client.search_model_versions(f"name = '{NAME}'")) == 1
@@ -66,12 +66,12 @@ def test_an_incumbent_from_other_recordings_is_measured_on_the_present_ones(
 ) -> None:
     register.run(shipped())
     lock = repository / "dvc.lock"
-    test_data = json.loads(registered(repository))["candidate"]["data"]["data/processed/test"]
+    test_data = json.loads(registered(repository))["data"]["data/processed/test"]
     lock.write_text(lock.read_text(encoding="utf-8").replace(test_data, "0" * 32 + ".dir"), encoding="utf-8")
     path = repository / "models/hybrid/estimator.json"
     path.write_text(path.read_text(encoding="utf-8").replace('"friction_n"', '"friction_n" '), encoding="utf-8")
     register.run(shipped())
-    measured = json.loads(registered(repository))["incumbent"]["errors_percent"]
+    measured = json.loads(registered(repository))["incumbent"]
     hybrid, recordings = load_estimator(repository / "models/hybrid"), read_stored(repository / "data/processed/test")
     assert measured == errors_by_condition(hybrid, recordings, "label", "")
     assert set(measured) == {"1", "2", "3", "4"}
@@ -84,14 +84,14 @@ def test_the_gate_goes_by_true_friction_where_it_is_known(repository: Path) -> N
         numbers["truth_percent"] = 1.0 + 0.1 * int(condition)
     path.write_text(json.dumps(metrics), encoding="utf-8")
     record = register.run(shipped())
-    content = json.loads(registered(repository))["candidate"]
+    content = json.loads(registered(repository))
     assert content["reference"] == "truth"
     assert content["errors_percent"] == {"1": 1.1, "2": 1.2, "3": 1.3, "4": 1.4}
     assert record.metrics["truth_error_percent/condition_1"] == 1.1
     del metrics["hybrid"]["3"]["truth_percent"]
     path.write_text(json.dumps(metrics), encoding="utf-8")
     register.run(shipped())
-    assert json.loads(registered(repository))["candidate"]["reference"] == "label"
+    assert json.loads(registered(repository))["reference"] == "label"
 
 
 def test_errors_against_truth_are_measured_on_the_recordings_whose_truth_is_known(
@@ -136,7 +136,7 @@ def test_any_estimator_of_the_comparison_with_a_real_time_step_is_registered(
     register.run(shipped(register={"candidate": "ridge"}))
     (version,) = MlflowClient(tracking_uri(repository)).search_model_versions(f"name = '{NAME}'")
     assert version.description.count("Ridge") + version.description.count("ridge")
-    assert json.loads(registered(repository))["candidate"]["folder"] == "models/baselines/ridge"
+    assert json.loads(registered(repository))["folder"] == "models/baselines/ridge"
     served = mlflow.pyfunc.load_model(f"models:/{NAME}@champion")
     assert len(served.predict(served.input_example)) == len(served.input_example)
     AnalyticalEstimator(cylinder, LuGre()).fit(labelled_recordings).save(repository / "models/lugre/lugre")

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.tracking.gate import Candidate, Incumbent, Registered, decide
+from cylinder_friction.tracking.gate import Candidate, decide
 
 CANDIDATE = Candidate(
     "friction-estimator",
@@ -61,7 +62,7 @@ def test_a_promoted_candidate_is_better_overall_and_nowhere_worse_than_tolerated
         assert all(candidate[condition] <= incumbent[condition] + tolerance for condition in candidate)
 
 
-@pytest.mark.parametrize("incumbent", [None, Incumbent("12" * 32, {"1": 2.5, "2": 1.5})])
-def test_a_registration_comes_back_from_its_file(incumbent: Incumbent | None) -> None:
-    registered = Registered(CANDIDATE, True, "promoted: better", incumbent)
-    assert Registered.from_dict(json.loads(json.dumps(registered.to_dict()))) == registered
+@pytest.mark.parametrize("incumbent", [None, {"1": 2.5, "2": 1.5}])
+def test_a_decision_comes_back_from_its_file(incumbent: dict[str, float] | None) -> None:
+    decided = replace(CANDIDATE, promote=True, reason="promoted: better", incumbent=incumbent)
+    assert Candidate.from_dict(json.loads(json.dumps(decided.to_dict()))) == decided

@@ -16,7 +16,7 @@ from mlflow import MlflowClient
 from candidates import NAME, other_model, race, register_together, registered_in, versions
 from cylinder_friction.dvc_hashes import dvc_hash
 from cylinder_friction.tracking.lineage import lineage
-from cylinder_friction.tracking.track import track
+from cylinder_friction.tracking.registry import track
 from team_servers import postgresql_programs, server_on
 
 pytestmark = pytest.mark.extended
@@ -34,8 +34,8 @@ def server(pipeline: Path, tmp_path: Path, empty_store: Path, monkeypatch: pytes
 
 
 def test_runs_registry_and_lineage_work_over_http(server: str, pipeline: Path) -> None:
-    assert track(pipeline).logged == ("record", "search", "train", "compare")
-    assert track(pipeline).present == ("record", "search", "train", "compare")
+    assert track(pipeline).logged == ["record", "search", "train", "compare"]
+    assert track(pipeline).present == ["record", "search", "train", "compare"]
     first = registered_in(pipeline)
     assert first.promote
     assert registered_in(pipeline) == first

@@ -7,10 +7,9 @@ import pytest
 from mlflow import MlflowClient
 
 from candidates import NAME, champion, other_model, registered_in, runs_in, versions
-from cylinder_friction.tracking.registry import ALREADY, move_champion
+from cylinder_friction.tracking.registry import ALREADY, move_champion, track
 from cylinder_friction.tracking.repository import TrackingError
 from cylinder_friction.tracking.store import tracking_uri
-from cylinder_friction.tracking.track import track
 
 NOT_CHAMPION = "(not champion; `cylinder-friction promote 1 friction-estimator` makes it champion)"
 
@@ -28,12 +27,12 @@ def test_tracking_fills_an_empty_store_once_and_promotes_nothing(
     shutil.copytree(registered_pipeline, root, ignore=shutil.ignore_patterns("mlflow.db*", "mlartifacts"))
     shutil.copy(empty_store, root / "mlflow.db")
     first = track(root)
-    assert first.logged == ("record", "search", "train", "compare", "register")
-    assert (first.present, first.problems) == ((), ())
-    assert first.version == f"friction-estimator version 1 {NOT_CHAMPION}"
+    assert first.logged == ["record", "search", "train", "compare", "register"]
+    assert (first.present, first.problems) == ([], [])
+    assert first.version == f"registered model: friction-estimator version 1 {NOT_CHAMPION}"
     assert move_champion(root, NAME, 1) == "friction-estimator: champion was none, is version 1"
     again = track(root)
-    assert (again.logged, again.present) == ((), ("record", "search", "train", "compare", "register"))
+    assert (again.logged, again.present) == ([], ["record", "search", "train", "compare", "register"])
     assert (
         again.summary() == "0 runs logged, 5 already there\nregistered model: friction-estimator version 1 (champion)"
     )
@@ -48,13 +47,16 @@ def test_tracking_leaves_what_a_person_did_to_the_registry(registered_pipeline: 
     registered_in(root, {"1": 1.0, "2": 1.0})
     client = MlflowClient(tracking_uri(root))
     client.set_registered_model_alias(NAME, "champion", "1")
-    assert track(root).version == f"friction-estimator version 2 {NOT_CHAMPION.replace('promote 1', 'promote 2')}"
+    assert (
+        track(root).version
+        == f"registered model: friction-estimator version 2 {NOT_CHAMPION.replace('promote 1', 'promote 2')}"
+    )
     assert champion(root) == "1"
     client.delete_registered_model_alias(NAME, "champion")
     track(root)
     assert client.get_registered_model(NAME).aliases == {}
     client.delete_model_version(NAME, "2")
-    assert track(root).version == "friction-estimator has no version of models/hybrid: it was removed from the registry"
+    assert track(root).version.endswith("has no version of models/hybrid: it was removed from the registry")
     assert [one.version for one in versions(root)] == [1]
 
 
@@ -63,8 +65,8 @@ def test_tracking_goes_on_past_what_is_missing_and_names_it(pipeline: Path) -> N
     (pipeline / "reports/report.html").unlink()
     (runs / "zz.json").write_text("{", encoding="utf-8")
     done = track(pipeline)
-    assert done.logged == ("record", "search", "train")
-    assert done.version is None
+    assert done.logged == ["record", "search", "train"]
+    assert done.version == "no model is registered yet"
     assert "not logged: compare.json: run 'compare': reports/report.html is not there; run `dvc pull`" in done.summary()
     assert "not logged: zz.json" in done.summary()
 
@@ -78,19 +80,19 @@ def test_a_model_that_is_champion_is_found_whatever_tolerance_it_asked_with(regi
     root = registered_pipeline
     again = registered_in(root, tolerance_percent=0.2)
     assert (again.promote, again.reason) == (True, ALREADY), "not the decision made at another tolerance as its own"
-    assert track(root).version == "friction-estimator version 1 (champion)"
+    assert track(root).version == "registered model: friction-estimator version 1 (champion)"
     other_model(root)
     assert not registered_in(root, {"1": 1.0, "2": 2.15}, tolerance_percent=0.1).promote
     looser = registered_in(root, {"1": 1.0, "2": 2.15}, tolerance_percent=0.2)
     assert looser.promote
     assert "within the tolerance of 0.2" in looser.reason
     assert (champion(root), len(versions(root))) == ("2", 2), "one version, asked again"
-    assert track(root).version == "friction-estimator version 2 (champion)"
+    assert track(root).version == "registered model: friction-estimator version 2 (champion)"
 
 
 def test_artifacts_that_are_gone_are_named(registered_pipeline: Path) -> None:
     root = registered_pipeline
     shutil.rmtree(root / "mlartifacts/models")
-    assert "version 1 (champion): its files are not at file:///" in str(track(root).version)
+    assert "version 1 (champion): its files are not at file:///" in track(root).version
     with pytest.raises(TrackingError, match="restore them from a backup, or delete the version and run"):
         registered_in(root)

@@ -71,7 +71,7 @@ def _engine(model: str | None, engines: Path) -> Engine:
         model = load_params().champion
     if not model.startswith("models:/"):
         return engine_of(Path(model), str(Path(model).resolve()), engines)
-    from cylinder_friction.tracking.model_folder import estimator_folder  # MLflow
+    from cylinder_friction.tracking.lineage import estimator_folder  # MLflow
 
     with tempfile.TemporaryDirectory() as scratch:
         return engine_of(*estimator_folder(model, Path(), Path(scratch) / "model"), engines)

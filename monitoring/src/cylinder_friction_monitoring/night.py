@@ -67,7 +67,7 @@ def _with_model_folders(fleet: Fleet, scratch: Path) -> tuple[Fleet, dict[str, s
     folders, problems = dict[str, str](), dict[str, str]()
     names = {each.model for each in fleet.cylinders.values() if each.model.startswith(REGISTERED)}
     for number, name in enumerate(sorted(names)):
-        from cylinder_friction.tracking.model_folder import estimator_folder  # MLflow: only for registered models
+        from cylinder_friction.tracking.lineage import estimator_folder  # MLflow: only for registered models
 
         try:
             folders[name] = str(estimator_folder(name, Path(), scratch / str(number))[0])

@@ -10,6 +10,6 @@ def model_folder(given: str, scratch: Path) -> tuple[Path, str]:
     """
     if not given.startswith("models:/"):
         return Path(given), str(Path(given).resolve())
-    from cylinder_friction.tracking.model_folder import estimator_folder  # MLflow: only for registered models
+    from cylinder_friction.tracking.lineage import estimator_folder  # MLflow: only for registered models
 
     return estimator_folder(given, Path(), scratch)

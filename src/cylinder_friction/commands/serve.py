@@ -12,7 +12,7 @@ import yaml
 
 from cylinder_friction.deployment.child_server import child_server, listenable, noted_signals, wait_for_signal
 from cylinder_friction.params.checking import load_params
-from cylinder_friction.tracking.model_folder import download_model, version_of
+from cylinder_friction.tracking.lineage import download_model, version_of
 from cylinder_friction.tracking.store import open_store
 
 EXAMPLE_FILE = "serving_input_example.json"  # MLflow's example of a request

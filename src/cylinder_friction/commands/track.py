@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from cylinder_friction.tracking.track import track
+from cylinder_friction.tracking.registry import track
 
 
 def run(_options: argparse.Namespace) -> int:

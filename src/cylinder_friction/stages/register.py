@@ -13,6 +13,7 @@ from cylinder_friction.evaluation.measured_errors import errors_by_condition
 from cylinder_friction.evaluation.reported import error_metrics, reported_errors
 from cylinder_friction.files.whole_files import read_json, read_yaml, write_json
 from cylinder_friction.params.composing import as_run_params
+from cylinder_friction.params.file import PARAMS_FILE
 from cylinder_friction.recordings.storage import iterate_recordings
 from cylinder_friction.reporting.model_card import model_card
 from cylinder_friction.run_record import RunRecord, by_columns
@@ -30,13 +31,12 @@ from cylinder_friction.stages._stage import (
     flat,
 )
 from cylinder_friction.tracking.gate import Candidate
-from cylinder_friction.tracking.lineage import PARAMS_FILE, shaping_params
+from cylinder_friction.tracking.lineage import shaping_params
 from cylinder_friction.tracking.registry import REGISTERED_FILE, register
 from cylinder_friction.tracking.repository import TrackingError
 
 if TYPE_CHECKING:
     from cylinder_friction.params.checking import Params
-    from cylinder_friction.tracking.gate import Registered
 
 EXAMPLE_S = 4.0
 """Duration of the example [s], long enough that its last rows are no longer flagged as settling."""
@@ -50,7 +50,7 @@ def run(params: Params) -> RunRecord:
             without it the incumbent is unknown, so nothing is decided.
         RecordingError: ``dvc.lock`` does not state the data of the candidate.
     """
-    settings, content = params.register_, read_yaml(Path(PARAMS_FILE))
+    settings, content = params.register_, read_yaml(PARAMS_FILE)
     reference, errors_percent = reported_errors(_reported(settings.candidate))
     folder, ingested = candidate_folder(settings.candidate), read_json(INGESTED_FILE)
     data = data_hashes([ingested["source"], *(path.as_posix() for path in PROCESSED_FOLDERS.values())])
@@ -74,14 +74,14 @@ def run(params: Params) -> RunRecord:
         recordings = iterate_recordings(PROCESSED_FOLDERS["test"])
         return errors_by_condition(load_estimator(saved), recordings, reference, ingested["truth"])
 
-    registered = register(candidate, Path(), measure)
-    write_json(REGISTERED_FILE, registered.to_dict())
+    decided = register(candidate, Path(), measure)
+    write_json(REGISTERED_FILE, decided.to_dict())
     return RunRecord(
         name="register",
         params=flat(settings) | {"reference": reference},
-        metrics=error_metrics(errors_percent, reference) | {"promoted": float(registered.promote)},
-        tables={"decision": by_columns(_decision(registered))},
-        note=registered.reason,
+        metrics=error_metrics(errors_percent, reference) | {"promoted": float(decided.promote)},
+        tables={"decision": by_columns(_decision(decided))},
+        note=decided.reason,
         artifacts=artifacts(REGISTERED_FILE, METRICS_FILE),
         datasets=datasets({"test": PROCESSED_FOLDERS["test"]}),
     )
@@ -118,10 +118,9 @@ def _card(params: Params, folder: Path) -> str:
     )
 
 
-def _decision(registered: Registered) -> list[dict[str, str | float]]:
+def _decision(candidate: Candidate) -> list[dict[str, str | float]]:
     """List the errors that the gate decided on, a row per condition."""
-    candidate = registered.candidate
-    incumbent = registered.incumbent.errors_percent if registered.incumbent else {}
+    incumbent = candidate.incumbent or {}
     return [
         {
             "condition": name,

@@ -21,7 +21,7 @@ Errors = dict[str, _Error]
 
 @dataclass(frozen=True)
 class Candidate:
-    """A trained estimator that may replace the champion."""
+    """A trained estimator that may replace the champion, with the gate's decision once it is made."""
 
     model_name: str  # Name in the registry
     folder: str  # Folder of the saved estimator, relative to the repository's root
@@ -34,39 +34,21 @@ class Candidate:
     example: dict[str, list[float]]  # A few rows of raw samples, by column
     pipeline: dict[str, Any]  # Parameters of the pipeline's run: recipe, seeds, differences from the default recipe
     card: str = ""  # Model card for users, as Markdown
-
-    def key(self) -> str:
-        """Hash the model, its errors and its data; the hash identifies the candidate's version."""
-        return json_hash([self.model_md5, self.reference, self.errors_percent, self.data])
-
-    def error_words(self) -> str:
-        """State the mean error and its reference."""
-        return f"{_mean(self.errors_percent):.3f} against {self.reference}"
-
-
-@dataclass(frozen=True)
-class Incumbent:
-    """The champion at the time of the gate's decision."""
-
-    model_md5: str
-    errors_percent: Errors
-
-
-@dataclass(frozen=True)
-class Registered:
-    """The gate's decision, without time and version numbers: equal work gives equal bytes."""
-
-    candidate: Candidate
-    promote: bool
-    reason: str
-    incumbent: Incumbent | None
+    # The decision, without time and version numbers: equal work gives equal bytes.
+    promote: bool = False
+    reason: str = "being decided"
+    incumbent: Errors | None = None  # The champion's errors at the decision; None without a champion
 
     def to_dict(self) -> dict[str, Any]:
-        return dict(TypeAdapter(Registered).dump_python(self))
+        return dict(TypeAdapter(Candidate).dump_python(self))
 
     @classmethod
     def from_dict(cls, content: dict[str, Any]) -> Self:
         return TypeAdapter(cls).validate_python(content)
+
+    def key(self) -> str:
+        """Hash the model, its errors and its data; the hash identifies the candidate's version."""
+        return json_hash([self.model_md5, self.reference, self.errors_percent, self.data])
 
 
 def decide(

@@ -1,25 +1,27 @@
-"""Lineage of a registered model: its run, commit, data and parameters, with a check of each link."""
+"""Registered versions: look one up, copy its files, and check its lineage: run, commit and data."""
 
+import re
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import suppress
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
-import yaml
+from mlflow import artifacts
+from mlflow.entities.model_registry import ModelVersion
 from mlflow.exceptions import MlflowException
+from mlflow.models import Model
 
-from cylinder_friction.dvc_hashes import LOCK_FILE, locked_hashes
-from cylinder_friction.files.whole_files import hash_of, json_hash, read_json
-from cylinder_friction.tracking.model_folder import download_model, version_of
-from cylinder_friction.tracking.model_version import FILES, REASON, WRITTEN_ON_LOADING
-from cylinder_friction.tracking.repository import TrackingError, asked_git, repository_root
+from cylinder_friction.dvc_hashes import LOCK_FILE
+from cylinder_friction.files.whole_files import hash_of, read_json
+from cylinder_friction.tracking.repository import SOURCES, TrackingError, asked_git, repository_root
 from cylinder_friction.tracking.store import Store, open_store
-from cylinder_friction.wording import printable
+from cylinder_friction.wording import in_brief, printable
 
-PARAMS_FILE = "params.yaml"
+REASON, FILES = "reason", "hash_files"
+"""Tags of a version: why it was promoted or refused, and the hash of its files."""
+WRITTEN_ON_LOADING = "registered_model_meta"
+"""File that MLflow adds to a model when it loads the model by its registered name; the hash leaves the file out."""
 EVALUATING_SECTIONS = ("recipe", "lugre", "compare", "register")
 """Sections of the parameters that do not shape the model; all other sections belong to its origin."""
 
@@ -29,13 +31,54 @@ def shaping_params(content: Mapping[str, Any]) -> dict[str, Any]:
     return {section: values for section, values in content.items() if section not in EVALUATING_SECTIONS}
 
 
-@dataclass(frozen=True)
-class Link:
-    """One link of the lineage: its name, whether it holds, and what was found."""
+def version_of(store: Store, uri: str) -> ModelVersion:
+    """Look up the registered version that ``models:/<name>@<alias>`` or ``models:/<name>/<version>`` names.
 
-    name: str
-    holds: bool
-    found: str
+    Raises:
+        TrackingError: The URI has another form, or the registry has no such version.
+    """
+    parts = re.fullmatch(r"models:/([^/@]+)([/@])([^/@]+)", uri)
+    if parts is None:
+        raise TrackingError(f"{uri!r} names no registered model; expected models:/<name>@<alias> or .../<version>")
+    client, (name, kind, which) = store.client, parts.groups()
+    try:
+        return client.get_model_version_by_alias(name, which) if kind == "@" else client.get_model_version(name, which)
+    except MlflowException as error:
+        way = "run `dvc repro`, or after `dvc pull` `cylinder-friction track` and `cylinder-friction promote VERSION`"
+        raise TrackingError(
+            f"{uri}: the registry at {store.uri} has no such version ({error.message}); {way}"
+        ) from error
+
+
+def download_model(store: Store, version: ModelVersion, folder: Path) -> Path:
+    """Copy the model folder of a registered version into ``folder``; return its path, from which MLflow loads it.
+
+    Raises:
+        TrackingError: The version's files cannot be read.
+    """
+    try:
+        location = store.client.get_model_version_download_uri(version.name, version.version)
+        return Path(artifacts.download_artifacts(location, dst_path=str(folder), tracking_uri=store.uri))
+    except Exception as error:  # each kind of storage raises its own errors
+        where = f"{version.name} version {version.version}: its files at {version.source}"
+        raise TrackingError(f"{where} cannot be read ({in_brief(error)})") from error
+
+
+def download_estimator(store: Store, version: ModelVersion, folder: Path) -> Path:
+    """Copy the model folder of a registered version like ``download_model``; return the estimator's folder inside."""
+    copied = download_model(store, version, folder)
+    return copied / str(Model.load(str(copied)).flavors["python_function"]["artifacts"]["estimator"]["path"])
+
+
+def estimator_folder(uri: str, root: Path, scratch: Path) -> tuple[Path, str]:
+    """Copy the estimator inside a registered model into ``scratch``; return its folder and the version's URI.
+
+    Raises:
+        TrackingError: The registry cannot be reached or has no such model.
+    """
+    with open_store(root, create=False) as store:
+        version = version_of(store, uri)
+        return download_estimator(store, version, scratch), f"models:/{version.name}/{version.version}"
 
 
 @dataclass(frozen=True)
@@ -43,31 +86,30 @@ class Lineage:
     """The lineage of one registered version."""
 
     model: str
-    links: tuple[Link, ...]
+    links: dict[str, tuple[bool, str]]  # By name: whether the link holds, and what was found
 
     @property
     def holds(self) -> bool:
-        return all(link.holds for link in self.links)
+        return all(holds for holds, _ in self.links.values())
 
     def text(self) -> str:
         """Format the lineage as text: one line per link, then the broken links."""
-        width = max(len(link.name) for link in self.links)
-        lines = [f"  {'ok' if link.holds else 'BROKEN':<6} {link.name:<{width}}  {link.found}" for link in self.links]
-        broken = [link.name for link in self.links if not link.holds]
-        end = f"broken: {', '.join(broken)}" if broken else f"all {len(self.links)} links hold"
+        links, width = self.links.items(), max(map(len, self.links))
+        lines = [f"  {'ok' if holds else 'BROKEN':<6} {name:<{width}}  {words}" for name, (holds, words) in links]
+        broken = ", ".join(name for name, (holds, _) in links if not holds)
+        end = f"broken: {broken}" if broken else f"all {len(self.links)} links hold"
         return "\n".join(map(printable, [self.model, *lines, end]))
 
 
 def lineage(uri: str, root: Path) -> Lineage:
     """Check every link of the lineage of ``models:/<name>@<alias>`` or ``models:/<name>/<version>``.
 
-    The files of the version must have the registered hash. One of them, ``lineage.json``, states the other links: run
-    and commit must exist, and ``dvc.lock`` and ``params.yaml`` must contain the hashes of data and parameters, in the
-    working tree or in a commit.
+    The files of the version must have the registered hash. One of them, ``lineage.json``, has the parameters and states
+    the other links: run and commit must exist, and ``dvc.lock`` must contain the hashes of the data, in the working
+    tree or in a commit.
 
     Raises:
-        LineageError: The URI has another form, or the registry has no such version.
-        TrackingError: The registry cannot be reached.
+        TrackingError: The registry cannot be reached or has no such version, or the URI has another form.
     """
     root = repository_root(root)
     with open_store(root, create=False) as store, tempfile.TemporaryDirectory() as scratch:
@@ -78,68 +120,37 @@ def lineage(uri: str, root: Path) -> Lineage:
             (path,) = folder.rglob("lineage.json")
             origin = dict(read_json(path))
         except (TrackingError, OSError, ValueError) as error:  # lost or damaged: nothing states the other links
-            return Lineage(model, (Link("files", False, str(error)),))
-        links = [
-            _files(folder, version.tags.get(FILES, "nothing")),
-            _run(store, origin["run_id"]),
-            _commit(root, origin),
-        ]
-        for name, md5 in origin["data"].items():
-            own = f"data {name.removeprefix('data/')}"
-            links.append(_stated(own, md5, root, LOCK_FILE, partial(_locked_hash, name)))
-        shaping = json_hash(origin["params"])
-        links.append(_stated("parameters", shaping, root, PARAMS_FILE, _shaping_hash))
-        return Lineage(model, tuple(links))
+            return Lineage(model, {"files": (False, str(error))})
+        found, stated = hash_of(folder, WRITTEN_ON_LOADING), version.tags.get(FILES, "nothing")
+        links = {"files": (found == stated, f"their hash is {found[:12]}…, and {stated[:12]}… was registered")}
+        try:
+            run = store.client.get_run(origin["run_id"]).info
+            words = f"{run.run_name} {run.run_id} ({run.status.lower()}, {run.lifecycle_stage})"
+            links["run"] = (run.lifecycle_stage == "active", words)
+        except MlflowException:
+            links["run"] = (False, f"{origin['run_id']}: not in the store")
+    links["git commit"] = _commit(root, origin)
+    links |= {f"data {name.removeprefix('data/')}": _data(root, md5) for name, md5 in origin["data"].items()}
+    return Lineage(model, links)
 
 
-def _files(folder: Path, stated: str) -> Link:
-    found = hash_of(folder, WRITTEN_ON_LOADING)
-    if found != stated:
-        return Link("files", False, f"their hash is {found[:12]}…, but {stated[:12]}… was registered")
-    return Link("files", True, f"hash {found[:12]}… as registered")
-
-
-def _run(store: Store, run_id: str) -> Link:
-    try:
-        run = store.client.get_run(run_id).info
-    except MlflowException:
-        return Link("run", False, f"{run_id}: not in the store")
-    words = f"{run.run_name} {run_id} ({run.status.lower()}, {run.lifecycle_stage})"
-    return Link("run", run.lifecycle_stage == "active", words)
-
-
-def _commit(root: Path, origin: Mapping[str, Any]) -> Link:
+def _commit(root: Path, origin: Mapping[str, Any]) -> tuple[bool, str]:
     sha = origin["git_commit"]
     if sha == "unknown":
-        return Link("git commit", False, f"unknown when the model was made: {origin['git_problem']}")
+        return False, f"unknown when the model was made: {origin['git_problem']}"
     words, problem = asked_git(root, "show", "-s", "--format=%s", "--end-of-options", sha)
     if words is None:
-        return Link("git commit", False, f"{sha}: not in this repository ({problem}); fetch the branch that holds it")
+        return False, f"{sha}: not in this repository ({problem}); fetch the branch that holds it"
     modified = " (with changes that were not committed)" if origin["git_dirty"] != "false" else ""
-    return Link("git commit", True, f"{sha[:12]} {words}{modified}")
+    same = asked_git(root, "diff", "--quiet", sha, "HEAD", "--", *SOURCES)[0] is not None
+    head, code = asked_git(root, "rev-parse", "--short=12", "HEAD")[0], "the same" if same else "other"
+    return True, f"{sha[:12]} {words}{modified}; HEAD is {head}, with {code} code"
 
 
-def _locked_hash(path: str, text: str) -> str | None:
-    return locked_hashes(text).get(path)
-
-
-def _shaping_hash(text: str) -> str:
-    return json_hash(shaping_params(yaml.safe_load(text)))
-
-
-def _stated(name: str, stated: str, root: Path, file: str, read: Callable[[str], str | None]) -> Link:
-    """Find the version of ``file``, in the working tree or a commit, from which ``read`` reads the stated hash."""
-    for where, text in _versions(root, file):
-        with suppress(ValueError, AttributeError, yaml.YAMLError):  # the marks of a merge, for example
-            if read(text) == stated:
-                return Link(name, True, f"{stated[:36]} in {file} of {where}")
-    advice = "fetch the branch that holds it, or read lineage.json inside the model"
-    return Link(name, False, f"{stated[:36]} in no version of {file}; {advice}")
-
-
-def _versions(root: Path, file: str) -> Iterator[tuple[str, str]]:
-    """Yield a file's text in the working tree, then in each commit that changed it, newest first."""
-    if (root / file).is_file():
-        yield "the working tree", (root / file).read_text(encoding="utf-8", errors="replace")
-    for sha in (asked_git(root, "log", "--all", "--format=%H", "--", file)[0] or "").split():
-        yield f"commit {sha[:12]}", asked_git(root, "show", f"{sha}:{file}")[0] or ""
+def _data(root: Path, md5: str) -> tuple[bool, str]:
+    """Look for a hash in ``dvc.lock``, in the working tree or else in the commit that brought it."""
+    if (root / LOCK_FILE).is_file() and md5 in (root / LOCK_FILE).read_text(encoding="utf-8", errors="replace"):
+        return True, f"{md5} in {LOCK_FILE} of the working tree"
+    if commits := asked_git(root, "log", "--all", "--format=%h", f"-S{md5}", "--", LOCK_FILE)[0]:
+        return True, f"{md5} in {LOCK_FILE} of commit {commits.split()[-1]}"
+    return False, f"{md5} in no version of {LOCK_FILE}; fetch the branch that holds it"

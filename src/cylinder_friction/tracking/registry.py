@@ -1,133 +1,217 @@
-"""The model registry: make a candidate a version exactly once, and the champion only if the gate promotes it."""
+"""The model registry: versions of candidates, the champion, and ``track``, which fills a store from files."""
 
 import getpass
 import json
 import logging
+import math
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from pathlib import Path
 
+import pandas as pd
+from mlflow.entities import LoggedModelOutput, LoggedModelStatus, Metric
 from mlflow.entities.model_registry import ModelVersion
+from mlflow.exceptions import MlflowException
+from mlflow.models import Model
+from mlflow.utils.mlflow_tags import MLFLOW_MODEL_VERSIONS
 
-from cylinder_friction.tracking.gate import Candidate, Errors, Incumbent, Registered, decide
-from cylinder_friction.tracking.model_folder import download_model, saved_estimator
-from cylinder_friction.tracking.model_version import DECISION, MODEL, PENDING, REASON, ensure_version, find_version
-from cylinder_friction.tracking.repository import LineageError, TrackingError
+from cylinder_friction.deployment.served_model import save_model_folder
+from cylinder_friction.dvc_hashes import known_hash
+from cylinder_friction.evaluation.reported import error_metrics
+from cylinder_friction.execution.measuring import now_ms
+from cylinder_friction.files.whole_files import hash_of, read_json
+from cylinder_friction.run_record import RUNS_FOLDER, STAGES, RunRecord, records_in
+from cylinder_friction.tracking.gate import Candidate, Errors, decide
+from cylinder_friction.tracking.lineage import FILES, REASON, WRITTEN_ON_LOADING, download_estimator
+from cylinder_friction.tracking.log_run import allowed, find_run, log_in, log_pipeline
+from cylinder_friction.tracking.repository import TrackingError, commit_of
 from cylinder_friction.tracking.store import Store, open_store
 
 ALIAS = "champion"
 REGISTERED_FILE = Path("models/registered.json")
-ABANDONED = "abandoned"
-"""Value of ``DECISION`` if a version's machine stopped before the decision; the candidate may be registered again."""
-ROLLED_BACK, PROMOTED = "rolled_back", "promoted"
-_GATE = "gate"  # Tag: tolerance and incumbent of the decision, as JSON
-_PATIENCE_S, _POLL_S = 120.0, 0.5
-REFUSED_ROLLED_BACK = "refused: this model was champion and was rolled back; `cylinder-friction promote` promotes it"
 ALREADY = "promoted: this model is the champion already"
+REFUSED_ROLLED_BACK = "refused: this model was champion and was rolled back; `cylinder-friction promote` promotes it"
+# Tags of a version: first the tags for people, then hashes. While the gate decides, later versions wait.
+_DECISION, _PENDING, _CANDIDATE, _MODEL = "decision", "pending", "hash_candidate", "hash_model"
+_GATE, _PROMOTED, _ROLLED_BACK = "gate", "promoted", "rolled_back"
+_ABOUT = "Friction inside a hydraulic cylinder [N] from two pressures and position."
+_PATIENCE_S, _POLL_S = 120.0, 0.5
 
 _log = logging.getLogger(__name__)
 
 
-def register(candidate: Candidate, root: Path, measure: Callable[[Path], Errors]) -> Registered:
-    """Make the candidate a version of the registered model and, if the gate promotes it, the champion.
+@dataclass
+class Tracked:
+    """Result of ``track``."""
+
+    logged: list[str] = field(default_factory=list)  # Stages whose run was logged now
+    present: list[str] = field(default_factory=list)  # Stages whose run already existed
+    problems: list[str] = field(default_factory=list)  # Descriptions of records that could not be logged
+    version: str = "no model is registered yet"  # Description of the registered version
+
+    def summary(self) -> str:
+        lines = [f"{len(self.logged)} runs logged, {len(self.present)} already there", self.version]
+        return "\n".join([*lines, *(f"not logged: {problem}" for problem in self.problems)])
+
+
+def register(candidate: Candidate, root: Path, measure: Callable[[Path], Errors]) -> Candidate:
+    """Make the candidate a version and, if the gate promotes it, the champion; return it with the gate's decision.
 
     A refused candidate also becomes a version, without the alias, so the registry shows what was tried and why it was
-    refused. The gate decides once per candidate and tolerance. It does not promote a model that a person rolled back.
-    After a kill at any moment, another call ends in the same state.
-
-    Machines that share a server decide one after the other, in the order of the version numbers, of which the server
-    issues each once. A version waits until all earlier versions are decided, for at most two minutes.
+    refused. A model that is champion keeps its place; one that a person rolled back is refused. After a kill at any
+    moment, another call ends in the same state.
 
     ``measure`` returns the errors of the estimator saved in a folder on the current held-out recordings. The champion's
     errors are thus measured again, not read from the registry.
 
     Raises:
         TrackingError: The registry cannot be reached, the candidate's folder has changed since its errors were
-            measured, the champion's files are missing, or the champion changed while the gate decided.
+            measured, the champion's files are missing, an earlier version stays undecided, or the champion changed.
     """
-    with open_store(root) as store:
-        number, same = champion_number(store, candidate.model_name), _versions_of(store, candidate)
-        if number in same:
-            if lost := lost_files(store, same[number]):
-                raise TrackingError(f"{candidate.model_name} version {number} ({ALIAS}): {lost}")
-            _tag(store, same[number], {DECISION: "promoted"})  # a kill may have come just after the alias moved
-            champion = _versions(store, candidate.model_name)[number]
-            return _decided_before(candidate, champion) or Registered(candidate, True, ALREADY, None)
-        if any(ROLLED_BACK in each.tags for each in same.values()):
-            return Registered(candidate, False, REFUSED_ROLLED_BACK, None)
+    with open_store(root) as store, tempfile.TemporaryDirectory() as scratch:
+        name, same = candidate.model_name, _versions(store, candidate.model_name, _MODEL, candidate.model_md5)
+        if current := same.get(_champion(store, name)):
+            if lost := _lost_files(store, current):
+                raise TrackingError(f"{name} version {current.version} ({ALIAS}): {lost}")
+            _tag(store, current, {_DECISION: "promoted"})  # a kill may have come just after the alias moved
+            gate, reason = json.loads(current.tags.get(_GATE, "{}")), current.tags[REASON]
+            if reason.startswith("promoted") and gate.get("tolerance_percent") == candidate.tolerance_percent:
+                return replace(candidate, promote=True, reason=reason, incumbent=gate["incumbent"])
+            return replace(candidate, promote=True, reason=ALREADY)
+        if any(_ROLLED_BACK in each.tags for each in same.values()):
+            return replace(candidate, reason=REFUSED_ROLLED_BACK)
         version = ensure_version(store, candidate, root)
-        if decided := _decided_before(candidate, version):
-            return decided
-        _tag(store, version, {DECISION: PENDING})  # it may have been decided at another tolerance, or abandoned
-        _wait_for_earlier(store, version, _PATIENCE_S)
-        return _decide(store, version, candidate, measure)
+        _tag(store, version, {_DECISION: _PENDING})  # it may have been decided before
+        _wait_for_earlier(store, version)
+        champion = _champion(store, name)
+        saved = download_estimator(store, _versions(store, name)[champion], Path(scratch)) if champion else None
+        errors = measure(saved) if saved else None
+        promote, reason = decide(candidate.errors_percent, errors, candidate.tolerance_percent)
+        decided = replace(candidate, promote=promote, reason=reason, incumbent=errors)
+        _write_grounds(store, version, decided)
+        if _champion(store, name) != champion:
+            words = "the champion changed while the gate decided; nothing was promoted; run `dvc repro` again"
+            raise TrackingError(f"{name} version {version.version}: {words}")
+        if promote:
+            _make_champion(store, version, champion)
+        _tag(store, version, {_DECISION: "promoted" if promote else "refused"})
+        return decided
 
 
-def _wait_for_earlier(store: Store, version: ModelVersion, patience_s: float) -> None:
-    deadline, waiting = time.monotonic() + patience_s, False
-    while earlier := [
-        each
-        for number, each in sorted(_versions(store, version.name).items())
-        if number < int(version.version) and each.tags.get(DECISION) == PENDING
-    ]:
-        if not waiting:
-            words = "%s version %s waits for version %s: it is being decided"
-            _log.warning(words, version.name, version.version, earlier[0].version)
-        waiting = True
-        if time.monotonic() > deadline:
-            for each in earlier:
-                _tag(store, each, {DECISION: ABANDONED})
+def ensure_version(store: Store, candidate: Candidate, root: Path) -> ModelVersion:
+    """Find the candidate's version of the registered model, or log the model with the pipeline's run and make it.
+
+    Raises:
+        TrackingError: The candidate's folder is missing or has changed since its errors were measured.
+    """
+    name, client, key, right = candidate.model_name, store.client, candidate.key(), candidate.model_md5
+    if known := _versions(store, name, _CANDIDATE, key):
+        return known[min(known)]
+    folder, records = root / candidate.folder, records_in(root)
+    found = known_hash(folder, root) if folder.is_dir() else ""
+    if found != right:
+        there = f"its hash is {found[:12]}…" if found else "it is not there"
+        raise TrackingError(f"{folder}: {there}, but {right[:12]}… was measured; run `dvc checkout` or `dvc repro`")
+    compared = replace(records.get("compare", RunRecord("compare")), pipeline=candidate.pipeline)
+    trained = next((each for each in records.values() if candidate.folder in each.artifacts), RunRecord("train"))
+    experiment, run_id = store.experiment(compared.experiment), log_pipeline(store, compared, root)
+    for left in client.search_logged_models([experiment], filter_string=f"tags.`{_CANDIDATE}` = '{key}'"):
+        client.delete_logged_model(left.model_id)  # of a kill
+    commit, params = trained.commit or commit_of(root), {allowed(k): str(v) for k, v in trained.params.items()}
+    model = client.create_logged_model(experiment, folder.name, run_id, {_CANDIDATE: key}, params)
+    about = Model(model.artifact_location, run_id, model_uuid=model.model_id, model_id=model.model_id)
+    origin = {"run_id": run_id, "recipe": candidate.pipeline["recipe"], "data": candidate.data}
+    with tempfile.TemporaryDirectory() as scratch:
+        written = Path(scratch) / "model"
+        example = pd.DataFrame(candidate.example)
+        save_model_folder(written, folder, {**origin, **commit, "params": candidate.params}, example, about)
+        client.log_model_artifacts(model.model_id, str(written))
+        files = hash_of(written, WRITTEN_ON_LOADING)
+    client.log_outputs(run_id, [LoggedModelOutput(model.model_id, step=0)])
+    test = compared.datasets.get("test")
+    of = (model.model_id, "test", test.md5) if test else (model.model_id,)
+    errors = error_metrics(candidate.errors_percent, candidate.reference)
+    client.log_batch(run_id, [Metric(allowed(name), value, now_ms(), 0, *of) for name, value in errors.items()])
+    client.finalize_logged_model(model.model_id, LoggedModelStatus.READY)
+    with suppress(MlflowException):  # the registered model already exists
+        client.create_registered_model(name, description=_ABOUT)
+    mean, reference = errors.get(f"{candidate.reference}_error_percent/mean", math.nan), candidate.reference
+    tags = {_DECISION: _PENDING, "error_percent": f"{mean:.3f} against {reference}", "recipe": origin["recipe"]}
+    tags |= {"commit": commit["git_commit"], REASON: candidate.reason}
+    tags |= {_CANDIDATE: key, _MODEL: right, FILES: files}
+    version = client.create_model_version(name, f"models:/{model.model_id}", run_id, tags, model_id=model.model_id)
+    shown = json.dumps([{"name": name, "version": str(version.version)}])
+    client.set_logged_model_tags(model.model_id, {MLFLOW_MODEL_VERSIONS: shown})  # as `mlflow.register_model` does
+    return version
+
+
+def _wait_for_earlier(store: Store, version: ModelVersion) -> None:
+    """Wait until earlier versions are decided: machines that share a server decide in the order of the numbers."""
+    begun_s, number, waits = time.monotonic(), int(version.version), False
+    while earlier := [n for n in _versions(store, version.name, _DECISION, _PENDING) if n < number]:
+        words = f"{version.name} version {number} waits for version {earlier[0]}: it is being decided"
+        if time.monotonic() > begun_s + _PATIENCE_S:
+            raise TrackingError(f"{words}; if that was killed, run it again or delete version {earlier[0]}")
+        if not waits:
+            _log.warning(words)
+        waits = True
         time.sleep(_POLL_S)
 
 
-def _decide(store: Store, version: ModelVersion, candidate: Candidate, measure: Callable[[Path], Errors]) -> Registered:
-    name, number = version.name, champion_number(store, version.name)
-    incumbent = _measured(store, _versions(store, name)[number], measure) if number else None
-    errors = None if incumbent is None else incumbent.errors_percent
-    registered = Registered(
-        candidate, *decide(candidate.errors_percent, errors, candidate.tolerance_percent), incumbent
-    )
-    _write_decision(store, version, registered)
-    now = _versions(store, name)[int(version.version)]
-    if champion_number(store, name) != number or now.tags[DECISION] != PENDING:
-        raise TrackingError(
-            f"{name} version {version.version}: the champion changed while the gate decided, or another machine went "
-            "on without this one; nothing was promoted; run `dvc repro` again"
-        )
-    if registered.promote:
-        before = f"version {number}" if number else "none"
-        _tag(store, version, {PROMOTED: f"from {before} {_by_whom()}"})
-        store.client.set_registered_model_alias(name, ALIAS, version.version)
-    _tag(store, version, {DECISION: "promoted" if registered.promote else "refused"})
-    return registered
-
-
-def _measured(store: Store, champion: ModelVersion, measure: Callable[[Path], Errors]) -> Incumbent:
-    """Measure the champion on the current held-out recordings."""
-    with tempfile.TemporaryDirectory() as scratch:
-        folder = download_model(store, champion, Path(scratch))
-        return Incumbent(champion.tags.get(MODEL, "unknown"), measure(saved_estimator(folder)))
-
-
-def _decided_before(candidate: Candidate, version: ModelVersion) -> Registered | None:
-    """Read the registry's decision on a version; None if there is none at this tolerance."""
-    gate, decision = json.loads(version.tags.get(_GATE, "{}")), version.tags.get(DECISION)
-    if decision not in ("promoted", "refused") or gate.get("tolerance_percent") != candidate.tolerance_percent:
-        return None
-    incumbent = None if gate["incumbent"] is None else Incumbent(**gate["incumbent"])
-    return Registered(candidate, decision == "promoted", version.tags[REASON], incumbent)
-
-
-def _write_decision(store: Store, version: ModelVersion, registered: Registered) -> None:
+def _write_grounds(store: Store, version: ModelVersion, decided: Candidate) -> None:
     """Write the grounds of the gate's decision to the registry."""
-    candidate, reason = registered.candidate, registered.reason
-    gate = {"tolerance_percent": candidate.tolerance_percent, "incumbent": registered.to_dict()["incumbent"]}
-    _tag(store, version, {REASON: reason, _GATE: json.dumps(gate)})
+    gate = {"tolerance_percent": decided.tolerance_percent, "incumbent": decided.to_dict()["incumbent"]}
+    _tag(store, version, {REASON: decided.reason, _GATE: json.dumps(gate)})
     way_back = f"`cylinder-friction lineage models:/{version.name}/{version.version}` checks it."
-    about = "\n\n".join([f"**{reason[0].upper()}{reason[1:]}**", candidate.card, way_back])
-    store.client.update_model_version(version.name, version.version, about)
+    about = [f"**{decided.reason[0].upper()}{decided.reason[1:]}**", decided.card, way_back]
+    store.client.update_model_version(version.name, version.version, "\n\n".join(about))
+
+
+def track(root: Path) -> Tracked:
+    """Log every ``reports/runs/<stage>.json`` that the store lacks.
+
+    The run of ``register`` comes with its version, but never with the champion's alias: only ``register``, ``promote``
+    and ``rollback`` move the alias. A version that a person deleted is not made again while that run exists.
+
+    Raises:
+        TrackingError: The store cannot be reached, or there is nothing to log.
+    """
+    paths, done = {path.stem: path for path in (root / RUNS_FOLDER).glob("*.json")}, Tracked()
+    if not paths:
+        raise TrackingError(f"{root / RUNS_FOLDER}: holds no run; run `dvc pull` or `dvc repro` first")
+    with open_store(root) as store:
+        for stage in sorted(paths, key=[*STAGES, *sorted(paths)].index):
+            try:
+                record = RunRecord.from_dict(read_json(paths[stage]))
+                known = find_run(store, record) is not None
+                if stage == "register" and (root / REGISTERED_FILE).is_file():
+                    decided = Candidate.from_dict(read_json(root / REGISTERED_FILE))
+                    done.version = f"registered model: {_recorded_version(store, decided, root, not known)}"
+                log_in(store, record, root)
+                (done.present if known else done.logged).append(stage)
+            except (RuntimeError, ValueError, TypeError, AttributeError, OSError) as error:  # missing or cut-off file
+                done.problems.append(f"{stage}.json: {error}")
+    return done
+
+
+def _recorded_version(store: Store, decided: Candidate, root: Path, make: bool) -> str:
+    """Describe in words the version of a registration; if it is missing, ``make`` it, but never the champion."""
+    name = decided.model_name
+    same = _versions(store, name, _CANDIDATE, decided.key()) or _versions(store, name, _MODEL, decided.model_md5)
+    found = next(iter(same.values()), None)
+    if make and (found is None or found.tags[_DECISION] == _PENDING):
+        found = ensure_version(store, decided, root)
+        _write_grounds(store, found, decided)
+        _tag(store, found, {_DECISION: "promoted" if decided.promote else "refused"})
+    if found is None:
+        return f"{name} has no version of {decided.folder}: it was removed from the registry"
+    other = f"not {ALIAS}; `cylinder-friction promote {found.version} {name}` makes it {ALIAS}"
+    words = f"{name} version {found.version} ({ALIAS if _champion(store, name) == int(found.version) else other})"
+    return ": ".join(filter(None, [words, _lost_files(store, found)]))
 
 
 def move_champion(root: Path, name: str, to: int | None = None) -> str:
@@ -136,80 +220,59 @@ def move_champion(root: Path, name: str, to: int | None = None) -> str:
     The move is permanent: a newer version that was champion gets a tag, and the gate does not promote it again.
 
     Raises:
-        LineageError: The model or version does not exist, or there is no previous champion.
-        TrackingError: The registry cannot be reached.
+        TrackingError: The registry cannot be reached, the model or version does not exist, or there is no previous
+            champion.
     """
-    with open_store(root, create=False, write=True) as store:
-        versions, champion = _versions(store, name), champion_number(store, name)
-        if not versions:
-            raise LineageError(f"{name}: the registry at {store.uri} has no version of it; expected a registered model")
-        served = [n for n, each in versions.items() if PROMOTED in each.tags and ROLLED_BACK not in each.tags]
-        number = max((n for n in served if n < champion), default=0) if to is None else to
-        if number not in versions:
-            what = "no previous champion is known" if to is None else f"there is no version {to}"
-            there = ", ".join(map(str, sorted(versions)))
-            raise LineageError(
-                f"{name}: {what}; name one of its versions, `cylinder-friction promote VERSION`: {there}"
+    with open_store(root, create=False) as store:
+        found, champion = _versions(store, name), _champion(store, name)
+        if not found:
+            raise TrackingError(
+                f"{name}: the registry at {store.uri} has no version of it; expected a registered model"
             )
+        served = [n for n, each in found.items() if _PROMOTED in each.tags and _ROLLED_BACK not in each.tags]
+        number = max((n for n in served if n < champion), default=0) if to is None else to
+        if number not in found:
+            what = "no previous champion is known" if to is None else f"there is no version {to}"
+            way = f"name one of its versions, `cylinder-friction promote VERSION`: {', '.join(map(str, found))}"
+            raise TrackingError(f"{name}: {what}; {way}")
         if champion == number:
             return f"{name} version {number} is the champion already"
-        before, by = f"version {champion}" if champion else "none", _by_whom()
         if number < champion:
-            store.client.set_registered_model_tag(name, ROLLED_BACK, f"{before} to version {number} {by}")
-            _tag(store, versions[champion], {ROLLED_BACK: f"to version {number} {by}"})
-        else:
-            _tag(store, versions[number], {PROMOTED: f"from {before} {by}"})
-        if ROLLED_BACK in versions[number].tags:
-            store.client.delete_model_version_tag(name, str(number), ROLLED_BACK)
-        store.client.set_registered_model_alias(name, ALIAS, str(number))
-    return f"{name}: champion was {before}, is version {number}"
+            _tag(store, found[champion], {_ROLLED_BACK: f"to version {number} {_by_whom()}"})
+        if _ROLLED_BACK in found[number].tags:
+            store.client.delete_model_version_tag(name, str(number), _ROLLED_BACK)
+        return f"{name}: champion was {_make_champion(store, found[number], champion)}, is version {number}"
 
 
-def recorded_version(store: Store, registered: Registered, root: Path, *, make: bool) -> str:
-    """Describe in words the version of a registration; if it is missing, ``make`` it, but never the champion.
-
-    Raises:
-        TrackingError: The model's folder is missing or differs from the registered one.
-    """
-    candidate, name = registered.candidate, registered.candidate.model_name
-    found = find_version(store, candidate) or next(iter(_versions_of(store, candidate).values()), None)
-    if make and (found is None or found.tags.get(DECISION) == PENDING):
-        found = ensure_version(store, candidate, root)
-        _write_decision(store, found, registered)
-        _tag(store, found, {DECISION: "promoted" if registered.promote else "refused"})
-    if found is None:
-        return f"{name} has no version of {candidate.folder}: it was removed from the registry"
-    command = f"`cylinder-friction promote {found.version} {name}` makes it {ALIAS}"
-    role = ALIAS if champion_number(store, name) == int(found.version) else f"not {ALIAS}; {command}"
-    lost = lost_files(store, found)
-    return f"{name} version {found.version} ({role})" + (f": {lost}" if lost else "")
+def _make_champion(store: Store, version: ModelVersion, champion: int) -> str:
+    """Move the alias to a version from the one with the number ``champion``, 0 for none; return the latter's name."""
+    before = f"version {champion}" if champion else "none"
+    if int(version.version) > champion:
+        _tag(store, version, {_PROMOTED: f"from {before} {_by_whom()}"})
+    store.client.set_registered_model_alias(version.name, ALIAS, version.version)
+    return before
 
 
-def lost_files(store: Store, version: ModelVersion) -> str:
+def _lost_files(store: Store, version: ModelVersion) -> str:
     """Describe how to restore a version's files if they are missing; empty if they exist."""
     if store.client.list_logged_model_artifacts(str(version.source).removeprefix("models:/")):
         return ""
-    return (
-        f"its files are not at {store.client.get_model_version_download_uri(version.name, version.version)}; restore "
-        "them from a backup, or delete the version and run `cylinder-friction track`, which makes it anew from the "
-        "model's folder"
-    )
+    where = store.client.get_model_version_download_uri(version.name, version.version)
+    way = "restore them from a backup, or delete the version and run `cylinder-friction track`, which makes it anew"
+    return f"its files are not at {where}; {way}"
 
 
-def champion_number(store: Store, name: str) -> int:
+def _champion(store: Store, name: str) -> int:
     """Look up the number of the version in use; 0 if there is none."""
     found = store.client.search_registered_models(f"name = '{name}'")
     return int(found[0].aliases.get(ALIAS, 0)) if found else 0
 
 
-def _versions(store: Store, name: str) -> dict[int, ModelVersion]:
-    return {int(each.version): each for each in store.client.search_model_versions(f"name = '{name}'")}
-
-
-def _versions_of(store: Store, candidate: Candidate) -> dict[int, ModelVersion]:
-    """Look up all versions with the candidate's model, including versions measured on other recordings."""
-    versions = _versions(store, candidate.model_name).items()
-    return {number: each for number, each in versions if each.tags.get(MODEL) == candidate.model_md5}
+def _versions(store: Store, name: str, tag: str = "", value: str = "") -> dict[int, ModelVersion]:
+    """Look up the versions of a registered model by number, or only those with this value of a tag."""
+    query = f"name = '{name}'" + (f" and tags.`{tag}` = '{value}'" if tag else "")
+    found = store.client.search_model_versions(query)
+    return {int(each.version): each for each in sorted(found, key=lambda each: int(each.version))}
 
 
 def _tag(store: Store, version: ModelVersion, tags: dict[str, str]) -> None:

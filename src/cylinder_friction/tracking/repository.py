@@ -1,4 +1,4 @@
-"""The repository's root and commit, and the errors of tracking."""
+"""The repository's root and commit, and the error of tracking."""
 
 import subprocess
 from pathlib import Path
@@ -7,11 +7,7 @@ from cylinder_friction.refusal import RefusalError
 
 
 class TrackingError(RefusalError, RuntimeError):
-    """The tracking store cannot be reached, or a file to be logged is missing."""
-
-
-class LineageError(TrackingError):
-    """The lineage of a model cannot be followed; the message names what is missing."""
+    """The tracking store cannot be reached, or has no such model; or a file to be logged is missing."""
 
 
 CODE_FILE = "code.yaml"
