@@ -33,29 +33,6 @@ class AuditRow:
 
 
 @dataclass
-class _Sums:
-    rows: int = 0
-    absolute: float = 0.0
-    signed: float = 0.0
-    largest: float = 0.0
-    truth: float = 0.0
-
-    def add(self, error: Array, truth_n: Array) -> None:
-        self.rows += len(error)
-        self.absolute += float(np.abs(error).sum())
-        self.signed += float(error.sum())
-        self.largest = max(self.largest, float(np.abs(error).max(initial=0.0)))
-        self.truth += float(np.abs(truth_n).sum())
-
-    def merge(self, other: "_Sums") -> None:
-        self.rows += other.rows
-        self.absolute += other.absolute
-        self.signed += other.signed
-        self.largest = max(self.largest, other.largest)
-        self.truth += other.truth
-
-
-@dataclass
 class Audit:
     """Collects the labels' errors one recording at a time, so that memory holds only sums.
 
@@ -64,7 +41,8 @@ class Audit:
     """
 
     event_window_s: float  # Rows within this time of a start, stop or reversal count as near it [s]
-    _sums: dict[tuple[str, str, str], _Sums] = field(default_factory=dict)
+    # By filter, condition and stratum: rows, sums of the absolute error, the error and absolute friction, largest error
+    _sums: dict[tuple[str, str, str], Array] = field(default_factory=dict)
 
     def add(
         self,
@@ -85,32 +63,39 @@ class Audit:
         for name, label in labels_n.items():
             error = label - true_friction_n
             for stratum, mask in strata.items():
-                rows = mask & usable
+                own, true_n = error[mask & usable], true_friction_n[mask & usable]
+                sizes = np.abs(own)
+                sums = np.array([len(own), sizes.sum(), own.sum(), np.abs(true_n).sum(), sizes.max(initial=0.0)])
                 for group in (condition, ALL_CONDITIONS):
-                    sums = self._sums.setdefault((name, group, stratum), _Sums())
-                    sums.add(error[rows], true_friction_n[rows])
+                    self._include((name, group, stratum), sums)
 
     def merge(self, other: "Audit") -> None:
         """Add the sums of another audit. Audits of one recording each, in order, give the same bits as ``add``."""
         for key, sums in other._sums.items():
-            self._sums.setdefault(key, _Sums()).merge(sums)
+            self._include(key, sums)
+
+    def _include(self, key: tuple[str, str, str], sums: Array) -> None:
+        before = self._sums.get(key, np.zeros(5))
+        self._sums[key] = np.append(before[:4] + sums[:4], max(before[4], sums[4]))
 
     def rows(self) -> list[AuditRow]:
         """List the audit, sorted by filter, condition and stratum; a stratum without rows is left out."""
         order = {stratum: index for index, stratum in enumerate(STRATA)}
         keys = sorted(self._sums, key=lambda key: (key[0], key[1] == ALL_CONDITIONS, key[1], order[key[2]]))
-        return [_row(*key, self._sums[key]) for key in keys if self._sums[key].rows]
+        return [_row(*key, *self._sums[key].tolist()) for key in keys if self._sums[key][0]]
 
 
-def _row(name: str, condition: str, stratum: str, sums: _Sums) -> AuditRow:
+def _row(
+    name: str, condition: str, stratum: str, rows: float, absolute: float, signed: float, truth: float, largest: float
+) -> AuditRow:
     return AuditRow(
         filter=name,
         condition=condition,
         stratum=stratum,
-        rows=sums.rows,
-        mae_n=sums.absolute / sums.rows,
-        max_n=sums.largest,
-        bias_n=sums.signed / sums.rows,
-        mean_friction_n=sums.truth / sums.rows,
-        mae_percent=100.0 * sums.absolute / sums.truth if sums.truth > 0.0 else 0.0,
+        rows=int(rows),
+        mae_n=absolute / rows,
+        max_n=largest,
+        bias_n=signed / rows,
+        mean_friction_n=truth / rows,
+        mae_percent=100.0 * absolute / truth if truth > 0.0 else 0.0,
     )
