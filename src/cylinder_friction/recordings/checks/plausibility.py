@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.checks.limits import CheckLimits, Finding, LoadMode, Outcome
-from cylinder_friction.recordings.checks.load_delay import check_load_delay
 from cylinder_friction.recordings.columns import DRIVE_FORCE, LOAD_FORCE, POSITION, PRESSURES
 
 HALF_WINDOW_S = 0.05  # Half the time over which velocity is computed as a difference [s]
@@ -68,7 +67,7 @@ class Balance:
 
 
 def check_friction(columns: Mapping[str, Array], sample_time_s: float, limits: CheckLimits) -> list[Finding]:
-    """Check ``direction`` (swapped or inverted signals), ``friction_size`` (a wrong unit) and ``load_delay``.
+    """Check ``direction`` (swapped or inverted signals) and ``friction_size`` (a wrong unit).
 
     A recording is refused only if friction clearly drives the motion, or if forces balance far better with signals
     swapped or inverted. A finding that an unstated load or offset could explain is only noted.
@@ -89,20 +88,16 @@ def check_friction(columns: Mapping[str, Array], sample_time_s: float, limits: C
         remedy = f"change the sign of position_m or of {DRIVE_FORCE} in the mapping"
         return _inverted_load(as_is, turned, load) or _opposing(as_is, load, remedy)
     assert limits.areas_m2 is not None
-    (a1, a2), (p1, p2) = limits.areas_m2, (columns[name] for name in PRESSURES)
-    drive_n = p1 * a1 - p2 * a2
-    here_n, exchanged_n, alike_n = drive_n[rows], (p2 * a1 - p1 * a2)[rows], ((p1 - p2) * a2)[rows]
-    forces = here_n - load_n, exchanged_n - load_n, here_n + load_n, alike_n
+    (a1, a2), (p1, p2) = limits.areas_m2, (columns[name][rows] for name in PRESSURES)
+    drive_n, exchanged_n = p1 * a1 - p2 * a2, p2 * a1 - p1 * a2
+    forces = drive_n - load_n, exchanged_n - load_n, drive_n + load_n, (p1 - p2) * a2
     as_is, swapped, turned, alike = _balances(direction, shape, *forces)
     findings = _inverted_load(as_is, turned, load) or _direction(as_is, swapped, load)
     if any(each.outcome == "refused" for each in findings):
         return findings
     if load == "none" and not limits.rod_diameter_1_m:
         findings = [replace(each, text=each.text + _second_rod(as_is, alike)) for each in findings]
-    findings += _size(as_is, limits.areas_m2, limits.rod_diameter_1_m)
-    if load == "measured":
-        findings += check_load_delay(drive_n, columns[LOAD_FORCE], rows, direction, sample_time_s)
-    return findings
+    return findings + _size(as_is, limits.areas_m2, limits.rod_diameter_1_m)
 
 
 def _clear_motion(position_m: Array, sample_time_s: float, stroke_m: float) -> tuple[NDArray[np.int64], Array]:

@@ -100,8 +100,8 @@ def inspect_recording(table: Columns, limits: CheckLimits, sample_time_s: float)
     The names of the checks, in their order: ``columns``, ``length``, ``finite``, ``rate``, ``position_range``,
     ``motion``, ``position_steps``; for each pressure ``pressure_range``, ``pressure_alive``, ``pressure_stuck``, for
     both ``pressures_differ`` and ``unit_plausible``; with a drive force ``force_alive`` and ``force_stuck`` instead;
-    ``load_alive`` and ``load_stuck``; ``direction``, ``friction_size`` and ``load_delay``. The last three are checked
-    only if the areas are known and the signals have passed the other checks.
+    ``load_alive`` and ``load_stuck``; ``direction`` and ``friction_size``. The last two are checked only if the areas
+    are known and the signals have passed the other checks.
     """
     if missing := missing_column(table):
         yield Finding("columns", "refused", f"{missing}; map it to a channel")
