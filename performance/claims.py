@@ -32,14 +32,14 @@ from cylinder_friction.estimators.linear import LowPassForceBalanceEstimator
 from cylinder_friction.labelling.apparent_loss import apparent_loss
 from cylinder_friction.labelling.known_offset import STROKES, KnownOffset, OffsetEvidence, offset_evidence
 from cylinder_friction.labelling.label import Labeller, label
-from cylinder_friction.labelling.up_and_down import holds_load, up_and_down
+from cylinder_friction.labelling.sliding_blocks import holds_load, up_and_down
 from cylinder_friction.recordings.columns import PRESSURES, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.line_loss import LineLoss
 from cylinder_friction.recordings.reading_logs import find_logs
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.rig.campaign import LOSS_SPEED_M_S
 from cylinder_friction.rig.campaign_plan import CampaignPlan
-from cylinder_friction.signals.methods import default_filter
+from cylinder_friction.signals.adaptive import default_filter
 from cylinder_friction.signals.smooth_signals import filtered
 
 KIND = Kind(0.15, 0.15)

@@ -35,7 +35,7 @@ from cylinder_friction.estimators.baselines import baselines
 from cylinder_friction.estimators.front_end import Design
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.labelling.load import LoadPlan
-from cylinder_friction.labelling.up_and_down import up_and_down
+from cylinder_friction.labelling.sliding_blocks import up_and_down
 from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.recordings.columns import (
     ALL_CONDITIONS,

@@ -230,12 +230,12 @@ SENTENCES: tuple[tuple[str, str, Truth], ...] = (
         lambda m, made, _: abs(0.5 * (float(m[1]) + float(m[2] or m[1])) - made.world.weight_n) <= float(m[3]),
     ),
     (
-        "recordings/stated_load.py in_words",
+        "recordings/checks/limits.py in_words",
         r"(-?[\d.]+) ± ([\d.]+) N, as stated",
         lambda m, made, _: abs(float(m[1]) - made.world.weight_n) <= float(m[2]),
     ),
     (
-        "recordings/checks/position_steps.py",
+        "recordings/checks/recording_checks.py",
         r"position_m (?:has|is disturbed|jumps|holds)",
         lambda _m, made, _: made.world.noisy_position,
     ),

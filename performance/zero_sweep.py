@@ -28,7 +28,7 @@ import pandas as pd
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.stribeck_points import stribeck_points
+from cylinder_friction.estimation.identified_model import stribeck_points
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.labelling.known_offset import (
     STROKES,
@@ -40,8 +40,7 @@ from cylinder_friction.labelling.known_offset import (
     without_offsets,
 )
 from cylinder_friction.labelling.label import label
-from cylinder_friction.labelling.sliding_blocks import OffsetPlan
-from cylinder_friction.labelling.up_and_down import up_and_down
+from cylinder_friction.labelling.sliding_blocks import OffsetPlan, up_and_down
 from cylinder_friction.realtime.stream import RealTimeStream
 from cylinder_friction.recordings.columns import PRESSURES, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.recording import Recording, SensorUncertainty

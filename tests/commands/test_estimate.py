@@ -37,7 +37,7 @@ def test_one_line_per_new_file_and_the_page(log: Path, tmp_path: Path, capsys: p
     assert f"page     {tmp_path}/out/friction.html" in printed
     assert main([*given, "--into", f"{tmp_path}/out"]) == 0
     printed = capsys.readouterr().out
-    assert "1 file as before\n" in printed
+    assert "1 result of earlier runs kept\n" in printed
     assert "stroke: friction" not in printed
 
 

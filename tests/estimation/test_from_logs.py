@@ -26,7 +26,7 @@ from cylinder_friction.realtime.trained_for import OtherCylinderError
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recording
-from cylinder_friction.signals.methods import default_filter
+from cylinder_friction.signals.adaptive import default_filter
 from logger_files import CHANNELS, STATED, made_log, write_log
 from noisy_recordings import with_noise
 
@@ -209,9 +209,8 @@ def test_the_models_or_sessions_load(tmp_path: Path, cylinder: Cylinder, labelle
 
 @pytest.mark.parametrize("load", ["none", "position"])
 def test_a_long_log_becomes_parts_that_lose_a_filters_length_at_their_ends(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cylinder: Cylinder, load: LoadMode
+    tmp_path: Path, cylinder: Cylinder, load: LoadMode
 ) -> None:
-    monkeypatch.setattr("cylinder_friction.estimation.friction_of_logs.ROWS_IN_MEMORY", 15_000)  # further ones on disk
     made_log(50_000).to_csv(tmp_path / "long.csv", index=False)
     run = partial(estimate_logs, tmp_path / "long.csv", cylinder, channels=STATED, load=load)
     (whole,), parts = (run(tmp_path / f"{rows}", rows_at_once=rows).recordings for rows in (1_000_000, 10_000))

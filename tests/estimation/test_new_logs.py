@@ -17,8 +17,7 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.from_logs import estimate_logs
-from cylinder_friction.estimation.kept_results import kept_recordings, restore_summary
-from cylinder_friction.estimation.result_file import GONE, SETTLED_S
+from cylinder_friction.estimation.kept_results import GONE, kept_recordings, restore_summary
 from cylinder_friction.estimation.results import FrictionOfLogs
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.recordings.recording import Recording
@@ -68,7 +67,7 @@ def test_nothing_new_changes_nothing(run: Run, folder: Path) -> None:
     out = folder.with_name("out")
     before, changed = content(out), [path.stat().st_mtime_ns for path in sorted(out.rglob("*"))]
     again = run()
-    assert (again.new, again.news) == ((), ("5 files as before",))
+    assert (again.new, again.left) == ((), ())
     assert (again.recordings, again.bounds) == (first.recordings, first.bounds)
     assert repr(again.offsets) == repr(first.offsets)
     assert content(out) == before
@@ -84,7 +83,6 @@ def test_new_files_leave_the_results_of_the_others_and_the_page_shows_all(run: R
     digest = hashlib.sha256((folder / "log05.csv").read_bytes()).hexdigest()
     assert result.recordings[5].source_sha256 == digest
     assert {"cylinder", "mapping", "model"} <= result.to_dict()["depends_on"].keys()
-    assert result.news == ("2 files new or refused until now", "5 files as before")
     assert names(result) == [f"log{number:02d}" for number in range(7)]
     after = content(folder.with_name("out"))
     assert {name: after[name] for name in before if name.startswith(("log", "panes/"))} == {
@@ -131,13 +129,6 @@ def test_a_file_is_known_by_its_content(run: Run, folder: Path) -> None:
     assert [(each.file, each.reason) for each in result.refused] == [
         ("log99.csv", "holds the same bytes as log03.csv; a copy would be counted twice")
     ]
-    assert result.news == (
-        "1 file new or refused until now",
-        "1 file with new content",
-        "1 file renamed: log01.csv is moved.csv",
-        "1 file not among the logs any more, results kept: log02.csv",
-        "2 files as before",
-    )
     assert not (folder.with_name("out") / "log01.parquet").exists()
     assert (folder.with_name("out") / "log02.parquet").exists()
     (folder / "log99.csv").unlink()
@@ -163,8 +154,7 @@ def test_a_file_that_is_still_written_is_left_for_the_next_run(run: Run, folder:
     deliver(folder, 5)
     (folder / "log05.csv").touch()
     result = run()
-    assert result.new == ()
-    assert result.news[0] == f"1 file changed less than {SETTLED_S:g} s ago and left for the next run: log05.csv"
+    assert (result.new, result.left) == ((), ("log05.csv",))
     os.utime(folder / "log05.csv", (time.time() + 3600.0,) * 2)  # a clock that went back
     assert run().new == ("log05",)
 
@@ -175,22 +165,33 @@ def test_a_session_that_gets_another_file_is_identified_again_as_a_whole(run: Ru
     deliver(folder, 5)
     result = run(names=pattern)
     assert result.new == tuple(f"log{number:02d}" for number in range(6))
-    assert "5 files processed again: a log of their session is new" in result.news
 
 
 def test_another_cylinder_or_mapping_begins_anew_and_loses_nothing(run: Run, folder: Path, cylinder: Cylinder) -> None:
     run()
     (folder / "log02.csv").unlink()
     result = run(channels=CHANNELS)
-    assert result.news[0] == "4 files processed anew, with another mapping than before"
     assert result.new == ("log00", "log01", "log03", "log04")
     assert result.recordings[2].gone == f"{GONE}; it was processed with another mapping"
     assert (folder.with_name("out") / "log02.parquet").exists()
     other = replace(cylinder, moving_mass_kg=7.0)
     result = estimate_logs(folder, other, folder.with_name("out"), channels=CHANNELS, file_format="csv")
-    assert result.news[0] == "4 files processed anew, with another cylinder and another format than before"
+    assert result.new == ("log00", "log01", "log03", "log04")
     written = {path.name for path in folder.with_name("out").glob("log*")}
     assert written == {*(f"log0{each}.parquet" for each in range(5)), *(f"log0{each}.csv" for each in (0, 1, 3, 4))}
+
+
+def test_another_cylinders_logs_of_the_same_names_replace_nothing(run: Run, folder: Path, cylinder: Cylinder) -> None:
+    run()
+    before = content(folder.with_name("out"))
+    second = folder.with_name("second")
+    second.mkdir()
+    shutil.copy2(folder.with_name("later") / "log05.csv", second / "log00.csv")
+    with pytest.raises(FileExistsError, match=r"another log00.csv, of another cylinder, .*name another folder by --ou"):
+        estimate_logs(second, replace(cylinder, stroke_m=0.3), folder.with_name("out"), channels=STATED)
+    assert content(folder.with_name("out")) == before
+    again = estimate_logs(second, cylinder, folder.with_name("out"), channels=STATED)
+    assert again.new == ("log00",)
 
 
 @pytest.mark.parametrize("name", ["log03.parquet", "panes/log03.js"])

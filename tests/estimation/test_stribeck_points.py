@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.estimation.stribeck_points import IdentifiedCurve, StribeckPoint, stribeck_points
-from cylinder_friction.friction_models.identification.known_curve import known_curve
+from cylinder_friction.estimation.identified_model import IdentifiedCurve, StribeckPoint, stribeck_points
+from cylinder_friction.friction_models.identification.steady_points import known_curve
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 

@@ -8,7 +8,7 @@ import pytest
 
 from cylinder_friction.evaluation.friction_levels import differences, friction_levels, in_words
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
-from cylinder_friction.reporting.result_tables import level_tables
+from cylinder_friction.reporting.friction_page import level_tables
 
 
 def strokes(name: str, pressure_bar: float, more_n: float = 0.0, fastest_mm_s: float = 40.0) -> Recording:

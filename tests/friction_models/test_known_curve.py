@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cylinder_friction.friction_models.identification.known_curve import is_breakaway_known, known_curve
-from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
+from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, is_breakaway_known, known_curve
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 
 CURVE = StribeckCurve(300.0, 450.0, 0.005, 1.5, 1500.0, 1.1)

@@ -20,7 +20,7 @@ from cylinder_friction.labelling.pooled_load import pooled_load
 from cylinder_friction.recordings.columns import OTHER_POSITIONS
 from cylinder_friction.recordings.reading_logs import read_recordings
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
-from cylinder_friction.signals.methods import default_filter
+from cylinder_friction.signals.adaptive import default_filter
 from cylinder_friction.signals.smooth_signals import filtered
 
 OTHER = OTHER_POSITIONS[:1]

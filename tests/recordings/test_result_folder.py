@@ -55,17 +55,12 @@ def test_a_result_never_overwrites_a_file_that_no_run_wrote(tmp_path: Path) -> N
         ([], "does not list the files of an earlier `friction-tool run`"),
         ({"written_by": COMMAND}, "does not list the files"),
         ({"written_by": "another tool", "files": ["a"]}, "does not list the files"),
-        ({"written_by": COMMAND, "files": ["../mine"]}, r"lists '\.\./mine', which is no file inside it"),
-        ({"written_by": COMMAND, "files": ["/etc/passwd"]}, "no file inside it"),
-        ({"written_by": COMMAND, "files": ["folder"]}, "no file inside it"),
     ],
 )
 def test_a_marker_that_is_not_ours_is_refused(tmp_path: Path, content: Any, expected: str) -> None:
     out = tmp_path / "out"
-    (tmp_path / "mine").write_text("mine", encoding="utf-8")
-    (out / "folder").mkdir(parents=True)
+    out.mkdir()
     (out / MARKER).write_text(json.dumps(content), encoding="utf-8")
-    (out / "folder/mine").write_text("mine", encoding="utf-8")
     before = names(tmp_path)
     with pytest.raises(FileExistsError, match=expected):
         write(out, "b")

@@ -9,9 +9,9 @@ from tests.made_recordings import made_recording
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.label import label
+from cylinder_friction.recordings.checks.limits import StatedLoad
 from cylinder_friction.recordings.reading_logs import read_recordings
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.stated_load import StatedLoad
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,7 @@ from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.rig.campaign import RigRecording, campaign
 from cylinder_friction.rig.campaign_plan import CampaignPlan
 from cylinder_friction.rig.sensors import as_written
-from cylinder_friction.signals.methods import default_filter
+from cylinder_friction.signals.adaptive import default_filter
 from cylinder_friction.signals.smooth_signals import filtered
 from friction_benchmark.cases import LabelledRecording
 from friction_benchmark.datasets import TRUE_FRICTION, TRUE_LOAD, Kind, Sizes, Sources

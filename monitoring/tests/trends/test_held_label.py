@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.estimation.running_estimate import estimated, label_missed
+from cylinder_friction.estimation.friction_of_logs import estimated, label_missed
 from cylinder_friction.estimators.linear import RidgeEstimator
 from cylinder_friction.realtime.flags import Flag
 from cylinder_friction.recordings.recording import Recording

@@ -22,12 +22,11 @@ from cylinder_friction.files.whole_files import write_json
 from cylinder_friction.labelling.apparent_loss import loss_of_labels
 from cylinder_friction.labelling.label import label, position_load
 from cylinder_friction.realtime.position_load import PositionLoad
-from cylinder_friction.recordings.checks.limits import LoadMode
+from cylinder_friction.recordings.checks.limits import LoadMode, StatedLoad
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES
 from cylinder_friction.recordings.line_loss import RECTANGULAR
 from cylinder_friction.recordings.reading_logs import read_recordings
 from cylinder_friction.recordings.result_folder import ResultFolder, existing
-from cylinder_friction.recordings.stated_load import StatedLoad
 
 EXPECTED = (ValueError, OSError)
 SUMMARY_FILE = "adaptation.json"

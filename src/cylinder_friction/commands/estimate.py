@@ -12,7 +12,8 @@ from pathlib import Path
 from cylinder_friction.commands._model import model_folder
 from cylinder_friction.commands.arguments import FEW_FILES
 from cylinder_friction.commands.log_options import print_result, run_on_logs
-from cylinder_friction.estimation.from_logs import PAGE_FILE, estimate_logs
+from cylinder_friction.estimation.from_logs import estimate_logs
+from cylinder_friction.estimation.kept_results import PAGE_FILE
 from cylinder_friction.estimation.results import FrictionOfLogs, remarks
 from cylinder_friction.evaluation.friction_levels import in_words
 from cylinder_friction.execution.selection import workers_from_environment
@@ -51,4 +52,6 @@ def _lines(result: FrictionOfLogs) -> list[str]:
         friction = "friction unknown" if each.friction_n is None else f"friction {each.friction_n:.0f} N"
         beside = "".join(f"; {words}" for words in remarks(each))
         lines.append(f"{each.name}: {friction}, {each.duration_s:.0f} s, {each.usable_percent:.0f} % usable{beside}")
-    return [*lines, *([""] if lines and result.news else []), *result.news]
+    kept = len(result.recordings) - len(result.new)
+    lines += [f"{kept} {'results' if kept > 1 else 'result'} of earlier runs kept"] if kept else []
+    return [*lines, *(f"{each}: changed a moment ago; left for the next run" for each in result.left)]

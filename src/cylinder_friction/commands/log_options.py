@@ -16,8 +16,7 @@ from cylinder_friction.commands.arguments import EXAMPLE_CYLINDER
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.files.whole_files import read_yaml
 from cylinder_friction.params.file import PARAMS_FILE, ParamsError
-from cylinder_friction.recordings.checks.limits import LoadMode
-from cylinder_friction.recordings.stated_load import StatedLoad
+from cylinder_friction.recordings.checks.limits import LoadMode, StatedLoad
 
 if TYPE_CHECKING:
     from cylinder_friction.estimation.identification import FrictionModels

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -29,26 +28,26 @@ from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.offset_identification import MOST_SEARCHED
 from cylinder_friction.labelling.pooled_load import pooled_load
 from cylinder_friction.labelling.session import SessionIdentification
-from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan
-from cylinder_friction.labelling.up_and_down import holds_load, up_and_down
-from cylinder_friction.realtime.flags import Flag, unknown_in_words
+from cylinder_friction.labelling.sliding_blocks import LOADED, OffsetPlan, holds_load, up_and_down
+from cylinder_friction.realtime.flags import LEAST_ROWS, Flag, unknown_in_words
 from cylinder_friction.realtime.trained_for import pressure_noise_pa
-from cylinder_friction.recordings.checks.duplicates import SeenRecordings
 from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.conversion import ROWS_AT_ONCE
-from cylinder_friction.recordings.ingesting import Converted, LoggedFile, Quarantined, converted, usable
+from cylinder_friction.recordings.ingesting import Converted, LoggedFile, Quarantined, SeenRecordings, converted, usable
 from cylinder_friction.recordings.reading_logs import Logs
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.recordings.result_folder import existing
-from cylinder_friction.recordings.storage import Keeper, Kept
-from cylinder_friction.signals.methods import default_filter
+from cylinder_friction.recordings.storage import keep_recording, read_recording
+from cylinder_friction.signals.adaptive import default_filter
 from cylinder_friction.signals.smooth_signals import SignalFilter, filtered
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
+    from cylinder_friction.realtime.model import Bounds
 
-ROWS_IN_MEMORY = 1 << 21
-"""Most rows of labelled recordings held in memory; further recordings wait on disk for the offset of their session."""
+
+OFTEN_MISSED = 3.0
+"""Bounds are reported if they miss the label this many times as often as stated."""
 
 
 @lru_cache(maxsize=1)
@@ -63,7 +62,7 @@ def loaded_once(folder: Path) -> FrictionEstimator:
 class LabelledRecording(Converted):
     """A recording with its friction, kept until the offset of its session is known."""
 
-    result: Kept
+    result: Path
     evidence: OffsetEvidence | None  # Evidence on the sensors' offset; None with an estimator
     load: str  # The load that was identified and subtracted, in words; empty if none was
     rows: int
@@ -85,32 +84,34 @@ class RecordingFriction:
     def estimator(self) -> FrictionEstimator | None:
         return loaded_once(self.model) if isinstance(self.model, Path) else self.model
 
-    def of_file(self, file: LoggedFile, keeper: Keeper) -> list[Converted | Quarantined]:
+    def of_file(self, file: LoggedFile, scratch: Path) -> list[Converted | Quarantined]:
         """Convert a file and label its recordings; keep them until load and mass of their session are identified."""
         if not self.labeller.needs_identification:
-            return [each if isinstance(each, Quarantined) else self.labelled(each, keeper) for each in converted(file)]
+            return [each if isinstance(each, Quarantined) else self.labelled(each, scratch) for each in converted(file)]
         return [
-            each if isinstance(each, Quarantined) else replace(each, result=keeper.keep(each.result))
+            each if isinstance(each, Quarantined) else replace(each, result=keep_recording(scratch, each.result))
             for each in converted(file)
         ]
 
-    def identified(self, session: Sequence[Kept]) -> SessionIdentification | str:
+    def identified(self, session: Sequence[Path]) -> SessionIdentification | str:
         """Identify load and mass of a session, or state why its recordings do not determine them."""
         try:
-            return self.labeller.identify((filtered(each.read(), self.filter) for each in session), self.filter)
+            return self.labeller.identify(
+                (filtered(read_recording(each), self.filter) for each in session), self.filter
+            )
         except ValueError as error:
             return str(error)
 
     def labelled_in_session(
-        self, each: Converted, keeper: Keeper, identified: SessionIdentification | LostPiece | str
+        self, each: Converted, scratch: Path, identified: SessionIdentification | LostPiece | str
     ) -> LabelledRecording | Quarantined:
         """Label a kept recording, or refuse it with the reason why its session was not identified."""
         if not isinstance(identified, SessionIdentification):
             return refused_piece(each.metadata, identified)
-        return self.labelled(replace(each, result=each.result.read()), keeper, identified)
+        return self.labelled(replace(each, result=read_recording(each.result)), scratch, identified)
 
     def labelled(
-        self, each: Converted, keeper: Keeper, identified: SessionIdentification | None = None
+        self, each: Converted, scratch: Path, identified: SessionIdentification | None = None
     ) -> LabelledRecording | Quarantined:
         """Smooth and label a recording, run the estimator over it if there is one, and keep it."""
         recording: Recording = each.result
@@ -118,8 +119,6 @@ class RecordingFriction:
         try:
             labelled = self.labeller.labelled(filtered(recording, self.filter), self.filter, identified)
             if estimator is not None:
-                from cylinder_friction.estimation.running_estimate import estimated  # Numba: labels need no estimator
-
                 if of_session is not None and estimator.position_load is not None:
                     estimator = estimator.with_position_load(pooled_load([of_session]))
                 labelled = estimated(labelled, estimator.with_bounds_for([recording]))
@@ -130,7 +129,7 @@ class RecordingFriction:
             known = LOADED.get(self.labeller.load, "")
             evidence = offset_evidence(labelled, self.labeller.cylinder, self.plan, *self._halves(labelled), known)
         load, off_n = ("", 0.0) if of_session is None else (of_session.sentence(), of_session.expanded_n)
-        kept = keeper.keep(labelled)
+        kept = keep_recording(scratch, labelled)
         return LabelledRecording(each.metadata, kept, each.samples, evidence, load, len(labelled), off_n)
 
     def _halves(self, recording: Recording) -> tuple[float, float]:
@@ -181,7 +180,7 @@ class RecordingFriction:
             friction_n=known_number(half_n),
             flags_percent=None if estimator is None else shares,
             load=load or known,
-            not_known=other or unknown_in_words(rows, counts),
+            not_known=other or ("" if flags is None else unknown_in_words(rows, counts)),
             unlike_training="; ".join(filter(None, (noisy, self._missed(recording)))),
             load_left_n=known_number(load_n) if fits and holds_load(load_n, half_n) else None,
             repairs=tuple(about.repairs),
@@ -193,14 +192,48 @@ class RecordingFriction:
         estimator = self.estimator
         if estimator is None or estimator.bounds is None or estimator.offset is not None:
             return ""
-        from cylinder_friction.estimation.running_estimate import label_missed
-
         another_load = estimator.position_load is not None and self.labeller.load == "none"
         return "" if another_load else label_missed(recording, estimator.bounds)
 
 
 def refused_piece(about: RecordingMetadata, reason: str | LostPiece) -> Quarantined:
     return Quarantined(about.source_file, reason.reason if isinstance(reason, LostPiece) else reason, about.name)
+
+
+def estimated(labelled: Recording, estimator: FrictionEstimator) -> Recording:
+    """Run an estimator's real-time step over a recording; add friction, bounds and flags, and keep the label.
+
+    Rows before the first valid sample have no estimate: their friction is NaN, and they are not usable.
+    """
+    from cylinder_friction.realtime.stream import CompiledRun  # Numba: labels need no estimator
+
+    newtons, flags = CompiledRun(estimator.step_model()).run(labelled.samples(estimator.inputs))
+    known_n = np.where((flags & Flag.NOT_READY == 0)[:, None], newtons, np.nan)
+    friction_n, lower_n, upper_n = estimator.aligned(known_n).T
+    return labelled.with_columns(
+        label_n=labelled.column("friction_n"),
+        friction_n=friction_n,
+        lower_n=lower_n,
+        upper_n=upper_n,
+        flags=flags,
+        usable=labelled.usable() & np.isfinite(friction_n),
+    )
+
+
+def label_missed(recording: Recording, bounds: Bounds) -> str:
+    """State how rarely bounds contain a recording's label; empty if they contain it about as often as stated.
+
+    ``bounds_count`` selects the rows.
+    """
+    from cylinder_friction.realtime.bounds import bounds_count  # Numba
+
+    label_n = recording.column("label_n")
+    held = (recording.column("lower_n") <= label_n) & (label_n <= recording.column("upper_n"))
+    held = held[bounds_count(recording)]
+    share = float(held.mean()) if len(held) >= LEAST_ROWS else 1.0
+    if 1.0 - share <= OFTEN_MISSED * (1.0 - bounds.probability):
+        return ""
+    return f"bounds hold the label in {100.0 * share:.0f} % of the rows, not in {100.0 * bounds.probability:.0f} %"
 
 
 class LabelledLogs:
@@ -231,9 +264,8 @@ class LabelledLogs:
         rows_at_once: int = ROWS_AT_ONCE,
         workers: Workers | None = None,
     ) -> None:
-        self.logs, self.cylinder, self.rows_at_once = logs, cylinder, rows_at_once
+        self.logs, self.cylinder, self.scratch, self.rows_at_once = logs, cylinder, scratch, rows_at_once
         self.workers = workers or Workers()
-        self.keeper = Keeper(scratch, ROWS_IN_MEMORY if self.workers.runs_here(len(logs.files)) else 0)
         if not (model is None or isinstance(model, Path) or self.workers.here):
             model.save(scratch / "model")
             model = scratch / "model"  # each worker reads it once
@@ -264,7 +296,7 @@ class LabelledLogs:
 
     def _finished(self, each: LabelledRecording) -> tuple[Recording, str]:
         offset = self.offsets.get(each.metadata.session)
-        return self.friction.finished(each.result.read(), offset, self.loss), each.load
+        return self.friction.finished(read_recording(each.result), offset, self.loss), each.load
 
     def labelled(
         self,
@@ -280,7 +312,7 @@ class LabelledLogs:
                 evenly spread, are used together with the new ones.
             digests: SHA-256 of the files, if they are known.
         """
-        logs, seen, of_file = self.logs, seen or SeenRecordings(), partial(self.friction.of_file, keeper=self.keeper)
+        logs, seen, of_file = self.logs, seen or SeenRecordings(), partial(self.friction.of_file, scratch=self.scratch)
         known: dict[str, Any] = {"rows": self.rows_at_once, "digests": digests, "tables": logs.tables}
         read: list[Converted] = []
         for each in usable(logs.files, logs.recipe, of_file, seen, workers=self.workers, **known):
@@ -291,8 +323,6 @@ class LabelledLogs:
         if self.friction.labeller.needs_identification:
             read = self._labelled_by_session(read)
         labelled = [each for each in read if isinstance(each, LabelledRecording)]
-        if overlaps := seen.overlaps():
-            warnings.warn(overlaps, stacklevel=4)
         self.load_uncertainty_n = max((each.load_uncertainty_n for each in labelled), default=0.0)
         shown = [each.evidence for each in labelled if each.evidence is not None]
         if shown:
@@ -305,17 +335,18 @@ class LabelledLogs:
 
     def _labelled_by_session(self, read: Sequence[Converted]) -> list[Converted]:
         """Label kept recordings once load and mass of their sessions are known; add the others to ``refused``."""
-        sessions: dict[str, list[Kept]] = {}
+        sessions: dict[str, list[Path]] = {}
         for each in read:
             sessions.setdefault(each.metadata.session, []).append(each.result)
         identified = self.workers.in_order([partial(self.friction.identified, own) for own in sessions.values()])
         found = dict(zip(sessions, identified, strict=True))
         work = [
-            partial(self.friction.labelled_in_session, each, self.keeper, found[each.metadata.session]) for each in read
+            partial(self.friction.labelled_in_session, each, self.scratch, found[each.metadata.session])
+            for each in read
         ]
         labelled: list[Converted] = []
         for each, outcome in zip(read, self.workers.in_order(work), strict=True):
-            each.result.remove()
+            each.result.unlink()
             if isinstance(outcome, LabelledRecording):
                 labelled.append(outcome)
             else:

@@ -28,33 +28,32 @@ from cylinder_friction.estimation.friction_of_logs import (
     loaded_once,
     refused_piece,
 )
-from cylinder_friction.estimation.result_file import (
+from cylinder_friction.estimation.kept_results import PAGE_FILE, SUMMARY_FILE, WRITTEN_BY, read_results, sort_logs
+from cylinder_friction.estimation.results import (
     FileFormat,
+    FrictionOfLogs,
+    FrictionOfRecording,
     Result,
     packed,
-    read_results,
-    sort_logs,
+    table_rows,
     unpacked,
     write_result,
 )
-from cylinder_friction.estimation.results import FrictionOfLogs, FrictionOfRecording, table_rows
 from cylinder_friction.evaluation.inspection.friction_view import view_of_labelled
 from cylinder_friction.execution.workers import LostPiece, Workers
 from cylinder_friction.files.whole_files import hash_of, read_json
 from cylinder_friction.labelling.apparent_loss import ApparentLoss
 from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence
-from cylinder_friction.recordings.checks.duplicates import SeenRecordings
-from cylinder_friction.recordings.checks.limits import LoadMode
+from cylinder_friction.recordings.checks.limits import LoadMode, StatedLoad
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, PRESSURES
 from cylinder_friction.recordings.conversion import ROWS_AT_ONCE
-from cylinder_friction.recordings.ingesting import digest_of
+from cylinder_friction.recordings.ingesting import SeenRecordings, digest_of
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertainty
 from cylinder_friction.recordings.reading_logs import Logs, find_logs
 from cylinder_friction.recordings.result_folder import ResultFolder
-from cylinder_friction.recordings.stated_load import StatedLoad
-from cylinder_friction.reporting.friction_page import friction_pane, pane_file, write_friction_page
+from cylinder_friction.recordings.storage import read_recording
+from cylinder_friction.reporting.friction_page import friction_pane, level_tables, pane_file, write_friction_page
 from cylinder_friction.reporting.page import PLOTTED
-from cylinder_friction.reporting.result_tables import level_tables
 from cylinder_friction.signals.smooth_signals import smooth_recording
 
 if TYPE_CHECKING:
@@ -62,9 +61,7 @@ if TYPE_CHECKING:
 
 TYPICAL_CLASS = 0.5
 """Accuracy of a typical industrial pressure sensor [± % of full scale]."""
-SUMMARY_FILE, PAGE_FILE = "summary.json", "friction.html"
-WRITTEN_BY = "cylinder-friction estimate"
-OF_ONE_RUN = ("new", "news")
+OF_ONE_RUN = ("new", "left")
 """Entries of the summary that describe only the last run."""
 LABEL_BOUNDS = (
     "they hold friction in about 95 % of the rows (k = 2: smoothing, load, sensor offset), if the sensors are as stated"
@@ -113,7 +110,8 @@ def estimate_logs(
         OtherCylinderError: The model was trained for a cylinder with other areas.
         RecordingError: No file is found, or the mapping is wrong or cannot be guessed. Single files that cannot be
             used are listed in ``refused``.
-        FileExistsError: The folder contains other files, overlaps with an input, or is being written by another call.
+        FileExistsError: The folder contains other files or the results of another cylinder's logs of the same names,
+            overlaps with an input, or is being written by another call.
 
     Example:
         >>> logs = "data/raw/rig/condition1_*.csv"
@@ -156,7 +154,7 @@ def estimate_logs(
             sorted(run.refused, key=lambda each: (each.file, each.piece)),
             [offsets[name] for name in sorted(offsets)],
             tuple(each.entry.name for each in results if each in new),
-            found.news,
+            found.left,
             depends_on,
             logs.guessed,
             str(read_json(into / SUMMARY_FILE).get("loss", "")) if not run.logs.files else run.loss_in_words(),
@@ -172,7 +170,8 @@ def _labelled(
     seen, evidence = SeenRecordings(), list[OffsetEvidence]()
     for each in kept if run.logs.files else ():
         shown, samples = unpacked(each.compared)
-        seen.remember(each.entry.name, each.entry.source_file, each.entry.source_sha256, samples)
+        seen.names[samples] = each.entry.name
+        seen.files[each.entry.name] = seen.digests[each.entry.source_sha256] = each.entry.source_file
         if shown is not None and each.depends_on == depends_on:
             evidence.append(shown)
     return run.labelled(seen, evidence, digests)
@@ -200,7 +199,7 @@ def _write_results(
             run.refused.append(refused_piece(each.metadata, result))
         else:
             results.append(result)
-        each.result.remove()
+        each.result.unlink()
     return results
 
 
@@ -221,7 +220,7 @@ def _written(
 
     ``of_file`` is the number of recordings in its log. If ``detailed``, the page also draws friction against velocity.
     """
-    finished = friction.finished(labelled.result.read(), offset, loss).described(depends_on=depends_on)
+    finished = friction.finished(read_recording(labelled.result), offset, loss).described(depends_on=depends_on)
     entry, view = friction.entry(finished, labelled.load), None
     also = [f"{entry.name}.csv"] if file_format == "csv" else []
     result = Result(

@@ -14,14 +14,15 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.friction_of_logs import LabelledLogs, inputs
 from cylinder_friction.estimation.identification_page import write_identification_page
 from cylinder_friction.estimation.identified_model import (
+    IdentifiedCurve,
     IdentifiedModel,
     determined,
     matlab_script,
     modelica_record,
     pressure_problem,
+    stribeck_points,
 )
 from cylinder_friction.estimation.results import load_left
-from cylinder_friction.estimation.stribeck_points import IdentifiedCurve, stribeck_points
 from cylinder_friction.estimation.velocity_choices import (
     FITS_ALIKE,
     LEAST_SHARE,
@@ -34,25 +35,17 @@ from cylinder_friction.estimation.velocity_choices import (
     widened_intervals,
 )
 from cylinder_friction.estimators.lugre import condition_of_smallest_friction
-from cylinder_friction.evaluation.friction_levels import (
-    FrictionLevel,
-    RecordingDifference,
-    differences,
-    friction_levels,
-)
 from cylinder_friction.files.whole_files import write_json, write_text
 from cylinder_friction.friction_models.identification.intervals import INTERVAL_METHOD
-from cylinder_friction.friction_models.identification.known_curve import known_curve, undetermined
 from cylinder_friction.friction_models.identification.procedure import SearchEffort, identify
+from cylinder_friction.friction_models.identification.steady_points import known_curve, undetermined
 from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.labelling.known_offset import KnownOffset, mean_uncertainty_n
-from cylinder_friction.recordings.checks.limits import LoadMode
+from cylinder_friction.recordings.checks.limits import LoadMode, StatedLoad
 from cylinder_friction.recordings.ingesting import Quarantined, none_usable, other_rates
 from cylinder_friction.recordings.reading_logs import find_logs
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.result_folder import ResultFolder
-from cylinder_friction.recordings.stated_load import StatedLoad
-from cylinder_friction.reporting.result_tables import level_tables
 from cylinder_friction.signals.motion import STEADY_DURATION_S
 from cylinder_friction.signals.noise import sensor_noise
 from cylinder_friction.signals.smooth_signals import has_pressures
@@ -91,13 +84,6 @@ class FrictionModels:
     guessed: dict[str, Any] | None = None  # As in ``FrictionOfLogs``
     loss: str = ""  # As in ``FrictionOfLogs``
     simpler: str = ""  # A sentence if the model with fewer parameters describes all recordings as well; else empty
-    # Friction of steady sliding at each level of pressure and speed, by recording
-    levels: Mapping[str, tuple[FrictionLevel, ...]] = field(default_factory=dict)
-
-    @property
-    def differences(self) -> tuple[RecordingDifference, ...]:
-        """As in ``FrictionOfLogs``."""
-        return differences(self.levels)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible values; unknown values are None."""
@@ -113,8 +99,6 @@ class FrictionModels:
             "guessed": self.guessed,
             "loss": self.loss,
             "simpler": self.simpler,
-            "levels": {name: [asdict(each) for each in own] for name, own in self.levels.items()},
-            "differences": [asdict(each) for each in self.differences],
         }
 
 
@@ -172,7 +156,7 @@ def identify_logs(
         run = LabelledLogs(logs, cylinder, folder / ".scratch", None)
         shown = tqdm(run.recordings(MOST_ROWS), "read and label", len(logs.files), unit="recording", disable=None)
         labelled = list(shown)
-        shutil.rmtree(run.keeper.folder, ignore_errors=True)
+        shutil.rmtree(run.scratch, ignore_errors=True)
         others = _loaded(run, labelled) | other_rates([recording.metadata for recording, _ in labelled])
         refused = [*run.refused, *others.values()]
         recordings = [recording for recording, _ in labelled if recording.name not in others]
@@ -190,7 +174,6 @@ def identify_logs(
             logs.guessed,
             run.loss_in_words(),
             search.simpler(*models),
-            {recording.name: friction_levels([recording]) for recording in recordings},
         )
         _write(folder, result, search, cylinder)
     return result
@@ -309,12 +292,6 @@ def _write(folder: Path, result: FrictionModels, search: ModelSearch, cylinder: 
         (recording, {model.title: search.simulated(model, recording) for model in known})
         for recording in search.recordings
     ]
-    tables = level_tables(result.differences, result.levels)
-    given: dict[str, Any] = {
-        "offsets": result.offsets,
-        "refused": result.refused,
-        "guessed": result.guessed,
-        "levels": tables,
-    }
+    given: dict[str, Any] = {"offsets": result.offsets, "refused": result.refused, "guessed": result.guessed}
     write_identification_page(folder / PAGE_FILE, result.curves, result.models, simulated, CONFIDENCE, **given)
     write_json(folder / MODELS_FILE, result.to_dict())

@@ -8,18 +8,22 @@ from typing import Any
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.estimation.identified_model import SYMBOLS, IdentifiedModel, meaning
-from cylinder_friction.estimation.stribeck_points import SLOW_PARAMETERS, IdentifiedCurve
+from cylinder_friction.estimation.identified_model import (
+    SLOW_PARAMETERS,
+    SYMBOLS,
+    IdentifiedCurve,
+    IdentifiedModel,
+    meaning,
+)
 from cylinder_friction.files.whole_files import write_text
 from cylinder_friction.friction_models.parameters import RETRACT_RATIO, STRIBECK
 from cylinder_friction.labelling.known_offset import KnownOffset
+from cylinder_friction.recordings.ingesting import Quarantined
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.reporting.friction_page import guess_table
+from cylinder_friction.reporting.friction_page import guess_table, offset_table
 from cylinder_friction.reporting.page import PLOTTED, Cell, Table, page_html
-from cylinder_friction.reporting.page_figure import PageFigure, speed_ticks
-from cylinder_friction.reporting.result_tables import offset_table
+from cylinder_friction.reporting.page_figure import Line, PageFigure, Panel, over_time, speed_ticks
 from cylinder_friction.reporting.style import BLUE, GREEN, ORANGE, SERIES
-from cylinder_friction.reporting.time_figure import Line, Panel, over_time
 from cylinder_friction.wording import four_digits
 
 MM_PER_M = 1e3
@@ -39,8 +43,8 @@ def write_identification_page(
     confidence: float,
     *,
     offsets: Sequence[KnownOffset],
+    refused: Sequence[Quarantined],
     guessed: Mapping[str, Any] | None,
-    **further: Any,
 ) -> None:
     """Write the page; equal input gives equal bytes.
 
@@ -51,7 +55,7 @@ def write_identification_page(
         simulated: Every labelled recording, and the friction of each identified model by title [N], shape ``(n,)``.
         confidence: Confidence level of the intervals.
         offsets, guessed: As in ``write_friction_page``.
-        further: Passed to the template: ``refused`` (unusable files), and ``levels`` as in ``write_friction_page``.
+        refused: Unusable files.
     """
     drawn = simulated[:PLOTTED]
     titles = [model.title for model in models if model.found is not None]
@@ -66,7 +70,7 @@ def write_identification_page(
         panes=[(f"recording-{n}", each.name, _over_time(each, lines)) for n, (each, lines) in enumerate(drawn, 1)],
         left_out=len(simulated) - len(drawn),
         offsets=offset_table(offsets) if offsets else None,
-        **further,
+        refused=refused,
         guessed=None if guessed is None else (guessed["from"], guess_table(guessed)),
     )
     write_text(path, html)

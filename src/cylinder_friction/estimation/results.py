@@ -1,15 +1,33 @@
-"""The outcome of a run on logs: one entry per recording and per refused file, and a summary."""
+"""The results of a run on logs: a summary with one entry per recording and refused file, and the recordings' files.
 
+A Parquet file also contains its entry, and everything that later runs need.
+"""
+
+from __future__ import annotations
+
+import json
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
+
+import numpy as np
 
 from cylinder_friction.evaluation.friction_levels import FrictionLevel, RecordingDifference, differences
-from cylinder_friction.labelling.known_offset import KnownOffset
+from cylinder_friction.files.whole_files import whole_file, write_text
+from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence
+from cylinder_friction.labelling.sliding_blocks import SlidingBlocks
 from cylinder_friction.recordings.ingesting import Quarantined
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.recordings.result_folder import refuse_foreign
+from cylinder_friction.recordings.storage import read_beside, write_recording
+
+FileFormat = Literal["parquet", "csv"]
+"""``csv`` writes a CSV file beside each Parquet file; ``parquet`` does not."""
+ABOUT, COMPARED = "cylinder_friction_result", "cylinder_friction_compared"
+"""Keys in a result's metadata: its statements, and the data that later recordings are compared with."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +75,7 @@ class FrictionOfLogs:
     refused: list[Quarantined] = field(default_factory=list)
     offsets: list[KnownOffset] = field(default_factory=list)
     new: tuple[str, ...] = ()  # Names of the recordings that this call processed; earlier calls processed the others
-    news: tuple[str, ...] = ()  # What is new, gone or left for the next run, if the folder has results of earlier runs
+    left: tuple[str, ...] = ()  # Logs that changed a moment ago, may still be being written, and wait for the next run
     # SHA-256 of each thing besides the logs that results depend on: cylinder, mapping, model, version of the code
     depends_on: Mapping[str, str] = field(default_factory=dict)
     # The file from which channels and units were guessed, and each guess with its reasons; None with a mapping
@@ -85,7 +103,7 @@ class FrictionOfLogs:
             "differences": [asdict(each) for each in self.differences],
             "new": list(self.new),
             "depends_on": dict(self.depends_on),
-            "news": list(self.news),
+            "left": list(self.left),
             "guessed": self.guessed,
             "loss": self.loss,
         }
@@ -129,3 +147,98 @@ def table_rows(result: FrictionOfLogs) -> list[tuple[str, str, float | None, str
 def known_number(value: Any) -> Any:
     """Replace a number that is not known by None."""
     return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+@dataclass(frozen=True)
+class Result:
+    """The statements of a result besides its rows."""
+
+    entry: FrictionOfRecording
+    depends_on: Mapping[str, str]  # SHA-256 of each thing besides the log that friction depends on
+    of_file: int  # Number of recordings in its log
+    beside: tuple[str, ...]  # Its further files, relative to the folder: its pane, and its friction in another format
+    bounded: bool  # Whether its friction has bounds
+    offset: KnownOffset | None  # The offset of its session, as far as it was known; None with an estimator
+    compared: str = field(repr=False, default="")  # Data that later recordings are compared with, from ``packed``
+
+    @property
+    def file(self) -> str:
+        return f"{self.entry.name}.parquet"
+
+    @property
+    def files(self) -> tuple[str, ...]:
+        """All files of the result, relative to the folder."""
+        return self.file, *self.beside
+
+    def texts(self) -> dict[str, str]:
+        about = {**vars(self), "entry": self.entry.to_dict(), "offset": self.offset and vars(self.offset)}
+        about.pop("compared")
+        return {ABOUT: json.dumps(about, sort_keys=True), COMPARED: self.compared}
+
+
+def read_result(path: Path) -> Result | None:
+    """Read the statements of a result; None if ``write_result`` did not write the file."""
+    texts = read_beside(path)
+    if ABOUT not in texts:
+        return None
+    about: dict[str, Any] = json.loads(texts[ABOUT])
+    entry = about["entry"]
+    lists = {"repairs": tuple(entry["repairs"]), "levels": tuple(FrictionLevel(**each) for each in entry["levels"])}
+    about |= {
+        "entry": FrictionOfRecording(**{**entry, **lists}),
+        "offset": about["offset"] and KnownOffset(**about["offset"]),
+        "beside": tuple(about["beside"]),
+    }
+    return Result(**about, compared=texts[COMPARED])
+
+
+def write_result(folder: Path, finished: Recording, result: Result, pane: str, listed: Collection[str] = ()) -> None:
+    """Write the files of a result. It counts only once all files exist, so that an aborted run does no harm.
+
+    Args:
+        folder: The folder of results.
+        finished: The recording with its friction.
+        result: The statements of the result.
+        pane: The recording's pane of the page.
+        listed: Files that an earlier run listed as its own.
+
+    Raises:
+        FileExistsError: A file of the same name exists that no earlier run wrote.
+    """
+    path = folder / result.file
+    earlier = read_result(path) if path.is_file() else None
+    own = () if earlier is None else earlier.files
+    for name in set(result.files) - {*listed, *own}:
+        refuse_foreign(folder / name)
+    for name in {*own, *result.beside} - {result.file}:  # a new result with an old pane would count as complete
+        (folder / name).unlink(missing_ok=True)
+    write_recording(folder, finished, beside=result.texts())
+    for name in result.beside:
+        beside = folder / name
+        if beside.suffix == ".csv":
+            with whole_file(beside) as draft:
+                finished.table.to_csv(draft, index=False, float_format="%.9g")
+        else:
+            write_text(beside, pane)
+
+
+def packed(evidence: OffsetEvidence | None, samples: str) -> str:
+    """Encode the data that later recordings are compared with as text; equal content gives equal text."""
+
+    def plain(content: Any) -> Any:
+        return content.tolist() if isinstance(content, np.ndarray) else vars(content)
+
+    return json.dumps({"evidence": evidence, "samples": samples}, default=plain)
+
+
+def unpacked(text: str) -> tuple[OffsetEvidence | None, str]:
+    """Decode the text that ``packed`` made."""
+    about = json.loads(text)
+    evidence = about["evidence"]
+    if evidence is None:
+        return None, about["samples"]
+    sliding = evidence["sliding"]
+    sliding |= {name: np.array(sliding[name], dtype=np.float64) for name in ("label_n", "direction")}
+    sliding["stroke"] = np.array(sliding["stroke"], dtype=np.int64)
+    columns = {name: np.array(values, dtype=np.float64) for name, values in sliding.pop("columns").items()}
+    return OffsetEvidence(**evidence | {"sliding": SlidingBlocks(**sliding, columns=columns)}), about["samples"]

@@ -52,10 +52,6 @@ class Workers:
     def __exit__(self, error: type[BaseException] | None, *_: object) -> None:
         pass
 
-    def runs_here(self, _pieces: int) -> bool:
-        """Check whether this many pieces run in this process, so that they may return large results."""
-        return True
-
     def do_all(self, pieces: Sequence[Work]) -> Iterator[tuple[int, Any]]:
         """Yield the number and the result of each piece, or ``LostPiece``, as they finish.
 
@@ -105,9 +101,6 @@ class ExecutorWorkers(Workers):
         """Explain the death of a piece's worker; return None for an exception that the piece itself raised."""
         raise NotImplementedError
 
-    def runs_here(self, pieces: int) -> bool:
-        return pieces < self.least
-
     def do_all(self, pieces: Sequence[Work]) -> Iterator[tuple[int, Any]]:
         suspects = []
         for number, result in self._round(range(len(pieces)), pieces):
@@ -120,7 +113,7 @@ class ExecutorWorkers(Workers):
 
     def in_order(self, pieces: Iterable[Work]) -> Iterator[Any]:
         pieces = list(pieces)
-        if self.runs_here(len(pieces)):
+        if len(pieces) < self.least:
             yield from super().in_order(pieces)
             return
         finished: dict[int, Any] = {}

@@ -20,7 +20,7 @@ import numpy as np
 import pandas as pd
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.checks.limits import CheckLimits, LoadMode
+from cylinder_friction.recordings.checks.limits import CheckLimits, LoadMode, StatedLoad
 from cylinder_friction.recordings.checks.recording_checks import checked_recording, inspect_recording
 from cylinder_friction.recordings.checks.screening import screen_signals
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, TIME
@@ -44,7 +44,6 @@ from cylinder_friction.recordings.recording import (
     SensorUncertainty,
     Start,
 )
-from cylinder_friction.recordings.stated_load import StatedLoad
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 

@@ -1,11 +1,11 @@
-"""Convert a folder of logged files to a folder of recordings; list unusable files with the reason."""
+"""Convert a folder of logged files to a folder of recordings; list unusable files and copies with the reason."""
 
 from __future__ import annotations
 
+import hashlib
 import shutil
 import sys
 import uuid
-import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
@@ -13,14 +13,48 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+import numpy as np
+
 from cylinder_friction.execution.workers import LostPiece, Workers
 from cylinder_friction.files.whole_files import hash_of, whole_folder, write_json
-from cylinder_friction.recordings.checks.duplicates import Samples, SeenRecordings
+from cylinder_friction.recordings.columns import DRIVE_FORCE, SAMPLE_COLUMNS
 from cylinder_friction.recordings.conversion import Recipe, checked, metadata_of, open_tables, pieces_of_tables
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.mapping.channel_mapping import check_mapping
-from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
+from cylinder_friction.recordings.recording import Columns, Recording, RecordingError, RecordingMetadata
 from cylinder_friction.recordings.storage import write_recording
+
+RESOLUTION = {"position_m": 1e-9, DRIVE_FORCE: 1e-6}
+"""Largest difference of samples that count as equal, because units or formats differ [m, N]; pressures: 1e-3 Pa."""
+
+
+def samples_hash(columns: Columns) -> str:
+    """Hash a recording's samples as logged (SHA-256), because a zero that is subtracted may differ from run to run."""
+    digest = hashlib.sha256()
+    for name in (*SAMPLE_COLUMNS, DRIVE_FORCE):
+        if name in columns:
+            digest.update(np.rint(columns[name] / RESOLUTION.get(name, 1e-3)).astype(np.int64).tobytes())
+    return digest.hexdigest()
+
+
+@dataclass
+class SeenRecordings:
+    """Recordings of this run and of earlier runs, among which copies are searched for."""
+
+    files: dict[str, str] = field(default_factory=dict)  # File by name of its recording
+    digests: dict[str, str] = field(default_factory=dict)  # File by SHA-256 of its bytes
+    names: dict[str, str] = field(default_factory=dict)  # Name of the recording by ``samples_hash``
+
+    def refuse(self, name: str, file: str, samples: str) -> None:
+        """Remember a recording, its file and its ``samples_hash``; raise ``RecordingError`` if one of them is known."""
+        if name in self.files:
+            raise RecordingError(f"has the name {name!r}, which {self.files[name]} has already")
+        if (copy := self.names.get(samples)) is not None:
+            raise RecordingError(
+                f"holds the same samples as recording {copy!r} of {self.files[copy]}; a copy would be counted twice, "
+                "and a model could be tested on its own training data; keep one of them"
+            )
+        self.files[name], self.names[samples] = file, name
 
 
 @dataclass(frozen=True)
@@ -99,8 +133,7 @@ def ingest_folder(source: Source, into: Path, quarantine_file: Path, workers: Wo
             path, rows = outcome.result
             path.rename(folder / f"{outcome.metadata.name}.parquet")
             result.recordings.append((outcome.metadata, rows))
-        notes = *_not_read(source, paths), seen.overlaps()
-        result.notes = [note for note in notes if note]
+        result.notes = _not_read(source, paths)
         shutil.rmtree(elsewhere, ignore_errors=True)
         others = other_rates([metadata for metadata, _ in result.recordings])
         for name in others:
@@ -144,7 +177,7 @@ class Converted:
 
     metadata: RecordingMetadata
     result: Any  # The recording, or the result of a later step
-    samples: Samples  # Its identity, by which copies are found
+    samples: str  # Its ``samples_hash``, by which copies are found
 
 
 def converted(file: LoggedFile) -> Iterator[Converted | Quarantined]:
@@ -161,7 +194,7 @@ def converted(file: LoggedFile) -> Iterator[Converted | Quarantined]:
             except RecordingError as error:
                 yield Quarantined(file.name, str(error), piece)
                 continue
-            yield Converted(recording.metadata, recording, Samples.of(found.metadata, found.columns))
+            yield Converted(recording.metadata, recording, samples_hash(found.columns))
     except (RecordingError, OSError) as error:
         yield Quarantined(file.name, str(error), piece and f"after {piece}")
 
@@ -173,11 +206,8 @@ def recordings_of(
     tables: Mapping[str, Sequence[LoggedTable]] | None = None,
 ) -> Iterator[Recording | Quarantined]:
     """Yield the recordings of each file in turn, or the reason why they are unusable; see ``usable``."""
-    seen = SeenRecordings()
-    for each in usable(files, recipe, converted, seen, rows=rows, tables=tables):
+    for each in usable(files, recipe, converted, SeenRecordings(), rows=rows, tables=tables):
         yield each.result if isinstance(each, Converted) else each
-    if overlaps := seen.overlaps():
-        warnings.warn(overlaps, stacklevel=3)
 
 
 def digest_of(path: Path) -> str:

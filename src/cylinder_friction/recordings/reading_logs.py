@@ -11,7 +11,7 @@ from typing import Any, get_args
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.files.whole_files import read_yaml
-from cylinder_friction.recordings.checks.limits import LoadMode
+from cylinder_friction.recordings.checks.limits import LoadMode, StatedLoad
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, QUANTITIES
 from cylinder_friction.recordings.conversion import ROWS_AT_ONCE, NameRules, Recipe
 from cylinder_friction.recordings.formats.format import LoggedTable
@@ -21,7 +21,6 @@ from cylinder_friction.recordings.mapping.channel_mapping import SensorScale, ch
 from cylinder_friction.recordings.mapping.guessing import GuessedMapping, channel_lines, guess_mapping, refuse_unknown
 from cylinder_friction.recordings.mapping.units import check_unit, stated_rate
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from cylinder_friction.recordings.stated_load import StatedLoad
 
 _PACKAGE = Path(__file__).parents[1]
 FULL_SCALE_BAR = 250.0

@@ -135,11 +135,6 @@ class ResultFolder:
                 f"{refusal}its {self.marker} does not list the files of an earlier `{self.written_by}`; "
                 "name a new folder"
             )
-        for name in map(str, files):
-            if Path(name).is_absolute() or ".." in Path(name).parts or (self.folder / name).is_dir():
-                raise FileExistsError(
-                    f"{refusal}its {self.marker} lists {name!r}, which is no file inside it; name a new folder"
-                )
         return files
 
 

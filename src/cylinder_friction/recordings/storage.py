@@ -3,7 +3,6 @@
 import json
 import uuid
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -91,7 +90,7 @@ def read_metadata(path: Path) -> RecordingMetadata:
 
 
 def read_recording(path: Path) -> Recording:
-    """Read one file that ``write_recording`` or a ``Keeper`` wrote. Values are read-only."""
+    """Read one file that ``write_recording`` or ``keep_recording`` wrote. Values are read-only."""
     if path.suffix == SCRATCH:
         found = pa.ipc.open_file(path.read_bytes()).read_all()
     else:
@@ -144,41 +143,9 @@ def read_stored(folder: Path) -> list[Recording]:
     return list(iterate_recordings(folder))
 
 
-@dataclass(frozen=True)
-class Kept:
-    """A recording between two steps of a run, in memory or on disk."""
-
-    recording: Recording | Path
-
-    def read(self) -> Recording:
-        return read_recording(self.recording) if isinstance(self.recording, Path) else self.recording
-
-    def remove(self) -> None:
-        if isinstance(self.recording, Path):
-            self.recording.unlink()
-
-
-@dataclass
-class Keeper:
-    """Keeps recordings between two steps of a run: in memory up to ``rows`` rows in total, further ones on disk.
-
-    Example:
-        >>> from pathlib import Path
-        >>> from tempfile import mkdtemp
-        >>> from cylinder_friction.recordings.storage import Keeper
-        >>> kept = Keeper(Path(mkdtemp()), rows=0).keep(recordings[0])
-        >>> kept.read().name == recordings[0].name
-        True
-    """
-
-    folder: Path
-    rows: int = 0
-
-    def keep(self, recording: Recording) -> Kept:
-        if len(recording) <= self.rows:
-            self.rows -= len(recording)
-            return Kept(recording)
-        path, table = self.folder / f"{uuid.uuid4().hex}{SCRATCH}", _arrow_table(recording)
-        with whole_file(path) as draft, pa.OSFile(str(draft), "wb") as file, pa.ipc.new_file(file, table.schema) as out:
-            out.write_table(table)  # many times as fast as Parquet, at the same size
-        return Kept(path)
+def keep_recording(folder: Path, recording: Recording) -> Path:
+    """Write a recording that only exists between two steps of a run, and return its path."""
+    path, table = folder / f"{uuid.uuid4().hex}{SCRATCH}", _arrow_table(recording)
+    with whole_file(path) as draft, pa.OSFile(str(draft), "wb") as file, pa.ipc.new_file(file, table.schema) as out:
+        out.write_table(table)  # many times as fast as Parquet, at the same size
+    return path

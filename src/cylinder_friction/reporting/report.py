@@ -17,10 +17,9 @@ from cylinder_friction.reporting import comparison_tables as tables
 from cylinder_friction.reporting import figures
 from cylinder_friction.reporting.estimator_titles import phrase
 from cylinder_friction.reporting.page import Table, page_html
-from cylinder_friction.reporting.page_figure import PageFigure
+from cylinder_friction.reporting.page_figure import Line, PageFigure, Panel, over_time
 from cylinder_friction.reporting.print_figure import draw
 from cylinder_friction.reporting.summary import CLEAR_POINTS, best_reference, summary
-from cylinder_friction.reporting.time_figure import Line, Panel, over_time
 
 SECTIONS = {
     "summary": "Summary",

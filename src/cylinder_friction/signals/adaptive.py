@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
+from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.signals.noise import noise_deviation
 from cylinder_friction.signals.smooth_signals import P1, P2, SignalFilter, SmoothSignals, Support, X
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
@@ -164,3 +165,17 @@ def _one_side(values: Array, lengths: NDArray[np.int64], half_width: float) -> N
             np.minimum(upper, mean + width, out=upper)
             longer[first:last] += lower <= upper  # intervals that once disagree do so from then on
     return np.append(0, lengths)[longer]
+
+
+def default_filter(cylinder: Cylinder) -> AdaptiveWindow:
+    """Make the filter whose labels are nearest to true friction on the simulated rig: ``AdaptiveWindow``.
+
+    ``label`` uses it unless you pass another one. Its windows are in seconds, so any sample rate will do. The
+    cylinder's areas weight both pressures. It looks ahead: use it for labels, never in real time.
+
+    Example:
+        >>> from cylinder_friction.signals.adaptive import default_filter
+        >>> default_filter(cylinder).piston_area_m2 == cylinder.piston_area_m2
+        True
+    """
+    return AdaptiveWindow(cylinder.piston_area_m2, cylinder.annulus_area_m2)

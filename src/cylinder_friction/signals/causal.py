@@ -176,20 +176,6 @@ def difference_taps(sample_time_s: float) -> Array:
     return np.array([1.0, -1.0]) / sample_time_s
 
 
-def window_samples(window_s: float, order: int, sample_time_s: float) -> int:
-    """Choose the odd number of samples that lasts nearest to ``window_s``, at least two more than a polynomial's order.
-
-    ``window_s`` is the time between the first and the last sample of the window [s].
-
-    Example:
-        >>> from cylinder_friction.signals.causal import window_samples
-        >>> [window_samples(0.05, 2, sample_time_s) for sample_time_s in (0.01, 0.005, 0.001)]
-        [7, 11, 51]
-    """
-    half = math.floor(0.5 * window_s / sample_time_s + 0.5 + 1e-9)
-    return max(2 * half + 1, (order + 2) | 1)
-
-
 def one_sided_savitzky_golay_taps(window: int, order: int, derivative: int, sample_time_s: float) -> Array:
     """Build taps that fit a polynomial to the last ``window`` samples and evaluate it at the present one.
 

@@ -17,9 +17,8 @@ from cylinder_friction.signals.causal import (
     difference_taps,
     moving_average_taps,
     one_sided_savitzky_golay_taps,
-    window_samples,
 )
-from cylinder_friction.signals.smooth_signals import P1, P2, SignalFilter, SmoothSignals, Support, X
+from cylinder_friction.signals.smooth_signals import P1, P2, SignalFilter, SmoothSignals, Support, X, window_samples
 
 
 class CausalFilter(SignalFilter):

@@ -16,20 +16,6 @@ WINDOWS_FOR_HZ = 200.0
 SAME_RATE = 0.1  # Share by which a rate may differ without changing the windows
 
 
-def default_filter(cylinder: Cylinder) -> AdaptiveWindow:
-    """Make the filter whose labels are nearest to true friction on the simulated rig: ``AdaptiveWindow``.
-
-    ``label`` uses it unless you pass another one. Its windows are in seconds, so any sample rate will do. The
-    cylinder's areas weight both pressures. It looks ahead: use it for labels, never in real time.
-
-    Example:
-        >>> from cylinder_friction.signals.methods import default_filter
-        >>> default_filter(cylinder).piston_area_m2 == cylinder.piston_area_m2
-        True
-    """
-    return AdaptiveWindow(cylinder.piston_area_m2, cylinder.annulus_area_m2)
-
-
 def filters_by_method(
     cylinder: Cylinder,
     adaptive: Mapping[str, Any],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, fields
 from typing import ClassVar
@@ -145,3 +146,29 @@ def signals_of(recording: Recording) -> SmoothSignals | SmoothDrive:
     if has_pressures(recording):
         return SmoothSignals(*(recording.column(field.name) for field in fields(SmoothSignals)))
     return SmoothDrive(*(recording.column(field.name) for field in fields(SmoothDrive)))
+
+
+def pulse_responses(method: SignalFilter, sample_time_s: float) -> tuple[Array, Array, Array]:
+    """Compute a filter's responses to one sample of 1, each of shape ``(2 m + 1,)`` with the pulse at row ``m``.
+
+    In this order: pressure from pressure, velocity from position [1/s], acceleration from position [1/s²].
+    """
+    support = method.support(sample_time_s)
+    middle = 4 * max(support.before, support.after, 8)
+    pulse = np.zeros(2 * middle + 1)
+    pulse[middle] = 1.0
+    return method.smooth_force(pulse, sample_time_s), *method.motion(pulse, sample_time_s)
+
+
+def window_samples(window_s: float, order: int, sample_time_s: float) -> int:
+    """Choose the odd number of samples that lasts nearest to ``window_s``, at least two more than a polynomial's order.
+
+    ``window_s`` is the time between the first and the last sample of the window [s].
+
+    Example:
+        >>> from cylinder_friction.signals.smooth_signals import window_samples
+        >>> [window_samples(0.05, 2, sample_time_s) for sample_time_s in (0.01, 0.005, 0.001)]
+        [7, 11, 51]
+    """
+    half = math.floor(0.5 * window_s / sample_time_s + 0.5 + 1e-9)
+    return max(2 * half + 1, (order + 2) | 1)

@@ -7,9 +7,9 @@ from functools import cache
 import numpy as np
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.signals.causal import cascade_taps, window_samples
+from cylinder_friction.signals.causal import cascade_taps
 from cylinder_friction.signals.causal_chain import MovingAverage, OneSidedSavitzkyGolay
-from cylinder_friction.signals.smooth_signals import SignalFilter, Support
+from cylinder_friction.signals.smooth_signals import SignalFilter, Support, window_samples
 
 
 @dataclass(frozen=True)

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from cylinder_friction.evaluation.inspection.filter_costs import filter_costs, pulse_responses
+from cylinder_friction.evaluation.inspection.filter_costs import filter_costs
 from cylinder_friction.recordings.recording import Recording
-from cylinder_friction.signals.smooth_signals import SignalFilter
+from cylinder_friction.signals.smooth_signals import SignalFilter, pulse_responses
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 Filters = dict[str, "SignalFilter"]

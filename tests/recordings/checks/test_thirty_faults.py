@@ -13,7 +13,7 @@ import pytest
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.recordings.checks.position_steps import check_position_steps
+from cylinder_friction.recordings.checks.recording_checks import check_position_steps
 from cylinder_friction.recordings.ingesting import Quarantined, recordings_of
 from cylinder_friction.recordings.reading_logs import find_logs
 from logger_files import CHANNELS, made_log

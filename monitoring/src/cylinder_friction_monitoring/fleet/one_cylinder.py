@@ -13,6 +13,7 @@ from typing import Any
 import cylinder_friction.estimation.kept_results as kept_results
 from cylinder_friction import Recording, estimate_logs
 from cylinder_friction.files.whole_files import read_json, write_json, write_text
+from cylinder_friction.realtime.trained_for import OtherCylinderError
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.reading_logs import load_settings
 from cylinder_friction_monitoring.errors import Refused
@@ -113,9 +114,9 @@ class CylinderRun:
                         sensor_class=self.owned.sensor_class,
                     )
                 notes += [f"{self.name}: {each.message}" for each in caught]
-                notes += [f"{self.name}: {each}" for each in found.news if kept_results.LEFT_FOR_NEXT_RUN in each]
+                notes += [f"{self.name}: {each} changed just now, left for the next run" for each in found.left]
                 refused += [Refused(f"{self.name}: {each.file}", each.reason, each.piece) for each in found.refused]
-            except kept_results.OtherCylinderError as error:
+            except OtherCylinderError as error:
                 other = str(error).partition(";")[0]
                 refused.append(Refused(self.name, f"{other}; correct `model` or `dimensions` in fleet.yaml"))
             except (ValueError, OSError) as error:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from cylinder_friction import Recording
-from cylinder_friction.estimation.kept_results import bounds_count
+from cylinder_friction.realtime.bounds import bounds_count
 from cylinder_friction.signals.motion import direction_of_motion
 from cylinder_friction_monitoring.trends.plan import IndicatorPlan
 from cylinder_friction_monitoring.trends.session_row import HeldLabel

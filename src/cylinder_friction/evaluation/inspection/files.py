@@ -6,11 +6,10 @@ from contextlib import suppress
 from pathlib import Path
 
 from cylinder_friction.evaluation.inspection.subject import Inspected, worst
-from cylinder_friction.recordings.checks.duplicates import Samples, SeenRecordings
 from cylinder_friction.recordings.checks.limits import Finding
 from cylinder_friction.recordings.checks.recording_checks import inspect_recording
 from cylinder_friction.recordings.conversion import Recipe, metadata_of, name_of, open_tables, pieces_from
-from cylinder_friction.recordings.ingesting import shown
+from cylinder_friction.recordings.ingesting import SeenRecordings, samples_hash, shown
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 
 
@@ -27,7 +26,7 @@ def inspect_files(files: Mapping[str, Path], recipe: Recipe) -> Iterator[Inspect
                 yield subject
                 continue
             try:
-                duplicates.refuse(recording.name, name, Samples.of(recording.metadata, piece.columns))
+                duplicates.refuse(recording.name, name, samples_hash(piece.columns))
             except RecordingError as error:
                 subject = subject.with_findings(Finding("duplicate", "refused", str(error)))
             yield subject

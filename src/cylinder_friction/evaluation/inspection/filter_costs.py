@@ -13,7 +13,7 @@ from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.causal_chain import MovingAverage
 from cylinder_friction.signals.motion import LEAST_STANDSTILL_S, noise_rms, standstill_rows
 from cylinder_friction.signals.rts import RtsSmoother
-from cylinder_friction.signals.smooth_signals import SignalFilter, Support
+from cylinder_friction.signals.smooth_signals import SignalFilter, Support, pulse_responses
 from cylinder_friction.signals.zero_phase import SavitzkyGolay
 
 HALF_POWER = 0.5**0.5
@@ -102,18 +102,6 @@ def _cost(name: str, causal: bool, method: SignalFilter, recording: Recording) -
         velocity_gain=gain,
         velocity_lag_s=lag_s,
     )
-
-
-def pulse_responses(method: SignalFilter, sample_time_s: float) -> tuple[Array, Array, Array]:
-    """Compute a filter's responses to one sample of 1, each of shape ``(2 m + 1,)`` with the pulse at row ``m``.
-
-    In this order: pressure from pressure, velocity from position [1/s], acceleration from position [1/s²].
-    """
-    support = method.support(sample_time_s)
-    middle = 4 * max(support.before, support.after, 8)
-    pulse = np.zeros(2 * middle + 1)
-    pulse[middle] = 1.0
-    return method.smooth_force(pulse, sample_time_s), *method.motion(pulse, sample_time_s)
 
 
 def _delay_s(pulse_response: Array, derivative: int, sample_time_s: float) -> float:

@@ -8,14 +8,15 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.evaluation.inspection.filter_costs import pulse_responses
-from cylinder_friction.friction_models.identification.known_curve import known_curve
-from cylinder_friction.friction_models.identification.steady_points import StribeckPoint, steady_sliding_by_speed
+from cylinder_friction.friction_models.identification.steady_points import (
+    StribeckPoint,
+    known_curve,
+    steady_sliding_by_speed,
+)
 from cylinder_friction.friction_models.stribeck import StribeckCurve
 from cylinder_friction.labelling.equation_of_motion import drive_force
 from cylinder_friction.labelling.label import Labeller
-from cylinder_friction.labelling.sliding_blocks import OffsetPlan
-from cylinder_friction.labelling.up_and_down import holds_load, up_and_down
+from cylinder_friction.labelling.sliding_blocks import OffsetPlan, holds_load, up_and_down
 from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.signals.motion import direction_of_motion, noise_rms, standstill_rows
@@ -26,6 +27,7 @@ from cylinder_friction.signals.smooth_signals import (
     SmoothSignals,
     filtered,
     has_pressures,
+    pulse_responses,
     signals_of,
 )
 

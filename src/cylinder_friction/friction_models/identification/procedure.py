@@ -9,11 +9,10 @@ from tqdm import tqdm
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.friction_models.identification.intervals import confidence_intervals
-from cylinder_friction.friction_models.identification.known_curve import curve_through
 from cylinder_friction.friction_models.identification.presliding import bristle_stiffness
 from cylinder_friction.friction_models.identification.search import Coordinates, search_globally, search_locally
 from cylinder_friction.friction_models.identification.simulation import Motion, Motions
-from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, steady_points
+from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, curve_through, steady_points
 from cylinder_friction.friction_models.model import FrictionModel
 from cylinder_friction.friction_models.parameters import ModelParameters
 from cylinder_friction.friction_models.stribeck import StribeckCurve

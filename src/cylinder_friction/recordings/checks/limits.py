@@ -3,10 +3,41 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, get_args
+from typing import Literal, Self, get_args
 
-from cylinder_friction.recordings.recording import expect
-from cylinder_friction.recordings.stated_load import StatedLoad
+from cylinder_friction.recordings.recording import RecordingError, expect
+
+
+@dataclass(frozen=True)
+class StatedLoad:
+    """A constant load on the rod, positive if it resists extension."""
+
+    force_n: float  # Load [N]
+    within_n: float = 0.0  # Largest error of the load [± N]
+
+    @classmethod
+    def parsed(cls, text: str) -> Self:
+        """Parse a load written as ``4218`` or ``4218+-40``, in newtons.
+
+        Raises:
+            RecordingError: The text has neither form.
+        """
+        force, _, within = text.replace("±", "+-").partition("+-")
+        try:
+            force_n, within_n = float(force), float(within or 0.0)
+        except ValueError:
+            force_n = within_n = math.nan
+        if not (math.isfinite(force_n) and 0.0 <= within_n < math.inf):
+            raise RecordingError(
+                f"load: got {text!r}, expected none, measured, position, or a constant load in newtons: 4218 or "
+                "4218+-40"
+            )
+        return cls(force_n, within_n)
+
+    def in_words(self) -> str:
+        """Describe the load in words."""
+        return f"{self.force_n:g} ± {self.within_n:g} N, as stated"
+
 
 LoadMode = Literal["none", "measured", "position"]
 """Load of the cylinder: none, measured as ``load_force_n``, or a function of position."""

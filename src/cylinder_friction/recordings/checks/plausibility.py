@@ -30,8 +30,7 @@ BETTER = 2.0
 """Least ratio of residuals at which the hypothesis with the smaller one is preferred; 3 without further evidence."""
 LEAST_OVERLAP = 0.2
 """Least share of the variance of direction that position does not explain. Below it, the two are inseparable."""
-NEGLIGIBLE = 1e-14
-"""Least square sum of a combination of terms that rows determine, as a share of the largest one."""
+NEGLIGIBLE = 1e-7  # Least size of a combination of terms that rows determine, as a share of the largest one
 GREATEST_N_MM, HIGH_N_MM, LOW_N_MM = 100.0, 10.0, 0.2
 """Friction per length of seal around piston and rod [N/mm]: above any seal's, rarely exceeded, low-friction seals."""
 
@@ -144,10 +143,8 @@ def _undecidable(columns: Mapping[str, Array], direction: Array, shape: Array, l
 
 
 def _factors(terms: Array, wanted: Array) -> Array:
-    """Solve the normal equations without terms that rows do not determine; many times as fast as an SVD of the rows."""
-    sizes, axes = np.linalg.eigh(terms.T @ terms)
-    axes = axes[:, sizes > NEGLIGIBLE * sizes[-1]]
-    return np.asarray(axes @ ((axes.T @ (terms.T @ wanted)).T / sizes[-axes.shape[1] :]).T)
+    """Fit the terms to what is wanted, without combinations of terms that the rows do not determine."""
+    return np.asarray(np.linalg.lstsq(terms, wanted, rcond=NEGLIGIBLE)[0])
 
 
 def _position_terms(position_m: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Friction against velocity, the Stribeck curve, and force against position."""
+"""Signals over time, friction against velocity, the Stribeck curve with its table, and force against position."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,16 +9,31 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array
 from cylinder_friction.evaluation.inspection.friction_view import FrictionView
 from cylinder_friction.evaluation.inspection.sliding_friction import WAYS, MeanFriction
-from cylinder_friction.friction_models.identification.steady_points import SteadyPoint, StribeckPoint
+from cylinder_friction.friction_models.identification.steady_points import (
+    SteadyPoint,
+    StribeckPoint,
+    is_breakaway_known,
+)
 from cylinder_friction.friction_models.stribeck import StribeckCurve
-from cylinder_friction.reporting.inspection.frequency_figures import MM_PER_M
-from cylinder_friction.reporting.page_figure import PageFigure, compact, speed_ticks
-from cylinder_friction.reporting.style import BLUE, GREEN, INK, ORANGE, PALE, SERIES
-from cylinder_friction.reporting.time_figure import spread_evenly
+from cylinder_friction.recordings.recording import Recording
+from cylinder_friction.reporting.inspection.frequency_figures import MM_PER_M, PA_PER_BAR
+from cylinder_friction.reporting.page import Table
+from cylinder_friction.reporting.page_figure import Line, PageFigure, Panel, compact, speed_ticks, spread_evenly
+from cylinder_friction.reporting.style import BLUE, BROWN, GREEN, INK, ORANGE, PALE, QUIET, SERIES
+from cylinder_friction.wording import four_digits
 
 CURVE_POINTS = 200
 WIDE = 200
 """Number of recordings from which their marks are small."""
+COLUMNS = (
+    ("pressure", "P1, piston side", "pressure_1_pa", PA_PER_BAR, "bar", ORANGE),
+    ("pressure", "P2, rod side", "pressure_2_pa", PA_PER_BAR, "bar", BLUE),
+    ("position", "position, 0 retracted", "position_m", 1.0 / MM_PER_M, "mm", INK),
+    ("force", "drive force", "drive_force_n", 1.0, "N", QUIET),
+    ("load", "load force", "load_force_n", 1.0, "N", QUIET),
+    ("oil", "oil temperature", "oil_temperature_c", 1.0, "°C", QUIET),
+)
+"""Possible signals: panel, words, column, size of a shown unit in the column's unit, shown unit, colour."""
 
 
 def against_velocity(view: FrictionView, points: int) -> PageFigure:
@@ -178,3 +193,61 @@ def _points(figure: PageFigure, points: tuple[StribeckPoint, ...]) -> None:
                 marker={"color": colour, "size": 9, "symbol": symbol, "line": {"color": INK, "width": 1}},
                 hovertemplate="%{x:.4~g} mm/s, %{y:.4~g} N<br>%{customdata} rows<extra></extra>",
             )
+
+
+def measured_panels(recording: Recording) -> list[Panel]:
+    """List the panels of the measured signals, in bar, mm, N and °C."""
+    panels: dict[str, list[Line]] = {}
+    for panel, words, column, scale, unit, colour in COLUMNS:
+        if column in recording.columns:
+            panels.setdefault(f"{panel} [{unit}]", []).append(Line(words, recording.column(column) / scale, colour))
+    return [Panel(axis, lines) for axis, lines in panels.items()]
+
+
+def calculated_panels(view: FrictionView) -> list[Panel]:
+    """List the panels of velocity and friction; friction has gaps at rows that are not usable."""
+    friction_n = np.where(view.usable, view.friction_n, np.nan)
+    return [
+        Panel(
+            "velocity [mm/s]",
+            (Line("velocity, extending positive", MM_PER_M * view.signals.velocity_m_s, BROWN),),
+        ),
+        Panel(f"{view.friction_name} [N]", (Line(view.friction_name, friction_n, GREEN),), 1.3),
+    ]
+
+
+def stribeck_table(view: FrictionView) -> tuple[Table | None, str]:
+    """Tabulate the curve's parameters and their source; without a curve the points of steady sliding, if any."""
+    points, curve = view.points, view.curve
+    if curve is None:
+        head = ("velocity [mm/s]", f"{view.friction_name} [N]", "± [N] (95 %)", "strokes", "rows")
+        table = [
+            (
+                f"{MM_PER_M * point.velocity_m_s:.3g}",
+                four_digits(point.friction_n),
+                "–" if point.known_half_width_n is None else four_digits(point.known_half_width_n),
+                str(point.strokes),
+                str(point.rows),
+            )
+            for point in points
+        ]
+        return Table(head, table) if points else None, ""
+    speeds = [MM_PER_M * abs(point.velocity_m_s) for point in points]
+    seen = (
+        f"Fitted to {len(points)} points of steady sliding, {min(speeds):.2g} to {max(speeds):.3g} mm/s; "
+        f"{view.unexplained_n:.0f} N (root mean square) is not explained by speed."
+    )
+    if not (known := is_breakaway_known(curve, points)):
+        seen += " Not seen: friction that rises towards standstill, for which slower sliding is needed."
+    slow = (curve.static_n, MM_PER_M * curve.stribeck_velocity_m_s, curve.stribeck_exponent)
+    static, velocity, exponent = (four_digits(value) if known else "not seen" for value in slow)
+    rows = [
+        ("Coulomb friction, extending", "Fc", four_digits(curve.coulomb_n), "N"),
+        ("Coulomb friction, retracting", "ratio · Fc", four_digits(curve.retract_ratio * curve.coulomb_n), "N"),
+        ("static friction, extending", "Fs", static, "N"),
+        ("Stribeck velocity", "vs", velocity, "mm/s"),
+        ("Stribeck exponent", "a", exponent, "–"),
+        ("viscous coefficient", "s2", four_digits(curve.viscous_n_s_m), "N·s/m"),
+        ("retracting over extending", "ratio", four_digits(curve.retract_ratio), "–"),
+    ]
+    return Table(("parameter", "symbol", "value", "unit"), rows), seen

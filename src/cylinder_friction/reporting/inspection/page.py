@@ -10,11 +10,11 @@ from cylinder_friction.evaluation.inspection.sliding_friction import WAYS
 from cylinder_friction.evaluation.inspection.subject import OUTCOMES, VERDICTS, count_outcomes
 from cylinder_friction.files.whole_files import write_text
 from cylinder_friction.labelling.known_offset import KnownOffset
+from cylinder_friction.reporting.friction_page import offset_table
 from cylinder_friction.reporting.inspection.frequency_figures import MM_PER_M, MS_PER_S, filter_figure
 from cylinder_friction.reporting.inspection.friction_figures import compared, of_files
 from cylinder_friction.reporting.inspection.recording_pane import Pane, Panes
 from cylinder_friction.reporting.page import NONE, Cell, Table, page_html
-from cylinder_friction.reporting.result_tables import offset_table
 
 
 def write_page(path: Path, panes: Sequence[Pane], made_by: Panes, offsets: Sequence[KnownOffset] = ()) -> None:

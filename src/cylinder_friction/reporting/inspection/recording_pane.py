@@ -13,18 +13,23 @@ from cylinder_friction.evaluation.inspection.friction_view import FrictionView, 
 from cylinder_friction.evaluation.inspection.sliding_friction import MeanFriction, friction_finding, sliding_friction
 from cylinder_friction.evaluation.inspection.spectra import signal_spectra
 from cylinder_friction.evaluation.inspection.subject import Inspected, worst_first
-from cylinder_friction.friction_models.identification.known_curve import is_breakaway_known
 from cylinder_friction.friction_models.identification.steady_points import SteadyPoint
 from cylinder_friction.labelling.known_offset import OffsetEvidence, offset_evidence
 from cylinder_friction.labelling.label import Labeller
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan, zero_uncertainty_n
 from cylinder_friction.recordings.checks.limits import Finding
 from cylinder_friction.recordings.recording import Recording, RecordingError
-from cylinder_friction.reporting.inspection.frequency_figures import MM_PER_M, PA_PER_BAR, spectra
-from cylinder_friction.reporting.inspection.friction_figures import against_position, against_velocity
+from cylinder_friction.reporting.inspection.frequency_figures import spectra
+from cylinder_friction.reporting.inspection.friction_figures import (
+    COLUMNS,
+    against_position,
+    against_velocity,
+    calculated_panels,
+    measured_panels,
+    stribeck_table,
+)
 from cylinder_friction.reporting.page import Cell, Table, packed, page_html
-from cylinder_friction.reporting.style import BLUE, BROWN, GREEN, INK, ORANGE, QUIET
-from cylinder_friction.reporting.time_figure import Line, Panel, over_time
+from cylinder_friction.reporting.page_figure import over_time
 from cylinder_friction.signals.methods import windows_at
 from cylinder_friction.signals.smooth_signals import SignalFilter
 from cylinder_friction.wording import four_digits
@@ -33,16 +38,6 @@ FULL_DETAIL, LEAST_DETAIL = 6, 0.05
 """Most files that are drawn with all points, and the least share of the points of each if there are more."""
 LINE_POINTS = 12_000
 CLOUD_POINTS = 3000
-
-COLUMNS = (
-    ("pressure", "P1, piston side", "pressure_1_pa", PA_PER_BAR, "bar", ORANGE),
-    ("pressure", "P2, rod side", "pressure_2_pa", PA_PER_BAR, "bar", BLUE),
-    ("position", "position, 0 retracted", "position_m", 1.0 / MM_PER_M, "mm", INK),
-    ("force", "drive force", "drive_force_n", 1.0, "N", QUIET),
-    ("load", "load force", "load_force_n", 1.0, "N", QUIET),
-    ("oil", "oil temperature", "oil_temperature_c", 1.0, "°C", QUIET),
-)
-"""Possible signals: panel, words, column, size of a shown unit in the column's unit, shown unit, colour."""
 
 
 @dataclass(frozen=True)
@@ -152,27 +147,6 @@ def _packed(subject: Inspected, **content: Any) -> str:
     return packed(page_html("templates/pane.html.j2", subject=subject, checks=_checks(subject), **shown))
 
 
-def measured_panels(recording: Recording) -> list[Panel]:
-    """List the panels of the measured signals, in bar, mm, N and °C."""
-    panels: dict[str, list[Line]] = {}
-    for panel, words, column, scale, unit, colour in COLUMNS:
-        if column in recording.columns:
-            panels.setdefault(f"{panel} [{unit}]", []).append(Line(words, recording.column(column) / scale, colour))
-    return [Panel(axis, lines) for axis, lines in panels.items()]
-
-
-def calculated_panels(view: FrictionView) -> list[Panel]:
-    """List the panels of velocity and friction; friction has gaps at rows that are not usable."""
-    friction_n = np.where(view.usable, view.friction_n, np.nan)
-    return [
-        Panel(
-            "velocity [mm/s]",
-            (Line("velocity, extending positive", MM_PER_M * view.signals.velocity_m_s, BROWN),),
-        ),
-        Panel(f"{view.friction_name} [N]", (Line(view.friction_name, friction_n, GREEN),), 1.3),
-    ]
-
-
 def _facts(recording: Recording) -> list[tuple[str, str]]:
     about = recording.metadata
     facts = [
@@ -200,40 +174,3 @@ def _checks(subject: Inspected) -> Table:
         for each in worst_first(subject.findings)
     ]
     return Table(("outcome", "check", "found"), rows, words=(1, 2))
-
-
-def stribeck_table(view: FrictionView) -> tuple[Table | None, str]:
-    """Tabulate the curve's parameters and their source; without a curve the points of steady sliding, if any."""
-    points, curve = view.points, view.curve
-    if curve is None:
-        head = ("velocity [mm/s]", f"{view.friction_name} [N]", "± [N] (95 %)", "strokes", "rows")
-        table = [
-            (
-                f"{MM_PER_M * point.velocity_m_s:.3g}",
-                four_digits(point.friction_n),
-                "–" if point.known_half_width_n is None else four_digits(point.known_half_width_n),
-                str(point.strokes),
-                str(point.rows),
-            )
-            for point in points
-        ]
-        return Table(head, table) if points else None, ""
-    speeds = [MM_PER_M * abs(point.velocity_m_s) for point in points]
-    seen = (
-        f"Fitted to {len(points)} points of steady sliding, {min(speeds):.2g} to {max(speeds):.3g} mm/s; "
-        f"{view.unexplained_n:.0f} N (root mean square) is not explained by speed."
-    )
-    if not (known := is_breakaway_known(curve, points)):
-        seen += " Not seen: friction that rises towards standstill, for which slower sliding is needed."
-    slow = (curve.static_n, MM_PER_M * curve.stribeck_velocity_m_s, curve.stribeck_exponent)
-    static, velocity, exponent = (four_digits(value) if known else "not seen" for value in slow)
-    rows = [
-        ("Coulomb friction, extending", "Fc", four_digits(curve.coulomb_n), "N"),
-        ("Coulomb friction, retracting", "ratio · Fc", four_digits(curve.retract_ratio * curve.coulomb_n), "N"),
-        ("static friction, extending", "Fs", static, "N"),
-        ("Stribeck velocity", "vs", velocity, "mm/s"),
-        ("Stribeck exponent", "a", exponent, "–"),
-        ("viscous coefficient", "s2", four_digits(curve.viscous_n_s_m), "N·s/m"),
-        ("retracting over extending", "ratio", four_digits(curve.retract_ratio), "–"),
-    ]
-    return Table(("parameter", "symbol", "value", "unit"), rows), seen

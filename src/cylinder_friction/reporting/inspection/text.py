@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from cylinder_friction.evaluation.inspection.subject import OUTCOMES, VERDICTS, Inspected, count_outcomes, worst_first
 from cylinder_friction.labelling.known_offset import NOTHING, KnownOffset
-from cylinder_friction.reporting.result_tables import offset_lines
+from cylinder_friction.reporting.friction_page import offset_lines
 
 
 def text_report(subjects: Sequence[Inspected], offsets: Sequence[KnownOffset] = ()) -> str:
