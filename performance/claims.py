@@ -39,8 +39,8 @@ from cylinder_friction.recordings.reading_logs import find_logs
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.rig.campaign import LOSS_SPEED_M_S
 from cylinder_friction.rig.campaign_plan import CampaignPlan
-from cylinder_friction.signals.adaptive import default_filter
 from cylinder_friction.signals.smooth_signals import filtered
+from cylinder_friction.signals.zero_phase import default_filter
 
 KIND = Kind(0.15, 0.15)
 LOSSES_BAR = (0.0, 1.0, 2.0, 3.0, 6.0)

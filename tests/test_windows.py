@@ -36,7 +36,7 @@ WORK = """
 for name in modules:
     import_module(name)
 from pathlib import Path
-from cylinder_friction.files.locks import locked
+from cylinder_friction.files.whole_files import locked
 with locked(Path("some/lock")):
     print("locked", calls)
 

@@ -26,7 +26,7 @@ from cylinder_friction.realtime.trained_for import OtherCylinderError
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.recordings.storage import read_recording
-from cylinder_friction.signals.adaptive import default_filter
+from cylinder_friction.signals.zero_phase import default_filter
 from logger_files import CHANNELS, STATED, made_log, write_log
 from noisy_recordings import with_noise
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pandas as pd
 import pytest
@@ -50,12 +48,6 @@ def test_an_interval_is_no_narrower_for_more_rows_of_the_same_strokes() -> None:
     one, other = (extending(stribeck_points([each], 1e-3, 0.95)) for each in (recording, twice))
     assert other.rows > 1.8 * one.rows
     assert other.half_width_n == pytest.approx(one.half_width_n, rel=0.05)
-
-
-def test_a_single_stroke_has_no_interval() -> None:
-    point = extending(stribeck_points([strokes([0.05], np.zeros(2))], 1e-3, 0.95))
-    assert (point.strokes, point.known_half_width_n) == (1, None)
-    assert math.isnan(point.half_width_n)
 
 
 def test_a_curve_without_slow_sliding_has_no_numbers_for_it() -> None:

@@ -20,8 +20,8 @@ from cylinder_friction.labelling.pooled_load import pooled_load
 from cylinder_friction.recordings.columns import OTHER_POSITIONS
 from cylinder_friction.recordings.reading_logs import read_recordings
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
-from cylinder_friction.signals.adaptive import default_filter
 from cylinder_friction.signals.smooth_signals import filtered
+from cylinder_friction.signals.zero_phase import default_filter
 
 OTHER = OTHER_POSITIONS[:1]
 CRANE = Path(__file__).parents[2] / "../shared/data/crane/scope"

@@ -10,8 +10,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.uncertainty import label_uncertainty, smoothing_deviation
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, SensorScale, sensor_uncertainty
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata, SensorUncertainty
-from cylinder_friction.signals.adaptive import default_filter
-from cylinder_friction.signals.zero_phase import SavitzkyGolay
+from cylinder_friction.signals.zero_phase import SavitzkyGolay, default_filter
 
 CYLINDER = Cylinder(name="63/28", bore_diameter_m=0.063, rod_diameter_m=0.028, stroke_m=0.25, moving_mass_kg=6.0)
 A1, A2 = CYLINDER.piston_area_m2, CYLINDER.annulus_area_m2

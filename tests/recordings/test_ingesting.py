@@ -12,7 +12,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.files.whole_files import read_json
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.conversion import NameRules, Recipe
-from cylinder_friction.recordings.ingesting import Ingested, Source, ingest_folder
+from cylinder_friction.recordings.ingesting import Ingested, SeenRecordings, Source, ingest_folder, samples_hash
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_stored
@@ -83,6 +83,16 @@ def test_files_that_the_pattern_leaves_out_are_said(source: Source, tmp_path: Pa
     assert result.notes == [
         "1 file not read, for '*.csv' does not match (first: condition1_session07_recording01.CSV); see ingest.pattern"
     ]
+
+
+def test_the_same_samples_are_a_copy_in_any_unit(labelled_recordings: list[Recording]) -> None:
+    seen, psi_pa = SeenRecordings(), 6894.757
+    for each in labelled_recordings:
+        seen.refuse(each.name, f"{each.name}.csv", samples_hash(each.columns))
+    first = labelled_recordings[0]
+    as_psi = first.with_columns(pressure_1_pa=first.column("pressure_1_pa") / psi_pa * psi_pa)
+    with pytest.raises(RecordingError, match=f"same samples as recording '{first.name}' of {first.name}.csv; a copy"):
+        seen.refuse("again", "again.mat", samples_hash(as_psi.columns))
 
 
 Damage = Callable[[pd.DataFrame, str], pd.DataFrame | str]

@@ -13,7 +13,7 @@ from playwright.sync_api import Page
 
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.friction_page import POINTS, friction_pane, pane_file, write_friction_page
-from cylinder_friction.reporting.page_figure import compact, extremes
+from cylinder_friction.reporting.page import compact, extremes
 from packed_pages import unpacked_pane
 
 NAMES = ("press 1 é", "lift#2", "<b>3</b>")

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from cylinder_friction.reporting.page_figure import Line, Panel, compact, extremes, over_time
+from cylinder_friction.reporting.page import Line, Panel, compact, extremes, over_time
 
 
 @given(st.lists(st.floats(-1e6, 1e6), max_size=400), st.integers(2, 60))

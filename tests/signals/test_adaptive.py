@@ -6,8 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cylinder_friction.arrays import Array
-from cylinder_friction.signals.adaptive import AdaptiveWindow
-from cylinder_friction.signals.zero_phase import SavitzkyGolay
+from cylinder_friction.signals.zero_phase import AdaptiveWindow, SavitzkyGolay
 
 STEP_S, NOISE_N = 0.005, 20.0
 ADAPTIVE = AdaptiveWindow(3.1e-3, 2.5e-3)

@@ -3,11 +3,10 @@ from typing import Any
 import pytest
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.signals.adaptive import AdaptiveWindow, default_filter
 from cylinder_friction.signals.causal_chain import MovingAverage
 from cylinder_friction.signals.methods import filters_by_method, warn_of_rates, windows_at
 from cylinder_friction.signals.rts import RtsSmoother
-from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyGolay
+from cylinder_friction.signals.zero_phase import AdaptiveWindow, CentredMovingAverage, SavitzkyGolay, default_filter
 
 
 def test_every_method_has_its_filter(cylinder: Cylinder) -> None:

@@ -24,8 +24,8 @@ from cylinder_friction.recordings.storage import write_recording
 from cylinder_friction.rig.campaign import RigRecording, campaign
 from cylinder_friction.rig.campaign_plan import CampaignPlan
 from cylinder_friction.rig.sensors import as_written
-from cylinder_friction.signals.adaptive import default_filter
 from cylinder_friction.signals.smooth_signals import filtered
+from cylinder_friction.signals.zero_phase import default_filter
 from friction_benchmark.cases import LabelledRecording
 from friction_benchmark.datasets import TRUE_FRICTION, TRUE_LOAD, Kind, Sizes, Sources
 

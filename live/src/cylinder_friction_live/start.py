@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from cylinder_friction.files.locks import locked
+from cylinder_friction.files.whole_files import locked
 from cylinder_friction_live.app import ENGINES_FOLDER, HISTORY_FOLDER, create_app
 from cylinder_friction_live.configuration import LiveParams, load_live_params
 from cylinder_friction_live.engine_building import engine_of

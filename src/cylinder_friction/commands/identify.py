@@ -8,17 +8,13 @@ from functools import partial
 from cylinder_friction.commands.log_options import print_result, run_on_logs
 from cylinder_friction.estimation.identification import PAGE_FILE, FrictionModels, identify_logs
 from cylinder_friction.estimation.identified_model import IdentifiedParameter
-from cylinder_friction.evaluation.friction_levels import in_words
 
 EXPECTED = (ValueError, OSError)
 
 
 def run(options: argparse.Namespace) -> int:
     result, notes = run_on_logs(partial(identify_logs, generations=options.generations), options)
-    differ = in_words(result.differences)
-    beside = [f"simpler  {result.simpler}"] if result.simpler else []
-    beside += [f"loss     {result.loss}"] if result.loss else []
-    beside += [f"differ   {differ}"] if differ else []
+    beside = [f"loss     {result.loss}"] if result.loss else []
     print_result(result, notes, options.json, _lines(result), PAGE_FILE, beside)
     return 1 if result.refused or all(model.found is None for model in result.models) else 0
 

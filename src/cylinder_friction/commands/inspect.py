@@ -24,11 +24,10 @@ from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.reporting.inspection.page import write_page
 from cylinder_friction.reporting.inspection.recording_pane import Panes
 from cylinder_friction.reporting.inspection.text import text_report
-from cylinder_friction.signals.adaptive import default_filter
 from cylinder_friction.signals.methods import filters_by_method
 from cylinder_friction.signals.rts import RtsSmoother
 from cylinder_friction.signals.smooth_signals import SignalFilter
-from cylinder_friction.signals.zero_phase import SavitzkyGolay
+from cylinder_friction.signals.zero_phase import SavitzkyGolay, default_filter
 from cylinder_friction.stages.ingest import recipe_from
 from cylinder_friction.stages.label import labeller_from
 from cylinder_friction.stages.offset import plan_from

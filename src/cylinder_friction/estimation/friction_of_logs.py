@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import uuid
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -37,9 +38,9 @@ from cylinder_friction.recordings.ingesting import Converted, LoggedFile, Quaran
 from cylinder_friction.recordings.reading_logs import Logs
 from cylinder_friction.recordings.recording import Recording, RecordingMetadata
 from cylinder_friction.recordings.result_folder import existing
-from cylinder_friction.recordings.storage import keep_recording, read_recording
-from cylinder_friction.signals.adaptive import default_filter
+from cylinder_friction.recordings.storage import read_recording, write_recording
 from cylinder_friction.signals.smooth_signals import SignalFilter, filtered
+from cylinder_friction.signals.zero_phase import default_filter
 
 if TYPE_CHECKING:
     from cylinder_friction.estimators.base import FrictionEstimator
@@ -89,7 +90,7 @@ class RecordingFriction:
         if not self.labeller.needs_identification:
             return [each if isinstance(each, Quarantined) else self.labelled(each, scratch) for each in converted(file)]
         return [
-            each if isinstance(each, Quarantined) else replace(each, result=keep_recording(scratch, each.result))
+            each if isinstance(each, Quarantined) else replace(each, result=_kept(each.result, scratch))
             for each in converted(file)
         ]
 
@@ -129,7 +130,7 @@ class RecordingFriction:
             known = LOADED.get(self.labeller.load, "")
             evidence = offset_evidence(labelled, self.labeller.cylinder, self.plan, *self._halves(labelled), known)
         load, off_n = ("", 0.0) if of_session is None else (of_session.sentence(), of_session.expanded_n)
-        kept = keep_recording(scratch, labelled)
+        kept = _kept(labelled, scratch)
         return LabelledRecording(each.metadata, kept, each.samples, evidence, load, len(labelled), off_n)
 
     def _halves(self, recording: Recording) -> tuple[float, float]:
@@ -194,6 +195,10 @@ class RecordingFriction:
             return ""
         another_load = estimator.position_load is not None and self.labeller.load == "none"
         return "" if another_load else label_missed(recording, estimator.bounds)
+
+
+def _kept(recording: Recording, scratch: Path) -> Path:
+    return write_recording(scratch, recording, uuid.uuid4().hex)
 
 
 def refused_piece(about: RecordingMetadata, reason: str | LostPiece) -> Quarantined:

@@ -21,8 +21,17 @@ from cylinder_friction.labelling.known_offset import KnownOffset
 from cylinder_friction.recordings.ingesting import Quarantined
 from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.reporting.friction_page import guess_table, offset_table
-from cylinder_friction.reporting.page import PLOTTED, Cell, Table, page_html
-from cylinder_friction.reporting.page_figure import Line, PageFigure, Panel, over_time, speed_ticks
+from cylinder_friction.reporting.page import (
+    PLOTTED,
+    Cell,
+    Line,
+    PageFigure,
+    Panel,
+    Table,
+    over_time,
+    page_html,
+    speed_ticks,
+)
 from cylinder_friction.reporting.style import BLUE, GREEN, ORANGE, SERIES
 from cylinder_friction.wording import four_digits
 

@@ -1,9 +1,11 @@
-"""Output that appears whole or not at all, and hashes of files and folders."""
+"""Output that appears whole or not at all, hashes of files and folders, and locks between processes."""
 
+import errno
 import hashlib
 import json
 import os
 import shutil
+import sys
 import uuid
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -123,3 +125,52 @@ def hash_of(path: Path, ignored: str = "") -> str:
         if (path / name).is_file() and name.as_posix() != ignored:
             digest.update(f"{name.as_posix()}\0{hash_of(path / name)}\n".encode())
     return digest.hexdigest()
+
+
+@contextmanager
+def locked(path: Path, *, wait: bool = True) -> Iterator[bool]:
+    """Hold the lock of a file; yield whether it is held.
+
+    Args:
+        path: The file; it and its folder are made if missing. The file stays afterwards.
+        wait: Whether to wait until another process has released it; otherwise yield False at once.
+    """
+    while True:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("a") as file:
+            held = _hold(file.fileno(), wait)
+            if held and not _is(path, file.fileno()):
+                continue  # the previous holder removed it
+            yield held
+            return
+
+
+def _is(path: Path, file: int) -> bool:
+    try:
+        return os.path.samestat(path.stat(), os.fstat(file))
+    except FileNotFoundError:
+        return False
+
+
+def _hold(file: int, wait: bool) -> bool:
+    """Lock an open file; the lock ends with the process, even if it is killed."""
+    if sys.platform != "win32":
+        import fcntl
+
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        except BlockingIOError:
+            return False
+        return True
+    import msvcrt
+
+    while True:
+        try:
+            msvcrt.locking(file, msvcrt.LK_LOCK if wait else msvcrt.LK_NBLCK, 1)
+        except OSError as error:
+            if not wait:
+                return False
+            if error.errno != errno.EDEADLK:  # raised after ten seconds of trying
+                raise
+        else:
+            return True

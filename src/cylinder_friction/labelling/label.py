@@ -22,7 +22,6 @@ from cylinder_friction.realtime.position_load import PositionLoad
 from cylinder_friction.recordings.checks.limits import LoadMode
 from cylinder_friction.recordings.columns import LOAD_FORCE, OTHER_POSITIONS, UNCERTAINTY_COLUMN
 from cylinder_friction.recordings.recording import Recording, RecordingError, SensorUncertainty
-from cylinder_friction.signals.adaptive import default_filter
 from cylinder_friction.signals.methods import warn_of_rates
 from cylinder_friction.signals.motion import widened
 from cylinder_friction.signals.smooth_signals import (
@@ -36,6 +35,7 @@ from cylinder_friction.signals.smooth_signals import (
     smooth_load,
     smooth_recording,
 )
+from cylinder_friction.signals.zero_phase import default_filter
 
 InertiaMode = Literal["given", "identified"]
 """Source of the moving mass: the cylinder's, or identified in each session whose motion determines it."""

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from cylinder_friction.files.locks import locked
-from cylinder_friction.files.whole_files import DRAFTS, read_json, write_json
+from cylinder_friction.files.whole_files import DRAFTS, locked, read_json, write_json
 
 
 @dataclass(frozen=True)

@@ -1,22 +1,16 @@
 """Store recordings on disk: one Parquet file each, with the metadata inside it."""
 
 import json
-import uuid
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from cylinder_friction.arrays import Array
 from cylinder_friction.files.whole_files import whole_file
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata
 
 _METADATA_KEY = b"cylinder_friction"
-DRAWN_ROWS = 2048
-SCRATCH = ".arrow"
-"""Ending of files that only exist during a run."""
 
 
 def write_recording(
@@ -35,7 +29,7 @@ def write_recording(
         (True, True)
     """
     path, table = folder / f"{stem or recording.name}.parquet", _arrow_table(recording)
-    with whole_file(path) as draft, pa.OSFile(str(draft), "wb") as file, _writer(file, table) as writer:
+    with whole_file(path) as draft, pq.ParquetWriter(draft, table.schema, compression="zstd") as writer:
         writer.write_table(table)
         writer.add_key_value_metadata(dict(beside or {}))
     return path
@@ -47,29 +41,6 @@ def read_beside(path: Path) -> dict[str, str]:
         return {name.decode(): text.decode() for name, text in (pq.read_metadata(path).metadata or {}).items()}
     except (pa.ArrowException, UnicodeDecodeError):
         return {}
-
-
-def _writer(file: pa.NativeFile, table: pa.Table) -> pq.ParquetWriter:
-    # Values of a converter repeat, so a dictionary needs only the converter's bits for each. The bytes of other floats
-    # are split by their position, so that LZ4 compresses them as well as zstd would, in a fraction of the time.
-    # Statistics are left out, because nobody searches recordings by value.
-    floats = [field.name for field in table.schema if pa.types.is_floating(field.type)]
-    few = [name for name in floats if _holds_few_values(table[name].to_numpy())]
-    return pq.ParquetWriter(
-        file,
-        table.schema,
-        compression={name: "none" if name in few else "lz4" for name in table.column_names},
-        use_dictionary=few,
-        use_byte_stream_split=[name for name in floats if name not in few],
-        write_statistics=False,
-    )
-
-
-def _holds_few_values(values: Array) -> bool:
-    """Check whether values come from a converter: at least one in five of a spread sample is a repetition."""
-    some = values[:: max(len(values) // DRAWN_ROWS, 1)][:DRAWN_ROWS]
-    ordered = np.sort(some)
-    return bool(np.count_nonzero(ordered[1:] != ordered[:-1]) < 0.8 * len(some))
 
 
 def _arrow_table(recording: Recording) -> pa.Table:
@@ -90,12 +61,9 @@ def read_metadata(path: Path) -> RecordingMetadata:
 
 
 def read_recording(path: Path) -> Recording:
-    """Read one file that ``write_recording`` or ``keep_recording`` wrote. Values are read-only."""
-    if path.suffix == SCRATCH:
-        found = pa.ipc.open_file(path.read_bytes()).read_all()
-    else:
-        with pq.ParquetFile(path) as file:
-            found = file.read()
+    """Read one file that ``write_recording`` wrote. Values are read-only."""
+    with pq.ParquetFile(path) as file:
+        found = file.read()
     columns = {name: values.to_numpy() for name, values in zip(found.column_names, found.columns, strict=True)}
     return Recording(_metadata(path, found.schema), columns)
 
@@ -141,11 +109,3 @@ def read_stored(folder: Path) -> list[Recording]:
         True
     """
     return list(iterate_recordings(folder))
-
-
-def keep_recording(folder: Path, recording: Recording) -> Path:
-    """Write a recording that only exists between two steps of a run, and return its path."""
-    path, table = folder / f"{uuid.uuid4().hex}{SCRATCH}", _arrow_table(recording)
-    with whole_file(path) as draft, pa.OSFile(str(draft), "wb") as file, pa.ipc.new_file(file, table.schema) as out:
-        out.write_table(table)  # many times as fast as Parquet, at the same size
-    return path

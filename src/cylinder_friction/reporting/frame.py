@@ -3,8 +3,7 @@
 These names are public: pages that other packages make with them look like the project's own.
 """
 
-from cylinder_friction.reporting.page import NONE, Cell, Table, packed, page_html
-from cylinder_friction.reporting.page_figure import PageFigure
+from cylinder_friction.reporting.page import NONE, Cell, PageFigure, Table, packed, page_html
 from cylinder_friction.reporting.style import BLUE, BROWN, GREEN, INK, ORANGE, PALE, QUIET, SKY
 
 __all__ = [

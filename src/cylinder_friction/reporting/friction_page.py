@@ -27,8 +27,7 @@ from cylinder_friction.reporting.inspection.friction_figures import (
     of_recordings,
     stribeck_table,
 )
-from cylinder_friction.reporting.page import NONE, Cell, Table, number_cell, packed, page_html
-from cylinder_friction.reporting.page_figure import Line, Panel, over_time
+from cylinder_friction.reporting.page import NONE, Cell, Line, Panel, Table, number_cell, over_time, packed, page_html
 from cylinder_friction.reporting.style import BROWN, GREEN, PALE, QUIET
 
 POINTS = 1000

@@ -16,8 +16,7 @@ from cylinder_friction.recordings.columns import ALL_CONDITIONS
 from cylinder_friction.reporting import comparison_tables as tables
 from cylinder_friction.reporting import figures
 from cylinder_friction.reporting.estimator_titles import phrase
-from cylinder_friction.reporting.page import Table, page_html
-from cylinder_friction.reporting.page_figure import Line, PageFigure, Panel, over_time
+from cylinder_friction.reporting.page import Line, PageFigure, Panel, Table, over_time, page_html
 from cylinder_friction.reporting.print_figure import draw
 from cylinder_friction.reporting.summary import CLEAR_POINTS, best_reference, summary
 

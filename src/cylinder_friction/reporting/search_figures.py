@@ -8,8 +8,7 @@ import optuna
 from optuna.importance import FanovaImportanceEvaluator
 
 from cylinder_friction.files.whole_files import write_text
-from cylinder_friction.reporting.page import page_html
-from cylinder_friction.reporting.page_figure import PageFigure
+from cylinder_friction.reporting.page import PageFigure, page_html
 from cylinder_friction.tuning.search import SearchPlan, Trial, study_of
 from cylinder_friction.tuning.space import SearchSpace
 

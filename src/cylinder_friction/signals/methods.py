@@ -5,11 +5,10 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from cylinder_friction.cylinder import Cylinder
-from cylinder_friction.signals.adaptive import AdaptiveWindow
 from cylinder_friction.signals.causal_chain import MovingAverage
 from cylinder_friction.signals.rts import RtsSmoother
 from cylinder_friction.signals.smooth_signals import SignalFilter
-from cylinder_friction.signals.zero_phase import CentredMovingAverage, SavitzkyGolay
+from cylinder_friction.signals.zero_phase import AdaptiveWindow, CentredMovingAverage, SavitzkyGolay
 
 WINDOWS_FOR_HZ = 200.0
 """Rate that the published windows in samples were chosen for."""

@@ -11,8 +11,7 @@ from mlflow import MlflowClient
 from mlflow.exceptions import MlflowException
 from mlflow.store.tracking.sqlalchemy_store import SqlAlchemyStore
 
-from cylinder_friction.files.locks import locked
-from cylinder_friction.files.whole_files import whole_file
+from cylinder_friction.files.whole_files import locked, whole_file
 from cylinder_friction.tracking.repository import TrackingError, repository_root
 from cylinder_friction.wording import in_brief
 

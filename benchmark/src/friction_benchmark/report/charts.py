@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from cylinder_friction.reporting.page_figure import PageFigure
+from cylinder_friction.reporting.page import PageFigure
 from cylinder_friction.reporting.style import BLACK, BROWN, INK, QUIET
 from friction_benchmark.report.model_titles import ModelTitles
 from friction_benchmark.report.words import capital, counted, denominator, of_size, within

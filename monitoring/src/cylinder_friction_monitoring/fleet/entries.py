@@ -7,8 +7,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import get_args
 
-from cylinder_friction.files.locks import locked
-from cylinder_friction.files.whole_files import write_text
+from cylinder_friction.files.whole_files import locked, write_text
 from cylinder_friction_monitoring.errors import MonitoringError, Refused
 from cylinder_friction_monitoring.fleet.plan import Fleet
 from cylinder_friction_monitoring.trends.assessment import Entry, EntryKind

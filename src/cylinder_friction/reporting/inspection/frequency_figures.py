@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array
 from cylinder_friction.evaluation.inspection.filter_costs import FilterCost
 from cylinder_friction.evaluation.inspection.spectra import Spectrum
-from cylinder_friction.reporting.page_figure import PageFigure
+from cylinder_friction.reporting.page import PageFigure
 from cylinder_friction.reporting.style import BLUE, INK, ORANGE, PINK, QUIET, SERIES
 
 SPECTRUM_POINTS = 250

@@ -28,8 +28,7 @@ from cylinder_friction.reporting.inspection.friction_figures import (
     measured_panels,
     stribeck_table,
 )
-from cylinder_friction.reporting.page import Cell, Table, packed, page_html
-from cylinder_friction.reporting.page_figure import over_time
+from cylinder_friction.reporting.page import Cell, Table, over_time, packed, page_html
 from cylinder_friction.signals.methods import windows_at
 from cylinder_friction.signals.smooth_signals import SignalFilter
 from cylinder_friction.wording import four_digits
