@@ -29,10 +29,9 @@ Run = Callable[..., FrictionOfLogs]
 
 @pytest.fixture
 def folder(tmp_path: Path, twelve_recordings: list[Recording]) -> Path:
-    """Return the folder of five logs, written an hour ago; another seven lie in ``later``."""
+    """Return the folder of five logs; another seven lie in ``later``."""
     for number, recording in enumerate(twelve_recordings):
-        path = write_log(tmp_path / f"{'logs' if number < 5 else 'later'}/log{number:02d}.csv", recording)
-        settle(path)
+        write_log(tmp_path / f"{'logs' if number < 5 else 'later'}/log{number:02d}.csv", recording)
     return tmp_path / "logs"
 
 
@@ -43,10 +42,6 @@ def run(folder: Path, cylinder: Cylinder) -> Run:
         return estimate_logs(folder, cylinder, folder.with_name(name), **given)  # type: ignore[arg-type]
 
     return run
-
-
-def settle(path: Path) -> None:
-    os.utime(path, (time.time() - 3600.0,) * 2)
 
 
 def deliver(folder: Path, *numbers: int) -> None:
@@ -67,7 +62,7 @@ def test_nothing_new_changes_nothing(run: Run, folder: Path) -> None:
     out = folder.with_name("out")
     before, changed = content(out), [path.stat().st_mtime_ns for path in sorted(out.rglob("*"))]
     again = run()
-    assert (again.new, again.left) == ((), ())
+    assert again.new == ()
     assert (again.recordings, again.bounds) == (first.recordings, first.bounds)
     assert repr(again.offsets) == repr(first.offsets)
     assert content(out) == before
@@ -140,23 +135,11 @@ def test_a_file_is_known_by_its_content(run: Run, folder: Path) -> None:
 def test_a_refused_file_is_tried_again(run: Run, folder: Path) -> None:
     good = (folder / "log04.csv").read_bytes()
     (folder / "log04.csv").write_bytes(good[: len(good) // 2] + b"overload\n" + good[len(good) // 2 :])
-    settle(folder / "log04.csv")
     assert [each.file for each in run().refused] == ["log04.csv"]
     again = run()
     assert ([each.file for each in again.refused], again.new) == (["log04.csv"], ())
     (folder / "log04.csv").write_bytes(good)
-    settle(folder / "log04.csv")
     assert (run().refused, run().new) == ([], ())
-
-
-def test_a_file_that_is_still_written_is_left_for_the_next_run(run: Run, folder: Path) -> None:
-    run()
-    deliver(folder, 5)
-    (folder / "log05.csv").touch()
-    result = run()
-    assert (result.new, result.left) == ((), ("log05.csv",))
-    os.utime(folder / "log05.csv", (time.time() + 3600.0,) * 2)  # a clock that went back
-    assert run().new == ("log05",)
 
 
 def test_a_session_that_gets_another_file_is_identified_again_as_a_whole(run: Run, folder: Path) -> None:
@@ -208,7 +191,6 @@ def test_a_removed_file_of_a_result_is_made_again(run: Run, folder: Path, name: 
 def test_a_recording_of_several_counts_with_the_others_of_its_log(run: Run, folder: Path) -> None:
     log = (folder / "log03.csv").read_text().splitlines(keepends=True)
     (folder / "log03.csv").write_text("".join([*log[:2000], *log[2300:]]))
-    settle(folder / "log03.csv")
     run()
     (folder.with_name("out") / "log03_part2.parquet").unlink()
     assert run().new == ("log03_part1", "log03_part2")

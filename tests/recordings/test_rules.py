@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from cylinder_friction.recordings.checks.limits import CheckLimits
+from cylinder_friction.recordings.checks.limits import CheckLimits, StatedLoad
 from cylinder_friction.recordings.conversion import NameRules, StartRules
 from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.line_loss import LineLoss
@@ -33,6 +33,10 @@ def sensor(**values: Any) -> SensorScale:
         (limits, {"load": "gravity"}, "load: expected none, measured or position, but got 'gravity'"),
         (limits, {"piston_area_m2": 1e-3}, "piston_area_m2 and annulus_area_m2: expected both or neither, but got"),
         (limits, {"piston_area_m2": 1e-3, "annulus_area_m2": 2e-3}, "expected more than 0 and less than"),
+        *(
+            (StatedLoad.parsed, {"text": text}, "expected none, measured, position, or a constant load in newtons")
+            for text in ("heavy", "nan", "10+-x", "10+--3", "")
+        ),
         (sensor, {"range": (5.0, 5.0)}, "range: expected two different finite numbers, but got (5.0, 5.0)"),
         (sensor, {"bits": 0}, "bits: expected 1 to 32, but got 0"),
         (sensor, {"accuracy_percent": -0.5}, "accuracy_percent: expected 0 to 100 (of full scale), but got -0.5"),

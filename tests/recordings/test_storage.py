@@ -28,22 +28,18 @@ METADATA = RecordingMetadata(
 )
 
 
-def made(rows: int = 4000, bits: int | None = 12, **columns: object) -> Recording:
-    """Return a recording as a converter gives it, or with all bits of a float if ``bits`` is None."""
+def made(rows: int = 4000, **columns: object) -> Recording:
     generator = np.random.default_rng(rows)
     samples = np.cumsum(generator.normal(size=(rows, 3)), axis=0)
-    if bits is not None:
-        samples = np.round(samples)
     names = ("pressure_1_pa", "pressure_2_pa", "position_m")
     table = {"time_s": STEP_S * np.arange(rows)} | dict(zip(names, (samples * [6103.5, 6103.5, 6.1e-5]).T, strict=True))
     return Recording(METADATA, pd.DataFrame(table | columns))
 
 
-@pytest.mark.parametrize("bits", [12, None])
-@pytest.mark.parametrize("rows", [1, 3, 2047, 4000])
-def test_what_is_written_is_read_back_bit_for_bit(tmp_path: Path, rows: int, bits: int | None) -> None:
+@pytest.mark.parametrize("rows", [1, 4000])
+def test_what_is_written_is_read_back_bit_for_bit(tmp_path: Path, rows: int) -> None:
     recording = made(
-        rows, bits, friction_n=np.full(rows, -0.0), load_force_n=np.full(rows, np.nan), usable=np.arange(rows) % 3 > 0
+        rows, friction_n=np.full(rows, -0.0), load_force_n=np.full(rows, np.nan), usable=np.arange(rows) % 3 > 0
     )
     again = read_recording(write_recording(tmp_path, recording))
     assert again.metadata == METADATA

@@ -29,7 +29,6 @@ from cylinder_friction_monitoring.trends.assessment import Entry
 from fleet_samples import NOW, write_fleet, write_kept, write_session
 from health_rows import changed
 from health_rows import sessions as health_sessions
-from logger_files import write_log
 from packed_pages import unpacked_pane
 
 
@@ -355,13 +354,8 @@ def test_a_file_that_somebody_removed_is_made_anew(folder: Path, fleet: Fleet) -
         assert files(folder)[name] == expected[name]
 
 
-def test_what_waits_for_the_next_run_and_an_empty_folder_are_named(
-    folder: Path, fleet: Fleet, labelled_recordings: list[Recording]
-) -> None:
+def test_an_empty_folder_is_named(folder: Path, fleet: Fleet) -> None:
     run(folder, fleet)
-    write_log(folder / "logs/b/2026-03-06.csv", labelled_recordings[5])
-    waits = "b: b/2026-03-06.csv changed just now, left for the next run"
-    assert run(folder, fleet).notes == (waits,)
     (folder / "usb").mkdir()
     health = monitor_fleet([folder / "usb"], fleet, folder / "health", NOW)
     (reason,) = reasons(health)

@@ -53,5 +53,4 @@ def _lines(result: FrictionOfLogs) -> list[str]:
         beside = "".join(f"; {words}" for words in remarks(each))
         lines.append(f"{each.name}: {friction}, {each.duration_s:.0f} s, {each.usable_percent:.0f} % usable{beside}")
     kept = len(result.recordings) - len(result.new)
-    lines += [f"{kept} {'results' if kept > 1 else 'result'} of earlier runs kept"] if kept else []
-    return [*lines, *(f"{each}: changed a moment ago; left for the next run" for each in result.left)]
+    return [*lines, f"{kept} {'results' if kept > 1 else 'result'} of earlier runs kept"] if kept else lines

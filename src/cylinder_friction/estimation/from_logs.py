@@ -61,8 +61,6 @@ if TYPE_CHECKING:
 
 TYPICAL_CLASS = 0.5
 """Accuracy of a typical industrial pressure sensor [± % of full scale]."""
-OF_ONE_RUN = ("new", "left")
-"""Entries of the summary that describe only the last run."""
 LABEL_BOUNDS = (
     "they hold friction in about 95 % of the rows (k = 2: smoothing, load, sensor offset), if the sensors are as stated"
 )
@@ -135,14 +133,14 @@ def estimate_logs(
     target = ResultFolder(into, SUMMARY_FILE, WRITTEN_BY, read)
     with target.scratch() as scratch:
         digests, there = {name: digest_of(path) for name, path in logs.files.items()}, read_results(into)
-        found = sort_logs(logs, digests, into, there, depends_on)
-        run = LabelledLogs(replace(logs, files=found.new), cylinder, scratch, given_model, rows_at_once, workers)
-        labelled = _labelled(run, found.kept, digests, depends_on)
+        new_logs, kept = sort_logs(logs, digests, into, there, depends_on)
+        run = LabelledLogs(replace(logs, files=new_logs), cylinder, scratch, given_model, rows_at_once, workers)
+        labelled = _labelled(run, kept, digests, depends_on)
         listed = frozenset(target.listed())
         if not listed:
             target.claim()
         new = _write_results(run, labelled, into, file_format, depends_on, listed)
-        results = sorted([*found.kept, *new], key=lambda each: Path(each.entry.source_file))
+        results = sorted([*kept, *new], key=lambda each: Path(each.entry.source_file))
         current = {each.entry.name for each in results}
         stale = [each for each in there if each.entry.name not in current]
         target.remove([name for each in stale for name in each.files])
@@ -154,7 +152,6 @@ def estimate_logs(
             sorted(run.refused, key=lambda each: (each.file, each.piece)),
             [offsets[name] for name in sorted(offsets)],
             tuple(each.entry.name for each in results if each in new),
-            found.left,
             depends_on,
             logs.guessed,
             str(read_json(into / SUMMARY_FILE).get("loss", "")) if not run.logs.files else run.loss_in_words(),
@@ -242,7 +239,7 @@ def _written(
 def _write_summary(target: ResultFolder, result: FrictionOfLogs, files: Sequence[str]) -> None:
     """Write the summary and the page of all results, unless the existing ones have the same content."""
     page, content = target.folder / PAGE_FILE, result.to_dict()
-    stated = json.loads(json.dumps({name: value for name, value in content.items() if name not in OF_ONE_RUN}))
+    stated = json.loads(json.dumps({name: value for name, value in content.items() if name != "new"}))
     there = read_json(target.folder / SUMMARY_FILE)
     if page.is_file() and {name: there.get(name) for name in stated} == stated:
         return

@@ -5,11 +5,9 @@ Logs are compared by content, not by name or date.
 
 from __future__ import annotations
 
-import os
-import time
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -24,18 +22,7 @@ if TYPE_CHECKING:
 
 SUMMARY_FILE, PAGE_FILE = "summary.json", "friction.html"
 WRITTEN_BY = "cylinder-friction estimate"
-SETTLED_S = 10.0
-"""Least age of a new file's last change [s]. A younger file may still be being written and waits for the next run."""
 GONE = "its file was not among the logs of the last run"
-
-
-@dataclass(frozen=True)
-class Sorted:
-    """The logs to process, and the results to keep."""
-
-    new: dict[str, Path]  # Logs to process, by their paths below the root
-    kept: list[Result]  # Results to keep; a result whose log is gone is marked
-    left: tuple[str, ...] = ()  # Logs that may still be being written, left for the next run
 
 
 def read_results(folder: Path) -> list[Result]:
@@ -46,12 +33,12 @@ def read_results(folder: Path) -> list[Result]:
 
 def sort_logs(
     logs: Logs, digests: Mapping[str, str], folder: Path, results: Iterable[Result], depends_on: Mapping[str, str]
-) -> Sorted:
-    """Decide which logs are new, and which results to keep.
+) -> tuple[dict[str, Path], list[Result]]:
+    """Return the logs that are new, by their paths below the root, and the results to keep.
 
     A log is not new if all its results exist and were made from the same bytes under the same name, with the same
     cylinder, mapping, model and code. Every other log is new. All logs of its session are then processed again, because
-    their offset and load are identified together. The results of a log that is gone are kept.
+    their offset and load are identified together. The results of a log that is gone are kept and marked.
 
     Args:
         logs: All logs of this run.
@@ -67,24 +54,22 @@ def sort_logs(
     for each in results:
         of_file[each.entry.source_file].append(each)
     if not of_file:
-        return Sorted(dict(logs.files), [])
+        return dict(logs.files), []
     known = {name: own[0].entry.source_sha256 for name, own in of_file.items()}
     if known.keys() & digests.keys() and not {*known.values()} & {*digests.values()}:
         _refuse_other_cylinder(folder, [of_file[name][0] for name in known.keys() & digests.keys()], depends_on)
     complete = {name for name, digest in digests.items() if _all_there(of_file.get(name, ()), digest, folder)}
     same = {name for name in complete if all(each.depends_on == depends_on for each in of_file[name])}
-    left = {name for name in digests.keys() - complete if 0.0 <= time.time() - _changed_s(logs.files[name]) < SETTLED_S}
-    new = digests.keys() - same - left
+    new = digests.keys() - same
     sessions = {_session(logs, name) for name in new} - {""}
     new |= {name for name in same if _session(logs, name) in sessions}
-    there = {digest for name, digest in digests.items() if name not in left}  # also under another name
-    gone = {name for name, digest in known.items() if name not in digests and digest not in there}
-    kept = [each for name in (same | left) - new if name in known for each in of_file[name]]
+    gone = {name for name, digest in known.items() if name not in digests and digest not in digests.values()}
+    kept = [each for name in same - new for each in of_file[name]]
     for each in (each for name in gone for each in of_file[name]):
         unlike = [key for key in depends_on if each.depends_on.get(key) != depends_on[key]]
         words = f"; it was processed with another {' and another '.join(unlike)}" if unlike else ""
         kept.append(replace(each, entry=replace(each.entry, gone=GONE + words)))
-    return Sorted({name: path for name, path in logs.files.items() if name in new}, kept, tuple(sorted(left)))
+    return {name: path for name, path in logs.files.items() if name in new}, kept
 
 
 def _refuse_other_cylinder(folder: Path, replaced: Iterable[Result], depends_on: Mapping[str, str]) -> None:
@@ -102,13 +87,6 @@ def _all_there(results: Iterable[Result], digest: str, folder: Path) -> bool:
     own = list(results)
     alike = all(each.entry.source_sha256 == digest and each.of_file == len(own) for each in own)
     return bool(own) and alike and all((folder / name).is_file() for each in own for name in each.beside)
-
-
-def _changed_s(path: Path) -> float:
-    try:
-        return os.stat(path).st_mtime  # noqa: PTH116 - a plain number
-    except OSError:
-        return 0.0
 
 
 def _session(logs: Logs, name: str) -> str:

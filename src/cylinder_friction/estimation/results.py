@@ -75,7 +75,6 @@ class FrictionOfLogs:
     refused: list[Quarantined] = field(default_factory=list)
     offsets: list[KnownOffset] = field(default_factory=list)
     new: tuple[str, ...] = ()  # Names of the recordings that this call processed; earlier calls processed the others
-    left: tuple[str, ...] = ()  # Logs that changed a moment ago, may still be being written, and wait for the next run
     # SHA-256 of each thing besides the logs that results depend on: cylinder, mapping, model, version of the code
     depends_on: Mapping[str, str] = field(default_factory=dict)
     # The file from which channels and units were guessed, and each guess with its reasons; None with a mapping
@@ -103,7 +102,6 @@ class FrictionOfLogs:
             "differences": [asdict(each) for each in self.differences],
             "new": list(self.new),
             "depends_on": dict(self.depends_on),
-            "left": list(self.left),
             "guessed": self.guessed,
             "loss": self.loss,
         }

@@ -114,7 +114,6 @@ class CylinderRun:
                         sensor_class=self.owned.sensor_class,
                     )
                 notes += [f"{self.name}: {each.message}" for each in caught]
-                notes += [f"{self.name}: {each} changed just now, left for the next run" for each in found.left]
                 refused += [Refused(f"{self.name}: {each.file}", each.reason, each.piece) for each in found.refused]
             except OtherCylinderError as error:
                 other = str(error).partition(";")[0]
