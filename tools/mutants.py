@@ -121,7 +121,7 @@ MUTANTS = (
     ),
     Mutant(
         "a jump of the clock does not begin another segment",
-        "recordings/timeline/stamp_repair.py",
+        "recordings/timeline/channel_timelines.py",
         'segments = np.searchsorted(restarts, np.arange(len(stamps)), side="right")',
         'segments = np.searchsorted(restarts, np.arange(len(stamps)), side="left")',
         ("recordings/timeline",),

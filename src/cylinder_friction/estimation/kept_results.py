@@ -78,7 +78,7 @@ def _refuse_other_cylinder(folder: Path, replaced: Iterable[Result], depends_on:
         if each.depends_on.get("cylinder") != depends_on["cylinder"]:
             raise FileExistsError(
                 f"{folder}: holds the friction of another {each.entry.source_file}, of another cylinder, which this "
-                "run would replace; name another folder by --output"
+                "run would replace; name another folder by --output, or remove this one first"
             )
 
 

@@ -6,7 +6,7 @@ import pytest
 from numpy.typing import NDArray
 
 from cylinder_friction.recordings.recording import RecordingError
-from cylinder_friction.recordings.timeline.stamp_repair import OrderedStamps, order_stamps, resolve_duplicates
+from cylinder_friction.recordings.timeline.channel_timelines import OrderedStamps, order_stamps, resolve_duplicates
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
 
 Stamps = NDArray[np.float64]

@@ -17,9 +17,8 @@ from cylinder_friction.recordings.recording import (
     Signal,
     Start,
 )
-from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimeline, find_timelines
+from cylinder_friction.recordings.timeline.channel_timelines import ChannelTimeline, counted, find_timelines
 from cylinder_friction.recordings.timeline.resampling import fill_lost, own_rate, sampled_at, uniform_segments
-from cylinder_friction.recordings.timeline.stamp_repair import counted
 from cylinder_friction.recordings.timeline.timestamps import WHOLE_HERTZ, TimeRules, even_rate, whole_hertz
 
 Spans = list[tuple[float, float]]
