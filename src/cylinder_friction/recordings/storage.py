@@ -51,7 +51,7 @@ def _arrow_table(recording: Recording) -> pa.Table:
         array = pa.array(values, from_pandas=not numeric)
         arrays.append(array)
         fields.append(pa.field(name, array.type, nullable=not numeric))
-    metadata = json.dumps(recording.metadata.to_dict(), sort_keys=True).encode()
+    metadata = json.dumps(recording.metadata.to_dict()).encode()
     return pa.Table.from_arrays(arrays, schema=pa.schema(fields, {_METADATA_KEY: metadata}))
 
 
