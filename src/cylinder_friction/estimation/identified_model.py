@@ -32,7 +32,45 @@ LEAST_RISE = 0.05
 """Friction rises towards standstill if the slowest sliding exceeds Coulomb friction by this share of it."""
 STEADY_VARIATION = 0.4
 """Greatest variation of velocity within ``STEADY_DURATION_S``, over its mean, while sliding counts as steady."""
-_AT_THE_LIMIT = 0.01
+_EXPONENT_AT_THE_LIMIT = 0.01  # Distance from a limit of the exponent within which the fit ends at that limit
+SYMBOLS = {
+    "coulomb_n": "Fc",
+    "static_n": "Fs",
+    "stribeck_velocity_m_s": "vs",
+    "stribeck_exponent": "a",
+    "viscous_n_s_m": "s2",
+    "bristle_stiffness_n_m": "s0",
+    "bristle_damping_n_s_m": "s1",
+    "damping_velocity_m_s": "vc",
+    "retract_ratio": "r",
+    "pressure_slope_n_pa": "k",
+}
+EQUATION = (
+    "dz/dt = v - s0*|v|*z/g",
+    "F = s0*z + s1*exp(-(v/vc)^2)*dz/dt + s2*v",
+    "g = side*{scale}(Fc + (Fs - Fc)*exp(-|v/vs|^a)), side = 1 for v > 0 and r for v < 0",
+)
+PRESSURE_SCALE = "(1 + k*p/Fc)*"
+MATLAB_VARIABLE = "friction"
+"""Name of the structure that the script defines. The script's own name would hide the script."""
+SIGNS = (
+    "F [N] opposes positive velocity v [m/s] when positive; extension is positive.",
+    "p [Pa] is the sum of both gauge pressures, at least 0.",
+)
+WIDEST = 4.0
+"""Largest ratio of an interval's upper to its lower limit if the parameter is determined: a factor of 2 either way."""
+LEAST_PRESSURE_SPAN = 1.5
+"""Least ratio of greatest to least sum of pressures in usable rows. Below it, pressure and preload are inseparable."""
+UNSEPARATED = (
+    "part of it may be how dry friction falls with speed, as the Stribeck velocity is not determined; record more "
+    "strokes at constant speed, slow ones and fast ones"
+)
+BENT_BY_A_LOSS = ("coulomb_n", "viscous_n_s_m", "retract_ratio")
+"""Parameters that a loss in a line changes: it grows with the square of speed, and the directions differ in speed."""
+_AT_THE_EDGE = 0.01
+_AT_THE_LIMIT = 0.05
+"""Distance from a search limit, as a share of it, within which the end of an interval counts as that limit."""
+_FOLLOWS_FROM = {"bristle_damping_n_s_m": "bristle_stiffness_n_m", "damping_velocity_m_s": "stribeck_velocity_m_s"}
 
 
 @dataclass(frozen=True)
@@ -59,7 +97,7 @@ class IdentifiedCurve:
         """Reason why the curve's ``SLOW_PARAMETERS`` are not determined; empty if they are."""
         assert self.curve is not None
         exponent = self.curve.stribeck_exponent
-        if min(exponent - STRIBECK_EXPONENT.lower, STRIBECK_EXPONENT.upper - exponent) < _AT_THE_LIMIT:
+        if min(exponent - STRIBECK_EXPONENT.lower, STRIBECK_EXPONENT.upper - exponent) < _EXPONENT_AT_THE_LIMIT:
             return f"the fit ends at the limit of its exponent, {exponent:.2g}; record more strokes at low speed"
         return no_rise_seen(self.curve, self.points)
 
@@ -106,47 +144,6 @@ def stribeck_points(
         steady.append(each.with_columns(usable=each.usable() & rows))
     points = [rows.point_with_interval(confidence) for rows in steady_sliding_by_speed(steady, slowest_m_s)]
     return tuple(replace(each, half_width_n=math.hypot(each.half_width_n, zeros_n)) for each in points)
-
-
-SYMBOLS = {
-    "coulomb_n": "Fc",
-    "static_n": "Fs",
-    "stribeck_velocity_m_s": "vs",
-    "stribeck_exponent": "a",
-    "viscous_n_s_m": "s2",
-    "bristle_stiffness_n_m": "s0",
-    "bristle_damping_n_s_m": "s1",
-    "damping_velocity_m_s": "vc",
-    "retract_ratio": "r",
-    "pressure_slope_n_pa": "k",
-}
-EQUATION = (
-    "dz/dt = v - s0*|v|*z/g",
-    "F = s0*z + s1*exp(-(v/vc)^2)*dz/dt + s2*v",
-    "g = side*{scale}(Fc + (Fs - Fc)*exp(-|v/vs|^a)), side = 1 for v > 0 and r for v < 0",
-)
-PRESSURE_SCALE = "(1 + k*p/Fc)*"
-MATLAB_VARIABLE = "friction"
-"""Name of the structure that the script defines. The script's own name would hide the script."""
-SIGNS = (
-    "F [N] opposes positive velocity v [m/s] when positive; extension is positive.",
-    "p [Pa] is the sum of both gauge pressures, at least 0.",
-)
-
-WIDEST = 4.0
-"""Largest ratio of an interval's upper to its lower limit if the parameter is determined: a factor of 2 either way."""
-LEAST_PRESSURE_SPAN = 1.5
-"""Least ratio of greatest to least sum of pressures in usable rows. Below it, pressure and preload are inseparable."""
-UNSEPARATED = (
-    "part of it may be how dry friction falls with speed, as the Stribeck velocity is not determined; record more "
-    "strokes at constant speed, slow ones and fast ones"
-)
-BENT_BY_A_LOSS = ("coulomb_n", "viscous_n_s_m", "retract_ratio")
-"""Parameters that a loss in a line changes: it grows with the square of speed, and the directions differ in speed."""
-_AT_THE_EDGE = 0.01
-_AT_THE_LIMIT = 0.05
-"""Distance from a search limit, as a share of it, within which the end of an interval counts as that limit."""
-_FOLLOWS_FROM = {"bristle_damping_n_s_m": "bristle_stiffness_n_m", "damping_velocity_m_s": "stribeck_velocity_m_s"}
 
 
 @dataclass(frozen=True)

@@ -22,6 +22,10 @@ EXPLAINING = (PRESSURE_1, PRESSURE_2, LOAD_FORCE, OIL_TEMPERATURE)
 
 LOADED = {"position": "a load identified from position has absorbed the sensors' offset"}
 """Reason why offsets are not identified if there is a load, by the load's mode."""
+POSITION_BINS = 30
+LEAST_ROWS_A_BIN = 10
+LOAD_SHARE = 0.5
+"""Share of friction above which a force that does not turn with the direction counts as a load."""
 
 
 @dataclass(frozen=True)
@@ -152,13 +156,6 @@ def sensor_areas(recording: Recording, cylinder: Cylinder) -> dict[str, float]:
     """Compute the label's derivative by each sensor's zero, including a measured load's [m², or 1 for a force]."""
     load = {LOAD_FORCE: -1.0} if LOAD_FORCE in recording.columns else {}
     return sensitivities(recording, cylinder) | load
-
-
-POSITION_BINS = 30
-LEAST_ROWS_A_BIN = 10
-
-LOAD_SHARE = 0.5
-"""Share of friction above which a force that does not turn with the direction counts as a load."""
 
 
 def holds_load(load_n: float, half_difference_n: float) -> bool:

@@ -41,6 +41,10 @@ _LEGEND = {
     "x": 0.0,
     "itemsizing": "constant",
 }
+LINE_POINTS = 2400
+PANEL_HEIGHT = 165
+PLOTTED = 12
+"""Most recordings with figures on a page that holds its figures unpacked."""
 
 
 class PageFigure:
@@ -167,10 +171,6 @@ def _packed(values: Any) -> Any:
     return {"planes": base64.b64encode(planes.tobytes()).decode()}
 
 
-LINE_POINTS = 2400
-PANEL_HEIGHT = 165
-
-
 @dataclass(frozen=True)
 class Line:
     """One line of a panel; its name is in the legend unless ``in_legend`` is false."""
@@ -245,8 +245,6 @@ def spread_evenly(rows: NDArray[np.intp], points: int) -> NDArray[np.intp]:
     return rows[np.linspace(0, len(rows) - 1, points).round().astype(np.intp)]
 
 
-PLOTTED = 12
-"""Most recordings with figures on a page that holds its figures unpacked."""
 _DRAWN: list[str] = []
 """Captions of the pictures of the page in progress; their number makes identifiers unique."""
 

@@ -18,6 +18,11 @@ from cylinder_friction.signals.causal_chain import MovingAverage, OneSidedSavitz
 from cylinder_friction.signals.noise import noise_deviation
 from cylinder_friction.signals.smooth_signals import P1, P2, SignalFilter, SmoothSignals, Support, X, window_samples
 
+GROWTH = 1.3
+"""Each window is longer than the last by this factor."""
+BLOCK = 1 << 16
+"""Windows are chosen in blocks of this many samples, which the processor's cache holds."""
+
 
 @dataclass(frozen=True)
 class CentredMovingAverage(SignalFilter):
@@ -142,12 +147,6 @@ def run_centred(taps: Array, values: Array) -> Array:
     before = 2.0 * values[0] - values[half:0:-1]
     after = 2.0 * values[-1] - values[-2 : -half - 2 : -1]
     return np.convolve(np.concatenate([before, values, after]), taps, mode="valid")
-
-
-GROWTH = 1.3
-"""Each window is longer than the last by this factor."""
-BLOCK = 1 << 16
-"""Windows are chosen in blocks of this many samples, which the processor's cache holds."""
 
 
 @dataclass(frozen=True)

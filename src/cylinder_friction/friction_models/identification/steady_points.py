@@ -23,6 +23,12 @@ LEAST_SPEED_M_S = 1e-4
 
 STEADY_VARIATIONS = (0.1, 0.2, 0.4, 0.8)
 """Tolerances of ``steady_rows``, tried from the strictest until one leaves enough rows."""
+LEAST_SPAN = 5.0
+"""Smallest ratio of the fastest to the slowest steady speed at which a curve's level and slope can be separated."""
+BELOW_SEEN = 0.6
+"""Smallest plausible Coulomb friction, as a share of the least friction seen, which includes viscous friction."""
+OPPOSING = 0.7
+"""Smallest share of points whose friction must oppose the motion."""
 
 
 @dataclass(frozen=True)
@@ -145,16 +151,6 @@ def _binned(one_way: SteadySliding, slowest_m_s: float, bins: int, rows_per_poin
     edges = np.geomspace(slowest_m_s, np.nextafter(float(speed.max()), np.inf), bins + 1)
     numbers = np.clip(np.digitize(speed, edges) - 1, 0, bins - 1)
     return [one_way.where(numbers == number) for number in range(bins) if (numbers == number).sum() >= rows_per_point]
-
-
-LEAST_SPAN = 5.0
-"""Smallest ratio of the fastest to the slowest steady speed at which a curve's level and slope can be separated."""
-
-BELOW_SEEN = 0.6
-"""Smallest plausible Coulomb friction, as a share of the least friction seen, which includes viscous friction."""
-
-OPPOSING = 0.7
-"""Smallest share of points whose friction must oppose the motion."""
 
 
 def known_curve(points: Sequence[SteadyPoint]) -> tuple[StribeckCurve | None, str]:

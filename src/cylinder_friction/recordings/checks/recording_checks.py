@@ -27,6 +27,26 @@ LEAST_SPANS = {"pressure": 1e3, "force": 1e-3}
 """Least change of a live sensor on a moving cylinder [Pa, N]."""
 NOISY_SHARE = 0.25  # Share of rows with a change from which on a sensor shows noise and never stays constant for long
 NEXT_STEP = 1.5  # Largest distance of neighbouring values, in converter steps
+CHECK = "position_steps"
+NOISE, STROKES = 12.0, 2e-3
+"""Limits above which a second difference is a fault: a multiple of the usual one, and a share of the stroke."""
+TOGETHER_S = 0.3  # Longest time between faults that count as one [s]
+SMALL, SLIGHT = 0.01, 0.05
+"""Shares of the stroke below which a jump, and a disturbance, is only noted: stick-slip or an impact may look alike."""
+LINE_S = 0.1  # Duration of the straight lines on either side between which a jump's height is measured [s]
+FEWEST_HELD, MOST_SINGLE = 5, 3
+"""Fewest equal values before a jump that are a held value; most rows whose second difference one bad sample affects."""
+STILL_S, ALIVE_S = 1.0, 2.0
+"""Shortest time without noise that is a held value, and least total time with noise elsewhere [s]."""
+UP_AND_DOWN, CHANGES = 0.25, 0.95
+"""Of a signal with noise: least share of steps up, and of steps down; least share of steps that are not zero."""
+ALTERNATES, QUIETEST = 0.6, 0.1
+"""Least share of samples at which noise changes the sign of the fourth difference (80 % for white noise); quantile of
+the stretches with noise that gives the usual noise."""
+NOISY_S, NOISIER, FAINT = 0.5, 20.0, 1e-3
+"""Duration of a stretch [s]. It is noisy above this multiple of the usual noise, if its fourth differences exceed this
+share of the stroke."""
+RANGE_END_SHARE = 0.01  # Distance from an end of the stroke, as a share, within which the sensor's range may end
 
 
 def checked_recording(metadata: RecordingMetadata, columns: Columns, findings: Iterable[Finding]) -> Recording:
@@ -238,28 +258,6 @@ def _of_load(load_n: Array, seen: _Survey, limits: CheckLimits) -> Iterator[Find
     elif np.count_nonzero(np.diff(load_n)) > NOISY_SHARE * (len(load_n) - (seen.stuck_to - seen.stuck_from)):
         remedy = ", and changes from row to row elsewhere; the load cell or its amplifier was stuck; cut the log there"
         yield from seen.stuck(LOAD_FORCE, "load_stuck", "N", limits.stroke_m, remedy)
-
-
-CHECK = "position_steps"
-NOISE, STROKES = 12.0, 2e-3
-"""Limits above which a second difference is a fault: a multiple of the usual one, and a share of the stroke."""
-TOGETHER_S = 0.3  # Longest time between faults that count as one [s]
-SMALL, SLIGHT = 0.01, 0.05
-"""Shares of the stroke below which a jump, and a disturbance, is only noted: stick-slip or an impact may look alike."""
-LINE_S = 0.1  # Duration of the straight lines on either side between which a jump's height is measured [s]
-FEWEST_HELD, MOST_SINGLE = 5, 3
-"""Fewest equal values before a jump that are a held value; most rows whose second difference one bad sample affects."""
-STILL_S, ALIVE_S = 1.0, 2.0
-"""Shortest time without noise that is a held value, and least total time with noise elsewhere [s]."""
-UP_AND_DOWN, CHANGES = 0.25, 0.95
-"""Of a signal with noise: least share of steps up, and of steps down; least share of steps that are not zero."""
-ALTERNATES, QUIETEST = 0.6, 0.1
-"""Least share of samples at which noise changes the sign of the fourth difference (80 % for white noise); quantile of
-the stretches with noise that gives the usual noise."""
-NOISY_S, NOISIER, FAINT = 0.5, 20.0, 1e-3
-"""Duration of a stretch [s]. It is noisy above this multiple of the usual noise, if its fourth differences exceed this
-share of the stroke."""
-RANGE_END_SHARE = 0.01  # Distance from an end of the stroke, as a share, within which the sensor's range may end
 
 
 def check_position_steps(position_m: Array, time_s: Array, stroke_m: float) -> list[Finding]:

@@ -28,6 +28,10 @@ DAMAGED_SHARE = 0.05
 FEWEST_STAMPS = 10  # Fewest different stamps of a coarse clock
 LAG = 32
 """Number of stamps for the first estimate of a coarse clock's rate, over which rounding averages out."""
+TOGETHER = 0.8
+"""Least share of common rows of columns that were sampled together. Two raster rates of one table share at most half of
+their rows, or the slower one shares all of its rows."""
+SHORT_BLOCK = 32  # Samples over which a step is averaged if rounding hides single steps
 
 
 @dataclass(frozen=True)
@@ -205,12 +209,6 @@ def counted(count: int, thing: str, plural: str = "s") -> str:
 
 def _first(mask: Mask, stamps: OrderedStamps, what: str) -> str:
     return f"{counted(int(mask.sum()), 'row')} with {what} left out (first: row {int(stamps.rows[mask].min()) + 1})"
-
-
-TOGETHER = 0.8
-"""Least share of common rows of columns that were sampled together. Two raster rates of one table share at most half of
-their rows, or the slower one shares all of its rows."""
-SHORT_BLOCK = 32  # Samples over which a step is averaged if rounding hides single steps
 
 
 @dataclass(frozen=True)
