@@ -13,6 +13,7 @@ from cylinder_friction.deployment.golden_trajectory import GOLDEN_FILE, GoldenEr
 from cylinder_friction.estimators import loading
 from cylinder_friction.estimators.hybrid import HybridEstimator
 from cylinder_friction.files.whole_files import write_json
+from cylinder_friction_live import engine_building
 from cylinder_friction_live.engine import LIBRARY, Engine
 from cylinder_friction_live.engine_building import built_engine, engine_of
 
@@ -26,6 +27,14 @@ def test_an_engine_is_compiled_once(small_hybrid: HybridEstimator, tmp_path: Pat
     assert Engine(folder).inputs == small_hybrid.inputs
     assert small_hybrid.bounds is not None
     assert Engine(folder).bounds == small_hybrid.bounds.in_words()
+
+
+def test_another_program_compiles_its_own_engine(
+    small_hybrid: HybridEstimator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = built_engine(small_hybrid, tmp_path)
+    monkeypatch.setattr(engine_building, "_BATCH", f"{engine_building._BATCH}\n/* changed */\n")
+    assert built_engine(small_hybrid, tmp_path) != before
 
 
 def test_no_compiler_no_engine(small_hybrid: HybridEstimator, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -160,12 +160,16 @@ class Connection:
         """Note that another connection has opened the session."""
         self._put_text(json.dumps({"lost": {"session": session.name, "to": "another connection that opened it"}}))
 
-    def put_estimates(self, session: LiveSession, block: EstimateBlock) -> None:
-        """Queue estimates, in the form in which the samples came."""
-        if session.name in self._in_text:
-            self._put_text(estimates_text(session, block))
-        else:
-            self._put_frame(pack_estimates(block))
+    def put_estimates(self, estimates: Iterable[tuple[LiveSession, EstimateBlock]]) -> None:
+        """Queue estimates, each in the form in which its session's samples came."""
+        in_text, frames = self._in_text, list[bytes]()
+        for session, block in estimates:
+            if session.name in in_text:
+                self._put_text(estimates_text(session, block))
+            else:
+                frames.append(pack_estimates(block))
+        if frames:
+            self._put_frame(b"".join(frames))
 
     def put_acknowledgement(self, session: LiveSession) -> None:
         """Queue an acknowledgement."""
@@ -210,8 +214,8 @@ class Connection:
             self._peers.take_over(session, self)
             self._put_text(opened_text(session))
             if what.estimates_from is not None and what.estimates_from < session.next_index:
-                for block in self._service.given_from(session, what.estimates_from):
-                    self.put_estimates(session, block)
+                given = self._service.given_from(session, what.estimates_from)
+                self.put_estimates((session, block) for block in given)
             return
         session = self._service.sessions.get(what.session)  # type: ignore[assignment]
         if session is None:

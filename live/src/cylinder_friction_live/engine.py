@@ -14,11 +14,9 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array
 from cylinder_friction.deployment.golden_trajectory import GoldenError, difference_n
 from cylinder_friction.files.whole_files import read_json
-from cylinder_friction_live.frames import FLAG_BYTES, ROW_BYTES, EstimateBlock, SampleBlock
+from cylinder_friction_live.frames import FLAG_BYTES, NEWTONS, ROW_BYTES, EstimateBlock, SampleBlock
 
 NAME, LIBRARY, DESCRIPTION = "friction", "engine.so", "engine.json"
-_OUTPUT = np.dtype({"names": ["newtons", "flags"], "formats": [("<f8", 3), "<u4"], "offsets": [0, 24], "itemsize": 32})
-
 
 Job = tuple[int, SampleBlock]
 """The slot of a session, and successive samples of it."""
@@ -60,7 +58,7 @@ class Engine:
         self.sample_time_s, self._state_bytes = float(described["sample_time_s"]), int(described["state_bytes"])
         loaded = ctypes.CDLL(str((folder / LIBRARY).resolve()))
         self._batch, self._init = loaded[f"{NAME}_batch"], loaded[f"{NAME}_init"]
-        self._batch.argtypes = (ctypes.c_void_p, ctypes.c_uint32, *(ctypes.c_void_p,) * 5)
+        self._batch.argtypes = (ctypes.c_void_p, ctypes.c_uint32, *(ctypes.c_void_p,) * 6)
         self._init.argtypes = (ctypes.c_void_p,)
         self._batch.restype = self._init.restype = None
         self._states: NDArray[np.uint8] = np.zeros((0, self._state_bytes), dtype=np.uint8)
@@ -107,9 +105,9 @@ class Engine:
         slots, resets = [slot for slot, _ in jobs], [samples.reset for _, samples in jobs]
         numbers = [array("I", each).tobytes() for each in (slots, resets, rows)]
         inputs = b"".join([samples.content for _, samples in jobs])
-        outputs = np.empty(sum(rows), dtype=_OUTPUT)
-        self._batch(self._states_at, len(jobs), *numbers, inputs, outputs.ctypes.data)
-        newtons, flags = outputs["newtons"].tobytes(), outputs["flags"].tobytes()
+        outputs = np.empty((sum(rows), NEWTONS)), np.empty(sum(rows), np.uint32)
+        self._batch(self._states_at, len(jobs), *numbers, inputs, *(each.ctypes.data for each in outputs))
+        newtons, flags = (each.tobytes() for each in outputs)
         results, newtons_at, flags_at = [], 0, 0
         for count in rows:
             newtons_end, flags_end = newtons_at + ROW_BYTES * count, flags_at + FLAG_BYTES * count

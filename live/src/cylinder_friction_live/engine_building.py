@@ -25,8 +25,9 @@ _BATCH = """\
 
 /* Jobs one after the other: a session's rows together, so that its state is what a single stream's would be. */
 void {name}_batch({name}_state *states, uint32_t jobs, const uint32_t *slots, const uint32_t *resets,
-                  const uint32_t *rows, const double *samples, {name}_output *outputs)
+                  const uint32_t *rows, const double *samples, double *newtons, uint32_t *flags)
 {{
+    {name}_output output;
     uint32_t job, row;
 
     for (job = 0; job < jobs; job++) {{
@@ -35,8 +36,12 @@ void {name}_batch({name}_state *states, uint32_t jobs, const uint32_t *slots, co
         if (resets[job])
             {name}_reset(state);
         for (row = 0; row < rows[job]; row++) {{
-            {name}_step(state, {arguments}, outputs++);
+            {name}_step(state, {arguments}, &output);
             samples += {columns};
+            *newtons++ = output.friction_n;
+            *newtons++ = output.lower_n;
+            *newtons++ = output.upper_n;
+            *flags++ = output.flags;
         }}
     }}
 }}
@@ -63,13 +68,14 @@ def built_engine(estimator: FrictionEstimator, engines: Path) -> Path:
         draft = Path(name) / "engine"
         exported = export_c(estimator, draft, NAME)
         noise_pa = 0.0 if estimator.trained_for is None else estimator.trained_for.pressure_noise_pa
-        made_from = " ".join((exported.model, repr(noise_pa), processor(), compiler_version(), *OPTIMISED))
-        folder = engines / sha256(made_from.encode()).hexdigest()[:32]
-        if (folder / DESCRIPTION).is_file():
-            return folder
         arguments = ", ".join(f"samples[{place}]" for place in range(len(exported.inputs)))
         batch = draft / "batch.c"
         write_text(batch, _BATCH.format(name=NAME, arguments=arguments, columns=len(exported.inputs)))
+        sources = [path.read_text(encoding="utf-8") for path in (exported.header, exported.source, batch)]
+        made_from = " ".join((*sources, repr(noise_pa), processor(), compiler_version(), *OPTIMISED))
+        folder = engines / sha256(made_from.encode()).hexdigest()[:32]
+        if (folder / DESCRIPTION).is_file():
+            return folder
         compile_shared((exported.source, batch), draft / LIBRARY, ("-std=c99", *OPTIMISED))
         described = {
             "model": exported.model,

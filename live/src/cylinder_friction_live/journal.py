@@ -80,7 +80,7 @@ class LastRow:
 
 @dataclass(slots=True)
 class PendingChunk:
-    """A chunk that is not in the journal yet, as bytes that grow with every block and are quickly written."""
+    """A chunk that is not in the journal yet, as the bytes of its blocks, which are joined when it is written."""
 
     name: str
     index: int  # Index of the first sample
@@ -91,9 +91,9 @@ class PendingChunk:
     rows: int = 0
     last_rows: int = 0  # Rows of the newest block
     last_time_s: float = 0.0  # Time of its first sample, in the sender's clock
-    samples: bytearray = field(default_factory=bytearray)
-    newtons: bytearray = field(default_factory=bytearray)
-    flags: bytearray = field(default_factory=bytearray)
+    samples: list[bytes] = field(default_factory=list)
+    newtons: list[bytes] = field(default_factory=list)
+    flags: list[bytes] = field(default_factory=list)
 
     def add(self, block: SampleBlock, estimates: EstimateBlock | None) -> bool:
         """Append a block if it follows the last one in index and in the sender's time; return whether it does."""
@@ -104,28 +104,27 @@ class PendingChunk:
             return False
         self.rows += block.rows
         self.last_rows, self.last_time_s = block.rows, block.time_s
-        self.samples += block.content
+        self.samples.append(block.content)
         if estimates is not None:
-            self.newtons += estimates.newton_bytes
-            self.flags += estimates.flag_bytes
+            self.newtons.append(estimates.newton_bytes)
+            self.flags.append(estimates.flag_bytes)
         return True
 
     def last(self) -> LastRow:
         """Read the newest estimate."""
-        newtons, flags = struct.unpack("<3d", self.newtons[-ROW_BYTES:]), self.flags[-FLAG_BYTES:]
+        newtons, flags = struct.unpack("<3d", self.newtons[-1][-ROW_BYTES:]), self.flags[-1][-FLAG_BYTES:]
         time_s = self.last_time_s + (self.last_rows - 1) * self.sample_time_s
         return LastRow(self.index + self.rows - 1, time_s, list(newtons), int.from_bytes(flags, "little"))
 
-    def last_samples(self, rows: int) -> Array:
-        """Read the newest samples."""
-        columns = len(self.inputs)
-        return np.frombuffer(bytes(self.samples[-8 * rows * columns :]), "<f8").reshape(rows, columns)
+    def samples_of(self, blocks: slice) -> Array:
+        """Read the samples of some blocks, such as those of the newest, ``slice(-1, None)``."""
+        return np.frombuffer(b"".join(self.samples[blocks]), "<f8").reshape(-1, len(self.inputs))
 
     def row(self) -> _ChunkRow:
         """Make the journal's row of it."""
         about = ("time_s", "sample_time_s", "inputs", "model")
         content = {name: getattr(self, name) for name in about}
-        samples, estimates = bytes(self.samples), bytes(self.newtons + self.flags)
+        samples, estimates = b"".join(self.samples), b"".join(self.newtons + self.flags)
         return self.name, self.index, self.rows, json.dumps(content), samples, estimates
 
     def chunk(self) -> Chunk:

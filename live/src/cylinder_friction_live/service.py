@@ -6,6 +6,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import groupby
 from typing import Protocol
 from urllib.parse import quote
 
@@ -43,8 +44,8 @@ class Owner(Protocol):
 
     client: str
 
-    def put_estimates(self, session: "LiveSession", block: EstimateBlock) -> None:
-        """Queue estimates."""
+    def put_estimates(self, estimates: Iterable[tuple["LiveSession", EstimateBlock]]) -> None:
+        """Queue new estimates of its sessions."""
 
     def put_acknowledgement(self, session: "LiveSession") -> None:
         """Queue an acknowledgement of samples."""
@@ -90,13 +91,13 @@ class LiveSession:
 
     def note_kept(self, next_index: int) -> None:
         """Mark the handed-over chunks as kept, count their rows by flags, and measure the noise of their pressures."""
-        flags = np.frombuffer(b"".join([each.flags for each in self.handed_over]), "<u4")
+        flags = np.frombuffer(b"".join([flags for each in self.handed_over for flags in each.flags]), "<u4")
         self.flagged["rows"] += len(flags)
         for flag in UNKNOWN:
             self.flagged[str(flag.name)] += int(np.count_nonzero(flags & int(flag)))
         for each in self.handed_over:
             if each.newtons:
-                self.noise.take(each.last_samples(each.rows))
+                self.noise.take(each.samples_of(slice(None)))
         self.last_kept, self.kept_index, self.handed_over, self.begins_anew = self.latest, next_index, [], ""
 
     @property
@@ -125,13 +126,17 @@ class LiveSession:
 Taker = Callable[[LiveSession, EstimateBlock], None]
 
 
+def _owner(given: tuple[LiveSession, EstimateBlock]) -> Owner | None:
+    return given[0].owner
+
+
 class LiveService:
     """Friction of many cylinders: samples go in by session and index, estimates come out in order.
 
     Args:
         engine: Engine of the model for all sessions. A session that another model wrote begins anew.
         journal: Storage of states and estimates.
-        takers: Functions called with a session and its new estimates, after its owner got them.
+        takers: Functions called with a session and its new estimates.
     """
 
     def __init__(
@@ -339,13 +344,16 @@ class LiveService:
         if not pieces:
             return
         results = self.engine.run([(session.slot, piece) for session, piece in pieces])
+        model, given = self.engine.model, list[tuple[LiveSession, EstimateBlock]]()
         for (session, piece), (newtons, bits) in zip(pieces, results, strict=True):
-            given = EstimateBlock(session.handle, piece.index, piece.time_s, newtons, bits, self.engine.model)
-            self._add(session, piece, given)
-            if session.owner is not None:
-                session.owner.put_estimates(session, given)
+            estimates = EstimateBlock(session.handle, piece.index, piece.time_s, newtons, bits, model)
+            self._add(session, piece, estimates)
+            given.append((session, estimates))
             for take in self.takers:
-                take(session, given)
+                take(session, estimates)
+        for owner, of_owner in groupby(given, _owner):
+            if owner is not None:
+                owner.put_estimates(of_owner)
         self.flags.note([bits for _, bits in results])
 
     def _queue_for_journal(self, session: LiveSession) -> None:
