@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from cylinder_friction.arrays import Array
 from cylinder_friction.deployment.golden_trajectory import GoldenError, difference_n
 from cylinder_friction.files.whole_files import read_json
-from cylinder_friction_live.frames import FLAG_BYTES, NEWTONS, ROW_BYTES, EstimateBlock, SampleBlock
+from cylinder_friction_live.frames import ANEW, FLAG_BYTES, NEWTONS, ROW_BYTES, EstimateBlock, SampleBlock
 
 NAME, LIBRARY, DESCRIPTION = "friction", "engine.so", "engine.json"
 
@@ -56,7 +56,7 @@ class Engine:
             raise OSError(f"{folder}: compiled for another processor; start the service here with that model")
         self.model, self.inputs = str(described["model"]), tuple(map(str, described["inputs"]))
         self.sample_time_s, self._state_bytes = float(described["sample_time_s"]), int(described["state_bytes"])
-        loaded = ctypes.CDLL(str((folder / LIBRARY).resolve()))
+        loaded = ctypes.PyDLL(str((folder / LIBRARY).resolve()))
         self._batch, self._init = loaded[f"{NAME}_batch"], loaded[f"{NAME}_init"]
         self._batch.argtypes = (ctypes.c_void_p, ctypes.c_uint32, *(ctypes.c_void_p,) * 6)
         self._init.argtypes = (ctypes.c_void_p,)
@@ -102,7 +102,7 @@ class Engine:
     def run(self, jobs: Sequence[Job]) -> list[tuple[bytes, bytes]]:
         """Step through all jobs in order; return newtons and flags of each, as in ``EstimateBlock``."""
         rows = [samples.rows for _, samples in jobs]
-        slots, resets = [slot for slot, _ in jobs], [samples.reset for _, samples in jobs]
+        slots, resets = [slot for slot, _ in jobs], [samples.kind == ANEW for _, samples in jobs]
         numbers = [array("I", each).tobytes() for each in (slots, resets, rows)]
         inputs = b"".join([samples.content for _, samples in jobs])
         outputs = np.empty((sum(rows), NEWTONS)), np.empty(sum(rows), np.uint32)

@@ -20,13 +20,15 @@ bytes.
 
 import struct
 from dataclasses import dataclass
+from functools import lru_cache, partial
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 
-SAMPLES, ESTIMATES, ACKNOWLEDGEMENT = 1, 2, 3
+ANEW, SAMPLES, ESTIMATES, ACKNOWLEDGEMENT = range(4)
 HEADER = struct.Struct("<BBHIQd")
 LARGEST_INDEX = 1 << 53
 """Largest index that JSON can hold exactly."""
@@ -36,7 +38,6 @@ NEWTONS = 3
 ROW_BYTES, FLAG_BYTES = 8 * NEWTONS, 4
 """Bytes of one estimate's newtons, and of its flags."""
 _NUMBER = np.dtype("<f8")
-_PADDING = b"", bytes(FLAG_BYTES)
 
 
 class FrameError(ValueError):
@@ -47,7 +48,19 @@ class FrameError(ValueError):
     """
 
 
-class SampleBlock:
+class _SampleFields(NamedTuple):
+    """Fields of a block of samples, in the order in which they stand in a frame."""
+
+    kind: int  # ``SAMPLES``, or ``ANEW`` if the session begins anew with them, which no frame says
+    columns: int
+    rows: int
+    handle: int
+    index: int  # type: ignore[assignment] # hides the method of tuples, which nobody calls
+    time_s: float
+    content: bytes
+
+
+class SampleBlock(_SampleFields):
     """Successive samples of one session, as the bytes that frames, the engine and the journal hold.
 
     Args:
@@ -59,21 +72,40 @@ class SampleBlock:
         reset: Whether the session begins anew with these samples; not in the frame.
     """
 
-    __slots__ = ("columns", "content", "handle", "index", "reset", "rows", "time_s")
+    __slots__ = ()
 
-    def __init__(
-        self, handle: int, index: int, time_s: float, samples: Array | bytes, columns: int = 0, reset: bool = False
-    ) -> None:
-        self.handle, self.index, self.time_s, self.reset = handle, index, time_s, reset
+    def __new__(
+        cls, handle: int, index: int, time_s: float, samples: Array | bytes, columns: int = 0, reset: bool = False
+    ) -> Self:
+        """Make a block of an array or of its bytes."""
         if isinstance(samples, bytes):
-            self.content, self.rows, self.columns = samples, len(samples) // (8 * columns), columns
+            content, rows = samples, len(samples) // (8 * columns)
         else:
-            self.content, (self.rows, self.columns) = samples.astype(_NUMBER, copy=False).tobytes(), samples.shape
+            content, (rows, columns) = samples.astype(_NUMBER, copy=False).tobytes(), samples.shape
+        return cls._make((ANEW if reset else SAMPLES, columns, rows, handle, index, time_s, content))
+
+    @property
+    def reset(self) -> bool:
+        """Whether the session begins anew with these samples."""
+        return self.kind == ANEW
 
     @property
     def samples(self) -> Array:
         """The samples, shape ``(rows, columns)``."""
         return np.frombuffer(self.content, _NUMBER).reshape(self.rows, self.columns)
+
+
+_block_of = partial(tuple.__new__, SampleBlock)
+
+
+@lru_cache(64)
+def _samples_layout(size: int) -> struct.Struct:
+    return struct.Struct(f"{HEADER.format}{size}s")
+
+
+@lru_cache(64)
+def _estimates_layout(rows: int) -> struct.Struct:
+    return struct.Struct(f"{HEADER.format}{ROW_BYTES * rows}s{FLAG_BYTES * rows}s{FLAG_BYTES * (rows % 2)}x")
 
 
 @dataclass(slots=True)
@@ -85,7 +117,7 @@ class EstimateBlock:
     """
 
     handle: int  # Handle of the session; 0 if it is not open
-    index: int
+    index: int  # type: ignore[assignment] # hides the method of tuples, which nobody calls
     time_s: float
     newton_bytes: bytes  # Bytes of rows × (friction, lower, upper) f64
     flag_bytes: bytes  # Bytes of rows × u32
@@ -126,7 +158,7 @@ class Acknowledgement:
     """
 
     handle: int
-    index: int
+    index: int  # type: ignore[assignment] # hides the method of tuples, which nobody calls
 
 
 def pack_samples(block: SampleBlock) -> bytes:
@@ -145,8 +177,8 @@ def pack_estimates(block: EstimateBlock) -> bytes:
     [N] of every row, then by their flags.
     """
     rows = len(block.flag_bytes) // FLAG_BYTES
-    head = HEADER.pack(ESTIMATES, NEWTONS, rows, block.handle, block.index, block.time_s)
-    return b"".join((head, block.newton_bytes, block.flag_bytes, _PADDING[rows % 2]))
+    head = ESTIMATES, NEWTONS, rows, block.handle, block.index, block.time_s
+    return _estimates_layout(rows).pack(*head, block.newton_bytes, block.flag_bytes)
 
 
 def pack_acknowledgement(block: Acknowledgement) -> bytes:
@@ -160,11 +192,13 @@ def pack_acknowledgement(block: Acknowledgement) -> bytes:
 def unpack(message: bytes) -> list[SampleBlock | EstimateBlock | Acknowledgement]:
     """Read the blocks of a message: samples, estimates or acknowledgements, in their order.
 
-    Numbers are views of the message's bytes, not copies. Raises ``FrameError`` for an empty message, a cut block, or a
+    Raises ``FrameError`` for an empty message, a cut block, or a
     block of an unknown kind; then no block of the message counts.
     """
 
-    blocks: list[SampleBlock | EstimateBlock | Acknowledgement] = []
+    blocks: list[SampleBlock | EstimateBlock | Acknowledgement] = [*_alike_samples(message)]
+    if blocks:
+        return blocks
     at, end = 0, len(message)
     if not end:
         raise FrameError("got an empty message; expected one block at least")
@@ -189,6 +223,18 @@ def unpack(message: bytes) -> list[SampleBlock | EstimateBlock | Acknowledgement
             blocks.append(Acknowledgement(handle, index))
         at += size
     return blocks
+
+
+def _alike_samples(message: bytes) -> list[SampleBlock]:
+    """Read a message of sample blocks with equal rows and columns, as most are; an empty list for any other message."""
+    same = HEADER.unpack_from(message)[:3] if len(message) >= HEADER.size else (0, 0, 0)
+    kind, columns, rows = same
+    layout = _samples_layout(8 * rows * columns)
+    if kind != SAMPLES or not rows * columns or len(message) % layout.size:
+        return []
+    blocks = list(map(_block_of, layout.iter_unpack(message)))
+    last = max([each.index for each in blocks])
+    return blocks if {each[:3] for each in blocks} == {same} and last + rows <= LARGEST_INDEX else []
 
 
 def _size(kind: int, columns: int, rows: int, at: int) -> int:

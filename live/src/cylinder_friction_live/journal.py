@@ -89,21 +89,19 @@ class PendingChunk:
     inputs: tuple[str, ...]
     model: str | None  # SHA-256 of the model; None without estimates
     rows: int = 0
-    last_rows: int = 0  # Rows of the newest block
-    last_time_s: float = 0.0  # Time of its first sample, in the sender's clock
+    last_time_s: float = 0.0  # Time of the newest block's first sample, in the sender's clock
     samples: list[bytes] = field(default_factory=list)
     newtons: list[bytes] = field(default_factory=list)
     flags: list[bytes] = field(default_factory=list)
 
     def add(self, block: SampleBlock, estimates: EstimateBlock | None) -> bool:
         """Append a block if it follows the last one in index and in the sender's time; return whether it does."""
-        late_s = block.time_s - self.time_s - self.rows * self.sample_time_s
-        if block.index != self.index + self.rows or abs(late_s) >= _SAME_TIME * self.sample_time_s:
+        rows, step_s = self.rows, self.sample_time_s
+        if block.index != self.index + rows or abs(block.time_s - self.time_s - rows * step_s) >= _SAME_TIME * step_s:
             return False
         if (estimates is None) != (self.model is None):
             return False
-        self.rows += block.rows
-        self.last_rows, self.last_time_s = block.rows, block.time_s
+        self.rows, self.last_time_s = rows + block.rows, block.time_s
         self.samples.append(block.content)
         if estimates is not None:
             self.newtons.append(estimates.newton_bytes)
@@ -113,7 +111,7 @@ class PendingChunk:
     def last(self) -> LastRow:
         """Read the newest estimate."""
         newtons, flags = struct.unpack("<3d", self.newtons[-1][-ROW_BYTES:]), self.flags[-1][-FLAG_BYTES:]
-        time_s = self.last_time_s + (self.last_rows - 1) * self.sample_time_s
+        time_s = self.last_time_s + (len(self.flags[-1]) // FLAG_BYTES - 1) * self.sample_time_s
         return LastRow(self.index + self.rows - 1, time_s, list(newtons), int.from_bytes(flags, "little"))
 
     def samples_of(self, blocks: slice) -> Array:

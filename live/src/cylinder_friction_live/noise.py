@@ -31,12 +31,18 @@ class NoiseWindow:
         """Noise of the quietest of the latest windows [Pa]; 0 before there are ``WINDOWS``, and without pressures."""
         return min(self.latest_pa) if len(self.latest_pa) == WINDOWS else 0.0
 
+    def waits(self, rows: int) -> bool:
+        """Count rows between two windows; return whether no window begins in them, and ``take`` need not see them."""
+        if rows > self.rows_to_wait:
+            return False
+        self.rows_to_wait -= rows
+        return True
+
     def take(self, samples: Array) -> None:
         """Take successive samples, shape ``(rows, inputs)``; NaN does not count."""
-        first = min(self.rows_to_wait, len(samples))
-        self.rows_to_wait -= first
-        if first == len(samples):
+        if self.waits(len(samples)):
             return
+        first, self.rows_to_wait = self.rows_to_wait, 0
         self._parts.append(samples[first:])
         self._rows += len(samples) - first
         if self._rows >= WINDOW_ROWS:

@@ -93,10 +93,11 @@ class LiveSession:
         """Mark the handed-over chunks as kept, count their rows by flags, and measure the noise of their pressures."""
         flags = np.frombuffer(b"".join([flags for each in self.handed_over for flags in each.flags]), "<u4")
         self.flagged["rows"] += len(flags)
-        for flag in UNKNOWN:
-            self.flagged[str(flag.name)] += int(np.count_nonzero(flags & int(flag)))
+        if flags.any():
+            for flag in UNKNOWN:
+                self.flagged[str(flag.name)] += int(np.count_nonzero(flags & int(flag)))
         for each in self.handed_over:
-            if each.newtons:
+            if each.newtons and not self.noise.waits(each.rows):
                 self.noise.take(each.samples_of(slice(None)))
         self.last_kept, self.kept_index, self.handed_over, self.begins_anew = self.latest, next_index, [], ""
 
@@ -244,15 +245,15 @@ class LiveService:
         sessions = [self.session_of(block) for block in blocks]
         if owner is not None:
             for session in sessions:
-                if session.owner is not owner:
-                    session.refuse_others(owner)
+                session.refuse_others(owner)
         now_s = self._clock()
         pieces: list[tuple[LiveSession, SampleBlock]] = []
         for session, block in zip(sessions, blocks, strict=True):
             session.last_seen_s = now_s
-            for piece in session.order.receive(block, now_s):
+            order = session.order
+            for piece in order.receive(block, now_s):
                 pieces.append((session, piece))  # noqa: PERF401 - one piece nearly always
-            if session.order.late:
+            if order.late:
                 self._queue_for_journal(session)
         self._step(pieces)
 
