@@ -55,7 +55,7 @@ class _SampleFields(NamedTuple):
     columns: int
     rows: int
     handle: int
-    index: int  # type: ignore[assignment] # hides the method of tuples, which nobody calls
+    index: int  # type: ignore[assignment] # hides a method of tuples, which nobody calls
     time_s: float
     content: bytes
 
@@ -117,7 +117,7 @@ class EstimateBlock:
     """
 
     handle: int  # Handle of the session; 0 if it is not open
-    index: int  # type: ignore[assignment] # hides the method of tuples, which nobody calls
+    index: int
     time_s: float
     newton_bytes: bytes  # Bytes of rows × (friction, lower, upper) f64
     flag_bytes: bytes  # Bytes of rows × u32
@@ -158,7 +158,7 @@ class Acknowledgement:
     """
 
     handle: int
-    index: int  # type: ignore[assignment] # hides the method of tuples, which nobody calls
+    index: int
 
 
 def pack_samples(block: SampleBlock) -> bytes:
