@@ -56,7 +56,7 @@ class Engine:
             raise OSError(f"{folder}: compiled for another processor; start the service here with that model")
         self.model, self.inputs = str(described["model"]), tuple(map(str, described["inputs"]))
         self.sample_time_s, self._state_bytes = float(described["sample_time_s"]), int(described["state_bytes"])
-        loaded = ctypes.PyDLL(str((folder / LIBRARY).resolve()))
+        loaded = ctypes.CDLL(str((folder / LIBRARY).resolve()))
         self._batch, self._init = loaded[f"{NAME}_batch"], loaded[f"{NAME}_init"]
         self._batch.argtypes = (ctypes.c_void_p, ctypes.c_uint32, *(ctypes.c_void_p,) * 6)
         self._init.argtypes = (ctypes.c_void_p,)
