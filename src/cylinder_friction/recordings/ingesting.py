@@ -114,8 +114,7 @@ def ingest_folder(source: Source, into: Path, quarantine_file: Path, workers: Wo
     """
     check_mapping(source.recipe.channels)
     # A dangling link counts as a file that cannot be read.
-    found = (path for path in source.folder.glob(source.pattern) if not path.is_dir())
-    paths = sorted(found)
+    paths = sorted(path for path in source.folder.glob(source.pattern) if not path.is_dir())
     if not paths:
         raise RecordingError(
             f"{source.folder}: no file matches {source.pattern!r}; put recordings there, or name their folder as "

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -29,7 +30,9 @@ def write_recording(
         (True, True)
     """
     path, table = folder / f"{stem or recording.name}.parquet", _arrow_table(recording)
-    with whole_file(path) as draft, pq.ParquetWriter(draft, table.schema, compression="zstd") as writer:
+    floats = [field.name for field in table.schema if pa.types.is_floating(field.type)]
+    how: dict[str, Any] = {"compression": "zstd", "use_dictionary": False, "use_byte_stream_split": floats}
+    with whole_file(path) as draft, pq.ParquetWriter(draft, table.schema, **how) as writer:
         writer.write_table(table)
         writer.add_key_value_metadata(dict(beside or {}))
     return path
