@@ -164,7 +164,7 @@ def test_track_fills_an_empty_store_from_a_pulled_clone_without_duplicates(
     command += ["--env-manager", "local", "--port", str(port)]
     given = {"MLFLOW_TRACKING_URI": f"sqlite:///{clone / 'mlflow.db'}"}
     with child_server(command, f"http://127.0.0.1:{port}/ping", cwd=tmp_path, environment=given):
-        example = json.loads(rows.read_text(encoding="utf-8"))["candidate"]["example"]
+        example = json.loads(rows.read_text(encoding="utf-8"))["example"]
         body = json.dumps({"dataframe_split": {"columns": [*example], "data": [*zip(*example.values(), strict=True)]}})
         asked = Request(f"http://127.0.0.1:{port}/invocations", body.encode(), {"Content-Type": "application/json"})
         answer = json.load(urlopen(asked, timeout=60.0))["predictions"]
