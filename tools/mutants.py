@@ -175,15 +175,15 @@ MUTANTS = (
     Mutant(
         "model that was rolled back promoted again",
         "tracking/registry.py",
-        "if any(ROLLED_BACK in each.tags for each in same.values()):",
-        "if any(ROLLED_BACK not in each.tags for each in same.values()):",
+        "if any(_ROLLED_BACK in each.tags for each in same.values()):",
+        "if any(_ROLLED_BACK not in each.tags for each in same.values()):",
         ("tracking/test_registry.py",),
     ),
     Mutant(
         "broken link of lineage not counted",
         "tracking/lineage.py",
-        "return all(link.holds for link in self.links)",
-        "return any(link.holds for link in self.links)",
+        "return all(holds for holds, _ in self.links.values())",
+        "return any(holds for holds, _ in self.links.values())",
         ("tracking/test_lineage.py",),
     ),
     # Figures about results
