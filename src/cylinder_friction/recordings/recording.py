@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import UTC, datetime
 from functools import cached_property
 from typing import Any, Self
 
@@ -349,12 +348,6 @@ class Start:
     @property
     def day_only(self) -> bool:
         return np.datetime_data(self.at.dtype)[0] == "D"
-
-    @classmethod
-    def of_datetime(cls, moment: datetime, source: str) -> Start:
-        """Make a start from a date with or without a time zone."""
-        plain = moment if moment.tzinfo is None else moment.astimezone(UTC).replace(tzinfo=None)
-        return cls(np.datetime64(plain, "ns"), moment.tzinfo is not None, source)
 
     def after(self, seconds: float) -> Start:
         """Return the start moved later by ``seconds``; a day without a time of day stays unchanged."""

@@ -322,7 +322,11 @@ def _joined(columns: list[Column], clocks: Collection[str], wanted: Collection[s
         stamps = found[day] + np.where(np.isfinite(seconds), seconds, np.iinfo(np.int64).min).astype("timedelta64[ns]")
         kept = day if wanted and day in wanted and clock not in wanted else clock
         return _in_place(columns, {day, clock}, stamps, kept)
-    parts = [name for name, values in columns if name.casefold() in MILLISECONDS and _are_milliseconds(values)]
+    parts = [
+        name
+        for name, values in columns
+        if name.casefold() in MILLISECONDS and values.dtype.kind in "iu" and ((values >= 0) & (values < 1000)).all()
+    ]
     seconds_of = [name for name in dates if name not in days and _known(found[name], np.timedelta64(1, "s"))]
     if len(seconds_of) == 1 and len(parts) == 1 and (wanted is None or seconds_of[0] in wanted):
         stamps = found[seconds_of[0]] + found[parts[0]].astype("timedelta64[ms]")
@@ -334,10 +338,6 @@ def _known(stamps: NDArray[Any], step: np.timedelta64) -> bool:
     """Check whether there are stamps and all of them are multiples of ``step``."""
     known = stamps[~np.isnat(stamps)].astype(np.int64)
     return len(known) > 0 and not (known % step.astype("timedelta64[ns]").astype(np.int64)).any()
-
-
-def _are_milliseconds(values: NDArray[Any]) -> bool:
-    return values.dtype.kind in "iu" and bool(((values >= 0) & (values < 1000)).all())
 
 
 def _in_place(columns: list[Column], old: set[str], stamps: NDArray[Any], name: str) -> list[Column]:

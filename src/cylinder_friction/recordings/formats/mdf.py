@@ -1,8 +1,7 @@
 """Read MDF 3 and 4 (CANape, INCA, Vector loggers) with asammdf."""
 
 import io
-from collections.abc import Collection, Iterator
-from contextlib import contextmanager
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,15 @@ def read_mdf(source: FileSource, wanted: Collection[str] | None, database: Path 
     raw bus frames are decoded with ``database``, the DBC file of the bus. Without it they are left out, and a file with
     nothing else is refused.
     """
-    with _opened(source) as file:
+    import asammdf
+
+    open_mdf: Any = asammdf.MDF  # its types lack some arguments
+    # asammdf finishes an unfinished file in place, so it gets a copy.
+    unfinished = source.head.startswith(b"UnFinMF")
+    with (
+        io.BytesIO(source.all_bytes) if unfinished else source.opened() as opened,
+        open_mdf(opened, process_bus_logging=False) as file,
+    ):
         start = _start(file)
         if database is not None:
             tables = _decoded(file, database, wanted)
@@ -40,21 +47,6 @@ def read_mdf(source: FileSource, wanted: Collection[str] | None, database: Path 
     if not any(len(table.channels.columns) or table.unread for table in tables):
         raise RecordingError("holds no channel groups; expected at least one with samples")
     return [replace(table, start=start) for table in tables]
-
-
-@contextmanager
-def _opened(source: FileSource) -> Iterator[Any]:
-    """Open a measurement file with asammdf, without changing the file."""
-    import asammdf
-
-    open_mdf: Any = asammdf.MDF  # its types lack some arguments
-    # asammdf finishes an unfinished file in place, so it gets a copy.
-    unfinished = source.head.startswith(b"UnFinMF")
-    with (
-        io.BytesIO(source.all_bytes) if unfinished else source.opened() as opened,
-        open_mdf(opened, process_bus_logging=False) as file,
-    ):
-        yield file
 
 
 def _decoded(file: Any, database: Path, wanted: Collection[str] | None) -> list[LoggedTable]:

@@ -13,7 +13,7 @@ import pandas as pd
 from cylinder_friction.arrays import Array
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, QUANTITIES, SAMPLE_COLUMNS, TIME
-from cylinder_friction.recordings.formats.cells import NEVER_FALLS
+from cylinder_friction.recordings.formats.cells import NEVER_FALLS, way_of
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.mapping.channel_words import Words, words_of
 from cylinder_friction.recordings.mapping.units import column_scale, electrical, quantity_of
@@ -30,7 +30,6 @@ class ChannelFacts:
     words: Words
     unit: str  # Unit that the file or the name states; empty without one
     stated_by: str  # Source of the unit, ``file`` or ``name``; empty without a unit
-    values: Array  # Values as numbers, shape ``(n,)``; NaN for other cells. Empty for dates and text.
     dates: bool  # Whether its values are dates
     # low, high: Least and greatest finite value; NaN if there are none
     low: float
@@ -71,8 +70,8 @@ def _facts(index: int, table: LoggedTable, name: str, raw: pd.Series[Any], *, le
     words = words_of(name)
     stated = table.units.get(name, "").strip()
     dates = pd.api.types.is_datetime64_any_dtype(raw.dtype)
-    values = np.empty(0) if dates else _numbers(raw)
-    finite = values[np.isfinite(values)]
+    numbers = np.empty(0) if dates else _numbers(raw)
+    finite = numbers[np.isfinite(numbers)]
     stamps = stamps_to_datetimes(raw.dropna()).astype(np.int64) if dates else finite
     steps = np.diff(stamps)
     return ChannelFacts(
@@ -82,11 +81,10 @@ def _facts(index: int, table: LoggedTable, name: str, raw: pd.Series[Any], *, le
         words=words,
         unit=stated or words.unit,
         stated_by="name" if words.unit and stated in ("", words.unit) else ("file" if stated else ""),
-        values=values,
         dates=bool(dates),
         low=float(finite.min()) if len(finite) else math.nan,
         high=float(finite.max()) if len(finite) else math.nan,
-        rising=len(steps) > 2 and bool((steps > 0.0).any()) and float(np.mean(steps >= 0.0)) >= NEVER_FALLS,
+        rising=len(steps) > 2 and way_of(stamps) == 1,
         step=float(np.median(steps)) if len(steps) else math.nan,
         mean_step=float(stamps[-1] - stamps[0]) / len(steps) if len(steps) else math.nan,
         counts=len(steps) > 2 and float(np.mean(steps == 1.0)) >= NEVER_FALLS,

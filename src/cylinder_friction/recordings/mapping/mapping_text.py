@@ -29,7 +29,8 @@ def mapping_yaml(guess: GuessedMapping, database: Path | None = None) -> str:
 
     ``database`` is the DBC file of the bus, if the file contains CAN frames.
     """
-    suffix = _suffix(guess.path.name)
+    ending = re.search(r"(?<=.)(\.[A-Za-z0-9]+)?\.gz$|(?<=.)\.[A-Za-z0-9]+$", guess.path.name)
+    suffix = ending[0] if ending else ""
     filled = {
         "file": printable(guess.path.name),
         "source": quoted(guess.path.parent.as_posix()),
@@ -39,10 +40,3 @@ def mapping_yaml(guess: GuessedMapping, database: Path | None = None) -> str:
         "channels": "\n".join(f"  {line}" for line in channel_lines(guess)),
     }
     return re.sub(r"\{(\w+)\}", lambda match: filled[match[1]], TEMPLATE)
-
-
-def _suffix(name: str) -> str:
-    """Find the ending of a file's name; both endings of ``log.csv.gz``."""
-    match = re.search(r"(\.[A-Za-z0-9]+)?\.[A-Za-z0-9]+$", name) if name.endswith(".gz") else None
-    match = match or re.search(r"(?<=.)\.[A-Za-z0-9]+$", name)
-    return match[0] if match else ""
