@@ -17,7 +17,6 @@ from unicodedata import category
 from zoneinfo import ZoneInfo
 
 import numpy as np
-import pandas as pd
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits, LoadMode, StatedLoad
@@ -54,8 +53,6 @@ KEYS = (
 """Keys of an ingest configuration."""
 ROWS_AT_ONCE = 1 << 18
 """Approximate number of rows of the parts of a long log: 22 minutes at 200 Hz, 4 minutes at 1 kHz."""
-LEAST_SHARE = 0.5
-"""Least length of a last part, as a share of the part before it; a shorter one is joined to that part."""
 
 
 @dataclass(frozen=True)
@@ -274,7 +271,7 @@ def pieces_of_tables(
         return
     number, rows, last, rules = 0, 0, "", recipe.time
     width, restarted = max(2, len(str(tables[0].parts))), False
-    for part in _without_short_end(chain(tables, tables[0].more())):
+    for part in chain(tables, tables[0].more()):
         first, rows = rows, rows + len(part.channels)
         found: Sequence[Recording | RecordingError]
         try:
@@ -290,24 +287,6 @@ def pieces_of_tables(
                 each = each.described(name=f"{about.name}_part{number:0{width}d}")
                 each = each.described(start="", start_source="") if restarted else each
             yield each, f"part {number:0{width}d}"
-
-
-def _without_short_end(parts: Iterator[LoggedTable]) -> Iterator[LoggedTable]:
-    held: LoggedTable | None = None
-    try:
-        for part in parts:
-            if held is not None and len(part.channels) < LEAST_SHARE * len(held.channels):
-                held = replace(held, channels=pd.concat([held.channels, part.channels], ignore_index=True))
-                continue
-            if held is not None:
-                yield held
-            held = part
-    except RecordingError:  # the part before this one is complete
-        if held is not None:
-            yield held
-        raise
-    if held is not None:
-        yield held
 
 
 def checked(piece: Recording, recipe: Recipe) -> Recording:

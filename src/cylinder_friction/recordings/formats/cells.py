@@ -259,10 +259,8 @@ def epoch_of(numbers: NDArray[Any], name: str = "") -> Epoch | None:
     found = next((each for each in epochs if all(each.holds(end, latest_s) for end in ends)), None)
     if found is None:
         return None
-    steps = np.diff(known.astype(np.float64) - ends[0])
-    mean_s = abs(ends[1] - ends[0]) / len(steps) * found.unit_ns * 1e-9
-    runs = max((steps >= 0.0).mean(), (steps <= 0.0).mean()) >= NEVER_FALLS
-    return found if runs and 0.0 < mean_s <= LONGEST_STEP_S else None
+    mean_s = abs(ends[1] - ends[0]) / (len(known) - 1) * found.unit_ns * 1e-9
+    return found if way_of(known) and 0.0 < mean_s <= LONGEST_STEP_S else None
 
 
 def _tomorrow_s() -> float:

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 
 from cylinder_friction.recordings.formats.cells import (
@@ -64,11 +63,11 @@ def read_delimited(
     """Read the table of a text file: find the layout in its first lines, then parse the rows with Arrow in one pass.
 
     A file with several time columns of one name gives a table for each, with the channels after it. A file with many
-    more than ``rows`` rows is read in parts of about ``rows`` whole lines, so that memory holds only one part.
+    more than ``rows`` rows is read in equal parts of about ``rows`` whole lines, so that memory holds only one part.
 
     Raises:
         RecordingError: The file is not such a table: it has another encoding, no rows of numbers, a line with more or
-            fewer values than the others, a repeated header, or ambiguous dates.
+            fewer values than the others, or ambiguous dates.
     """
     try:
         return _read(source, open_text(source, csv.encoding), wanted, csv, rows)
@@ -92,20 +91,22 @@ def _read(
     begin = text.start + sum(map(len, lines[: layout.first_row]))
     start = start_in_header([line.decode() for line in lines[: layout.first_row]], layout.delimiter)
     below = lines[layout.first_row :]
-    step = text.end if rows is None else max(1, sum(map(len, below)) // len(below)) * rows
+    row_size, size = max(1, sum(map(len, below)) // len(below)), text.end - begin
+    parts = 1 if rows is None else max(1, round(size / row_size / rows))
     whole, repeated = _Rows(text, layout, begin, begin, start), repeated_names(layout.names)
-    if text.end - begin > step and repeated and source.size > MOST_INDIVISIBLE:
+    if parts > 1 and repeated and source.size > MOST_INDIVISIBLE:
         raise RecordingError(
             f"is too large to be read whole ({source.size / 1e6:.0f} MB, at most {MOST_INDIVISIBLE / 1e6:.0f} MB), and "
             f"its columns of one name ({', '.join(sorted(repeated))}) end at rows of their own, so that it cannot be "
             "read in parts; export it with one time column, or split it"
         )
-    if text.end - begin <= step or repeated:
+    if parts == 1 or repeated:
         return _tables(whole, wanted)
+    step = -(-size // parts)
     end = _line_end(text, begin + step)
     (first,) = _tables(replace(whole, text=replace(text, end=end)), wanted)
     later = partial(_parts, replace(whole, text=replace(text, notes=()), begin=end), step, wanted)
-    return [replace(first, more=later, parts=-(-(text.end - begin) // step))]
+    return [replace(first, more=later, parts=parts)]
 
 
 def _parts(rows: _Rows, step: int, wanted: Collection[str] | None) -> Iterator[LoggedTable]:
@@ -140,9 +141,6 @@ def _tables(rows: _Rows, wanted: Collection[str] | None) -> list[LoggedTable]:
     loaded = [index for index, name in enumerate(names) if name in asked]
     table, decimal = rows.parsed(loaded)
     named = [(names[index], column) for index, column in zip(loaded, table.columns, strict=True)]
-    for name, column in named:
-        if pa.types.is_string(column.type):
-            rows.refuse_second_header(column, name)
     found = columns_of(named, decimal, wanted)
     columns = [
         (name or f"column_{len(names)}", each) for name, each in found.columns if name or not pd.isna(each).all()
@@ -278,16 +276,6 @@ class _Rows:
                     "correct the line, or cut the file there if it holds two logs"
                     + (", or export it separated by tab or semicolon" if self.layout.delimiter == "whitespace" else "")
                 )
-
-    def refuse_second_header(self, column: Any, name: str) -> None:
-        """Refuse a column that contains its own name, because the logger was started twice with one file."""
-        row = pc.index(pc.utf8_trim_whitespace(column), name).as_py()
-        if row >= 0:
-            number, line = self._lines()[row]
-            raise RecordingError(
-                f"line {number} is the header again: {line[:80]!r}; two logs in one file have two clocks; "
-                "cut the file in two there"
-            )
 
 
 @dataclass(frozen=True)

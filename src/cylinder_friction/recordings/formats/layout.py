@@ -265,7 +265,6 @@ _SCOPE_KEY = re.compile(
     r"symbol(comment|based|name)|data-type|sampletime\[ms\]|variablesize|index(group|offset)|netid|port|bitmask|"
     r"(unit )?(offset|scalefactor)|unit|(start|end)time"
 )
-_COMMENT = ("#", "%", "//", ";", "'")
 
 
 def _names_and_units(above: list[str], grid: _Grid, mode: str) -> tuple[list[str], dict[str, str]]:
@@ -286,7 +285,6 @@ def _names_and_units(above: list[str], grid: _Grid, mode: str) -> tuple[list[str
     pairs = reversed(list(pairwise(block)))
     stated = ((names, units) for names, line in pairs if (units := _units_in_line(line)) and not _units_in_line(names))
     if not block:
-        _refuse_other_width(above, grid)
         cells, units = [], None
     elif scope := _scope_names(above, grid):
         cells, units = scope
@@ -300,18 +298,6 @@ def _names_and_units(above: list[str], grid: _Grid, mode: str) -> tuple[list[str
         names[-1] = ""
     of_names = {name: unit for name in names if (unit := unit_in_name(name)) is not None}
     return names, of_names | {name: unit for name, unit in zip(names, units or [], strict=False) if name and unit}
-
-
-def _refuse_other_width(above: list[str], grid: _Grid) -> None:
-    """Refuse a line of names with too few or too many cells, because its columns cannot be identified."""
-    number, line = max(((number, line) for number, line in enumerate(above, start=1) if line.strip()), default=(0, ":"))
-    cells = split_cells(line, grid.delimiter)
-    plain = not line.lstrip().startswith(_COMMENT) and ":" not in line and "=" not in line
-    if plain and len(cells) > max(1, grid.width // 2) and not any(is_number(cell, None) for cell in cells):
-        raise RecordingError(
-            f"line {number} names {len(cells)} channels, but the line below holds {grid.width} values; "
-            "expected a name for each value"
-        )
 
 
 def _scope_names(above: list[str], grid: _Grid) -> tuple[list[str], list[str] | None] | None:

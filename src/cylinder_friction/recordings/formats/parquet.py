@@ -23,11 +23,12 @@ def read_parquet(source: FileSource, wanted: Collection[str] | None, rows: int |
         count, wanted = file.metadata.num_rows, _wanted_here(file, wanted)
         if count == 0:
             raise RecordingError("holds no rows; expected one row per sample")
-        if rows is None or count <= rows:
+        number = 1 if rows is None else max(1, round(count / rows))
+        if number == 1:
             table = file.read(columns=_read_names(file, wanted), use_threads=False, use_pandas_metadata=False)
             return [_table(file, table, wanted)]
-    parts = _parts(source, wanted, rows)
-    return [replace(next(parts), more=lambda: parts, parts=-(-count // rows))]
+    parts = _parts(source, wanted, -(-count // number))
+    return [replace(next(parts), more=lambda: parts, parts=number)]
 
 
 def _parts(source: FileSource, wanted: Collection[str] | None, rows: int) -> Iterator[LoggedTable]:

@@ -111,11 +111,10 @@ def read_logged_file(
 
 
 def _in_parts(table: LoggedTable, rows: int) -> LoggedTable:
-    places = range(0, len(table.channels), rows)
-    parts = [replace(table, channels=table.channels.iloc[first : first + rows], notes=()) for first in places]
-    if len(parts) < 2:
-        return table
-    return replace(parts[0], notes=table.notes, more=partial(iter, parts[1:]), parts=len(parts))
+    length = len(table.channels)
+    step = -(-length // max(1, round(length / rows)))
+    parts = [replace(table, channels=table.channels.iloc[first : first + step]) for first in range(0, length, step)]
+    return table if len(parts) < 2 else replace(parts[0], more=partial(iter, parts[1:]), parts=len(parts))
 
 
 def _guarded(tables: Callable[[], Iterator[LoggedTable]], what: str) -> Iterator[LoggedTable]:
