@@ -5,7 +5,9 @@
 Campaigns of the simulated rig, with options that are off by default: sensors at a valve behind a line that loses
 pressure (one per condition and all together), that loss stated rightly and 20 % wrong, a weight that strokes identify,
 and one motion at 100, 200, 500 and 1000 Hz. Prints a row per sentence or figure: the place in the code that makes it,
-how many were counted, and how many were true. ``--quick`` takes one seed and shorter recordings.
+how many were counted, and how many were true. ``intervals`` prints, by kind of campaign, how often stated intervals of
+label, offset, Stribeck point, load and parameters hold truth; what has no number is not counted. ``--quick`` takes one
+seed and shorter recordings.
 """
 
 import argparse
