@@ -22,7 +22,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.checks.limits import CheckLimits, LoadMode, StatedLoad
 from cylinder_friction.recordings.checks.recording_checks import checked_recording, inspect_recording
 from cylinder_friction.recordings.checks.screening import screen_signals
-from cylinder_friction.recordings.columns import LOAD_FORCE, TIME
+from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, TIME
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.formats.reading import read_logged_file
@@ -207,6 +207,7 @@ def open_tables(path: Path, recipe: Recipe, rows: int | None = None) -> list[Log
 def metadata_of(named: RecordingMetadata, source_file: str, digest: str, recipe: Recipe) -> RecordingMetadata:
     """Add to the names of a file what else its recordings share; each has its own sample time and start."""
     stated = recipe.limits.stated_load
+    areas_m2 = dict(zip(PRESSURES, recipe.limits.areas_m2 or (0.0, 0.0), strict=True))
     sensors = {column: each.sensor for column, each in recipe.channels.items() if each.sensor is not None}
     load = {} if stated is None else {LOAD_FORCE: SensorUncertainty(RECTANGULAR * stated.within_n, 0.0)}
     return replace(
@@ -218,7 +219,11 @@ def metadata_of(named: RecordingMetadata, source_file: str, digest: str, recipe:
         source_sha256=digest,
         asset=named.asset or recipe.asset,
         sensors={column: sensor.identity for column, sensor in sensors.items() if sensor.identity},
-        line_loss={column: sensor.line_loss for column, sensor in sensors.items() if sensor.line_loss is not None},
+        line_loss={
+            column: replace(sensor.line_loss, area_m2=areas_m2[column])
+            for column, sensor in sensors.items()
+            if sensor.line_loss is not None
+        },
     )
 
 

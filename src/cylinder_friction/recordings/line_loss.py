@@ -7,6 +7,7 @@ import numpy as np
 
 from cylinder_friction.arrays import Array
 
+OIL_DENSITY_KG_M3 = 870.0
 BAR_PA = 1e5
 RECTANGULAR = 1.0 / math.sqrt(3.0)
 """Ratio of standard deviation to half-width of a rectangular distribution (JCGM 100:2008, 4.3.7)."""
@@ -14,23 +15,31 @@ RECTANGULAR = 1.0 / math.sqrt(3.0)
 
 @dataclass(frozen=True)
 class LineLoss:
-    """Pressure loss between a sensor at a valve or block and its chamber, stated at one speed of the piston.
+    """Pressure loss between a sensor at a valve or block and its chamber, stated at one speed or by a hose's size.
 
-    It grows with the square of speed, except for its laminar part.
+    A loss stated at one speed grows with the square of speed, except for its laminar part. The loss of a hose without
+    fittings is computed from its dimensions (laminar: Hagen and Poiseuille; turbulent: Blasius).
 
     Raises:
-        ValueError: A number is out of range.
+        ValueError: Neither or both of the two are stated, or a number is out of range.
     """
 
-    bar: float  # Loss at ``speed_m_s`` [bar]
-    speed_m_s: float  # Speed of the piston [m/s]
+    bar: float | None = None  # Loss at ``speed_m_s`` [bar]
+    speed_m_s: float | None = None  # Speed of the piston [m/s]
     laminar_percent: float = 0.0  # Part of the loss that is proportional to speed [%]
+    length_m: float | None = None  # Length of the hose [m]
+    bore_mm: float | None = None  # Inner diameter of the hose [mm]
+    oil_mm2_s: float | None = None  # Kinematic viscosity of the oil during operation [mm²/s]
     uncertainty_percent: float = 20.0  # Largest error of the stated loss [± %]
+    area_m2: float = 0.0  # Area of the piston on this side, for the flow in a hose [m²]; set from the cylinder
 
     def __post_init__(self) -> None:
-        if not (0.0 < self.bar < math.inf and 0.0 < self.speed_m_s < math.inf):
+        measured, hose = (self.bar, self.speed_m_s), (self.length_m, self.bore_mm, self.oil_mm2_s)
+        stated = [one for one in (measured, hose) if any(value is not None for value in one)]
+        if len(stated) != 1 or not all(value is not None and 0.0 < value < math.inf for value in stated[0]):
             raise ValueError(
-                f"sensor: line_loss: expected positive bar and speed_m_s, but got {self.bar!r} and {self.speed_m_s!r}"
+                "sensor: line_loss: expected positive bar and speed_m_s, or positive length_m, bore_mm and oil_mm2_s, "
+                f"but got { ({name: value for name, value in vars(self).items() if value}) }"
             )
         for name in ("laminar_percent", "uncertainty_percent"):
             if not 0.0 <= getattr(self, name) <= 100.0:
@@ -43,12 +52,24 @@ class LineLoss:
 
     def in_words(self) -> str:
         """Describe the loss in words."""
-        return f"{self.bar:g} bar at {self.speed_m_s:g} m/s ± {self.uncertainty_percent:g} %"
+        unsure = f"± {self.uncertainty_percent:g} %"
+        if self.bar is not None:
+            return f"{self.bar:g} bar at {self.speed_m_s:g} m/s {unsure}"
+        return f"{self.length_m:g} m of {self.bore_mm:g} mm bore {unsure}"
 
     def lost_pa(self, velocity_m_s: Array) -> Array:
         """Compute how much higher the sensor's pressure is than its chamber's [Pa], shape ``(n,)``.
 
         ``velocity_m_s`` is the velocity of the piston, positive while oil flows towards the chamber.
         """
-        part, laminar = velocity_m_s / self.speed_m_s, self.laminar_percent / 100.0
-        return np.asarray(self.bar * BAR_PA * part * (laminar + (1.0 - laminar) * np.abs(part)))
+        if self.bar is not None and self.speed_m_s is not None:
+            part, laminar = velocity_m_s / self.speed_m_s, self.laminar_percent / 100.0
+            return self.bar * BAR_PA * part * (laminar + (1.0 - laminar) * np.abs(part))
+        assert self.length_m is not None
+        assert self.bore_mm is not None
+        assert self.oil_mm2_s is not None
+        bore_m, viscosity_m2_s = 1e-3 * self.bore_mm, 1e-6 * self.oil_mm2_s
+        flow_m_s = velocity_m_s * self.area_m2 / (0.25 * math.pi * bore_m**2)
+        reynolds = np.maximum(np.abs(flow_m_s) * bore_m / viscosity_m2_s, 1e-9)
+        factor = np.maximum(64.0 / reynolds, np.where(reynolds > 2300.0, 0.316 * reynolds**-0.25, 0.0))
+        return np.asarray(factor * self.length_m / bore_m * 0.5 * OIL_DENSITY_KG_M3 * flow_m_s * np.abs(flow_m_s))
