@@ -60,6 +60,7 @@ def test_file_and_page_hold_every_point_and_what_was_refused(result: FrictionMod
     assert len(points) == len(result.curves[0].points) > 12
     assert all((point["half_width_n"] is None) == (point["strokes"] == 1) for point in points)
     assert content["recordings"] == ["r1", "r2"]
+    assert content["simpler"] == ""
     assert [each["file"] for each in content["refused"]] == ["broken.csv"]
     assert content["models"]["pressure_lugre"]["parameters"]["coulomb_n"]["unit"] == "N"
     damping = content["models"]["pressure_lugre"]["parameters"]["bristle_damping_n_s_m"]
@@ -85,6 +86,16 @@ def test_without_slow_sliding_and_other_loads_the_rest_is_stated(tmp_path: Path,
     assert 'parameter Real static_n(unit = "N") "Fs' in (tmp_path / "out/lugre.mo").read_text(encoding="utf-8")
     assert "friction.static_n = NaN; % [N] Fs" in (tmp_path / "out/lugre.m").read_text(encoding="utf-8")
     assert not (tmp_path / "out/pressure_lugre.mo").exists()
+
+
+def test_the_plain_model_is_named_where_pressure_changes_nothing(tmp_path: Path, cylinder: Cylinder) -> None:
+    for number, pressure_pa in enumerate((8e5, 16e5), start=1):
+        pressures, truth = (pressure_pa, 4e5), lugre_to_find(300.0, 0.0)
+        write_lugre_log(tmp_path / f"r{number}.csv", truth, cylinder, SPEEDS_M_S, pressure_2_pa=pressures, seed=number)
+    result = identify_logs(tmp_path / "r*.csv", cylinder, tmp_path / "out", channels=CHANNELS, generations=1)
+    assert model_of(result, "pressure_lugre").found is not None
+    assert "LuGre describes all recordings as well" in result.simpler
+    assert "with one parameter fewer" in result.simpler
 
 
 def test_strokes_in_one_direction_give_no_model_but_the_reason(tmp_path: Path, cylinder: Cylinder) -> None:

@@ -12,7 +12,14 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.files.whole_files import read_json
 from cylinder_friction.recordings.checks.limits import CheckLimits
 from cylinder_friction.recordings.conversion import NameRules, Recipe
-from cylinder_friction.recordings.ingesting import Ingested, SeenRecordings, Source, ingest_folder, samples_hash
+from cylinder_friction.recordings.ingesting import (
+    Ingested,
+    SeenRecordings,
+    Source,
+    ingest_folder,
+    overlaps_in_words,
+    samples_hash,
+)
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
 from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.storage import read_stored
@@ -127,3 +134,21 @@ def test_a_damaged_file_is_repaired_or_refused_beside_good_ones(
     assert len(reasons) == (not parts)
     assert all(says in reason for reason in reasons)
     assert says in result.summary()
+
+
+@pytest.mark.parametrize(
+    ("starts", "session", "words"),
+    [
+        (("2026-03-14T08:15:00.000", "2026-03-14T08:15:04.000"), "monday", "a and b by 6 s; if they are of the same"),
+        (("2026-03-14T08:15:04.000", "2026-03-14T08:15:00.000"), "monday", "b and a by 6 s"),
+        (("2026-03-14T08:15:00.000", "2026-03-14T08:15:10.000"), "monday", ""),
+        (("2026-03-14T08:15:00.000", "2026-03-14T08:15:09.000"), "monday", ""),  # starts are rounded
+        (("2026-03-14T08:15:00.000", "2026-03-14T08:15:04.000Z"), "monday", ""),  # two clocks
+        (("2026-03-14T08:15:00.000", "2026-03-14T08:15:04.000"), "tuesday", ""),
+        (("2026-03-14", "2026-03-14"), "monday", ""),
+        (("", ""), "monday", ""),
+    ],
+)
+def test_overlapping_recordings_of_a_session_are_named(starts: tuple[str, str], session: str, words: str) -> None:
+    named = overlaps_in_words([("a", "monday", starts[0], 10.0), ("b", session, starts[1], 10.0)])
+    assert (words in named) if words else named == ""

@@ -14,7 +14,8 @@ EXPECTED = (ValueError, OSError)
 
 def run(options: argparse.Namespace) -> int:
     result, notes = run_on_logs(partial(identify_logs, generations=options.generations), options)
-    beside = [f"loss     {result.loss}"] if result.loss else []
+    beside = [f"simpler  {result.simpler}"] if result.simpler else []
+    beside += [f"loss     {result.loss}"] if result.loss else []
     print_result(result, notes, options.json, _lines(result), PAGE_FILE, beside)
     return 1 if result.refused or all(model.found is None for model in result.models) else 0
 

@@ -10,6 +10,7 @@ import hashlib
 import json
 import math
 import tempfile
+import warnings
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -47,7 +48,7 @@ from cylinder_friction.labelling.known_offset import KnownOffset, OffsetEvidence
 from cylinder_friction.recordings.checks.limits import LoadMode, StatedLoad
 from cylinder_friction.recordings.columns import COVERAGE_FACTOR, PRESSURES
 from cylinder_friction.recordings.conversion import ROWS_AT_ONCE
-from cylinder_friction.recordings.ingesting import SeenRecordings, digest_of
+from cylinder_friction.recordings.ingesting import SeenRecordings, digest_of, overlaps_in_words
 from cylinder_friction.recordings.mapping.channel_mapping import sensor_uncertainty
 from cylinder_friction.recordings.reading_logs import Logs, find_logs
 from cylinder_friction.recordings.result_folder import ResultFolder
@@ -157,6 +158,9 @@ def estimate_logs(
             str(read_json(into / SUMMARY_FILE).get("loss", "")) if not run.logs.files else run.loss_in_words(),
         )
         _write_summary(target, result, [name for each in results for name in each.files])
+    spans = ((each.name, each.session, each.start, each.duration_s) for each in result.recordings)
+    if overlaps := overlaps_in_words(spans):
+        warnings.warn(overlaps, stacklevel=2)
     return result
 
 

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from tqdm import tqdm
 
 from cylinder_friction.arrays import Array
@@ -52,6 +53,8 @@ from cylinder_friction.signals.smooth_signals import has_pressures
 MODELS_FILE, PAGE_FILE = "friction_models.json", "friction_models.html"
 CONFIDENCE, DAMPING_RATIO = 0.95, 0.5
 POPULATION, GENERATIONS = 10, 50
+AS_GOOD = 1.05
+"""Largest ratio of the plain model's error to the pressure-scaled one's at which the plain model is as good."""
 MOST_ROWS = 1 << 20
 """Most rows used of one log, because memory holds all of them. Of a longer log, evenly spread parts are used."""
 SIMULATED_RECORDINGS, PIECE_S, POLISHED_PIECE_S = 16, 10.0, 60.0
@@ -80,6 +83,7 @@ class FrictionModels:
     offsets: list[KnownOffset] = field(default_factory=list)
     guessed: dict[str, Any] | None = None  # As in ``FrictionOfLogs``
     loss: str = ""  # As in ``FrictionOfLogs``
+    simpler: str = ""  # A sentence if the model with fewer parameters describes all recordings as well; else empty
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content as JSON-compatible values; unknown values are None."""
@@ -94,6 +98,7 @@ class FrictionModels:
             "refused": [asdict(each) for each in self.refused],
             "guessed": self.guessed,
             "loss": self.loss,
+            "simpler": self.simpler,
         }
 
 
@@ -158,15 +163,17 @@ def identify_logs(
         if not recordings:
             raise none_usable(logs.root.as_posix(), len(logs.files), refused[0])
         search = ModelSearch(recordings, run, generations, seed)
+        models = search.plain(), search.pressure_scaled()
         result = FrictionModels(
             into,
             tuple(recording.name for recording in recordings),
             search.curves(),
-            (search.plain(), search.pressure_scaled()),
+            models,
             refused,
             list(run.offsets.values()),
             logs.guessed,
             run.loss_in_words(),
+            search.simpler(*models),
         )
         _write(folder, result, search, cylinder)
     return result
@@ -206,6 +213,22 @@ class ModelSearch:
             return _unidentified(model, self.recordings, "not every recording holds both pressures")
         problem = pressure_problem([_pressure(recording)[recording.usable()] for recording in self.recordings])
         return _unidentified(model, self.recordings, problem) if problem else self._identified(model, self.recordings)
+
+    def simpler(self, plain: IdentifiedModel, scaled: IdentifiedModel) -> str:
+        """State it if the plain model describes all recordings as well as the pressure-scaled one; else empty."""
+        if plain.found is None or scaled.found is None:
+            return ""
+        errors = []
+        for model in (plain, scaled):
+            off_n = [self.simulated(model, each) - each.column("friction_n") for each in self.recordings]
+            rows = [each.usable() for each in self.recordings]
+            errors.append(float(np.mean([np.abs(off[own]).mean() for off, own in zip(off_n, rows, strict=True)])))
+        if errors[0] > AS_GOOD * errors[1]:
+            return ""
+        return (
+            f"{plain.title} describes all recordings as well ({errors[0]:.1f} N) as {scaled.title} ({errors[1]:.1f} "
+            "N), with one parameter fewer; use its parameters"
+        )
 
     def simulated(self, identified: IdentifiedModel, recording: Recording) -> Array:
         """Simulate the friction of an identified model along a recording [N], shape ``(n,)``."""

@@ -26,6 +26,9 @@ from cylinder_friction.recordings.storage import write_recording
 
 RESOLUTION = {"position_m": 1e-9, DRIVE_FORCE: 1e-6}
 """Largest difference of samples that count as equal, because units or formats differ [m, N]; pressures: 1e-3 Pa."""
+OVERLAP_S = 2.0
+"""Shortest overlap that is named [s], because starts are rounded."""
+MOST_NAMED = 3  # Most pairs that a sentence names
 
 
 def samples_hash(columns: Columns) -> str:
@@ -55,6 +58,33 @@ class SeenRecordings:
                 "and a model could be tested on its own training data; keep one of them"
             )
         self.files[name], self.names[samples] = file, name
+
+
+def overlaps_in_words(recordings: Iterable[tuple[str, str, str, float]]) -> str:
+    """Name recordings of one session that overlap in time; empty if none do.
+
+    A recording is stated by name, session, start (as in ``RecordingMetadata``) and duration [s].
+    """
+    sessions: dict[tuple[str, bool], list[tuple[float, float, str]]] = {}
+    for name, session, start, duration_s in recordings:
+        if "T" in start:  # a day without a time shows no overlap
+            begin_s = float(np.datetime64(start.rstrip("Z"), "ms").astype(np.int64)) * 1e-3
+            sessions.setdefault((session, start.endswith("Z")), []).append((begin_s, begin_s + duration_s, name))
+    pairs: list[str] = []
+    for spans in map(sorted, sessions.values()):
+        ends_s, longest = spans[0][1:]
+        for begin_s, end_s, name in spans[1:]:
+            if ends_s - begin_s > OVERLAP_S:
+                pairs.append(f"{longest} and {name} by {min(ends_s, end_s) - begin_s:.4g} s")
+            if end_s > ends_s:
+                ends_s, longest = end_s, name
+    if not pairs:
+        return ""
+    more = f" and {len(pairs) - MOST_NAMED} more" if len(pairs) > MOST_NAMED else ""
+    return (
+        f"recordings of one session overlap in time: {', '.join(pairs[:MOST_NAMED])}{more}; if they are of the same "
+        "stretch, keep one of them; otherwise correct the clock, or the session in the names"
+    )
 
 
 @dataclass(frozen=True)
@@ -132,7 +162,8 @@ def ingest_folder(source: Source, into: Path, quarantine_file: Path, workers: Wo
             path, rows = outcome.result
             path.rename(folder / f"{outcome.metadata.name}.parquet")
             result.recordings.append((outcome.metadata, rows))
-        result.notes = _not_read(source, paths)
+        spans = ((each.name, each.session, each.start, rows * each.sample_time_s) for each, rows in result.recordings)
+        result.notes = [*_not_read(source, paths), *filter(None, [overlaps_in_words(spans)])]
         shutil.rmtree(elsewhere, ignore_errors=True)
         others = other_rates([metadata for metadata, _ in result.recordings])
         for name in others:

@@ -16,7 +16,13 @@ from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, QUANTITI
 from cylinder_friction.recordings.conversion import ROWS_AT_ONCE, NameRules, Recipe
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
-from cylinder_friction.recordings.ingesting import Quarantined, none_usable, other_rates, recordings_of
+from cylinder_friction.recordings.ingesting import (
+    Quarantined,
+    none_usable,
+    other_rates,
+    overlaps_in_words,
+    recordings_of,
+)
 from cylinder_friction.recordings.mapping.channel_mapping import SensorScale, check_mapping
 from cylinder_friction.recordings.mapping.guessing import GuessedMapping, channel_lines, guess_mapping, refuse_unknown
 from cylinder_friction.recordings.mapping.units import check_unit, stated_rate
@@ -81,6 +87,11 @@ def read_recordings(
         raise none_usable(logs.root.as_posix(), len(logs.files), refused[0])
     for entry in (*refused, *others.values()):
         warnings.warn(f"left out {entry.where}: {entry.reason}", stacklevel=2)
+    spans = (
+        (each.name, each.metadata.session, each.metadata.start, len(each) * each.sample_time_s) for each in recordings
+    )
+    if overlaps := overlaps_in_words(spans):
+        warnings.warn(overlaps, stacklevel=2)
     return [recording for recording in recordings if recording.name not in others]
 
 

@@ -40,6 +40,20 @@ def test_a_compound_dataset_is_a_table(tmp_path: Path) -> None:
     assert table.channels["raw"].tolist() == [9] * 6
 
 
+@pytest.mark.parametrize(
+    ("key", "value"), [("sampling_rate", 200), ("dt", 0.005), ("sample_time_s", np.float32(0.005))]
+)
+def test_a_stated_rate_makes_a_time_channel(tmp_path: Path, key: str, value: float) -> None:
+    path = tmp_path / "log.h5"
+    with h5py.File(path, "w") as file:
+        file["bench/P1"] = T
+        file["bench"].attrs[key] = value
+    (table,) = read_logged_file(path)
+    assert list(table.channels.columns) == ["time", "bench/P1"]
+    np.testing.assert_allclose(table.channels["time"], T * 0.005, rtol=1e-7)
+    assert table.units == {"time": "s"}
+
+
 def test_a_dataset_larger_than_its_file_could_hold_is_damaged(tmp_path: Path) -> None:
     path = tmp_path / "log.h5"
     with h5py.File(path, "w") as file:

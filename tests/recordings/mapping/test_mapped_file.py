@@ -92,9 +92,20 @@ def test_two_clocks_of_one_table_are_refused_unless_each_column_states_its_own()
         map_signals(tables, MAPPING)
     mapping = MAPPING | {"position_m": ChannelMapping("x", "mm", time="t10 [ms]")}
     assert map_signals(tables, mapping).signals["position_m"].time_s[-1] == 0.39
+    in_seconds = MAPPING | {"position_m": ChannelMapping("x", "mm", time="t10 [ms]", time_unit="s")}
+    tables = [LoggedTable(pd.DataFrame(PLC | {"t10 [ms]": 0.005 * ROWS}))]
+    assert map_signals(tables, in_seconds).signals["position_m"].time_s[-1] == pytest.approx(0.195)
     alike = {name: cells for name, cells in PLC.items() if name != "t10 [ms]"}
     for clock in (5000 * ROWS, 0.005 * ROWS, ROWS, pd.Timestamp("2026-03-14") + pd.to_timedelta(5 * ROWS, "ms")):
         map_signals([LoggedTable(pd.DataFrame(alike | {"clock": clock}))], MAPPING)
+
+
+def test_a_unit_that_contradicts_the_date_is_refused() -> None:
+    since_1970 = {**PLC, "t": 1_773_476_100_000 + 5 * ROWS, "t10 [ms]": 0}
+    assert map_signals([LoggedTable(pd.DataFrame(since_1970))], MAPPING).signals["position_m"].time_s[0] > 1e9
+    words = "begins at 1773476100000, which in ms since 1970 is 2026-03-14T08:15:00.000000000, but it is read in 'us'"
+    with pytest.raises(RecordingError, match=re.escape(words)):
+        map_signals([LoggedTable(pd.DataFrame(since_1970))], MAPPING | {"time_s": ChannelMapping("t", "us")})
 
 
 def test_a_start_in_the_future_is_not_stated() -> None:

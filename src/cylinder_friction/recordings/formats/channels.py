@@ -15,12 +15,16 @@ from cylinder_friction.recordings.recording import RecordingError
 
 @dataclass(frozen=True)
 class Channel:
-    """One channel of a file, named by its path in it. ``read`` loads its values, shape ``(length,)``."""
+    """One channel of a file, named by its path in it. ``read`` loads its values, shape ``(length,)``.
+
+    ``sample_time_s`` is the sample time that the file states instead of a time channel [s].
+    """
 
     name: str
     length: int
     read: Callable[[], NDArray[Any]]
     unit: str = ""
+    sample_time_s: float | None = None
 
 
 @dataclass
@@ -48,7 +52,7 @@ def column_arrays(name: str, shape: tuple[int, ...]) -> list[tuple[str, int, Any
 
 
 def tables_by_length(found: Found, wanted: Collection[str] | None, separator: str) -> list[LoggedTable]:
-    """Make one table of all channels with the same length, in the order of the file.
+    """Make one table of all channels with the same length and stated sample time, in the order of the file.
 
     If there are several tables, each is named by the group that its channels share, or else by its length.
     """
@@ -60,24 +64,33 @@ def tables_by_length(found: Found, wanted: Collection[str] | None, separator: st
             f"holds no channels{got}; expected vectors of numbers (save MATLAB's timeseries and table objects as "
             "plain arrays)"
         )
-    groups: dict[int, list[Channel]] = {}
+    timed = {each.length for each in found.channels if words_of(each.name.rsplit(separator, 1)[-1]).quantity == "time"}
+    groups: dict[tuple[int, float | None], list[Channel]] = {}
     for channel in found.channels:
-        groups.setdefault(channel.length, []).append(channel)
+        step = None if channel.length in timed else channel.sample_time_s
+        groups.setdefault((channel.length, step), []).append(channel)
     tables: list[LoggedTable] = []
-    for length, channels in groups.items():
+    for (length, sample_time_s), channels in groups.items():
         shared = {channel.name.rpartition(separator)[0] for channel in channels}
         name = "" if len(groups) == 1 else (len(shared) == 1 and shared.pop()) or f"{length} rows"
-        tables.append(table_of(channels, wanted, name, () if tables else found.others))
+        tables.append(table_of(channels, wanted, name, sample_time_s, () if tables else found.others))
     return tables
 
 
 def table_of(
-    channels: Sequence[Channel], wanted: Collection[str] | None, name: str, others: Sequence[str] = ()
+    channels: Sequence[Channel],
+    wanted: Collection[str] | None,
+    name: str,
+    sample_time_s: float | None = None,
+    others: Sequence[str] = (),
 ) -> LoggedTable:
-    """Read channels of one length as a table.
+    """Read channels of one length as a table, with a channel ``time`` [s] first if a sample time is given.
 
     Channels named time are always loaded, to check that they do not contradict the clock.
     """
+    if sample_time_s is not None:
+        length, step = channels[0].length, sample_time_s
+        channels = [Channel("time", length, lambda: np.arange(length) * step, "s"), *channels]
     asked = [channel for channel in channels if wanted is None or channel.name in wanted]
     loaded = [each for each in channels if each in asked or (asked and words_of(each.name).quantity == "time")]
     unread = [channel.name for channel in channels if channel not in loaded]

@@ -17,11 +17,16 @@ from cylinder_friction.recordings.formats.channels import (
 )
 from cylinder_friction.recordings.formats.format import FileSource, Format, LoggedTable
 
+_RATES = ("sampling_rate", "sample_rate", "samplerate", "sampling_frequency", "sample_rate_hz", "fs", "rate")
+_STEPS = ("dt", "sample_time", "sample_time_s", "sampling_time", "sampling_interval", "sample_interval", "wf_increment")
+
 
 def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[LoggedTable]:
     """Read one table per compound dataset, and one of all other datasets of equal length.
 
-    A dataset's name is its path, such as ``pressures/P1``. Its attribute ``unit`` or ``units`` states its unit.
+    A dataset's name is its path, such as ``pressures/P1``. Its attribute ``unit`` or ``units`` states its unit. If the
+    channels include no time, a channel ``time`` is made from a sampling rate [Hz] or sample time [s] that the dataset,
+    its group or the file states as an attribute.
     """
     import h5py
 
@@ -37,9 +42,9 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
                 channels = [Channel(name, shape[0], partial(_values, node, name)) for name in fields]
                 tables.append(table_of(channels, wanted, path))
             elif shape and node.dtype.kind in "biuf" and (arrays := column_arrays(path, shape)):
-                unit = _unit(node.attrs)
+                unit, step_s = _unit(node.attrs), _sample_time_s(node)
                 found.channels += [
-                    Channel(name, length, partial(_values, node, at), unit) for name, length, at in arrays
+                    Channel(name, length, partial(_values, node, at), unit, step_s) for name, length, at in arrays
                 ]
             else:
                 found.others.append(path)
@@ -59,6 +64,18 @@ def _unit(attributes: Any) -> str:
     stated = [attributes.get(key) for key in ("unit", "units", "Unit", "Units")]
     texts = [each.decode(errors="replace") if isinstance(each, bytes) else each for each in stated]
     return next((text.strip() for text in texts if isinstance(text, str)), "")
+
+
+def _sample_time_s(node: Any) -> float | None:
+    """Find the sample time that the dataset states, or the nearest group around it."""
+    while True:
+        for key, value in node.attrs.items():
+            name = key.casefold()
+            if name in (*_RATES, *_STEPS) and isinstance(value, int | float | np.number) and value > 0:
+                return 1.0 / float(value) if name in _RATES else float(value)
+        if node.name == "/":
+            return None
+        node = node.parent
 
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"

@@ -112,6 +112,7 @@ class ChannelMapping:
     # Time channel of this channel, if tables have their own ones; by default the channel of ``time_s`` in the same
     # table
     time: str = ""
+    time_unit: str = ""  # Unit of that time channel, if the file does not state it
     sensor: SensorScale | None = None  # Scale and limits of the sensor
     # Reading at which the column is zero, in the sensor's unit; for a position sensor the reading with the rod
     # retracted
@@ -213,8 +214,10 @@ def _problem(column: str, source: ChannelMapping) -> str:
     if column == TIME:
         if source.unit:
             units.check_unit(column, source.unit)
-        meaningless = source.sign != 1 or sensor is not None or source.time
+        meaningless = source.sign != 1 or sensor is not None or source.time or source.time_unit
         return "sign, sensor and time have no meaning for time; leave them out" if meaningless else ""
+    if source.time_unit:
+        units.check_unit(TIME, source.time_unit)
     if source.rate_hz is not None:
         return f"rate_hz is for {TIME!r} alone; name the channel"
     if sensor is None and units.of_stroke(column, source.unit):

@@ -13,7 +13,7 @@ import pandas as pd
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import QUANTITIES, TIME
-from cylinder_friction.recordings.formats.cells import is_future
+from cylinder_friction.recordings.formats.cells import epoch_of, is_future
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.mapping import units
 from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts, clocks_of
@@ -170,7 +170,8 @@ def _refuse_two_clocks(tables: Sequence[LoggedTable], stamps: Mapping[_Clock, Ar
                 raise RecordingError(
                     f"the table has two clocks, {own} with {own_hz[-1]:.4g} Hz and {other.name!r} with {other_hz:.4g} "
                     f"Hz, and no column is stamped by {other.name!r}; name it as the channel of time_s, or as "
-                    "channels.<column>.time of the columns that it stamps, or leave one out of the export"
+                    "channels.<column>.time (and time_unit) of the columns that it stamps, or leave one out of the "
+                    "export"
                 )
 
 
@@ -221,28 +222,37 @@ def _stamps(
         if clock in dates:
             stamps_s[clock] = stamps_to_seconds(dates[clock], origin)
         elif clock.channel:
-            stamps_s[clock] = _seconds(tables[clock.table], clock.channel, column, time)
+            stamps_s[clock] = _seconds(tables[clock.table], clock.channel, column, time, mapping[column].time_unit)
         else:
             assert time.rate_hz is not None
             stamps_s[clock] = np.arange(len(tables[clock.table].channels)) / time.rate_hz
     return stamps_s
 
 
-def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping) -> Array:
-    """Read a time channel's numbers in seconds; the unit of ``time_s`` applies unless the file states another's."""
-    stated = table.units.get(channel, "")
-    if channel == time.channel:
-        unit = time.unit or stated
-        if stated:
-            _refuse_other_unit(stated, unit, channel, TIME)
-    else:
-        unit = stated if units.quantity_of(stated) == "time" else time.unit
+def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping, time_unit: str) -> Array:
+    """Read a time channel's numbers in seconds.
+
+    The unit of ``time_s`` applies to the channel that it names. The mapping (``time_unit``) or the file states the unit
+    of another time channel.
+    """
+    raw, stated = table.channels[channel], table.units.get(channel, "")
+    of_time = channel == time.channel
+    configured = time_unit or (time.unit if of_time else "")
+    if stated and configured:
+        _refuse_other_unit(stated, configured, channel, TIME if of_time else column)
+    unit = configured or (stated if of_time or units.quantity_of(stated) == "time" else time.unit)
     if not unit:
         raise RecordingError(
-            f"time channel {channel!r} (for {column!r}) holds {table.channels[channel].dtype} and states no unit; "
+            f"time channel {channel!r} (for {column!r}) holds {raw.dtype} and states no unit; "
             "expected dates, or numbers with channels.time_s.unit"
         )
-    values = _numbers(table.channels[channel], channel, TIME, unit)
+    values = _numbers(raw, channel, TIME, unit)
+    epoch = epoch_of(values)
+    if epoch is not None and not math.isclose(units.column_scale(TIME, unit), 1e-9 * epoch.unit_ns):
+        raise RecordingError(
+            f"time channel {channel!r} begins at {values[0]:.15g}, which in {epoch.counted} since {epoch.since} is "
+            f"{epoch.stamps(values[:1])[0]}, but it is read in {unit!r}; correct channels.time_s.unit in the mapping"
+        )
     return units.to_column_unit(values - time.offset if time.offset else values, unit, TIME)
 
 
