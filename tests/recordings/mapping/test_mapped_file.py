@@ -106,6 +106,11 @@ def test_a_unit_that_contradicts_the_date_is_refused() -> None:
     words = "begins at 1773476100000, which in ms since 1970 is 2026-03-14T08:15:00.000000000, but it is read in 'us'"
     with pytest.raises(RecordingError, match=re.escape(words)):
         map_signals([LoggedTable(pd.DataFrame(since_1970))], MAPPING | {"time_s": ChannelMapping("t", "us")})
+    since_midnight = {**PLC, "t": 46_000.0 + 0.0005 * ROWS, "t10 [ms]": 0}  # in days, it would be a date, too
+    mapped = map_signals(
+        [LoggedTable(pd.DataFrame(since_midnight), {"t": "s"})], MAPPING | {"time_s": ChannelMapping("t", "s")}
+    )
+    assert mapped.signals["position_m"].time_s[1] == 46_000.0005
 
 
 def test_a_start_in_the_future_is_not_stated() -> None:

@@ -247,7 +247,7 @@ def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping
             "expected dates, or numbers with channels.time_s.unit"
         )
     values = _numbers(raw, channel, TIME, unit)
-    epoch = epoch_of(values)
+    epoch = None if stated else epoch_of(values)
     if epoch is not None and not math.isclose(units.column_scale(TIME, unit), 1e-9 * epoch.unit_ns):
         raise RecordingError(
             f"time channel {channel!r} begins at {values[0]:.15g}, which in {epoch.counted} since {epoch.since} is "
