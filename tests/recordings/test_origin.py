@@ -143,3 +143,30 @@ def test_a_stated_zone_makes_utc_but_of_an_hour_that_was_twice_or_never(at: str,
     assert start is not None
     assert start.text() == text
     assert start.source == f"header{', Europe/Oslo' if start.utc else '; in Europe/Oslo that hour was twice or never'}"
+
+
+PATTERN = r"(?P<day>\d\d)(?P<month>\d\d)(?P<year>\d\d)(?:_(?P<hour>\d\d)(?P<minute>\d\d))?"
+
+
+@pytest.mark.parametrize(
+    ("path", "text"),
+    [
+        ("press_270326_1015.csv", "2026-03-27T10:15:00.000"),
+        ("press_270326.csv", "2026-03-27"),
+        ("press_310226.csv", None),
+        ("press.csv", None),
+    ],
+)
+def test_a_file_name_states_the_start(path: str, text: str | None) -> None:
+    start = StartRules(pattern=PATTERN).named(path)
+    assert (start and start.text()) == text
+
+
+def test_a_file_name_counts_if_the_log_states_no_start(tmp_path: Path, cylinder: Cylinder) -> None:
+    made_log(4000).to_csv(tmp_path / "press_270326_1015.csv", index=False)
+    rules = {"zone": "Europe/Oslo", "pattern": PATTERN}
+    logs = find_logs(tmp_path, {"channels": CHANNELS, "start": rules}, cylinder)
+    (recording,) = recordings_of(logs.files, logs.recipe)
+    assert isinstance(recording, Recording), recording
+    assert recording.metadata.start == "2026-03-27T09:15:00.000Z"
+    assert recording.metadata.start_source == "file name, Europe/Oslo"

@@ -9,6 +9,7 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from datetime import datetime
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -23,6 +24,7 @@ from cylinder_friction.recordings.checks.limits import CheckLimits, LoadMode, St
 from cylinder_friction.recordings.checks.recording_checks import checked_recording, inspect_recording
 from cylinder_friction.recordings.checks.screening import screen_signals
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, TIME
+from cylinder_friction.recordings.formats.cells import is_future
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.formats.layout import CsvOptions
 from cylinder_friction.recordings.formats.reading import read_logged_file
@@ -55,6 +57,16 @@ ROWS_AT_ONCE = 1 << 18
 """Approximate number of rows of the parts of a long log: 22 minutes at 200 Hz, 4 minutes at 1 kHz."""
 
 
+START_PARTS = ("year", "month", "day", "hour", "minute", "second")
+
+
+def _groups(pattern: str | None, what: str) -> Mapping[str, int]:
+    try:
+        return re.compile(pattern or "").groupindex
+    except re.error as error:
+        raise RecordingError(f"{what} {pattern!r} is not a regular expression: {error}") from None
+
+
 @dataclass(frozen=True)
 class NameRules:
     """How a file's path below the source states condition and session.
@@ -66,10 +78,7 @@ class NameRules:
     pattern: str | None = None
 
     def __post_init__(self) -> None:
-        try:
-            groups = re.compile(self.pattern or "").groupindex
-        except re.error as error:
-            raise RecordingError(f"name pattern {self.pattern!r} is not a regular expression: {error}") from None
+        groups = _groups(self.pattern, "name pattern")
         if self.pattern is not None and "session" not in groups:
             raise RecordingError(
                 f"name pattern {self.pattern!r} has no group 'session'; write (?P<session>...) around the part of the "
@@ -113,6 +122,9 @@ class StartRules:
     """A mapping's rules for the start of logs."""
 
     zone: str | None = None  # Time zone of the logger's clock, such as Europe/Oslo, if the logs state none
+    # Regular expression for the path below the source, for logs without a start. Groups: ``year`` (two or four digits),
+    # ``month``, ``day``, and optionally ``hour``, ``minute`` and ``second``
+    pattern: str | None = None
 
     def __post_init__(self) -> None:
         try:
@@ -121,6 +133,27 @@ class StartRules:
             raise RecordingError(
                 f"start: zone: got {self.zone!r}, expected a name of the time zone database such as Europe/Oslo"
             ) from error
+        groups = _groups(self.pattern, "start: pattern").keys()
+        if self.pattern is not None and not {*START_PARTS[:3]} <= groups <= {*START_PARTS}:
+            raise RecordingError(
+                f"start: pattern: got groups {', '.join(groups) or 'none'}, expected {', '.join(START_PARTS[:3])} and, "
+                f"if the name has them, {', '.join(START_PARTS[3:])}"
+            )
+
+    def named(self, path: str) -> Start | None:
+        """Read the start in a file's name; None without a date that may be one."""
+        found = None if self.pattern is None else re.search(self.pattern, path)
+        if found is None:
+            return None
+        parts = {name: int(text) for name, text in found.groupdict().items() if text}
+        parts["year"] += 2000 if parts["year"] < 100 else 0
+        try:
+            at = np.datetime64(datetime(**parts).isoformat(), "ns")  # type: ignore[arg-type] # no zone is among the parts
+        except ValueError:
+            return None
+        words = "file name" if "hour" in parts else "file name, a date without a time of day"
+        start = Start(at if "hour" in parts else at.astype("datetime64[D]"), False, words)
+        return None if is_future(at) else start
 
     def in_utc(self, start: Start | None) -> Start | None:
         """Convert a start to UTC if the zone is known; a day, or an hour that was twice or never, stays unchanged."""
@@ -250,7 +283,12 @@ def pieces_from(
         limits = sensor_limits(recipe.channels)
         signals, bad = screen_signals(signals, limits, recipe.limits.stroke_m)
         notes = (*mapped.notes, *bad)
-    pieces = align(signals, recipe.time, replace(about, repairs=notes), recipe.start.in_utc(mapped.start))
+    pieces = align(
+        signals,
+        recipe.time,
+        replace(about, repairs=notes),
+        recipe.start.in_utc(mapped.start or recipe.start.named(about.source_file)),
+    )
     if recipe.limits.stated_load is not None:
         force_n = recipe.limits.stated_load.force_n
         pieces = [each.with_columns(load_force_n=np.full(len(each), force_n)) for each in pieces]
