@@ -14,12 +14,15 @@ from typing import TYPE_CHECKING, Any
 from cylinder_friction.estimation.friction_of_logs import loaded_once
 from cylinder_friction.estimation.results import Result, read_result
 from cylinder_friction.files.whole_files import read_json
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.realtime.trained_for import OtherCylinderError
+from cylinder_friction.recordings.recording import Recording, RecordingError
 from cylinder_friction.recordings.result_folder import ResultFolder
+from cylinder_friction.recordings.storage import read_recording
 
 if TYPE_CHECKING:
     from cylinder_friction.recordings.reading_logs import Logs
 
+__all__ = ["OtherCylinderError"]
 SUMMARY_FILE, PAGE_FILE = "summary.json", "friction.html"
 WRITTEN_BY = "cylinder-friction estimate"
 GONE = "its file was not among the logs of the last run"
@@ -106,6 +109,16 @@ def kept_recordings(results: Path) -> dict[str, list[dict[str, Any]]]:
     for each in _summary(results).get("recordings", ()):
         sessions[each["session"]].append(each)
     return dict(sessions)
+
+
+def friction_of(results: Path, name: str) -> Recording:
+    """Read one recording with its friction and all other columns of its Parquet file.
+
+    Raises:
+        RecordingError: The file is damaged.
+        OSError: The recording does not exist.
+    """
+    return read_recording(results / f"{name}.parquet")
 
 
 def made_with_model(results: Path) -> str:

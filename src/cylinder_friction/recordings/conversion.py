@@ -9,7 +9,6 @@ import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from datetime import datetime
 from functools import partial
 from itertools import chain
 from pathlib import Path
@@ -147,8 +146,9 @@ class StartRules:
             return None
         parts = {name: int(text) for name, text in found.groupdict().items() if text}
         parts["year"] += 2000 if parts["year"] < 100 else 0
+        year, month, day, hour, minute, second = (parts.get(name, 0) for name in START_PARTS)
         try:
-            at = np.datetime64(datetime(**parts).isoformat(), "ns")  # type: ignore[arg-type] # no zone is among the parts
+            at = np.datetime64(f"{year:04}-{month:02}-{day:02}T{hour:02}:{minute:02}:{second:02}", "ns")
         except ValueError:
             return None
         words = "file name" if "hour" in parts else "file name, a date without a time of day"

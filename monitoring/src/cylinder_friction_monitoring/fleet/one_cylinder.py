@@ -13,7 +13,6 @@ from typing import Any
 import cylinder_friction.estimation.kept_results as kept_results
 from cylinder_friction import Recording, estimate_logs
 from cylinder_friction.files.whole_files import read_json, write_json, write_text
-from cylinder_friction.realtime.trained_for import OtherCylinderError
 from cylinder_friction.recordings.columns import LOAD_FORCE
 from cylinder_friction.recordings.reading_logs import load_settings
 from cylinder_friction_monitoring.errors import Refused
@@ -115,7 +114,7 @@ class CylinderRun:
                     )
                 notes += [f"{self.name}: {each.message}" for each in caught]
                 refused += [Refused(f"{self.name}: {each.file}", each.reason, each.piece) for each in found.refused]
-            except OtherCylinderError as error:
+            except kept_results.OtherCylinderError as error:
                 other = str(error).partition(";")[0]
                 refused.append(Refused(self.name, f"{other}; correct `model` or `dimensions` in fleet.yaml"))
             except (ValueError, OSError) as error:
