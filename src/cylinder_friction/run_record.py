@@ -13,16 +13,14 @@ from cylinder_friction.execution.measuring import Took, now_ms
 from cylinder_friction.files.whole_files import json_hash, read_json
 
 Scalar = str | int | float | bool
-Table = dict[str, list[Any]]
-"""A table as columns of equal length, with text, numbers or None."""
+Table = dict[str, list[Any]]  # Columns of equal length, with text, numbers or None
 
 STAGES = (
     "record", "ingest", "filter", "label", "split", "offset",
     "search", "train", "baselines", "lugre", "compare", "register",
 )  # fmt: skip
 """The stages of the pipeline, in its order."""
-RUNS_FOLDER = Path("reports/runs")
-"""Folder with the ``RunRecord`` of each stage as ``<stage>.json``."""
+RUNS_FOLDER = Path("reports/runs")  # Folder with the ``RunRecord`` of each stage as ``<stage>.json``
 _CIRCUMSTANCES = ("took", "commit", "pipeline")
 """Fields that are ignored in comparisons of records: equal results at another commit are the same run."""
 

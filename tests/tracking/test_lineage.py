@@ -48,6 +48,7 @@ def commit_all(root: Path) -> None:
 
 
 def test_the_whole_way_back_holds_and_is_printed(registered: Path, tmp_path: Path) -> None:
+    change(registered / "params.yaml", "tolerance_percent: 0.1", "tolerance_percent: 5.0")  # which shapes no model
     found = lineage(URI, registered)
     assert broken(found) == {}
     assert lineage("models:/friction-estimator/1", registered) == found
@@ -56,11 +57,11 @@ def test_the_whole_way_back_holds_and_is_printed(registered: Path, tmp_path: Pat
     assert load_estimator(folder).inputs
     lines = found.text().splitlines()
     assert lines[0].startswith("friction-estimator version 1 (promoted: there is no incumbent")
-    assert list(found.links) == ["files", "run", "git commit", *sorted(DATA)]
+    assert list(found.links) == ["files", "run", "git commit", *sorted(DATA), "parameters"]
     head = found.links["git commit"][1]
     assert head.endswith(f"Pipeline; HEAD is {head[:12]}, with the same code")
     assert any("data raw/rig" in line and line.endswith(".dir in dvc.lock of the working tree") for line in lines)
-    assert lines[-1] == "all 7 links hold"
+    assert lines[-1] == "all 8 links hold"
 
 
 def test_a_model_that_was_served_is_unchanged(pipeline: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -89,9 +90,10 @@ def test_a_model_that_is_not_there_is_named(registered: Path, uri: str, message:
 
 @pytest.mark.parametrize("text", ["", "<<<<<<< ours\n=======\n{["])
 def test_what_has_moved_on_or_cannot_be_read_now_is_found_in_the_history(registered: Path, text: str) -> None:
-    change(registered / "dvc.lock", ".dir", "0.dir")
-    if text:
-        (registered / "dvc.lock").write_text(text, encoding="utf-8")
+    for file, old, new in (("params.yaml", "seed: 1", "seed: 7"), ("dvc.lock", ".dir", "0.dir")):
+        change(registered / file, old, new)
+        if text:
+            (registered / file).write_text(text, encoding="utf-8")
     (registered / "src/train.py").write_text("NAME = 'other'\n", encoding="utf-8")
     commit_all(registered)
     found = lineage(URI, registered)
@@ -100,14 +102,17 @@ def test_what_has_moved_on_or_cannot_be_read_now_is_found_in_the_history(registe
     assert made.endswith("with other code")
     for name in DATA:
         assert found.links[name][1].endswith(f" in dvc.lock of commit {made[:7]}")
+    assert found.links["parameters"][1].endswith(f" in params.yaml of commit {made[:7]}")
 
 
 def test_what_no_commit_has_is_a_broken_link(registered: Path) -> None:
     shutil.rmtree(registered / ".git")
     (registered / ".dvc").mkdir()
+    change(registered / "params.yaml", "seed: 1", "seed: 7")
     change(registered / "dvc.lock", ".dir", "0.dir")
     links = broken(lineage(URI, registered))
     assert "not in this repository (fatal: not a git repository" in links["git commit"]
+    assert links["parameters"].endswith("in no version of params.yaml; fetch the branch that holds it")
     assert links["data raw/rig"].endswith("in no version of dvc.lock; fetch the branch that holds it")
 
 
@@ -161,7 +166,7 @@ TAMPERING: dict[str, tuple[Callable[[Path], object], set[str]]] = {
     "lineage.json, another commit": (in_origin("git_commit", "0" * 40), {"files", "git commit"}),
     "lineage.json, an option of git's": (in_origin("git_commit", "--output=written"), {"files", "git commit"}),
     "lineage.json, other data": (in_origin("data", {"data/raw/rig": "0" * 32}), {"files", "data raw/rig"}),
-    "lineage.json, other parameters": (in_origin("params", {"train": {"seed": 7}}), {"files"}),
+    "lineage.json, other parameters": (in_origin("params", {"train": {"seed": 7}}), {"files", "parameters"}),
     "tag of the files": (in_tag("hash_files", "0" * 64), {"files"}),
     "the run": (run_deleted, {"run"}),
     "all files": (lambda root: shutil.rmtree(root / "mlartifacts"), {"files"}),

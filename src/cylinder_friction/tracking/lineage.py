@@ -1,25 +1,26 @@
-"""Registered versions: look one up, copy its files, and check its lineage: run, commit and data."""
+"""Registered versions: look one up, copy its files, and check its lineage: run, commit, data and parameters."""
 
 import re
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import yaml
 from mlflow import artifacts
 from mlflow.entities.model_registry import ModelVersion
 from mlflow.exceptions import MlflowException
 from mlflow.models import Model
 
 from cylinder_friction.dvc_hashes import LOCK_FILE
-from cylinder_friction.files.whole_files import hash_of, read_json
+from cylinder_friction.files.whole_files import hash_of, json_hash, read_json
 from cylinder_friction.tracking.repository import SOURCES, TrackingError, asked_git, repository_root
 from cylinder_friction.tracking.store import Store, open_store
 from cylinder_friction.wording import in_brief, printable
 
-REASON, FILES = "reason", "hash_files"
-"""Tags of a version: why it was promoted or refused, and the hash of its files."""
+REASON, FILES = "reason", "hash_files"  # Tags of a version: why it was promoted or refused; the hash of its files
 WRITTEN_ON_LOADING = "registered_model_meta"
 """File that MLflow adds to a model when it loads the model by its registered name; the hash leaves the file out."""
 EVALUATING_SECTIONS = ("recipe", "lugre", "compare", "register")
@@ -104,9 +105,9 @@ class Lineage:
 def lineage(uri: str, root: Path) -> Lineage:
     """Check every link of the lineage of ``models:/<name>@<alias>`` or ``models:/<name>/<version>``.
 
-    The files of the version must have the registered hash. One of them, ``lineage.json``, has the parameters and states
-    the other links: run and commit must exist, and ``dvc.lock`` must contain the hashes of the data, in the working
-    tree or in a commit.
+    The files of the version must have the registered hash. One of them, ``lineage.json``, states the other links: run
+    and commit must exist, and ``dvc.lock`` and ``params.yaml`` must contain the hashes of the data and the parameters,
+    in the working tree or in a commit.
 
     Raises:
         TrackingError: The registry cannot be reached or has no such version, or the URI has another form.
@@ -130,7 +131,12 @@ def lineage(uri: str, root: Path) -> Lineage:
         except MlflowException:
             links["run"] = (False, f"{origin['run_id']}: not in the store")
     links["git commit"] = _commit(root, origin)
-    links |= {f"data {name.removeprefix('data/')}": _data(root, md5) for name, md5 in origin["data"].items()}
+    for name, md5 in origin["data"].items():
+        links[f"data {name.removeprefix('data/')}"] = _stated(root, LOCK_FILE, md5, str)
+    own = json_hash(origin["params"])
+    links["parameters"] = _stated(
+        root, "params.yaml", own, lambda text: json_hash(shaping_params(yaml.safe_load(text)))
+    )
     return Lineage(model, links)
 
 
@@ -147,10 +153,13 @@ def _commit(root: Path, origin: Mapping[str, Any]) -> tuple[bool, str]:
     return True, f"{sha[:12]} {words}{modified}; HEAD is {head}, with {code} code"
 
 
-def _data(root: Path, md5: str) -> tuple[bool, str]:
-    """Look for a hash in ``dvc.lock``, in the working tree or else in the commit that brought it."""
-    if (root / LOCK_FILE).is_file() and md5 in (root / LOCK_FILE).read_text(encoding="utf-8", errors="replace"):
-        return True, f"{md5} in {LOCK_FILE} of the working tree"
-    if commits := asked_git(root, "log", "--all", "--format=%h", f"-S{md5}", "--", LOCK_FILE)[0]:
-        return True, f"{md5} in {LOCK_FILE} of commit {commits.split()[-1]}"
-    return False, f"{md5} in no version of {LOCK_FILE}; fetch the branch that holds it"
+def _stated(root: Path, file: str, md5: str, read: Callable[[str], str]) -> tuple[bool, str]:
+    """Look for a hash in what is ``read`` of a file: in the working tree, then in each commit, newest first."""
+    commits = (asked_git(root, "log", "--all", "--format=%h", "--", file)[0] or "").split()
+    texts = ((f"commit {sha}", asked_git(root, "show", f"{sha}:{file}")[0] or "") for sha in commits)
+    here = (root / file).read_text(encoding="utf-8", errors="replace") if (root / file).is_file() else ""
+    for where, text in (("the working tree", here), *texts):
+        with suppress(ValueError, AttributeError, yaml.YAMLError):  # the marks of a merge, for example
+            if md5 in read(text):
+                return True, f"{md5[:36]} in {file} of {where}"
+    return False, f"{md5[:36]} in no version of {file}; fetch the branch that holds it"

@@ -22,13 +22,10 @@ from cylinder_friction.run_record import Dataset, RunRecord, records_in
 from cylinder_friction.tracking.repository import TrackingError, commit_of
 from cylinder_friction.tracking.store import Store, open_store
 
-STAGE_TAG = "stage"
-"""Tag of a run: the name of its stage or trial, or ``pipeline``."""
-KEY_TAG = "record_key"
-"""Tag of a run and its children: the key of the record, which identifies the run."""
+STAGE_TAG = "stage"  # Tag of a run: the name of its stage or trial, or ``pipeline``
+KEY_TAG = "record_key"  # Tag of a run and its children: the key of the record, which identifies the run
 PIPELINE = "pipeline"
-VIEW = "errors"
-"""Name of the shared view of an experiment's runs, with the columns that a decision needs."""
+VIEW = "errors"  # Name of the shared view of an experiment's runs, with the columns that a decision needs
 _TYPES: dict[str, str] = {"float": "float", "int64": "long", "int32": "integer", "bool": "boolean", "double": "double"}
 _WRITER = "writer"  # Tag: the machine and repository that logged a run
 _LONGEST_PARAM, _LONGEST_NAME = 6000, 80
