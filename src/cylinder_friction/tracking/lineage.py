@@ -132,11 +132,9 @@ def lineage(uri: str, root: Path) -> Lineage:
             links["run"] = (False, f"{origin['run_id']}: not in the store")
     links["git commit"] = _commit(root, origin)
     for name, md5 in origin["data"].items():
-        links[f"data {name.removeprefix('data/')}"] = _stated(root, LOCK_FILE, md5, str)
+        links[f"data {name.removeprefix('data/')}"] = _found(root, LOCK_FILE, md5, str)
     own = json_hash(origin["params"])
-    links["parameters"] = _stated(
-        root, "params.yaml", own, lambda text: json_hash(shaping_params(yaml.safe_load(text)))
-    )
+    links["parameters"] = _found(root, "params.yaml", own, lambda text: json_hash(shaping_params(yaml.safe_load(text))))
     return Lineage(model, links)
 
 
@@ -153,7 +151,7 @@ def _commit(root: Path, origin: Mapping[str, Any]) -> tuple[bool, str]:
     return True, f"{sha[:12]} {words}{modified}; HEAD is {head}, with {code} code"
 
 
-def _stated(root: Path, file: str, md5: str, read: Callable[[str], str]) -> tuple[bool, str]:
+def _found(root: Path, file: str, md5: str, read: Callable[[str], str]) -> tuple[bool, str]:
     """Look for a hash in what is ``read`` of a file: in the working tree, then in each commit, newest first."""
     commits = (asked_git(root, "log", "--all", "--format=%h", "--", file)[0] or "").split()
     texts = ((f"commit {sha}", asked_git(root, "show", f"{sha}:{file}")[0] or "") for sha in commits)
