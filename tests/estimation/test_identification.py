@@ -88,6 +88,7 @@ def test_without_slow_sliding_and_other_loads_the_rest_is_stated(tmp_path: Path,
     assert not (tmp_path / "out/pressure_lugre.mo").exists()
 
 
+@pytest.mark.extended
 def test_the_plain_model_is_named_where_pressure_changes_nothing(tmp_path: Path, cylinder: Cylinder) -> None:
     for number, pressure_pa in enumerate((8e5, 16e5), start=1):
         pressures, truth = (pressure_pa, 4e5), lugre_to_find(300.0, 0.0)

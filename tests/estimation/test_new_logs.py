@@ -207,6 +207,7 @@ def test_what_is_no_result_is_neither_read_nor_written_over(run: Run, folder: Pa
     assert run().new == ("log05",)
 
 
+@pytest.mark.extended
 def test_after_a_kill_at_any_moment_the_next_run_ends_in_the_same_bytes(folder: Path, tmp_path: Path) -> None:
     def command(out: str) -> subprocess.Popen[bytes]:
         sizes = "bore_diameter_m=0.063,rod_diameter_m=0.028,stroke_m=0.25,moving_mass_kg=6"
