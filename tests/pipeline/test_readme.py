@@ -18,7 +18,9 @@ from pipeline_workspace import MAKE, PROJECT, copy_of, environment, run, run_her
 
 RUN_IN_A_FINISHED_PIPELINE = {
     "make readme": "README.md now shows the recipe 'smoke', not the default",
-    "cylinder-friction estimate data/raw/rig/condition1_session01_recording01.csv": "friction/friction.html",
+    "cylinder-friction estimate data/raw/rig/condition1_session01_recording01.csv --channels conf/ingest/rig.yaml": (
+        "friction/friction.html"
+    ),
     "cylinder-friction ingest init data/raw/rig/condition1_session01_recording01.csv": 'channel: "P1 [bar]", unit: bar',
     "cylinder-friction inspect data/raw/rig/condition1_session01_recording01.csv": "1 file: 1 ok",
     'make params ARGS="experiment=smoke"': "",

@@ -50,6 +50,7 @@ def served_ui(
     """
     with open_store(root, create=False) as store:  # the UI would make an empty one
         log_folder = store.root / LOCAL_FOLDER
+    log_folder.mkdir(exist_ok=True)
     uri = tracking_uri(root)
     if uri.startswith(("http://", "https://")):
         yield uri, None

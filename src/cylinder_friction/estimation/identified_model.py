@@ -119,12 +119,11 @@ def no_rise_seen(curve: StribeckCurve, points: Sequence[SteadyPoint]) -> str:
     """State why steady sliding does not show how friction rises towards standstill; empty if it does."""
     slowest_m_s = min(abs(point.velocity_m_s) for point in points)
     rise = float(curve.dry_friction(np.array([slowest_m_s]))[0]) / curve.coulomb_n - 1.0
-    if is_breakaway_known(curve, points) and rise >= LEAST_RISE:
+    rises = rise >= LEAST_RISE
+    if rises and is_breakaway_known(curve, points):
         return ""
-    return (
-        f"at the slowest steady sliding, {1e3 * slowest_m_s:.2g} mm/s, friction does not rise towards standstill; "
-        "record slower strokes"
-    )
+    seen = "still rises towards standstill, how far is not seen" if rises else "does not rise towards standstill"
+    return f"at the slowest steady sliding, {1e3 * slowest_m_s:.2g} mm/s, friction {seen}; record slower strokes"
 
 
 def stribeck_points(
