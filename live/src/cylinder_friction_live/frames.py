@@ -192,10 +192,9 @@ def pack_acknowledgement(block: Acknowledgement) -> bytes:
 def unpack(message: bytes) -> list[SampleBlock | EstimateBlock | Acknowledgement]:
     """Read the blocks of a message: samples, estimates or acknowledgements, in their order.
 
-    Raises ``FrameError`` for an empty message, a cut block, or a
-    block of an unknown kind; then no block of the message counts.
+    Raises ``FrameError`` for an empty message, a cut block, or a block of an unknown kind; then no block of the message
+    counts.
     """
-
     blocks: list[SampleBlock | EstimateBlock | Acknowledgement] = [*_alike_samples(message)]
     if blocks:
         return blocks

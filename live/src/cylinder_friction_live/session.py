@@ -59,9 +59,7 @@ class SessionOrder:
     def receive(self, block: SampleBlock, now_s: float) -> list[SampleBlock]:
         """Take samples; return the samples that can be stepped, in order."""
         if block.index == self.next_index and not self._held and block.rows:  # nearly always
-            self.counts.stepped += block.rows
-            self.next_index = block.index + block.rows
-            return [block]
+            return [self._stepped(block)]
         index, time_s, samples = block.index, block.time_s, block.samples
         if self.next_index is None:
             self.next_index = index
