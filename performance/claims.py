@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from sentences import LOAD, NAMES, WORLDS, Simulated, holds, sentences, simulated, write_logs
+from sentences import LOAD, NAMES, ONLY_INTERVALS, WORLDS, Simulated, holds, sentences, simulated, write_logs
 from zero_sweep import PLAN, RIG, Kind, identified, raw_recordings
 
 from cylinder_friction.arrays import Array
@@ -241,7 +241,7 @@ def rates(seed: int, quick: bool) -> Iterator[Row]:
 
 def intervals(seed: int, quick: bool) -> Iterator[Row]:
     """Yield how often stated 95 % intervals hold truth, by kind of campaign, each from logs."""
-    for name, world in WORLDS.items():
+    for name, world in (WORLDS | ONLY_INTERVALS).items():
         made = simulated(world, seed, quick)
         with tempfile.TemporaryDirectory() as scratch:
             mapping, load = write_logs(made, Path(scratch)), load_of(world.load)

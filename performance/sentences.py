@@ -31,8 +31,9 @@ from cylinder_friction.recordings.recording import Recording
 from cylinder_friction.rig.campaign import LOSS_SPEED_M_S, SPECIMENS, RigRecording, campaign
 from cylinder_friction.rig.campaign_plan import CampaignPlan
 from cylinder_friction.rig.friction import REFERENCE_C
-from cylinder_friction.rig.parameters import FrictionParameters, default_rig
+from cylinder_friction.rig.parameters import FrictionParameters, RigParameters, default_rig
 from cylinder_friction.rig.sensors import write_logger_csv
+from cylinder_friction.rig.variation import draw_wide_rig
 
 MAPPING = Path(__file__).parents[1] / "conf/ingest/rig.yaml"
 TOPICS = re.compile(r"bound|\bload|zero|sensor|asymmetr|port|±", re.IGNORECASE)
@@ -52,6 +53,7 @@ class World:
     load: str = "none"  # As ``--load`` states it
     noisy_position: bool = False
     identifies: bool = False  # Whether `identify` reads condition 1 too
+    specimen: str = "wide"  # As in ``CampaignPlan``, or "free of pressure"
 
     @property
     def weight_n(self) -> float:
@@ -76,6 +78,20 @@ WORLDS = {
     "noisy position": World(noisy_position=True),
     "100 Hz": World(options={"sample_time_s": 0.01}),
 }
+ONLY_INTERVALS = {
+    name: World(0.05, 0.05, specimen=specimen)
+    for name, specimen in (("default rig", "default"), ("friction free of pressure", "free of pressure"))
+}
+"""Worlds whose intervals are counted, but no sentences."""
+
+
+def free_of_pressure(rig: RigParameters, generator: np.random.Generator) -> RigParameters:
+    """Draw any rig of this size, whose seals the pressure does not press."""
+    drawn = draw_wide_rig(rig, generator)
+    return replace(drawn, friction=replace(drawn.friction, piston_seal_n=0.0, rod_seal_n=0.0))
+
+
+SPECIMENS["free of pressure"] = free_of_pressure
 
 
 @dataclass(frozen=True)
@@ -310,10 +326,10 @@ def simulated(world: World, seed: int, quick: bool) -> Simulated:
         recordings_per_session=1,
         duration_s=15.0 if quick else 25.0,
         residual_offset_bar=world.zero_bar,
-        specimen="wide",
+        specimen=world.specimen,  # type: ignore[arg-type]
         **world.options,  # type: ignore[arg-type]
     )
-    rig = SPECIMENS["wide"](default_rig(cylinder, plan.supply), np.random.default_rng([seed, 0, 0, 0]))
+    rig = SPECIMENS[world.specimen](default_rig(cylinder, plan.supply), np.random.default_rng([seed, 0, 0, 0]))
     return Simulated(world, cylinder, rig.friction, tuple(campaign(cylinder, plan)))
 
 

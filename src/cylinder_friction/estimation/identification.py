@@ -14,6 +14,8 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.estimation.friction_of_logs import LabelledLogs, inputs
 from cylinder_friction.estimation.identification_page import write_identification_page
 from cylinder_friction.estimation.identified_model import (
+    UNSEPARATED,
+    WIDEST,
     IdentifiedCurve,
     IdentifiedModel,
     determined,
@@ -23,6 +25,7 @@ from cylinder_friction.estimation.identified_model import (
     stribeck_points,
 )
 from cylinder_friction.estimation.results import load_left
+from cylinder_friction.estimation.steady_viscous import viscous_interval
 from cylinder_friction.estimation.velocity_choices import (
     FITS_ALIKE,
     LEAST_SHARE,
@@ -62,7 +65,8 @@ SIMULATED_RECORDINGS, PIECE_S, POLISHED_PIECE_S = 16, 10.0, 60.0
 INTERVALS_OF_PARAMETERS = (
     f"{INTERVAL_METHOD}; widened to hold what steady sliding alone gives, and what is identified with every velocity "
     f"whose error exceeds the least by at most {100.0 * FITS_ALIKE:g} % of mean |friction|, to {100.0 * LEAST_SHARE:g} "
-    "% either way at least, and by what is stated of the sensors' zeros, or uncertain of an identified load"
+    "% either way at least, and by what is stated of the sensors' zeros, or uncertain of an identified load; that of "
+    "viscous friction from steady sliding alone, beside dry friction that changes with speed and pressure"
 )
 INTERVALS_OF_POINTS = (
     "Student's t over the medians of strokes, with what is stated of the sensors' zeros, or uncertain of an identified "
@@ -201,6 +205,9 @@ class ModelSearch:
         for condition, own in ((each, self._of(each)) for each in conditions):
             points = stribeck_points(own, self.slowest_m_s, CONFIDENCE, self._zeros_n(own))
             curve = IdentifiedCurve(condition, tuple(each.name for each in own), points, *known_curve(points))
+            if curve.curve is not None:
+                lower, upper = self._viscous_interval(own, curve.curve.viscous_n_s_m)
+                curve = replace(curve, no_viscous=UNSEPARATED if upper > WIDEST * lower else "")
             curves.append(curve if self.run.loss is None else curve.with_loss(self.run.loss))
         return tuple(curves)
 
@@ -248,6 +255,11 @@ class ModelSearch:
     def _of(self, condition: str) -> list[Recording]:
         return [recording for recording in self.recordings if recording.metadata.condition == condition]
 
+    def _viscous_interval(self, recordings: Sequence[Recording], value: float) -> tuple[float, float]:
+        """Compute the interval of viscous friction, widened to hold the value of a fit [N s/m]."""
+        lower, upper = viscous_interval(recordings, self.run.cylinder, CONFIDENCE)
+        return max(min(lower, (1.0 - LEAST_SHARE) * value), 1e-9), max(upper, (1.0 + LEAST_SHARE) * value)
+
     def _identified(self, model: LuGre, recordings: Sequence[Recording]) -> IdentifiedModel:
         points = stribeck_points(recordings, self.slowest_m_s, CONFIDENCE)
         if problem := undetermined(points) if points else "":
@@ -260,6 +272,7 @@ class ModelSearch:
         except ValueError as error:  # too few points of steady sliding
             return _unidentified(model, recordings, str(error))
         intervals = widened_intervals(found, model, recordings, self.velocities, pressure, **given)
+        intervals["viscous_n_s_m"] = self._viscous_interval(recordings, found.parameters.value("viscous_n_s_m"))
         found = replace(found, intervals=shifted_intervals(found, intervals, self._zeros_n(recordings)))
         loss = "" if self.run.loss is None else self.run.loss.unknown_viscous
         parameters = determined(model, found, points, DAMPING_RATIO, loss)

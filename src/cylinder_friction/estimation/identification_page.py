@@ -137,6 +137,7 @@ def _curve_table(each: IdentifiedCurve) -> Table | None:
     rows: list[list[str | Cell]] = []
     for spec in (*STRIBECK, RETRACT_RATIO):
         problem = each.why_not_slow if spec.name in SLOW_PARAMETERS else ""
+        problem = each.no_viscous if spec.name == "viscous_n_s_m" else problem
         remark = Cell(f"{NOT_DETERMINED}: {problem}" if problem else "", style="words")
         value = Cell("–", style="none") if problem else four_digits(getattr(each.curve, spec.name))
         rows.append([meaning(spec, pressure_scaled=False), SYMBOLS[spec.name], value, spec.unit, remark])

@@ -62,8 +62,8 @@ WIDEST = 4.0
 LEAST_PRESSURE_SPAN = 1.5
 """Least ratio of greatest to least sum of pressures in usable rows. Below it, pressure and preload are inseparable."""
 UNSEPARATED = (
-    "part of it may be how dry friction falls with speed, as the Stribeck velocity is not determined; record more "
-    "strokes at constant speed, slow ones and fast ones"
+    "strokes do not tell it from dry friction, which changes with speed, pressure and place; record more strokes at "
+    "constant speed, slow ones and fast ones, and other loads"
 )
 BENT_BY_A_LOSS = ("coulomb_n", "viscous_n_s_m", "retract_ratio")
 """Parameters that a loss in a line changes: it grows with the square of speed, and the directions differ in speed."""
@@ -210,9 +210,7 @@ def determined(
     no_rise = no_rise_seen(found.parameters.curve, points)
     for spec in model.searched:
         why_not[spec.name] = (no_rise if spec.name in SLOW_PARAMETERS else "") or _unknown(spec, found)
-    falls = found.parameters.static_n > (1.0 + LEAST_RISE) * found.parameters.coulomb_n
-    unseparated = UNSEPARATED if falls and why_not["stribeck_velocity_m_s"] else ""
-    why_not["viscous_n_s_m"] = why_not["viscous_n_s_m"] or unseparated
+    why_not["viscous_n_s_m"] = UNSEPARATED if why_not["viscous_n_s_m"] else ""
     why_not |= dict.fromkeys(BENT_BY_A_LOSS, loss) if loss else {}
     parameters = []
     for spec in model.specs:

@@ -25,7 +25,7 @@ FITS_ALIKE = 0.01
 LEAST_SHARE = 0.02
 """Least half-width of an interval, as a share of the value: the bias by smoothing of label and velocity."""
 EVALUATIONS = 400
-STEADY = {"coulomb_n", "viscous_n_s_m", "retract_ratio"}
+STEADY = {"coulomb_n", "retract_ratio"}
 """Parameters that steady sliding also determines."""
 
 

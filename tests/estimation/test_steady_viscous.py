@@ -1,0 +1,42 @@
+"""Viscous friction has a narrow interval that holds it, or a wide one where pressure changed along with speed."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from cylinder_friction.cylinder import Cylinder
+from cylinder_friction.estimation.identified_model import WIDEST
+from cylinder_friction.estimation.steady_viscous import viscous_interval
+from cylinder_friction.recordings.recording import Recording, RecordingMetadata
+
+STEP_S, VISCOUS_N_S_M = 0.005, 1500.0
+SPEEDS_M_S = np.repeat(np.random.default_rng(3).permutation(np.geomspace(8e-3, 0.06, 15)), 200)
+
+
+def strokes(slope_n_bar: float, back_bar_per_m_s: float, seed: int) -> Recording:
+    """Strokes of a second at 15 speeds each way, each at a back pressure that grows with speed and varies by itself."""
+    generator = np.random.default_rng(seed)
+    speed, way = np.tile(SPEEDS_M_S, 2), np.tile(np.repeat([1.0, -1.0], 200), 15)
+    own_bar = np.repeat(generator.normal(0.0, 0.002 if back_bar_per_m_s else 2.0, 30), 200)
+    back_bar = 20.0 + back_bar_per_m_s * speed + own_bar
+    friction_n = way * (300.0 + slope_n_bar * back_bar + VISCOUS_N_S_M * speed + generator.normal(0.0, 5.0, len(speed)))
+    pressures = {f"pressure_{side}_pa": 1e5 * back_bar for side in (1, 2)}
+    columns = {"time_s": STEP_S * np.arange(len(speed)), "velocity_m_s": way * speed, "friction_n": friction_n}
+    columns |= {"position_m": np.cumsum(way * speed) * STEP_S, "usable": np.ones(len(speed), dtype=np.bool_)}
+    return Recording(RecordingMetadata("r", "1", "s", STEP_S), pd.DataFrame(columns | pressures))
+
+
+@pytest.mark.parametrize(
+    ("slope_n_bar", "back_bar_per_m_s", "known"), [(0.0, 0.0, True), (8.0, 0.0, True), (4.0, -150.0, False)]
+)
+def test_viscous_friction_is_told_from_pressure(
+    cylinder: Cylinder, slope_n_bar: float, back_bar_per_m_s: float, known: bool
+) -> None:
+    found = [viscous_interval([strokes(slope_n_bar, back_bar_per_m_s, seed)], cylinder, 0.95) for seed in range(20)]
+    assert np.mean([lower > 0.0 and upper < WIDEST * lower for lower, upper in found]) == pytest.approx(float(known), abs=0.1)
+    assert not known or all(lower <= VISCOUS_N_S_M <= upper for lower, upper in found)
+
+
+def test_without_steady_sliding_viscous_friction_may_be_anything(cylinder: Cylinder) -> None:
+    still = strokes(0.0, 0.0, 0).with_columns(velocity_m_s=np.zeros(len(SPEEDS_M_S) * 2))
+    assert viscous_interval([still], cylinder, 0.95) == (-np.inf, np.inf)
