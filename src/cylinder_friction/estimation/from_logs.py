@@ -63,7 +63,8 @@ if TYPE_CHECKING:
 TYPICAL_CLASS = 0.5
 """Accuracy of a typical industrial pressure sensor [± % of full scale]."""
 LABEL_BOUNDS = (
-    "they hold friction in about 95 % of the rows (k = 2: smoothing, load, sensor offset), if the sensors are as stated"
+    "they hold friction in about 95 % of the rows (k = 2: smoothing, load, sensor offset), if the sensors are as "
+    "stated and friction is as asymmetric in each session"
 )
 
 

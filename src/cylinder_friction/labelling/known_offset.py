@@ -237,10 +237,12 @@ def _known(session: str, own: Sequence[OffsetEvidence], model: OffsetModel | Non
     elif why_not := undetermined(found, model, plan):
         why_not = next((each.uneven for each in own if each.uneven), why_not)
     else:
+        count = len(model.sessions)
+        together = "1 session" if count == 1 else f"{count} sessions together, if friction is as asymmetric in each"
         return _from_strokes(
             found,
             f"{found.strokes_extend} strokes extending and {found.strokes_retract} retracting, {found.sliding_s:.0f} "
-            f"s, {len(model.sessions)} {'session' if len(model.sessions) == 1 else 'sessions'} together",
+            f"s, {together}",
         )
     stated = [math.nan if each.stated_n is None else COVERAGE_FACTOR * each.stated_n for each in own]
     stated_n = float(np.max(stated))
