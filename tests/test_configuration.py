@@ -13,6 +13,7 @@ import yaml
 from cylinder_friction.commands.init import make_project
 from cylinder_friction.commands.params import compose_params, write_params
 from cylinder_friction.params.checking import check_params
+from cylinder_friction.params.composing import as_run_params
 from cylinder_friction.params.file import ParamsError
 
 PROJECT = Path(__file__).parents[1]
@@ -50,6 +51,13 @@ def test_recipes_and_cylinders_register_under_names_of_their_own(content: dict[s
     of_cylinder = {"crane": "-hmf_2020_k_jib"}  # A recipe of another cylinder needs no name of its own
     suffixes = ["", *(of_cylinder.get(recipe, f"-{recipe}") for recipe in RECIPES), "-parker_80x45_left"]
     assert names == [f"friction-estimator{suffix}" for suffix in suffixes]
+
+
+def test_a_run_states_its_recipe_and_what_differs_with_both_values(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(PROJECT)
+    stated = as_run_params(compose_params(CONF, ["experiment=smoke", "train.lag_s=0.05"]))
+    assert (stated["recipe"], stated["changes"]) == ("smoke", "train.lag_s=0.05 instead of 0.0")
+    assert stated["train.lag_s"] == "0.05"
 
 
 def test_every_choice_of_every_group_is_accepted() -> None:

@@ -42,9 +42,9 @@ def card(conditions: dict[str, dict[str, float]], held: list[dict[str, object]])
 def test_it_states_training_errors_bounds_and_range() -> None:
     lines = card({"1": NUMBERS}, HELD)
     assert lines[0].endswith("[N] from `pressure_1_pa`, `position_m`, `load_force_n`.")
-    assert "- Trained on: 40 recordings; 8 of other sessions stopped it" in lines
+    assert "- Trained on: 40 recordings; 8 of other sessions decided when training stopped" in lines
     assert "- Hyperparameters: layers 1, nodes 24" in lines
-    assert "**Errors on held-out recordings, against true friction**" in lines
+    assert "**Mean absolute errors on held-out recordings, against true friction**" in lines
     assert "| 1 | 1.40 | 0.98 to 1.81 | 5.0 | 96.8 |" in lines
     assert f"Bounds: {BOUNDS.in_words()}. They hold true friction in 94.6 % of all rows." in lines
     assert "| pressure 1 [bar] | -1.95 | 62.95 | 1 to 60 |" in lines
@@ -54,7 +54,7 @@ def test_it_states_training_errors_bounds_and_range() -> None:
 
 def test_what_is_not_known_is_left_empty() -> None:
     lines = card({"1": {"label_percent": 2.0}}, [])
-    assert "**Errors on held-out recordings, against the label, which it was trained on**" in lines
+    assert "**Mean absolute errors on held-out recordings, against the label, which it was trained on**" in lines
     assert "| 1 | 2.00 |  |  |  |" in lines
     assert f"Bounds: {BOUNDS.in_words()}." in lines
 

@@ -38,7 +38,8 @@ def composed(conf: Path, overrides: Sequence[str] = ()) -> dict[str, Any]:
 def as_run_params(content: dict[str, Any]) -> dict[str, str]:
     """List the parameters that a pipeline's run states: recipe, seeds, and differences from the default recipe.
 
-    ``changes`` lists the differences from the recipe itself. Without ``conf/``, differences are unknown and left out.
+    ``changes`` lists the differences from the recipe itself, with the recipe's values. Without ``conf/``, differences are
+    unknown and left out.
     """
     recipe, now = str(content.get("recipe", DEFAULT)), _flat(content)
     seeds = {name.removesuffix(".seed"): value for name, value in now.items() if name.endswith(".seed")}
@@ -47,7 +48,7 @@ def as_run_params(content: dict[str, Any]) -> dict[str, str]:
     named = (CONF / "experiment" / f"{recipe}.yaml").is_file()
     default = _flat(composed(CONF)) if CONF.is_dir() else now
     own = _flat(composed(CONF, [f"experiment={recipe}"])) if named else default
-    changes = ", ".join(f"{name}={value}" for name, value in _differing(now, own).items())
+    changes = ", ".join(f"{name}={value} instead of {own.get(name)}" for name, value in _differing(now, own).items())
     return {"recipe": recipe, "seed": seed, "changes": changes or "none", **_differing(now, default)}
 
 

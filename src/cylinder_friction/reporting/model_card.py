@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _USES = (
     ("train", "{} recordings"),
-    ("validation", "{} of other sessions stopped it"),
+    ("validation", "{} of other sessions decided when training stopped"),
     ("calibration", "{} of others again calibrated its bounds"),
 )
 _SHOWN_IN = {"pa": ("bar", 1e-5), "m": ("mm", 1e3), "n": ("N", 1.0), "c": ("°C", 1.0)}
@@ -53,9 +53,9 @@ def model_card(
         f"- Sampled every {1e3 * description['sample_time_s']:g} ms, late by {1e3 * description['lag_s']:g} ms, "
         f"{description['multiply_adds_a_step']} multiply-adds per sample",
         "",
-        f"**Errors on held-out recordings, against {_AGAINST[reference]}**",
+        f"**Mean absolute errors on held-out recordings, against {_AGAINST[reference]}**",
         "",
-        "| condition | error [% of mean friction] | 95 % interval | error [N] | within the bounds [%] |",
+        "| condition | error [% of mean friction] | 95 % interval of it | error [N] | rows within the bounds [%] |",
         "|---|---|---|---|---|",
         *(_error_row(condition, reference, conditions[condition], shares) for condition in errors),
         "",
