@@ -272,6 +272,11 @@ SENTENCES: tuple[tuple[str, str, Truth], ...] = (
         odd_zeros,
     ),
     (
+        "evaluation/inspection/sliding_friction.py, refused",
+        r"friction would push the piston .*the position counts the other way or is disturbed, .* or a load acts",
+        lambda _m, made, _: made.world.noisy_position or bool(made.world.weight_n),
+    ),
+    (
         "evaluation/friction_levels.py in_words",
         r"recordings agree within their scatter|these differ from the others",
         lambda *_: True,  # It compares what was measured

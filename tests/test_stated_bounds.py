@@ -35,6 +35,7 @@ def stated(request: pytest.FixtureRequest, small_hybrid: HybridEstimator, tmp_pa
     words = estimator.bounds.in_words()
     assert words.startswith("they hold friction" if holds == "friction" else "they hold the label")
     assert ("nothing was stated" in words) == (holds == "label")
+    assert "over sessions like those of the calibration" in words, "of which there may be one"
     return estimator, folder, words
 
 
@@ -67,7 +68,8 @@ def test_estimate_without_a_model(
     main([*command, "--sensor-class", "0.5"])
     assert (
         "bounds   they hold friction in about 95 % of the rows (k = 2: smoothing, load, sensor offset), if the sensors "
-        "are as stated; assumed, not stated: pressure_1_pa ± 0.5 % of 250 bar, pressure_2_pa ± 0.5 % of 250 bar\n"
+        "are as stated and friction is as asymmetric in each session; assumed, not stated: pressure_1_pa ± 0.5 % of "
+        "250 bar, pressure_2_pa ± 0.5 % of 250 bar\n"
     ) in capsys.readouterr().out
     assert main([*command, "--sensor-class", "0"]) == 1
     assert "sensor class: got 0, expected a number above 0" in capsys.readouterr().err

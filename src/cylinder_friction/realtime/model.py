@@ -76,7 +76,8 @@ class Bounds:
         """State what lies between the bounds, and under which assumption; pages and messages show this sentence."""
         if self.probability == 1.0:
             return "as wide as can be, as this model's errors were never calibrated"
-        often = f"with probability {self.probability:g} over all sessions with pressures as quiet as in training"
+        sessions = "over sessions like those of the calibration, with pressures as quiet"
+        often = f"with probability {self.probability:g} {sessions}"
         if self.holds == "friction":
             return f"they hold friction {often}, if the sensors are as accurate as stated for the calibration"
         return f"they hold the label {often}; friction only if zeros are right, of which nothing was stated"

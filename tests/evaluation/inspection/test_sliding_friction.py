@@ -79,7 +79,11 @@ FINDINGS: dict[str, tuple[Callable[[Cylinder], Recording], str, str]] = {
         "while the stated zeros and an asymmetry of friction explain",
     ),
     "a sensor the other way round": (lambda cylinder: turned(made_strokes(cylinder, sign=-1.0)), "refused", BACKWARDS),
-    "a force the other way round": (lambda cylinder: one_way(cylinder, -300.0), "refused", BACKWARDS),
+    "a force the other way round": (
+        lambda cylinder: one_way(cylinder, -300.0),
+        "refused",
+        "other way or is disturbed, the",
+    ),
     "one direction": (
         lambda cylinder: one_way(cylinder, 300.0),
         "noted",

@@ -48,19 +48,14 @@ def _inspect_file(name: str, path: Path, recipe: Recipe) -> Iterator[tuple[Recor
         pieces = pieces_from(open_tables(path, recipe), recipe, about)
     except (RecordingError, OSError) as error:
         findings.append(Finding("file", "refused", str(error)))
-        pieces = _read_unscreened(path, recipe, about)
+        pieces = []
+        with suppress(RecordingError, OSError):  # With its bad samples, to inspect them
+            pieces = pieces_from(open_tables(path, recipe), recipe, about, screened=False)
         if not pieces:
             yield None, Inspected(name, findings)
     for number, piece in enumerate(pieces, start=1):
         found, recording = _checked(piece, recipe)
         yield piece, Inspected(name, [*findings, *found], recording, number if len(pieces) > 1 else 0)
-
-
-def _read_unscreened(path: Path, recipe: Recipe, about: RecordingMetadata) -> list[Recording]:
-    """Read the pieces of a refused file with its bad samples, to inspect them; none if the file is unreadable."""
-    with suppress(RecordingError, OSError):
-        return pieces_from(open_tables(path, recipe), recipe, about, screened=False)
-    return []
 
 
 def _checked(piece: Recording, recipe: Recipe) -> tuple[Sequence[Finding], Recording | None]:

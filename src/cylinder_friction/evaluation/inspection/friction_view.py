@@ -123,7 +123,8 @@ def view_of_labelled(
     friction_n, usable, support = labelled.column("friction_n"), labelled.usable(), method.support(sample_time_s)
     rest = standstill_rows(position_m, sample_time_s, max(support.before, support.after))
     at_rest_m_s = float(np.nan_to_num(noise_rms(signals.velocity_m_s, rest)))
-    slowest_m_s = NOISE_MULTIPLE * max(at_rest_m_s, _noise_of_sensor(position_m, sample_time_s, method))
+    of_sensor_m_s = sensor_noise(position_m) * float(np.linalg.norm(pulse_responses(method, sample_time_s)[1]))
+    slowest_m_s = NOISE_MULTIPLE * max(at_rest_m_s, of_sensor_m_s)
     points = tuple(rows.point_with_interval(CONFIDENCE) for rows in steady_sliding_by_speed([labelled], slowest_m_s))
     curve, no_curve = known_curve(points)
     # The rows that ``estimate`` takes, so that a log has the same friction here; slower ones if it hardly moves
@@ -132,6 +133,8 @@ def view_of_labelled(
         for least_m_s in (OffsetPlan().slowest_m_s, slowest_m_s)
     )
     load_n, half_difference_n = next((each for each in halves if math.isfinite(each[1])), (math.nan, math.nan))
+    if curve is not None and holds_load(load_n, half_difference_n):
+        curve, no_curve = None, f"{load_n:.0f} N of the force do not turn with the direction, as friction would"
     return FrictionView(
         signals=signals,
         force_name=PRESSURE_FORCE if has_pressures(labelled) else MEASURED_FORCE,
@@ -147,11 +150,6 @@ def view_of_labelled(
         no_curve=no_curve,
         assumed=assumed,
     )
-
-
-def _noise_of_sensor(position_m: Array, sample_time_s: float, method: SignalFilter) -> float:
-    """Compute the noise that the position sensor leaves in the velocity [m/s]."""
-    return sensor_noise(position_m) * float(np.linalg.norm(pulse_responses(method, sample_time_s)[1]))
 
 
 def _assumed(recording: Recording, labeller: Labeller, load: str) -> tuple[str, ...]:

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.evaluation.inspection.friction_view import CONFIDENCE, FrictionView
 from cylinder_friction.labelling.known_offset import too_uneven
+from cylinder_friction.labelling.robust import RobustFit, clustered_half_widths
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan
 from cylinder_friction.recordings.checks.limits import Finding
 from cylinder_friction.recordings.columns import UNCERTAINTY_COLUMN
@@ -55,15 +55,11 @@ def stroke_half_width(values: Array, stroke: NDArray[np.int64]) -> float:
 
     A stroke is weighted by its rows, and Student's t follows from the number of strokes. The result is 0 for a single
     stroke, which shows no scatter. Both arrays have shape ``(n,)``.
-
-    Source: Cochran 1977, Sampling Techniques, chapter 9A (clusters of unequal size).
     """
-    _, stroke, rows = np.unique(stroke, return_inverse=True, return_counts=True)
-    if len(rows) < 2:
-        return 0.0
-    deviations = np.bincount(stroke, values - values.mean()) / len(values)
-    variance = float(deviations @ deviations) * len(rows) / (len(rows) - 1)
-    return float(stdtrit(len(rows) - 1, 0.5 + 0.5 * CONFIDENCE)) * math.sqrt(variance)
+    every = np.ones(len(values))
+    mean = RobustFit(values.mean(), every, values - values.mean())
+    _, clusters = np.unique(stroke, return_inverse=True)
+    return float(clustered_half_widths(every[:, None], mean, clusters, CONFIDENCE)[0]) if clusters.any() else 0.0
 
 
 def friction_finding(
@@ -84,7 +80,7 @@ def friction_finding(
     held = held or too_uneven(load_n, half_n, zero_n, plan)
     if half_n < 0.0 or (not held and min(each.mean_n for each in friction.values()) <= 0.0):
         found = f"{half_n:.0f} N at equal position" if half_n < 0.0 else f"{text} against the motion"
-        remedy = "the position counts the other way, the pressures are swapped, or a load acts"
+        remedy = "the position counts the other way or is disturbed, the pressures are swapped, or a load acts"
         return Finding("friction", "refused", f"friction would push the piston ({found}): {remedy}")
     if held:
         remedy = (
