@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,10 +15,10 @@ from cylinder_friction.estimators.lugre import LugreEstimator
 from cylinder_friction.estimators.training_plan import Architecture, TrainingPlan
 from cylinder_friction.friction_models.identification.intervals import confidence_intervals
 from cylinder_friction.friction_models.identification.simulation import Motion, Motions
-from cylinder_friction.friction_models.lugre import LugreParameters
+from cylinder_friction.friction_models.lugre import LuGre, LugreParameters
 from cylinder_friction.labelling.equation_of_motion import drive_force
 from cylinder_friction.labelling.load import LoadPlan
-from cylinder_friction.labelling.mass import MotionIdentification, MotionPlan, motion_points
+from cylinder_friction.labelling.mass import MotionIdentification, motion_points
 from cylinder_friction.labelling.pooled_load import pooled_load
 from cylinder_friction.labelling.sliding_blocks import zero_uncertainty_n
 from cylinder_friction.recordings.columns import LOAD_FORCE
@@ -77,9 +77,8 @@ def _force_errors_percent(recording: Recording, motion: MotionIdentification) ->
     force_n = drive_force(signals, CYLINDERS["emps"])
     velocity, acceleration = signals.velocity_m_s, signals.acceleration_m_s2
     error_n = force_n - motion.force(acceleration, velocity)
-    plan = replace(MotionPlan(), slowest_m_s=0.0)
     force, error = (
-        motion_points(each, each, velocity, acceleration, recording.sample_time_s, plan, usable).force_n
+        motion_points(each, each, velocity, acceleration, recording.sample_time_s, usable, 0.0).force_n
         for each in (force_n, error_n)
     )
     return _relative_percent(error_n[usable], force_n[usable]), _relative_percent(error, force)
@@ -244,14 +243,14 @@ def _lugre_stiffness(
     """Return LuGre with the Coulomb friction and bristle stiffness that simulate the friction best."""
     velocity, friction_n = recording.column("velocity_m_s"), recording.column("friction_n")
     motion = Motion(velocity, np.zeros_like(velocity), friction_n, recording.usable())
-    motions = Motions.of([motion], recording.sample_time_s)
+    motions = Motions.of([motion], recording.sample_time_s, LuGre(pressure_scaled=True))
 
     def parameters(logarithms: Array) -> LugreParameters:
         coulomb, stiffness = np.exp(logarithms)
         return LugreParameters(coulomb, coulomb, 1e-3, 1.0, 0.0, stiffness, 0.0, 1e-3)
 
     best = minimize(
-        lambda logarithms: motions.mean_absolute_error(parameters(logarithms)),
+        lambda logarithms: motions.error_of(parameters(logarithms).packed()),
         np.log([start.coulomb_n, start.stiffness_n_m]),
         method="Nelder-Mead",
         options={"xatol": 1e-5, "fatol": 1e-9},

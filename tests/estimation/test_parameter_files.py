@@ -30,7 +30,7 @@ def identified(pressure_scaled: bool, factor: float = 1.05) -> IdentifiedModel:
     }
     points = tuple(SteadyPoint(way * 1e-3, way * 300.0, 290.0, 310.0, 50) for way in (-1.0, 1.0))
     curve = parameters.curve  # type: ignore[attr-defined]
-    found = Identification(parameters, "exact", intervals, points, curve, 5.0, 300.0, 9.0, (5.0,), 1)
+    found = Identification(parameters, "exact", intervals, points, curve, 5.0, 300.0, (5.0,))
     return IdentifiedModel(
         model.name, model.title, ("a", "b"), "", determined(model, found, points, 0.5), "exact", found
     )

@@ -53,7 +53,7 @@ def test_zeros_shift_dry_friction_and_its_ratio() -> None:
     curve = StribeckCurve(200.0, 260.0, 0.01, 1.0, 900.0)
     parameters = replace(PLAIN_LUGRE, coulomb_n=200.0, viscous_n_s_m=900.0, retract_ratio=1.2)
     intervals = {"coulomb_n": (197.0, 204.0), "viscous_n_s_m": (850.0, 950.0), "retract_ratio": (1.2, 1.2)}
-    found = Identification(parameters, "a", intervals, (), curve, 5.0, 250.0, 6.0, (), 9)
+    found = Identification(parameters, "a", intervals, (), curve, 5.0, 250.0, ())
     assert shifted_intervals(found, intervals, 0.0) == intervals
     wide = shifted_intervals(found, intervals, 40.0)
     assert wide["coulomb_n"] == pytest.approx((200.0 - np.hypot(3.0, 40.0), 200.0 + np.hypot(4.0, 40.0)))

@@ -110,7 +110,7 @@ def test_more_effort_searches_more(cylinder: Cylinder, labelled_recordings: list
     for effort in (0.02, 0.1):
         estimator = AnalyticalEstimator(cylinder, LuGre(), effort=scaled_effort(effort)).fit(labelled_recordings[:2])
         assert estimator.identification is not None
-        budgets.append(estimator.identification.simulated_samples)
+        budgets.append(len(estimator.identification.history))
     assert budgets[1] > 1.5 * budgets[0]
     with pytest.raises(ValueError, match=r"expected an effort above 0 and at most 1, but got 0\.0"):
         scaled_effort(0.0)

@@ -97,7 +97,6 @@ def test_known_parameters_come_back_from_noisy_labels(cylinder: Cylinder, plain_
     assert found.parameters.is_passive()
     # Normal noise of 10 N has a mean absolute value of 8 N, which no parameters can undo.
     assert found.error_n < 1.25 * 10.0 * np.sqrt(2.0 / np.pi)
-    assert found.error_n <= found.first_error_n
     assert ", ".join(sorted(found.intervals)) == (
         "bristle_stiffness_n_m, coulomb_n, retract_ratio, static_n, stribeck_exponent, stribeck_velocity_m_s, "
         "viscous_n_s_m"
@@ -127,6 +126,7 @@ def test_intervals_hold_the_truth_about_as_often_as_they_say(cylinder: Cylinder)
         motions = Motions.of(
             [Motion(velocity, np.zeros(len(velocity)), recordings[0].column("friction_n"), recordings[0].usable())],
             SAMPLE_TIME_S,
+            LuGre(),
         )
         intervals = confidence_intervals(motions, found.parameters, tuple(found.intervals), 0.8)
         inside += sum(intervals[name][0] <= getattr(truth, name) <= intervals[name][1] for name in names)
@@ -138,7 +138,7 @@ def test_what_the_motion_says_nothing_about_gets_a_wide_interval(cylinder: Cylin
     velocity = np.full(4000, 0.1)
     friction = simulate(truth, velocity, SAMPLE_TIME_S, new_bristle())
     label = friction + np.random.default_rng(0).normal(0.0, 5.0, len(velocity))
-    motions = Motions.of([Motion(velocity, np.zeros(4000), label, np.arange(4000) > 1000)], SAMPLE_TIME_S)
+    motions = Motions.of([Motion(velocity, np.zeros(4000), label, np.arange(4000) > 1000)], SAMPLE_TIME_S, LuGre())
     interval = confidence_intervals(motions, truth, ("coulomb_n", "retract_ratio"), 0.95)
     assert interval["retract_ratio"][1] / interval["retract_ratio"][0] == pytest.approx(1e6)
     assert interval["coulomb_n"][1] / interval["coulomb_n"][0] < 1.05

@@ -6,7 +6,6 @@ import pytest
 
 from boom import boom_load, boom_points
 from cylinder_friction.labelling.load import LoadPlan, identify_load
-from cylinder_friction.labelling.mass import MotionPlan
 from cylinder_friction.labelling.pooled_load import POOLED_PLACES, pooled_load
 from cylinder_friction.labelling.sliding_blocks import OffsetPlan
 from cylinder_friction.labelling.strokes import TravelCovered
@@ -108,13 +107,6 @@ def test_strokes_that_determine_no_load_are_refused() -> None:
     [
         (LoadPlan, "slowest_m_s", -1.0, "slowest_m_s must be zero or a positive number, but got -1"),
         (LoadPlan, "asymmetry", float("nan"), "asymmetry must be zero or a positive number, but got nan"),
-        (LoadPlan, "greatest_order", -1, "greatest_order must be at least 0, but got -1"),
-        (LoadPlan, "repeats", 5, "repeats must be at least 20, but got 5"),
-        (LoadPlan, "confidence", 1.0, "confidence must lie between 0 and 1, but got 1"),
-        (MotionPlan, "block_s", 0.0, "block_s must be a positive number, but got 0"),
-        (MotionPlan, "cluster_s", float("inf"), "cluster_s must be a positive number, but got inf"),
-        (MotionPlan, "slowest_m_s", -0.1, "slowest_m_s must be zero or a positive number, but got -0.1"),
-        (MotionPlan, "confidence", 95.0, "confidence must lie between 0 and 1, but got 95"),
         (OffsetPlan, "slowest_m_s", 0.0, "OffsetPlan: slowest_m_s must be a positive number, but got 0.0"),
         (OffsetPlan, "asymmetry_sd", -0.1, "OffsetPlan: asymmetry_sd must be zero or a positive number, but got -0.1"),
     ],

@@ -5,7 +5,7 @@ import pytest
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.labelling.load import LoadPlan
-from cylinder_friction.labelling.mass import MotionIdentification, MotionPlan, identify_motion, motion_points
+from cylinder_friction.labelling.mass import MotionIdentification, identify_motion, motion_points
 from cylinder_friction.labelling.session import identify_session
 from cylinder_friction.labelling.strokes import stroke_points
 from cylinder_friction.recordings.recording import RecordingError
@@ -35,8 +35,7 @@ def signals(
 
 def identified(mass_kg: float, noise_n: float, **how: float) -> MotionIdentification:
     force_n, position_m, velocity, acceleration = signals(mass_kg, noise_n, **how)  # type: ignore[arg-type]
-    plan = MotionPlan()
-    return identify_motion(motion_points(force_n, position_m, velocity, acceleration, STEP_S, plan))
+    return identify_motion(motion_points(force_n, position_m, velocity, acceleration, STEP_S))
 
 
 def test_mass_and_friction_are_found() -> None:
@@ -65,20 +64,20 @@ def test_standstill_does_not_count() -> None:
     force_n = np.concatenate([force_n, np.linspace(-500.0, 500.0, rest)])
     position_m = np.concatenate([position_m, np.full(rest, position_m[-1])])
     velocity, acceleration = np.append(velocity, np.zeros(rest)), np.append(acceleration, np.zeros(rest))
-    found = identify_motion(motion_points(force_n, position_m, velocity, acceleration, STEP_S, MotionPlan()))
+    found = identify_motion(motion_points(force_n, position_m, velocity, acceleration, STEP_S))
     assert found.coulomb_n == pytest.approx(20.0, rel=0.05)
 
 
 def test_too_little_motion_is_refused() -> None:
-    points = motion_points(*signals(95.0, 1.0, seconds=2.0), STEP_S, MotionPlan(block_s=0.1))
+    points = motion_points(*signals(95.0, 1.0, seconds=1.5), STEP_S)
     with pytest.raises(RecordingError, match=r"got \d+ blocks of steady motion; expected at least 40"):
         identify_motion(points)
 
 
 def test_a_session_keeps_the_given_mass_where_the_motion_does_not_tell_it() -> None:
     for noise_n, expected_kg in ((1.0, 95.0), (3000.0, 6.0)):
-        blocks = motion_points(*signals(95.0, noise_n), STEP_S, MotionPlan())
-        found = identify_session([], [blocks], 6.0, None, MotionPlan())
+        blocks = motion_points(*signals(95.0, noise_n), STEP_S)
+        found = identify_session([], [blocks], 6.0, LoadPlan())
         assert found.moving_mass_kg == pytest.approx(expected_kg, rel=0.02)
         assert json.loads(json.dumps(found.to_dict(), allow_nan=False))["motion"]["mass_known"] is (noise_n == 1.0)
     assert found.motion is not None
@@ -91,7 +90,7 @@ def test_mass_and_load_are_found_beside_each_other() -> None:
     motion, plan = (force_n, position_m, velocity, acceleration), LoadPlan(slowest_m_s=0.02)
     usable = np.ones(len(force_n), dtype=np.bool_)
     strokes = stroke_points(*motion, usable, STEP_S, plan.slowest_m_s, plan.settling_travel_m)
-    found = identify_session([strokes], [motion_points(*motion, STEP_S, MotionPlan())], 6.0, plan, MotionPlan())
+    found = identify_session([strokes], [motion_points(*motion, STEP_S)], 6.0, plan)
     assert found.moving_mass_kg == pytest.approx(95.0, rel=0.03)
     assert found.load is not None
     grid = np.linspace(*found.load.coverage.range_m, 20)

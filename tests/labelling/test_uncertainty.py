@@ -73,7 +73,6 @@ def test_unknown_is_not_zero() -> None:
     loaded = recording(both(SensorUncertainty(1.0, 0.0)), load_force_n=[1.0, 2.0])
     assert label_uncertainty(loaded, CYLINDER) is None
     assert label_uncertainty(loaded, CYLINDER, 10.0) is not None
-    assert label_uncertainty(loaded, CYLINDER, measured_load=False) is not None
 
 
 def test_what_smoothing_leaves_counts_in_quadrature() -> None:

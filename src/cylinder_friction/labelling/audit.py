@@ -82,20 +82,11 @@ class Audit:
         """List the audit, sorted by filter, condition and stratum; a stratum without rows is left out."""
         order = {stratum: index for index, stratum in enumerate(STRATA)}
         keys = sorted(self._sums, key=lambda key: (key[0], key[1] == ALL_CONDITIONS, key[1], order[key[2]]))
-        return [_row(*key, *self._sums[key].tolist()) for key in keys if self._sums[key][0]]
-
-
-def _row(
-    name: str, condition: str, stratum: str, rows: float, absolute: float, signed: float, truth: float, largest: float
-) -> AuditRow:
-    return AuditRow(
-        filter=name,
-        condition=condition,
-        stratum=stratum,
-        rows=int(rows),
-        mae_n=absolute / rows,
-        max_n=largest,
-        bias_n=signed / rows,
-        mean_friction_n=truth / rows,
-        mae_percent=100.0 * absolute / truth if truth > 0.0 else 0.0,
-    )
+        found = []
+        for key in keys:
+            count, absolute, signed, truth, largest = self._sums[key].tolist()
+            if count:
+                percent = 100.0 * absolute / truth if truth > 0.0 else 0.0
+                means = absolute / count, largest, signed / count, truth / count
+                found.append(AuditRow(*key, int(count), *means, percent))
+        return found

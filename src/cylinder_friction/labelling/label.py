@@ -13,7 +13,7 @@ from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.labelling.audit import Audit
 from cylinder_friction.labelling.equation_of_motion import Stiffness, friction_label
 from cylinder_friction.labelling.load import LoadPlan
-from cylinder_friction.labelling.mass import MotionPlan, motion_points
+from cylinder_friction.labelling.mass import motion_points
 from cylinder_friction.labelling.pooled_load import pooled_load
 from cylinder_friction.labelling.session import SessionIdentification, identify_session
 from cylinder_friction.labelling.strokes import stroke_points
@@ -68,8 +68,6 @@ class Labeller:
     load: LoadMode = "none"
     inertia: InertiaMode = "given"  # Source of the moving mass: ``given`` by the cylinder, or ``identified``
     load_plan: LoadPlan = field(default_factory=LoadPlan)  # How a load is identified, for ``load="position"``
-    # How a mass is identified, for ``inertia="identified"``
-    motion_plan: MotionPlan = field(default_factory=MotionPlan)
 
     def __post_init__(self) -> None:
         for name, mode in (("load", LoadMode), ("inertia", InertiaMode)):
@@ -105,15 +103,8 @@ class Labeller:
                 others_m = recording.samples(others) if others else None
                 strokes.append(stroke_points(*motion, usable, *limits, others_m))
             if self.inertia == "identified":
-                blocks.append(motion_points(*motion, step_s, self.motion_plan, usable))
-        return identify_session(
-            strokes,
-            blocks,
-            self.cylinder.moving_mass_kg,
-            self.load_plan if self.load == "position" else None,
-            self.motion_plan if self.inertia == "identified" else None,
-            others,
-        )
+                blocks.append(motion_points(*motion, step_s, usable))
+        return identify_session(strokes, blocks, self.cylinder.moving_mass_kg, self.load_plan, others)
 
     def identify_sessions(
         self, sessions: Mapping[str, Iterable[Recording]], signal_filter: SignalFilter

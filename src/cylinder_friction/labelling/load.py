@@ -26,7 +26,6 @@ from cylinder_friction.labelling.robust import (
     bootstrap_coefficients,
     clustered_covariance,
     quantile_interval,
-    refuse_no_probability,
     robust_fit,
 )
 from cylinder_friction.labelling.strokes import OthersCovered, StrokePoints, TravelCovered, coverage_of, others_covered
@@ -38,7 +37,10 @@ GRID = 51
 """Number of positions at which the uncertainty is stored."""
 OTHER_REACH_M = 0.01
 """Largest distance between another cylinder's position and its position in the strokes at which the load holds [m]."""
-GREATEST_OTHER_ORDER = 1
+GREATEST_ORDER, GREATEST_OTHER_ORDER = 8, 1
+"""Greatest orders of the polynomial in position and in each of the other positions."""
+DRAWS, CONFIDENCE = 200, 0.95
+"""Number of bootstrap samples, and probability of the intervals from them."""
 MOST_SCATTER = 0.2
 """Uncertainty of the load, as a share of Coulomb friction, above which the load counts as unknown."""
 LEAST_SPREAD = 0.25
@@ -72,23 +74,15 @@ class LoadPlan:
 
     slowest_m_s: float = 2e-3  # Least speed [m/s]; below it, friction is neither Coulomb nor viscous
     settling_travel_m: float = 2e-3  # Travel after a start or reversal that is ignored [m]
-    greatest_order: int = 8  # Greatest order of the polynomial in position
     # Standard uncertainty of the asymmetry, which the data cannot determine: half the difference of friction between
     # the directions, over Coulomb friction
     asymmetry: float = 0.15
-    repeats: int = 200  # Number of bootstrap samples
-    seed: int = 0  # Seed of the bootstrap
-    confidence: float = 0.95  # Probability of the intervals
 
     def __post_init__(self) -> None:
         for field in ("slowest_m_s", "settling_travel_m", "asymmetry"):
             value = getattr(self, field)
             if not (math.isfinite(value) and value >= 0.0):
                 raise ValueError(f"LoadPlan: {field} must be zero or a positive number, but got {value!r}")
-        for field, least in (("greatest_order", 0), ("repeats", 20)):
-            if getattr(self, field) < least:
-                raise ValueError(f"LoadPlan: {field} must be at least {least}, but got {getattr(self, field)!r}")
-        refuse_no_probability("LoadPlan", self.confidence)
 
 
 @dataclass(frozen=True)
@@ -204,22 +198,22 @@ def identify_load(points: StrokePoints, plan: LoadPlan, others: tuple[str, ...] 
         )
     direction = np.sign(points.velocity_m_s)
     blocks, groups = _blocks(points, direction)
-    order, other_order = _orders(points, coverage, around, blocks, plan)
+    order, other_order = _orders(points, coverage, around, blocks)
     shape = _polynomials(_positions(points), coverage, around, order, other_order)
     of_load, linear = shape.shape[1], points.velocity_m_s[:, None]
     square, candidates = linear * np.abs(linear), list[_Candidate]()
     for terms in (linear[:, :0], linear, square, np.hstack([linear, square])):
         design = np.hstack([np.column_stack([shape, direction]), terms])
         fit = robust_fit(design, points.force_n)
-        drawn = bootstrap_coefficients(design, fit, points.force_n, blocks, groups, plan.repeats, plan.seed)
-        determined = not terms.shape[1] or _determined(design, drawn[:, of_load:], plan.confidence)
+        drawn = bootstrap_coefficients(design, fit, points.force_n, blocks, groups, DRAWS, seed=0)
+        determined = not terms.shape[1] or _determined(design, drawn[:, of_load:])
         error_n = float(np.abs(fit.residuals).sum())
         candidates.append(_Candidate(design, fit, drawn, error_n, determined))
     least_n = min(each.error_n for each in candidates if each.determined)
     chosen = next(each for each in candidates if each.determined and each.error_n <= _AS_GOOD * least_n)
     alike = [each.drawn[:, of_load] for each in candidates if each.determined and each.error_n <= _ALIKE * least_n]
     load, coulomb = chosen.fit.coefficients[:of_load], float(chosen.fit.coefficients[of_load])
-    lows, highs = zip(*(quantile_interval(each, plan.confidence) for each in alike), strict=True)
+    lows, highs = zip(*(quantile_interval(each, CONFIDENCE) for each in alike), strict=True)
     if coulomb <= 0.0 or min(lows) <= 0.0:
         found = f"load and friction cannot be separated: Coulomb friction would be {coulomb:.4g} N"
         raise RecordingError(
@@ -293,7 +287,7 @@ def _polynomials(
     return np.asarray(products)
 
 
-def _determined(design: Array, drawn: Array, confidence: float) -> bool:
+def _determined(design: Array, drawn: Array) -> bool:
     """Check whether strokes determine dry friction and each term of speed as positive.
 
     ``drawn`` has a column for each of them, in this order. The last column of ``design`` is the last of these terms. If
@@ -302,7 +296,7 @@ def _determined(design: Array, drawn: Array, confidence: float) -> bool:
     """
     others, last = design[:, :-1], design[:, -1]
     left = last - others @ np.linalg.lstsq(others, last, rcond=None)[0]
-    positive = all(quantile_interval(each, confidence)[0] > 0.0 for each in drawn.T)
+    positive = all(quantile_interval(each, CONFIDENCE)[0] > 0.0 for each in drawn.T)
     return positive and float(left @ left / (last @ last)) >= _OWN_SHARE
 
 
@@ -331,11 +325,7 @@ def _vary_by_themselves(points: StrokePoints, coverage: TravelCovered) -> bool:
 
 
 def _orders(
-    points: StrokePoints,
-    coverage: TravelCovered,
-    around: OthersCovered | None,
-    blocks: NDArray[np.int64],
-    plan: LoadPlan,
+    points: StrokePoints, coverage: TravelCovered, around: OthersCovered | None, blocks: NDArray[np.int64]
 ) -> tuple[int, int]:
     """Choose the orders of the polynomial in position and in the other positions.
 
@@ -347,7 +337,7 @@ def _orders(
     greatest = len(points) // _LEAST_POINTS_PER_COEFFICIENT - 2
     sizes = {
         (order, other_order): (order + 1) * (other_order + 1) ** others
-        for order in range(plan.greatest_order + 1)
+        for order in range(GREATEST_ORDER + 1)
         for other_order in range(greatest_other + 1)
     }
     fold = blocks % _FOLDS

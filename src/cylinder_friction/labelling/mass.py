@@ -12,7 +12,6 @@ A hydraulic cylinder's motion seldom determines its mass: 6 kg at 1 m/s² are 6 
 The interval is then wide, and ``mass_known`` is False.
 """
 
-import math
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -22,35 +21,16 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array, Mask
 from cylinder_friction.labelling.averages import Averages
-from cylinder_friction.labelling.robust import clustered_half_widths, refuse_no_probability, robust_fit
+from cylinder_friction.labelling.robust import clustered_half_widths, robust_fit
 from cylinder_friction.recordings.recording import RecordingError
 
+SLOWEST_M_S = 1e-3
+"""Speed below which a row excludes its block, as Coulomb's law ends at sticking [m/s]."""
+BLOCK_S, CLUSTER_S = 0.05, 1.0
+"""Duration of a block, averaged before the regression, and of a cluster, whose residuals may be correlated [s]."""
 _LEAST_BLOCKS = 40
 _OUTLIER_MULTIPLE = 3.0
 """Huber's threshold, wide enough to keep the full weight of friction that is neither Coulomb nor viscous."""
-
-
-@dataclass(frozen=True)
-class MotionPlan:
-    """Settings for the identification of the moving mass.
-
-    Raises:
-        ValueError: A number is out of its range.
-    """
-
-    slowest_m_s: float = 1e-3  # Speed below which a row excludes its block, as Coulomb's law ends at sticking [m/s]
-    block_s: float = 0.05  # Duration of a block, averaged before the regression [s]
-    cluster_s: float = 1.0  # Duration of a cluster; residuals of two clusters count as independent [s]
-    confidence: float = 0.95  # Probability of the intervals
-
-    def __post_init__(self) -> None:
-        for field in ("block_s", "cluster_s"):
-            value = getattr(self, field)
-            if not (math.isfinite(value) and value > 0.0):
-                raise ValueError(f"MotionPlan: {field} must be a positive number, but got {value!r}")
-        if not (math.isfinite(self.slowest_m_s) and self.slowest_m_s >= 0.0):
-            raise ValueError(f"MotionPlan: slowest_m_s must be zero or a positive number, but got {self.slowest_m_s!r}")
-        refuse_no_probability("MotionPlan", self.confidence)
 
 
 @dataclass(frozen=True)
@@ -60,7 +40,7 @@ class MotionPoints(Averages):
     group = "cluster"
 
     direction: Array  # Mean sign of velocity
-    cluster: NDArray[np.int64]  # Number of the block's cluster of ``cluster_s``, counted from 0
+    cluster: NDArray[np.int64]  # Number of the block's cluster of ``CLUSTER_S``, counted from 0
 
 
 @dataclass(frozen=True)
@@ -106,8 +86,7 @@ class MotionIdentification:
 
     def to_dict(self) -> dict[str, Any]:
         """Collect the content as JSON-compatible values."""
-        content = asdict(self) | {"mass_known": self.mass_known, "mass_summary": self.sentence()}
-        return {key: list(value) if isinstance(value, tuple) else value for key, value in sorted(content.items())}
+        return asdict(self) | {"mass_known": self.mass_known, "mass_summary": self.sentence()}
 
 
 def motion_points(
@@ -116,23 +95,23 @@ def motion_points(
     velocity_m_s: Array,
     acceleration_m_s2: Array,
     sample_time_s: float,
-    plan: MotionPlan,
     usable: Mask | None = None,
+    slowest_m_s: float = SLOWEST_M_S,
 ) -> MotionPoints:
     """Average one recording over blocks whose rows are all usable and all in motion.
 
     Arrays have shape ``(n,)`` and are smooth. The force is the drive force minus the load; it is valid in ``usable``
     rows, or in all rows without that mask.
     """
-    size = max(1, round(plan.block_s / sample_time_s))
+    size = max(1, round(BLOCK_S / sample_time_s))
     count = len(force_n) // size
 
     def pieces(values: NDArray[Any]) -> NDArray[Any]:
         return values[: count * size].reshape(count, size)
 
-    moving = np.abs(velocity_m_s) >= plan.slowest_m_s
+    moving = np.abs(velocity_m_s) >= slowest_m_s
     whole = pieces(moving if usable is None else moving & usable).all(axis=1)
-    cluster_size = max(1, round(plan.cluster_s / (size * sample_time_s)))
+    cluster_size = max(1, round(CLUSTER_S / (size * sample_time_s)))
     cluster = np.unique(np.flatnonzero(whole) // cluster_size, return_inverse=True)[1]
     force, position, velocity, acceleration, direction = (
         pieces(values)[whole].mean(axis=1)

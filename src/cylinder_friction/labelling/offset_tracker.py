@@ -133,10 +133,11 @@ def _chosen(
     chosen: dict[str, float] = {}
 
     def missed(name: str, value: float) -> float:
-        miss, care = _unlikely if name == "stating" else _mean_absolute, {**chosen, name: value}
-        return float(
-            np.mean([miss(*_errors(tracker.careful(**care), each, inputs)) for tracker, own in folds for each in own])
-        )
+        cautious = [(tracker.careful(**{**chosen, name: value}), own) for tracker, own in folds]
+        errors = [_errors(tracker, each, inputs) for tracker, own in cautious for each in own]
+        if name == "stating":  # Minus the mean log-likelihood of normal errors, up to a constant
+            return float(np.mean([np.mean(np.log(variance) + off_n**2 / variance) for off_n, variance in errors]))
+        return float(np.mean([np.mean(np.abs(off_n)) for off_n, _ in errors]))
 
     for name, values in CHOICES.items():
         chosen[name] = min(values, key=partial(missed, name))
@@ -150,15 +151,6 @@ def _errors(tracker: OffsetTracker, recording: Recording, inputs: Sequence[str])
     found = tracker.rows(samples, causal_velocity(recording), place, tracker.new_state())
     true_n = (samples - recording.zeroed().samples(inputs)) @ tracker.weights[BALANCE]
     return found[:, 0] - true_n, found[:, 1] ** 2 - tracker.common_n**2
-
-
-def _mean_absolute(error_n: Array, _: Array) -> float:
-    return float(np.mean(np.abs(error_n)))
-
-
-def _unlikely(error_n: Array, variance: Array) -> float:
-    """Compute minus the mean log-likelihood of normal errors, up to a constant."""
-    return float(np.mean(np.log(variance) + error_n**2 / variance))
 
 
 def _tracker(model: OffsetModel, recording: Recording, inputs: Sequence[str], prior_n: float) -> OffsetTracker:

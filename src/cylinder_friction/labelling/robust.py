@@ -1,6 +1,5 @@
 """Robust linear regression, and its uncertainty when neighbouring residuals are correlated."""
 
-import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -24,22 +23,17 @@ class RobustFit:
     residuals: Array  # Target minus fit, shape ``(n,)``
 
 
-def least_squares(design: Array, target: Array) -> Array:
-    """Solve for the coefficients of smallest norm."""
-    return np.asarray(np.linalg.lstsq(design, target, rcond=None)[0])
-
-
 def robust_fit(
     design: Array,
     target: Array,
     multiple: float = HUBER_NOISE_MULTIPLE,
-    solve: Callable[[Array, Array], Array] = least_squares,
+    solve: Callable[[Array, Array], Array] = lambda design, target: np.linalg.lstsq(design, target, rcond=None)[0],
 ) -> RobustFit:
     """Fit ``target``, shape ``(n,)``, by the columns of ``design``, shape ``(n, k)``, with Huber's loss.
 
     The method is iteratively reweighted least squares. Huber's threshold is a ``multiple`` of the noise, measured in
     each round as a standard deviation from the median absolute residual. Identical columns share their coefficient.
-    ``solve`` fits without weights.
+    ``solve`` fits without weights; by default it finds the coefficients of smallest norm.
 
     Source: Huber 1981, section 7.8.
     """
@@ -126,9 +120,3 @@ def quantile_interval(values: Array, confidence: float) -> tuple[float, float]:
     outside = 0.5 * (1.0 - confidence)
     low, high = np.quantile(values, [outside, 1.0 - outside])
     return float(low), float(high)
-
-
-def refuse_no_probability(owner: str, confidence: float) -> None:
-    """Raise ``ValueError`` unless ``confidence`` lies in (0, 1)."""
-    if not (math.isfinite(confidence) and 0.0 < confidence < 1.0):
-        raise ValueError(f"{owner}: confidence must lie between 0 and 1, but got {confidence!r}")

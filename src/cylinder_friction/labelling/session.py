@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from cylinder_friction.labelling.load import LoadIdentification, LoadPlan, identify_load
-from cylinder_friction.labelling.mass import MotionIdentification, MotionPlan, MotionPoints, identify_motion
+from cylinder_friction.labelling.mass import MotionIdentification, MotionPoints, identify_motion
 from cylinder_friction.labelling.strokes import StrokePoints
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -34,8 +34,7 @@ def identify_session(
     strokes: Sequence[StrokePoints],
     blocks: Sequence[MotionPoints],
     given_mass_kg: float,
-    load_plan: LoadPlan | None,
-    motion_plan: MotionPlan | None,
+    load_plan: LoadPlan,
     others: tuple[str, ...] = (),
 ) -> SessionIdentification:
     """Identify the load and moving mass of one session.
@@ -43,22 +42,21 @@ def identify_session(
     The mass is identified first, together with a load of any smooth shape. The load follows, after subtraction of the
     inertia of that mass if the motion determines it, otherwise of the given mass.
 
-    A plan is None if its quantity is not to be identified. The force of the strokes includes inertia. ``others`` names
-    the columns of the other positions that the load depends on.
+    Without strokes the load is not identified, without blocks the mass is not. The force of the strokes includes
+    inertia. ``others`` names the columns of the other positions that the load depends on.
 
     Raises:
         RecordingError: The strokes do not determine the load, or the session hardly moves.
     """
-    if motion_plan is not None and others:
+    if blocks and others:
         raise RecordingError(
             "the moving mass cannot be identified beside a load of several positions; state it (label.inertia: given)"
         )
     mass_kg, load, motion = given_mass_kg, None, None
-    if motion_plan is not None:
-        order = 0 if load_plan is None else _LOAD_ORDER
-        motion = identify_motion(MotionPoints.joined(blocks), motion_plan.confidence, order)
+    if blocks:
+        motion = identify_motion(MotionPoints.joined(blocks), load_order=_LOAD_ORDER if strokes else 0)
         mass_kg = motion.mass_kg if motion.mass_known else mass_kg
-    if load_plan is not None:
+    if strokes:
         points = StrokePoints.joined(strokes)
         static = replace(points, force_n=points.force_n - mass_kg * points.acceleration_m_s2)
         load = identify_load(static, load_plan, others)

@@ -33,8 +33,6 @@ def label_uncertainty(
     cylinder: Cylinder,
     load_uncertainty_n: float | Array = 0.0,
     smoothing_n: float | Array = 0.0,
-    *,
-    measured_load: bool = True,
 ) -> Array | None:
     """Compute the expanded uncertainty (k = 2, about 95 %) of the friction label [N], shape ``(n,)``, or None.
 
@@ -48,15 +46,14 @@ def label_uncertainty(
     leaves, a number or ``(n,)``. If noise spreads the converter's steps (``DITHER``), u_s includes them, and the
     resolution does not count again. Inertia is left out: its uncertainty is newtons, while the sensors' is hundreds. A
     sensor's zero is constant within a recording, so averaging rows does not reduce its uncertainty.
-    ``load_uncertainty_n`` is the standard uncertainty (k = 1) of an identified load, a number or ``(n,)``;
-    ``measured_load`` states whether ``load_force_n``, if the recording has it, is subtracted in the label.
+    ``load_uncertainty_n`` is the standard uncertainty (k = 1) of an identified load, a number or ``(n,)``.
 
     Returns None if a sensor behind the label states no uncertainty, as unknown is not zero. A measured load may use
     ``load_uncertainty_n`` instead.
     """
     areas = sensitivities(recording, cylinder)
     load_covered = LOAD_FORCE not in recording.metadata.uncertainty and bool(np.any(load_uncertainty_n))
-    if measured_load and LOAD_FORCE in recording.columns and not load_covered:
+    if LOAD_FORCE in recording.columns and not load_covered:
         areas[LOAD_FORCE] = 1.0
     if any(column not in recording.metadata.uncertainty for column in areas):
         return None

@@ -84,7 +84,7 @@ def varied_load(generator: Generator, duration_s: float, stroke_m: float) -> Ext
     """
     ticks = round(duration_s / TICK_S) + 2
     base = generator.choice(3, p=(0.45, 0.30, 0.25))
-    along_n = (boom_n, spring_n, nothing_n)[base](generator, stroke_m)
+    along_n = np.zeros(PLACES) if base == 2 else (boom_n, spring_n)[base](generator, stroke_m)
     share = 1.0 + np.clip(ornstein_uhlenbeck(generator, ticks, TICK_S, 3.0, 0.03), -0.1, 0.1)
     with_steps, with_sine = ((True, False), (False, True), (True, True))[generator.choice(3, p=(0.4, 0.2, 0.4))]
     force_n = np.zeros(ticks)
@@ -132,11 +132,6 @@ def spring_n(generator: Generator, stroke_m: float) -> Array:
     free_m = generator.uniform(0.0, 0.5) * stroke_m
     pressed_n = np.minimum(stiffness_n_m * np.maximum(along_m - free_m, 0.0), 2500.0)
     return pressed_n if generator.random() < 0.5 else -pressed_n[::-1]
-
-
-def nothing_n(_: Generator, stroke_m: float) -> Array:
-    """Give zero force at each position [N]."""
-    return np.zeros(PLACES) * stroke_m
 
 
 def steps_n(generator: Generator, ticks: int) -> Array:

@@ -60,9 +60,7 @@ class Identification:
     curve: StribeckCurve  # Stribeck curve fitted to those points
     error_n: float  # Mean absolute error of the parameters on all recordings [N]
     mean_friction_n: float  # Mean absolute label of all recordings [N]
-    first_error_n: float  # Error of the Stribeck curve and bristle stiffness before the joint search [N]
     history: tuple[float, ...]  # Least error of differential evolution after each generation [N]
-    simulated_samples: int  # Number of samples that the search simulated
 
     @property
     def error_percent(self) -> float:
@@ -130,7 +128,6 @@ def identify(
     polished = motions_of(recordings, chosen, effort.polished_piece_s) if effort.polished_piece_s else everything
     point, history = _search(offered[chosen], polished, coordinates, looks, effort)
     parameters = coordinates.parameters(point)
-    simulated_samples = sum(motions.simulated_samples for motions in (*offered.values(), polished))
     names = tuple(spec.name for spec in model.searched)
     return Identification(
         parameters=parameters,
@@ -138,11 +135,9 @@ def identify(
         intervals=confidence_intervals(everything, parameters, names, confidence),
         points=tuple(points),
         curve=curve,
-        error_n=everything.mean_absolute_error(parameters),
+        error_n=everything.error_of(parameters.packed()),
         mean_friction_n=everything.mean_friction_n,
-        first_error_n=everything.error_of(coordinates.values(starts[0])),
         history=tuple(history),
-        simulated_samples=simulated_samples,
     )
 
 

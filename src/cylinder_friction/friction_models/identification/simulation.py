@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array, Mask
-from cylinder_friction.friction_models.lugre import LuGre
 from cylinder_friction.friction_models.model import FrictionModel
 from cylinder_friction.friction_models.parameters import ModelParameters
 
@@ -23,9 +22,6 @@ class Motion:
     pressure_pa: Array  # The gauge pressure that scales dry friction, shape ``(n,)``
     friction_n: Array  # The label, shape ``(n,)``
     usable: Mask  # Rows whose label counts, shape ``(n,)``
-
-
-_LUGRE = LuGre(pressure_scaled=True)
 
 
 @dataclass(frozen=True)
@@ -42,10 +38,9 @@ class Motions:
     starts: NDArray[np.int64]  # First row of each motion, then the number of rows, shape ``(motions + 1,)``
     model: FrictionModel  # The model that is simulated
     _buffer: Array = field(repr=False)
-    _simulations: list[int] = field(repr=False)
 
     @classmethod
-    def of(cls, motions: Sequence[Motion], sample_time_s: float, model: FrictionModel = _LUGRE) -> Self:
+    def of(cls, motions: Sequence[Motion], sample_time_s: float, model: FrictionModel) -> Self:
         """Join motions; raise ``ValueError`` if no motion has a usable row."""
         if not motions or not any(motion.usable.any() for motion in motions):
             raise ValueError(
@@ -63,7 +58,6 @@ class Motions:
             starts=np.cumsum([0, *(len(motion.velocity_m_s) for motion in motions)]).astype(np.int64),
             model=model,
             _buffer=np.empty_like(velocity),
-            _simulations=[0],
         )
 
     @property
@@ -72,23 +66,16 @@ class Motions:
         return max(float(np.mean(self.pressure_pa[self.usable])), 1.0)
 
     @property
-    def simulated_samples(self) -> int:
-        """Number of samples simulated so far to compute errors."""
-        return self._simulations[0] * len(self.velocity_m_s)
-
-    @property
     def mean_friction_n(self) -> float:
         """Mean absolute label of the usable rows [N], the base of percentages."""
         return float(np.mean(np.abs(self.friction_n[self.usable])))
 
-    def mean_absolute_error(self, parameters: ModelParameters) -> float:
-        """Compute the mean absolute difference between model and label over usable rows [N]."""
-        return self.error_of(parameters.packed())
-
     def error_of(self, values: Array) -> float:
-        """Compute ``mean_absolute_error`` from the model's numbers in the order of its specs."""
+        """Compute the mean absolute difference between model and label over usable rows [N].
+
+        ``values`` are the model's numbers in the order of its specs.
+        """
         kernel = self.model.kernel
-        self._simulations[0] += 1
         for start, end in pairwise(self.starts):
             kernel(
                 values,
