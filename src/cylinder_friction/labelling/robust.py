@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ def robust_fit(
     design: Array,
     target: Array,
     multiple: float = HUBER_NOISE_MULTIPLE,
-    solve: Callable[[Array, Array], Array] = lambda design, target: np.linalg.lstsq(design, target, rcond=None)[0],
+    solve: Callable[[Array, Array], Any] = lambda design, target: np.linalg.lstsq(design, target, rcond=None)[0],
 ) -> RobustFit:
     """Fit ``target``, shape ``(n,)``, by the columns of ``design``, shape ``(n, k)``, with Huber's loss.
 
