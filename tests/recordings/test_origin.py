@@ -11,7 +11,7 @@ import pytest
 
 from cylinder_friction.cylinder import Cylinder
 from cylinder_friction.recordings.conversion import NameRules, StartRules
-from cylinder_friction.recordings.formats.delimited import start_in_header
+from cylinder_friction.recordings.formats.cells import start_in_header
 from cylinder_friction.recordings.ingesting import recordings_of
 from cylinder_friction.recordings.reading_logs import find_logs
 from cylinder_friction.recordings.recording import Recording, RecordingError, RecordingMetadata, Start

@@ -9,7 +9,7 @@ import pytest
 
 from cylinder_friction.recordings.checks.limits import CheckLimits, StatedLoad
 from cylinder_friction.recordings.conversion import NameRules, StartRules
-from cylinder_friction.recordings.formats.layout import CsvOptions
+from cylinder_friction.recordings.formats.format import CsvOptions
 from cylinder_friction.recordings.line_loss import LineLoss
 from cylinder_friction.recordings.mapping.channel_mapping import SensorScale
 from cylinder_friction.recordings.timeline.timestamps import TimeRules

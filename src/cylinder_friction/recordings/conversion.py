@@ -24,8 +24,7 @@ from cylinder_friction.recordings.checks.recording_checks import checked_recordi
 from cylinder_friction.recordings.checks.screening import screen_signals
 from cylinder_friction.recordings.columns import LOAD_FORCE, PRESSURES, TIME
 from cylinder_friction.recordings.formats.cells import is_future
-from cylinder_friction.recordings.formats.format import LoggedTable
-from cylinder_friction.recordings.formats.layout import CsvOptions
+from cylinder_friction.recordings.formats.format import CsvOptions, LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.line_loss import RECTANGULAR
 from cylinder_friction.recordings.mapping.channel_mapping import (

@@ -53,7 +53,7 @@ def test_two_columns_of_one_stamp_are_joined(
         np.testing.assert_array_equal(table.channels["Date"].to_numpy(), STAMPS)
 
 
-@pytest.mark.parametrize("epoch", EPOCHS, ids=lambda epoch: f"{epoch.unit} {epoch.since}")
+@pytest.mark.parametrize("epoch", EPOCHS, ids=lambda epoch: f"{epoch.counted} {epoch.since}")
 def test_numbers_since_a_known_date_are_dates(epoch: Any) -> None:
     numbers = epoch.of_1970 + (
         STAMPS.astype(np.int64) / epoch.unit_ns if epoch.unit_ns > 100 else STAMPS.astype(np.int64) // epoch.unit_ns

@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cylinder_friction.recordings.formats.format import LoggedTable
-from cylinder_friction.recordings.formats.layout import CsvOptions
+from cylinder_friction.recordings.formats.format import CsvOptions, LoggedTable
 from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.recording import RecordingError
 

@@ -1,4 +1,5 @@
 import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -6,8 +7,9 @@ import pandas as pd
 import pytest
 
 from cylinder_friction.recordings.formats.format import LoggedTable
+from cylinder_friction.recordings.formats.reading import read_logged_file
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping, SensorScale
-from cylinder_friction.recordings.mapping.mapped_file import map_signals
+from cylinder_friction.recordings.mapping.mapped_file import MappedFile, map_signals
 from cylinder_friction.recordings.recording import RecordingError
 from cylinder_friction.recordings.timeline.aligning import align
 from cylinder_friction.recordings.timeline.timestamps import TimeRules
@@ -100,17 +102,19 @@ def test_two_clocks_of_one_table_are_refused_unless_each_column_states_its_own()
         map_signals([LoggedTable(pd.DataFrame(alike | {"clock": clock}))], MAPPING)
 
 
-def test_a_unit_that_contradicts_the_date_is_refused() -> None:
-    since_1970 = {**PLC, "t": 1_773_476_100_000 + 5 * ROWS, "t10 [ms]": 0}
-    assert map_signals([LoggedTable(pd.DataFrame(since_1970))], MAPPING).signals["position_m"].time_s[0] > 1e9
-    words = "begins at 1773476100000, which in ms since 1970 is 2026-03-14T08:15:00.000000000, but it is read in 'us'"
-    with pytest.raises(RecordingError, match=re.escape(words)):
-        map_signals([LoggedTable(pd.DataFrame(since_1970))], MAPPING | {"time_s": ChannelMapping("t", "us")})
-    since_midnight = {**PLC, "t": 46_000.0 + 0.0005 * ROWS, "t10 [ms]": 0}  # in days, it would be a date, too
-    mapped = map_signals(
-        [LoggedTable(pd.DataFrame(since_midnight), {"t": "s"})], MAPPING | {"time_s": ChannelMapping("t", "s")}
-    )
-    assert mapped.signals["position_m"].time_s[1] == 46_000.0005
+@pytest.mark.parametrize("name", ["t", "Time_ms"])
+def test_numbers_since_a_known_date_are_dates_in_spite_of_another_unit(tmp_path: Path, name: str) -> None:
+    def read(channel: str, stamps: Any) -> MappedFile:
+        pd.DataFrame({**PLC, "t10 [ms]": 0, "t": stamps}).rename(columns={"t": channel}).to_csv(tmp_path / "log.csv")
+        return map_signals(read_logged_file(tmp_path / "log.csv"), MAPPING | {"time_s": ChannelMapping(channel, unit)})
+
+    unit = "us"
+    mapped = read(name, 1_773_476_100_000 + 5 * ROWS)
+    assert mapped.start is not None
+    assert mapped.start.text() == "2026-03-14T08:15:00.000Z"
+    np.testing.assert_array_equal(mapped.signals["position_m"].time_s, 0.005 * ROWS)
+    unit = "s"  # since midnight; in days, it would be a date, too
+    assert read(f"{name} [s]", 46_000.0 + 0.0005 * ROWS).signals["position_m"].time_s[1] == 46_000.0005
 
 
 def test_a_start_in_the_future_is_not_stated() -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime, timedelta
@@ -15,12 +17,33 @@ from numpy.typing import NDArray
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.formats.format import Column, LoggedTable
-from cylinder_friction.recordings.formats.layout import COMMA_NUMBER, MISSING, OVER_RANGE, POINT_NUMBER
 from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.mapping.units import conversion, names_a_unit
-from cylinder_friction.recordings.recording import RecordingError
+from cylinder_friction.recordings.recording import RecordingError, Start
 from cylinder_friction.recordings.timeline.timestamps import LATEST_S
 
+MISSING = (
+    "", "nan", "NaN", "NAN", "-nan", "-NaN", "NA", "N/A", "n/a", "null", "NULL", "Null", "None", "-", "--", "---",
+    "#N/A", "#NV", "nan(ind)", "-nan(ind)", "1.#IND", "-1.#IND", "1.#QNAN", "-1.#QNAN", "EOF",
+)  # fmt: skip
+"""Cells of a missing sample. C libraries on Windows print NaN as ``1.#IND`` and the like. ``EOF`` is written below a
+column that ends before others."""
+
+OVER_RANGE = (
+    "∞", "+∞", "-∞", "OL", "+OL", "-OL", "OVER", "+OVER", "-OVER", "Over", "OVERLOAD", "Overload", "overload",
+    "OVERFLOW", "Overflow", "OVERRANGE", "Overrange", "+++++", "++++++", "-----", "------", "*****", "******",
+)  # fmt: skip
+"""Cells of a value beyond the range of the logger's input."""
+
+POINT_NUMBER = r"[+-]? *(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+COMMA_NUMBER = r"[+-]? *(?:\d+,?\d*|,\d+)(?:[eE][+-]?\d+)?"
+
+_MISSING_OR_OVER = frozenset((*MISSING, *OVER_RANGE))
+_FORMS = {".": POINT_NUMBER, ",": COMMA_NUMBER, None: f"{POINT_NUMBER}|{COMMA_NUMBER}"}
+_NUMBERS = {sign: re.compile(rf"{form}|[+-]?inf(?:inity)?", re.IGNORECASE) for sign, form in _FORMS.items()}
+DATE = r"(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d{1,2}-[A-Za-z]{3}-(?:\d{4}|\d{2}))"
+CLOCK = r"\d{1,2}:\d{2}(?::\d{2}(?:[.,:;]\d{1,9})?|[.,]\d{1,9})?(?: ?[AaPp][Mm])?(?: ?(?:Z|[+-]\d{2}:?\d{2}))?"
+_DATE_OR_CLOCK = re.compile(rf"{DATE}(?:[T ,]+{CLOCK})?|{CLOCK}")
 _CLOCK_PARTS = r"(?P<H>\d{1,2}):(?P<M>\d{2})(?::(?P<S>\d{2})(?:[.,:;](?P<f>\d{1,9}))?)?\s*(?P<half>[AaPp][Mm])?"
 _MINUTES = r"^(?P<M>\d{1,2}):(?P<S>\d{2})[.,](?P<f>\d{1,9})$"  # as Excel shows a time of day: mm:ss.0
 _WITH_UNIT = r"^(?P<number>[+-]?[\d.,eE+-]*\d)\s*(?P<unit>[^\d\s.,:;+-][^\d\s:]*)$"
@@ -31,6 +54,20 @@ _EITHER = r"^(?P<d>\d{1,2})[-/](?P<m>\d{1,2})[-/](?P<Y>\d{4})" + _REST
 _NAMED_MONTH = r"^(?P<d>\d{1,2})-(?P<m>[A-Za-z]{3})-(?P<Y>\d{4}|\d{2})" + _REST
 _MONTHS = pa.array(["jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec"])
 _HALF_DAYS = pa.array([f"{hour or 12:02d}{half}" for half in ("am", "pm") for hour in range(12)])
+
+
+def is_missing(cell: str) -> bool:
+    return cell in _MISSING_OR_OVER
+
+
+def is_number(cell: str, decimal: str | None) -> bool:
+    """Check whether a cell is a number with this decimal sign; None allows point and comma."""
+    return bool(_NUMBERS[decimal].fullmatch(cell))
+
+
+def is_value(cell: str, decimal: str | None) -> bool:
+    """Check whether a cell is a number, a date or a time of day."""
+    return bool(_NUMBERS[decimal].fullmatch(cell) or _DATE_OR_CLOCK.fullmatch(cell))
 
 
 class CellValues(NamedTuple):
@@ -110,9 +147,10 @@ def _numbers(text: Any, number: Any, decimal: str) -> NDArray[Any]:
 
 
 def holds_decimal_commas(column: Any) -> bool:
-    """Check whether every cell of a text column is a number with a decimal comma."""
-    text = pc.utf8_trim_whitespace(column)
-    return bool(pc.all(pc.match_substring_regex(text, f"^(?:{COMMA_NUMBER})$")).as_py())
+    """Check whether a column is text, and every cell a number with a decimal comma."""
+    if not pa.types.is_string(column.type):
+        return False
+    return bool(pc.all(pc.match_substring_regex(pc.utf8_trim_whitespace(column), f"^(?:{COMMA_NUMBER})$")).as_py())
 
 
 def _clock_seconds(text: Any) -> Array | None:
@@ -193,6 +231,48 @@ def _stamps(fields: dict[str, Any]) -> Any | None:
         return None
 
 
+_KEY = re.compile(
+    r"(?:(?:test|log|logging|recording|measurement|acquisition|mess|aufnahme|aufzeichnungs)?"
+    r"(?:start|begin|beginn|date|datum|time|zeit|uhrzeit|timestamp|(?:start|date)(?:date|time|timestamp|zeit|datum)))"
+    r"|started|recorded(?:at)?"
+)
+"""Words before a start in a header, in lower case, letters only."""
+_LINE = re.compile(r"^[\s#%;\"*/]*([^\W\d][^\d:=;,\t]*?)[\s\"]*[:=;,\t](.*)$")
+_DATE, _CLOCK = re.compile(rf"(?<!\d){DATE}(?!\d)"), re.compile(rf"(?<!\d){CLOCK}(?: ?UTC)?")
+
+
+def start_in_header(lines: list[str], delimiter: str) -> Start | None:
+    """Read the start in the lines above a text table's rows; None without an unambiguous date.
+
+    It reads the FILETIME of the TwinCAT Scope, lines such as ``Start time: 2026-03-27 10:15:00``, and a date and a time
+    of day on separate lines.
+    """
+    date = clock = None
+    where = ""
+    for line in lines:
+        cells = line.split(delimiter) if delimiter != "whitespace" else [line]
+        if cells[0].strip().casefold() == "starttime of export" and len(cells) > 1 and cells[1].strip().isdecimal():
+            return Start(FILETIME.stamps(np.array([int(cells[1])]))[0], True, "FILETIME of the header")
+        found = _LINE.match(line.rstrip())
+        if found is None or not _KEY.fullmatch(re.sub(r"[\W_]", "", found[1]).casefold()):
+            continue
+        if date is None and (date := _DATE.search(found[2])):
+            where = f"header line {line.strip()[:60]!r}"
+        clock = clock or _CLOCK.search(found[2])
+    if date is None:
+        return None
+    stamp = f"{date[0]} {clock[0].replace('UTC', 'Z')}" if clock else date[0]
+    try:
+        dates = dates_of(pa.array([stamp]), where)
+    except RecordingError:  # the day or the month may come first
+        return None
+    if dates is None:
+        return None
+    if clock is None:
+        return Start(dates.values[0].astype("datetime64[D]"), False, f"{where}, a date without a time of day")
+    return Start(dates.values[0], dates.utc, where)
+
+
 EARLIEST_S = 946_684_800
 """Earliest credible date of a log, the year 2000 [s since 1970]."""
 LONGEST_STEP_S = 60.0
@@ -205,16 +285,11 @@ NEVER_FALLS = 0.99
 class Epoch:
     """A way to write a date as one number."""
 
-    unit: str  # Unit of the number, spelled as in ``units``
+    counted: str  # What the number counts, in words
     unit_ns: int  # One unit [ns]
     of_1970: int  # Number of the first moment of 1970
     since: str  # Date that it counts from, for messages
     utc: bool  # Whether it is in UTC; otherwise it is local time
-
-    @property
-    def counted(self) -> str:
-        """Description of what it counts."""
-        return {"100ns": "ticks of 100 ns", "d": "days"}.get(self.unit, self.unit)
 
     def holds(self, number: float, latest_s: float) -> bool:
         """Check whether a number is a date between 2000 and ``latest_s`` [s since 1970]."""
@@ -231,12 +306,12 @@ class Epoch:
 
 
 DAY_NS = 86_400 * 10**9
-FILETIME = Epoch("100ns", 100, 116_444_736_000_000_000, "1601 (FILETIME)", True)
+FILETIME = Epoch("ticks of 100 ns", 100, 116_444_736_000_000_000, "1601 (FILETIME)", True)
 EPOCHS = (
     FILETIME,
-    Epoch("100ns", 100, 621_355_968_000_000_000, "the year 1 (.NET)", False),
-    Epoch("d", DAY_NS, 25_569, "30 December 1899 (Excel)", False),
-    Epoch("d", DAY_NS, 719_529, "the year 0 (MATLAB)", False),
+    Epoch("ticks of 100 ns", 100, 621_355_968_000_000_000, "the year 1 (.NET)", False),
+    Epoch("days", DAY_NS, 25_569, "30 December 1899 (Excel)", False),
+    Epoch("days", DAY_NS, 719_529, "the year 0 (MATLAB)", False),
     Epoch("s", 10**9, 2_082_844_800, "1904 (LabVIEW)", True),
     *(Epoch(unit, size, 0, "1970", True) for unit, size in (("s", 10**9), ("ms", 10**6), ("us", 10**3), ("ns", 1))),
 )
@@ -255,7 +330,7 @@ def epoch_of(numbers: NDArray[Any], name: str = "") -> Epoch | None:
     if numbers.dtype.kind not in "iuf" or len(known) < 3:
         return None
     latest_s, ends = _tomorrow_s(), (float(known[0]), float(known[-1]))
-    epochs = (WINCC,) if name.casefold() == "time_ms" else EPOCHS
+    epochs = (*EPOCHS, WINCC) if name.casefold() == "time_ms" else EPOCHS
     found = next((each for each in epochs if all(each.holds(end, latest_s) for end in ends)), None)
     if found is None:
         return None
@@ -352,7 +427,7 @@ def with_dates(table: LoggedTable) -> LoggedTable:
         if epoch is None or (table.channels.columns == name).sum() > 1:
             continue
         unit = conversion(table.units.get(name, ""), "time")
-        if unit and epoch.unit != table.units[name] and abs(float(numbers[0])) * unit[0] < LATEST_S:
+        if unit and not math.isclose(unit[0], 1e-9 * epoch.unit_ns) and abs(float(numbers[0])) * unit[0] < LATEST_S:
             continue
         dates[name], utc = epoch.stamps(numbers), utc or epoch.utc
         notes.append(f"time: {name!r} counts {epoch.counted} since {epoch.since}")

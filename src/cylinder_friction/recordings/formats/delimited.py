@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import codecs
+import csv
 import re
-from collections.abc import Collection, Iterator
+from collections import Counter
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 from itertools import pairwise
 from typing import Any
 
@@ -16,45 +17,51 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from cylinder_friction.recordings.formats.cells import (
-    FILETIME,
+    MISSING,
     beside_clocks,
     columns_of,
-    dates_of,
     holds_decimal_commas,
+    is_missing,
+    is_number,
+    is_value,
+    start_in_header,
     way_of,
 )
 from cylinder_friction.recordings.formats.format import (
-    BYTE_ORDER_MARKS,
+    AUTOMATIC,
     HEAD_SIZE,
+    MOST_INDIVISIBLE,
     Column,
+    CsvOptions,
     FileSource,
     Format,
     LoggedTable,
+    Text,
     named_columns,
+    open_text,
 )
-from cylinder_friction.recordings.formats.layout import (
-    AUTOMATIC,
-    CLOCK,
-    DATE,
-    MISSING,
-    SCOPE_TIME,
-    CsvOptions,
-    Layout,
-    find_layout,
-    repeated_names,
-    split_cells,
-)
+from cylinder_friction.recordings.mapping.units import KNOWN, unit_in_name
 from cylinder_friction.recordings.recording import RecordingError, Start
 
-MOST_INDIVISIBLE = 256 * 10**6
-"""Largest text that is read whole if it cannot be read in parts [bytes]."""
+DELIMITERS = ("\t", ";", ",", "|", "whitespace")
+MOST_COLUMNS = 10_000  # Most columns of a text table
+LOOKED_AT = 100
+_LEAST_SCORE = 0.3
 _FEWEST_LINES, _USUAL_LINES = 20, 500
 _LARGEST_HEAD = 64 * HEAD_SIZE
 LARGEST_STEP = 4.0
 """Largest change of a value to the next row, as a multiple of its largest change in the rows before."""
-_TAIL = 1 << 16
-_READ_AT_ONCE = 1 << 22  # Largest file that is held in memory [bytes]
-_EOF = re.compile(rb"(?<=[\r\n])[\s;,|\"]*EOF(?:[\s;,|\"]|EOF)*\Z")
+_TOKEN = re.compile(r'"[^"]*"|\S+(?:[ \t]+(?:\[[^\]]*\]|\([^)]*\)))?')
+_DATE_PATTERN = re.compile(r"^(?=.*([dmyjths])\1)[dmyjths]+(?:[-/.:, ]+[dmyjthsfz0]+)+$", re.IGNORECASE)
+"""Date formats in the place of a unit above dates: 'dd.mm.yyyy hh:mm:ss', 'TT.MM.JJJJ hh:mm'."""
+
+_UNIT_WORDS = ("unit", "units", "einheit", "einheiten")
+"""First cells of a line of units."""
+SCOPE_TIME = "Name"  # Name that the TwinCAT Scope gives every time column
+_SCOPE_KEY = re.compile(
+    r"symbol(comment|based|name)|data-type|sampletime\[ms\]|variablesize|index(group|offset)|netid|port|bitmask|"
+    r"(unit )?(offset|scalefactor)|unit|(start|end)time"
+)
 
 
 def read_delimited(
@@ -69,31 +76,15 @@ def read_delimited(
         RecordingError: The file is not such a table: it has another encoding, no rows of numbers, a line with more or
             fewer values than the others, or ambiguous dates.
     """
-    try:
-        return _read(source, open_text(source, csv.encoding), wanted, csv, rows)
-    except UnicodeDecodeError as error:
-        if csv.encoding == "auto" and source.head.isascii() and (rows is None or source.size <= MOST_INDIVISIBLE):
-            return _read(source, open_text(source, "cp1252"), wanted, csv, rows)
-        raise _not_utf8(error) from None
-
-
-def _not_utf8(error: UnicodeDecodeError) -> RecordingError:
-    return RecordingError(
-        f"its characters are not UTF-8: {error.reason}; name the right encoding, such as csv: {{encoding: cp1252}} in "
-        "the mapping, or save it as UTF-8"
-    )
-
-
-def _read(
-    source: FileSource, text: Text, wanted: Collection[str] | None, csv: CsvOptions, rows: int | None
-) -> list[LoggedTable]:
+    text = open_text(source, csv.encoding)
     lines, layout = _first_lines(text, csv)
-    begin = text.start + sum(map(len, lines[: layout.first_row]))
-    start = start_in_header([line.decode() for line in lines[: layout.first_row]], layout.delimiter)
-    below = lines[layout.first_row :]
+    above, below = lines[: layout.first_row], lines[layout.first_row :]
+    begin = text.start + sum(map(len, above))
+    start = start_in_header([line.decode() for line in above], layout.delimiter)
+    whole = _Rows(text, layout, start, begin, begin, text.end)
     row_size, size = max(1, sum(map(len, below)) // len(below)), text.end - begin
     parts = 1 if rows is None else max(1, round(size / row_size / rows))
-    whole, repeated = _Rows(text, layout, begin, begin, start), repeated_names(layout.names)
+    repeated = repeated_names(layout.names)
     if parts > 1 and repeated and source.size > MOST_INDIVISIBLE:
         raise RecordingError(
             f"is too large to be read whole ({source.size / 1e6:.0f} MB, at most {MOST_INDIVISIBLE / 1e6:.0f} MB), and "
@@ -101,22 +92,19 @@ def _read(
             "read in parts; export it with one time column, or split it"
         )
     if parts == 1 or repeated:
-        return _tables(whole, wanted)
+        return whole.tables(wanted)
     step = -(-size // parts)
     end = _line_end(text, begin + step)
-    (first,) = _tables(replace(whole, text=replace(text, end=end)), wanted)
+    (first,) = replace(whole, end=end).tables(wanted)
     later = partial(_parts, replace(whole, text=replace(text, notes=()), begin=end), step, wanted)
     return [replace(first, more=later, parts=parts)]
 
 
 def _parts(rows: _Rows, step: int, wanted: Collection[str] | None) -> Iterator[LoggedTable]:
     begin = rows.begin
-    while begin < rows.text.end:
+    while begin < rows.end:
         end = _line_end(rows.text, begin + step)
-        try:
-            yield _tables(replace(rows, text=replace(rows.text, end=end), begin=begin), wanted)[0]
-        except UnicodeDecodeError as error:
-            raise _not_utf8(error) from None
+        yield replace(rows, begin=begin, end=end).tables(wanted)[0]
         begin = end
 
 
@@ -128,29 +116,6 @@ def _line_end(text: Text, place: int) -> int:
             return int(place + found + 1)
         place += len(block)
     return text.end
-
-
-def _tables(rows: _Rows, wanted: Collection[str] | None) -> list[LoggedTable]:
-    text, layout, names = rows.text, rows.layout, rows.layout.names
-    asked = set(names) if wanted is None else set(wanted) - {""}
-    unread = tuple(name for name in names if name and name not in asked)
-    if asked.isdisjoint(names):
-        return [LoggedTable(pd.DataFrame(), layout.units, unread=unread, notes=text.notes)]
-    repeated = repeated_names(names)
-    asked |= repeated | beside_clocks(names)
-    loaded = [index for index, name in enumerate(names) if name in asked]
-    table, decimal = rows.parsed(loaded)
-    named = [(names[index], column) for index, column in zip(loaded, table.columns, strict=True)]
-    found = columns_of(named, decimal, wanted)
-    columns = [
-        (name or f"column_{len(names)}", each) for name, each in found.columns if name or not pd.isna(each).all()
-    ]
-    first, *others = split_groups(columns, {**layout.units, **found.units}, repeated)
-    unread = tuple(name for name in unread if name not in first.channels)
-    notes = (*text.notes, *found.notes, *filter(None, [rows.ended]), *first.notes)
-    return [
-        replace(each, start=rows.start, utc=found.utc) for each in (replace(first, unread=unread, notes=notes), *others)
-    ]
 
 
 def _first_lines(text: Text, options: CsvOptions) -> tuple[list[bytes], Layout]:
@@ -170,60 +135,69 @@ def _first_lines(text: Text, options: CsvOptions) -> tuple[list[bytes], Layout]:
         size *= 4
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Rows:
-    """The rows of a text table from byte ``begin`` on; errors name the line of a wrong row."""
+    """The rows of a text table from byte ``begin`` to ``end``; errors name the line of a wrong row."""
 
     text: Text
     layout: Layout
-    begin: int
-    first: int  # The byte where the first row of the table begins
     start: Start | None  # The start that the lines above the rows state
-    ended: str = ""  # A sentence if channels end before others
+    first: int  # The byte where the first row of the table begins
+    begin: int
+    end: int
 
-    def parsed(self, loaded: list[int]) -> tuple[Any, str]:
-        """Parse the columns with these numbers. Return a ``pyarrow.Table`` and the decimal sign that was used."""
-        sign = self.layout.decimal or "."
-        table = self._parsed(loaded, sign)
-        # The first lines have whole numbers, so that the decimal sign occurs only further down.
-        if self.layout.decimal is None and self.layout.delimiter != ",":
-            texts = [column for column in table.columns if pa.types.is_string(column.type)]
-            floats = any(pa.types.is_floating(column.type) for column in table.columns)
-            if not floats and any(holds_decimal_commas(column) for column in texts):
-                sign, table = ",", self._parsed(loaded, ",")
-        return table, sign
+    def tables(self, wanted: Collection[str] | None) -> list[LoggedTable]:
+        """Read the wanted columns, and those that may be time: one table, or one for each time column of one name."""
+        names, units, notes = self.layout.names, self.layout.units, self.text.notes
+        asked = set(names) if wanted is None else set(wanted) - {""}
+        unread = tuple(name for name in names if name and name not in asked)
+        if asked.isdisjoint(names):
+            return [LoggedTable(pd.DataFrame(), units, unread=unread, notes=notes)]
+        repeated = repeated_names(names)
+        asked |= repeated | beside_clocks(names)
+        loaded = [index for index, name in enumerate(names) if name in asked]
+        table, ended = self._parsed(loaded, padded=bool(repeated))
+        floats = any(pa.types.is_floating(column.type) for column in table.columns)
+        # If the first lines have whole numbers, the decimal sign occurs only further down.
+        commas = not floats and any(map(holds_decimal_commas, table.columns))
+        decimal = self.layout.decimal or ("," if commas else ".")
+        named = [(names[index], column) for index, column in zip(loaded, table.columns, strict=True)]
+        found = columns_of(named, decimal, wanted)
+        columns = [
+            (name or f"column_{len(names)}", each) for name, each in found.columns if name or not pd.isna(each).all()
+        ]
+        first, *others = split_groups(columns, {**units, **found.units}, repeated)
+        unread = tuple(name for name in unread if name not in first.channels)
+        first = replace(first, unread=unread, notes=(*notes, *found.notes, *filter(None, [ended])))
+        return [replace(each, start=self.start, utc=found.utc) for each in (first, *others)]
 
-    def _parsed(self, loaded: list[int], decimal: str) -> Any:
+    def _parsed(self, loaded: list[int], padded: bool) -> tuple[Any, str]:
+        """Parse the columns with these numbers. Return a ``pyarrow.Table``, and a sentence if channels end early."""
         width = len(self.layout.names)
         delimiter = "\t" if self.layout.delimiter == "whitespace" else self.layout.delimiter
         names, included = [str(index) for index in range(width)], [str(index) for index in loaded]
         reading = pa_csv.ReadOptions(use_threads=False, column_names=names)
-        parsing = pa_csv.ParseOptions(delimiter=delimiter, ignore_empty_lines=width > 1, quote_char=self.text.quote)
+        parsing = pa_csv.ParseOptions(delimiter=delimiter, ignore_empty_lines=width > 1)
         cells = pa_csv.ConvertOptions(
-            decimal_point=decimal, null_values=MISSING, strings_can_be_null=True, include_columns=included
+            decimal_point=self.layout.decimal or ".",
+            null_values=MISSING,
+            strings_can_be_null=True,
+            include_columns=included,
         )
         try:
-            table = pa_csv.read_csv(self._stream(), reading, parsing, cells)
+            return pa_csv.read_csv(self._stream(padded), reading, parsing, cells), ""
         except pa.ArrowInvalid as error:
-            if self.layout.names[0] == SCOPE_TIME and not self.ended and (ended := self._ended_early()):
-                self.ended = ended
-                return self._parsed(loaded, decimal)
+            scope = self.layout.names[0] == SCOPE_TIME and not padded
+            if scope and (ended := self._ended_early()):
+                return self._parsed(loaded, padded=True)[0], ended
             self._refuse_ragged_line()
             raise RecordingError(f"cannot be read as a text table: {error}") from None
-        if any(pa.types.is_binary(column.type) for column in table.columns):
-            raise UnicodeDecodeError("utf-8", b"", 0, 1, "a character further down is not UTF-8")
-        return table
 
-    def _stream(self) -> Any:
-        length = self.text.end - self.begin
-        spaces = self.layout.delimiter == "whitespace"
-        padded = self.ended or (not spaces and repeated_names(self.layout.names))
-        if not (spaces or padded):
-            return self.text.file.get_stream(self.begin, length)
-        content = self.text.file.read_at(length, self.begin)
-        if padded:
-            return pa.BufferReader(self._padded(content))
-        content = re.sub(rb"[ \t]+", b"\t", content)
+    def _stream(self, padded: bool) -> Any:
+        length = self.end - self.begin
+        if self.layout.delimiter != "whitespace":
+            return pa.BufferReader(self._padded()) if padded else self.text.file.get_stream(self.begin, length)
+        content = re.sub(rb"[ \t]+", b"\t", self.text.file.read_at(length, self.begin))
         for outside, end in ((b"\n\t", b"\n"), (b"\r\t", b"\r"), (b"\t\n", b"\n"), (b"\t\r", b"\r")):
             content = content.replace(outside, end)
         return pa.BufferReader(content.strip(b"\t"))
@@ -250,20 +224,19 @@ class _Rows:
             "the channels behind it end before the others"
         )
 
-    def _padded(self, content: bytes) -> bytes:
+    def _padded(self) -> bytes:
         """Pad every row to the number of names, because a group may end before the others."""
-        lines = [line for line in re.split(rb"\r\n|\n|\r", content) if line]
-        delimiter, width = self.layout.delimiter.encode(), len(self.layout.names)
-        missing = [width - 1 - line.count(delimiter) for line in lines]
-        if any(before > after for before, after in pairwise(missing)):
+        lines, delimiter = [line for _, line in self._lines()], self.layout.delimiter
+        widths = [line.count(delimiter) for line in lines]
+        if widths != sorted(widths, reverse=True):
             self._refuse_ragged_line()
-        return b"\n".join(line + delimiter * count for line, count in zip(lines, missing, strict=True))
+        return "\n".join(padded_row(line, delimiter, len(self.layout.names)) for line in lines).encode()
 
     def _lines(self) -> list[tuple[int, str]]:
         """List the rows that are not empty, each with its line number in the file, counted from 1."""
         read_at, places = self.text.file.read_at, range(self.first, self.begin, HEAD_SIZE)
         before = sum(read_at(min(HEAD_SIZE, self.begin - place), place).count(b"\n") for place in places)
-        content = read_at(self.text.end - self.begin, self.begin).decode(errors="replace")
+        content = read_at(self.end - self.begin, self.begin).decode()
         lines = enumerate(re.split(r"\r\n|\n|\r", content), start=self.layout.first_row + before + 1)
         return [(number, line) for number, line in lines if line or len(self.layout.names) == 1]
 
@@ -276,126 +249,6 @@ class _Rows:
                     "correct the line, or cut the file there if it holds two logs"
                     + (", or export it separated by tab or semicolon" if self.layout.delimiter == "whitespace" else "")
                 )
-
-
-@dataclass(frozen=True)
-class Text:
-    """A text as UTF-8."""
-
-    file: Any  # A ``pyarrow.NativeFile``: the file itself, or its characters in memory
-    start: int  # Byte where the text begins, after a byte order mark
-    end: int  # Byte where its last whole line ends, without the line end
-    notes: tuple[str, ...]  # What was left out, one sentence each
-    quote: str | bool  # Quotation mark around cells; False without one
-
-
-def open_text(source: FileSource, encoding: str) -> Text:
-    """Open a text up to its last whole line.
-
-    A last line without a line end is left out, because its last number may be cut off. Zero bytes that a logger leaves
-    when it loses power are left out, too. ``notes`` reports both. ``auto`` takes the encoding from the byte order mark;
-    without one it is UTF-8, or cp1252 if the beginning is not UTF-8.
-
-    Raises:
-        RecordingError: The bytes are not text in that encoding, or there is no whole line.
-    """
-    mark = next((mark for mark in BYTE_ORDER_MARKS if source.head.startswith(mark)), b"")
-    if encoding == "auto":
-        encoding = BYTE_ORDER_MARKS.get(mark, "utf-8")
-        try:
-            codecs.getincrementaldecoder(encoding)().decode(source.head, final=len(source.head) >= source.size)
-        except UnicodeDecodeError:
-            encoding = encoding if mark else "cp1252"
-    start = len(codecs.BOM_UTF8) if mark == codecs.BOM_UTF8 else 0
-    if codecs.lookup(encoding).name in ("utf-8", "utf-8-sig", "ascii"):
-        if not isinstance(source.origin, bytes) and source.size > _READ_AT_ONCE:
-            return _ended(pa.OSFile(str(source.origin)), start, '"')
-        return _ended_in_memory(source.all_bytes, start)
-    if source.size > MOST_INDIVISIBLE:
-        raise RecordingError(
-            f"its characters are {encoding} and it has {source.size / 1e6:.0f} MB; only UTF-8 is read in parts, other "
-            f"text whole, up to {MOST_INDIVISIBLE / 1e6:.0f} MB; save it as UTF-8, or split it"
-        )
-    try:
-        text = source.all_bytes.decode(encoding, errors="replace" if encoding == "cp1252" else "strict")
-    except UnicodeDecodeError as error:
-        raise RecordingError(
-            f"its characters are not {encoding}: {error.reason} at position {error.start}; name the right encoding, or "
-            "leave it to be found out (auto)"
-        ) from None
-    return _ended_in_memory(text.removeprefix("\ufeff").encode(errors="replace"), 0)
-
-
-def _ended_in_memory(content: bytes, start: int) -> Text:
-    return _ended(pa.BufferReader(content), start, '"' if b'"' in content else False)
-
-
-def _ended(file: Any, start: int, quote: str | bool) -> Text:
-    notes: list[str] = []
-    size, length = file.size(), _TAIL
-    while True:
-        begin = max(start, size - length)
-        tail: bytes = file.read_at(size - begin, begin)
-        body = tail.rstrip(b"\0\x1a")
-        if begin == start or b"\n" in body or b"\r" in body:
-            break
-        length *= 16
-    if (zeros := len(tail) - len(body)) > 1:
-        notes.append(f"{zeros} zero bytes at its end were left out, as a logger leaves them that loses power")
-    if body.rstrip(b' \t\n\r\f\v;,|"').endswith(b"EOF") and (match := _EOF.search(body)):
-        body = body[: match.start()]  # a last line that only marks the end, perhaps in every cell
-    whole = max(body.rfind(b"\n"), body.rfind(b"\r")) + 1
-    if 0 < whole < len(body):
-        cut = body[whole:][:80].decode(errors="replace")
-        notes.append(f"its last line has no line end and may be cut in a number; it was left out: {cut!r}")
-    end = begin + len(body[:whole].rstrip(b"\r\n"))
-    if end <= start:
-        raise RecordingError(
-            "holds not one whole line; expected a line of names and one line per sample, each with its end"
-        )
-    return Text(file, start, end, tuple(notes), quote)
-
-
-_KEY = re.compile(
-    r"(?:(?:test|log|logging|recording|measurement|acquisition|mess|aufnahme|aufzeichnungs)?"
-    r"(?:start|begin|beginn|date|datum|time|zeit|uhrzeit|timestamp|(?:start|date)(?:date|time|timestamp|zeit|datum)))"
-    r"|started|recorded(?:at)?"
-)
-"""Words before a start in a header, in lower case, letters only."""
-_LINE = re.compile(r"^[\s#%;\"*/]*([^\W\d][^\d:=;,\t]*?)[\s\"]*[:=;,\t](.*)$")
-_DATE, _CLOCK = re.compile(rf"(?<!\d){DATE}(?!\d)"), re.compile(rf"(?<!\d){CLOCK}(?: ?UTC)?")
-
-
-def start_in_header(lines: list[str], delimiter: str) -> Start | None:
-    """Read the start in the lines above a text table's rows; None without an unambiguous date.
-
-    It reads the FILETIME of the TwinCAT Scope, lines such as ``Start time: 2026-03-27 10:15:00``, and a date and a time
-    of day on separate lines.
-    """
-    date = clock = None
-    where = ""
-    for line in lines:
-        cells = line.split(delimiter) if delimiter != "whitespace" else [line]
-        if cells[0].strip().casefold() == "starttime of export" and len(cells) > 1 and cells[1].strip().isdecimal():
-            return Start(FILETIME.stamps(np.array([int(cells[1])]))[0], True, "FILETIME of the header")
-        found = _LINE.match(line.rstrip())
-        if found is None or not _KEY.fullmatch(re.sub(r"[\W_]", "", found[1]).casefold()):
-            continue
-        if date is None and (date := _DATE.search(found[2])):
-            where = f"header line {line.strip()[:60]!r}"
-        clock = clock or _CLOCK.search(found[2])
-    if date is None:
-        return None
-    stamp = f"{date[0]} {clock[0].replace('UTC', 'Z')}" if clock else date[0]
-    try:
-        dates = dates_of(pa.array([stamp]), where)
-    except RecordingError:  # the day or the month may come first
-        return None
-    if dates is None:
-        return None
-    if clock is None:
-        return Start(dates.values[0].astype("datetime64[D]"), False, f"{where}, a date without a time of day")
-    return Start(dates.values[0], dates.utc, where)
 
 
 def split_groups(columns: list[Column], units: dict[str, str], repeated: Collection[str]) -> list[LoggedTable]:
@@ -418,6 +271,251 @@ def _are_clocks(columns: list[Column], name: str) -> bool:
     """Check whether all columns of a name have rising stamps, or are empty because their channels have no samples."""
     found = [values for other, values in columns if other == name and not pd.isna(values).all()]
     return bool(found) and all(values.dtype.kind in "iufM" and way_of(values) == 1 for values in found)
+
+
+def split_cells(line: str, delimiter: str) -> list[str]:
+    """Split a line into cells, and strip blanks and quotation marks.
+
+    With the delimiter ``whitespace``, a unit in brackets stays with the name before it.
+    """
+    line = line.rstrip("\r\n")
+    if delimiter == "whitespace":
+        return [token.strip('"') for token in _TOKEN.findall(line)]
+    if '"' not in line:
+        return [cell.strip() for cell in line.split(delimiter)]
+    try:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])]
+    except csv.Error:
+        return [cell.strip() for cell in line.split(delimiter)]
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The layout of a text table."""
+
+    delimiter: str  # One character or ``whitespace``
+    decimal: str | None  # ``.`` or ``,``; None if the rows looked at have only whole numbers
+    names: list[str]  # Names of the columns; '' for an empty last column after a delimiter at the end of each row
+    units: dict[str, str]  # Units by name
+    first_row: int  # Number of lines above the first row
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """The lines that are looked at, split by one delimiter."""
+
+    delimiter: str
+    decimal: str | None
+    rows: list[list[str]]
+    width: int
+    numeric: list[int]
+    score: float
+
+    @property
+    def trailing(self) -> bool:
+        """Whether every row ends with a delimiter; its last cell is then a channel only if it has a name."""
+        return self.width > 1 and not any(row[-1] for row in self.rows if len(row) == self.width)
+
+    def is_row(self, cells: list[str]) -> bool:
+        """Check whether every numeric column has a value or is empty, and at least one has a value."""
+        if len(cells) != self.width:
+            return False
+        values = sum(is_value(cells[index], self.decimal) for index in self.numeric)
+        missing = sum(is_missing(cells[index]) for index in self.numeric)
+        return values > 0 and values + missing == len(self.numeric)
+
+
+def find_layout(lines: list[str], options: CsvOptions) -> Layout:
+    """Find the layout of a table in its first whole lines; refuse lines with no layout or an ambiguous one."""
+    content = [index for index, line in enumerate(lines) if line.strip()]
+    stated = "whitespace" if options.delimiter == " " else options.delimiter
+    delimiters = DELIMITERS if stated == "auto" else (stated,)
+    lines = _padded(lines, delimiters)
+    decimal = None if options.decimal == "auto" else options.decimal
+    # All delimiters that occur in no line give the same grid of one column.
+    looked_at = [lines[index] for index in content[-LOOKED_AT:]]
+    characters = set("".join(looked_at))
+    absent = [each for each in delimiters if characters.isdisjoint(" \t" if each == "whitespace" else each)]
+    tried = [each for each in delimiters if each not in absent[1:]]
+    grids = [grid for delimiter in tried if (grid := _grid(looked_at, delimiter, decimal)) is not None]
+    if not grids:
+        raise RecordingError(
+            f"no rows of numbers were found in its first {len(content)} lines; expected a table: a line of names and "
+            "one line per sample; name the delimiter and the decimal sign if they are unusual"
+        )
+    grid, *others = grids
+    if others:
+        grid = max(grids, key=lambda grid: _likelihood(grid, [lines[index] for index in content]))
+    first = _first_row(grid, lines, content)
+    names, units = _names_and_units(lines[:first], grid, options.header)
+    return Layout(grid.delimiter, decimal or _decimal(grid), names, units, first)
+
+
+def _grid(lines: list[str], delimiter: str, decimal: str | None) -> _Grid | None:
+    """Split lines into cells; None if no column has numbers or dates."""
+    decimal = "." if delimiter == "," and decimal is None else decimal
+    rows = [split_cells(line, delimiter) for line in lines]
+    if not rows:
+        return None
+    # Of two equally common widths the later one is taken, because a header is above the rows.
+    width, _ = Counter(len(row) for row in reversed(rows)).most_common(1)[0]
+    if width > MOST_COLUMNS:
+        raise RecordingError(
+            f"has {width:,} columns, expected at most {MOST_COLUMNS:,}; export the channels of the cylinder alone"
+        )
+    full = [row for row in rows if len(row) == width]
+    # The upper half of a short file may be its header.
+    lower = full[len(full) // 2 :]
+    values = [sum(is_value(cell, decimal) for cell in column) for column in zip(*lower, strict=True)]
+    missing = [sum(map(is_missing, column)) for column in zip(*lower, strict=True)]
+    filled = [sum(counts) for counts in zip(values, missing, strict=True)]
+    numeric = [index for index in range(width) if values[index] and 2 * filled[index] >= len(lower)]
+    score = sum(filled) / width / len(lower) * len(full) / len(rows)
+    return _Grid(delimiter, decimal, rows, width, numeric, score) if numeric else None
+
+
+def _likelihood(grid: _Grid, lines: list[str]) -> tuple[bool, bool, bool, float, int]:
+    """Return a key that ranks the ways to split a file's lines.
+
+    The first criterion is whether a line of names, or the first row, has as many cells as the rows: 3,845 is one number
+    with a decimal comma below one name, and two numbers below two names. The second is the share of numbers and dates.
+    """
+    if grid.width == 1:
+        fits = not any(sign in lines[0] for sign in "\t;,|")
+    else:
+        cells = [split_cells(line.lstrip("#% "), grid.delimiter) for line in lines[:LOOKED_AT]]
+        names = [row for row in cells if row[-1:] != [""] and not any(is_number(cell, None) for cell in row)]
+        trailing = not grid.rows[-1][-1]
+        fits = grid.is_row(cells[0]) or any(len(row) in (grid.width, grid.width - trailing) for row in names)
+    return grid.score >= _LEAST_SCORE, fits, grid.width > 1, round(grid.score, 2), grid.width
+
+
+def _first_row(grid: _Grid, lines: list[str], content: list[int]) -> int:
+    """Find the line of the first row; ``content`` lists the lines that are not empty."""
+
+    @cache
+    def is_row(position: int) -> bool:
+        return grid.is_row(split_cells(lines[content[position]], grid.delimiter))
+
+    for first in range(len(content)):
+        # A line of the preamble may look like a row, but most lines after it do not. Some rows may be damaged.
+        after = range(first + 1, min(first + 11, len(content)))
+        if is_row(first) and 2 * sum(map(is_row, after)) >= len(after):
+            break
+    else:
+        raise RecordingError("no row of numbers was found below its header; expected one line per sample")
+    # Include rows before it in which a sensor reads 'overload': they begin with a time, as no header does.
+    while first > 0:
+        cells = split_cells(lines[content[first - 1]], grid.delimiter)
+        if len(cells) != grid.width or not is_value(cells[grid.numeric[0]], grid.decimal):
+            break
+        first -= 1
+    return content[first]
+
+
+def _decimal(grid: _Grid) -> str | None:
+    """Find the decimal sign of a grid's rows; None if they have only whole numbers. Between commas it is a point."""
+    if grid.delimiter == ",":
+        return "."
+    cells = [row[index] for row in grid.rows if len(row) == grid.width for index in grid.numeric]
+    points, commas = (sum(sign in cell and is_number(cell, sign) for cell in cells) for sign in ".,")
+    return None if not points and not commas else "," if commas > points else "."
+
+
+def _units_in_line(cells: list[str]) -> list[str] | None:
+    """Read the units of a line that consists mostly of units; None for another line.
+
+    An empty cell, a cell without a unit (``NO.`` above row numbers), and a date format give the unit ''.
+    """
+    units, others = [], 0
+    for cell in cells:
+        text = cell[1:-1].strip() if cell[:1] + cell[-1:] in ("[]", "()") else cell
+        known = text.casefold() in KNOWN
+        ignored = text.casefold() in ("", *_UNIT_WORDS) or (not known and _DATE_PATTERN.match(text))
+        units.append("" if ignored or not (known or text != cell) else text)
+        others += not ignored and not units[-1]
+    return units if sum(map(bool, units)) > others else None
+
+
+def _names_and_units(above: list[str], grid: _Grid, mode: str) -> tuple[list[str], dict[str, str]]:
+    """Find channels and their units in the lines above the first row; ``mode`` is ``CsvOptions.header``.
+
+    A line of names has a cell for each column, or lacks the last one. An empty last column after a delimiter at the end
+    of each row is named ''.
+    """
+    block: list[list[str]] = []
+    for line in reversed([line for line in above if line.strip()]):
+        comment = line.lstrip().startswith(("#", "%", "//"))
+        cells = split_cells(line.lstrip("#%/ ") if comment else line, grid.delimiter)
+        more = len(cells) - grid.width
+        last = more == 1 and cells[-1].casefold() in ("", "comment")  # LabVIEW has a column of comments
+        if not (more == 0 or last or (more == -1 and grid.trailing)) or (grid.width == 1 and block):
+            break
+        block.insert(0, cells)
+    pairs = reversed(list(pairwise(block)))
+    stated = ((names, units) for names, line in pairs if (units := _units_in_line(line)) and not _units_in_line(names))
+    if not block:
+        cells, units = [], None
+    elif scope := _scope_names(above, grid):
+        cells, units = scope
+    elif mode == "names_units" and len(block) > 1:
+        cells, units = block[-2:]
+    else:
+        cells, units = next(stated, (block[-1], None))
+    cells = [*cells, *[""] * grid.width][: grid.width]
+    names = [name or f"column_{index}" for index, name in enumerate(cells, start=1)]
+    if grid.trailing and not cells[-1]:
+        names[-1] = ""
+    of_names = {name: unit for name in names if (unit := unit_in_name(name)) is not None}
+    return names, of_names | {name: unit for name, unit in zip(names, units or [], strict=False) if name and unit}
+
+
+def _scope_names(above: list[str], grid: _Grid) -> tuple[list[str], list[str] | None] | None:
+    """Find the channels of a TwinCAT Scope and their units, which it writes as ``V (Voltage)``.
+
+    The line of names is ``Name;Axis.Pos;Name;Axis.Vel``, or ``Name;p1;p2;Name;x`` if channels share a time column. Time
+    is in ms. Lines such as SymbolName;...;SymbolName;... may follow.
+    """
+    found: dict[str, list[str]] = {}
+    for cells in reversed([split_cells(line, grid.delimiter) for line in above]):
+        key = cells[0].casefold() if len(cells) == grid.width else ""
+        if key == "name":
+            if not found and not any("Starttime of export" in line for line in above):
+                return cells, None
+            stated = [cell.partition("(")[0].strip() for cell in found.get("unit", [""] * len(cells))]
+            return cells, ["ms" if name == SCOPE_TIME else unit for name, unit in zip(cells, stated, strict=True)]
+        if _SCOPE_KEY.fullmatch(key):
+            found[key] = cells
+        elif key:
+            break
+    return None
+
+
+def repeated_names(names: Sequence[str]) -> set[str]:
+    """Find names that occur again after another column, because they may be time columns."""
+    counts = Counter(names)
+    adjacent = {one for one, other in pairwise(names) if one == other}
+    return {name for name, count in counts.items() if name and count > 1} - adjacent
+
+
+def _padded(lines: list[str], delimiters: Collection[str]) -> list[str]:
+    """Pad the rows below a line of repeated names to its number of cells; other lines stay as they are."""
+    for number, line in enumerate(lines):
+        if line[:1].isdecimal():  # a row, as most lines are
+            continue
+        for delimiter in delimiters:
+            cells = split_cells(line, delimiter) if delimiter != "whitespace" else []
+            if cells and cells[0] in repeated_names(cells) and not is_value(cells[0], None):
+                below = [(row, next(filter(None, split_cells(row, delimiter)), "")) for row in lines[number:]]
+                rows = (padded_row(row, delimiter, len(cells)) if is_value(cell, None) else row for row, cell in below)
+                return [*lines[:number], *rows]
+    return lines
+
+
+def padded_row(line: str, delimiter: str, width: int) -> str:
+    """Append empty cells up to ``width`` cells."""
+    bare = line.rstrip("\r\n")
+    return bare + delimiter * (width - 1 - bare.count(delimiter)) + line[len(bare) :]
 
 
 FORMAT = Format("csv", "a text table", read_delimited, ("csv", "rows"))

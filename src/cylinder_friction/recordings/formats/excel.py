@@ -5,9 +5,8 @@ from dataclasses import replace
 from datetime import datetime, timedelta
 from typing import Any
 
-from cylinder_friction.recordings.formats.delimited import read_delimited
-from cylinder_friction.recordings.formats.format import HEAD_SIZE, FileSource, Format, LoggedTable
-from cylinder_friction.recordings.formats.layout import MOST_COLUMNS, CsvOptions
+from cylinder_friction.recordings.formats.delimited import MOST_COLUMNS, read_delimited
+from cylinder_friction.recordings.formats.format import HEAD_SIZE, CsvOptions, FileSource, Format, LoggedTable
 from cylinder_friction.recordings.recording import RecordingError
 
 _AS_TEXT = CsvOptions(delimiter="\t", decimal=".", encoding="utf-8")

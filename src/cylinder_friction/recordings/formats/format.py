@@ -6,6 +6,7 @@ import codecs
 import gzip
 import io
 import logging
+import re
 import warnings
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -18,10 +19,11 @@ from typing import Any, BinaryIO
 
 import numpy as np
 import pandas as pd
+import pyarrow as pa
 from numpy.typing import NDArray
 
 from cylinder_friction.extras import not_installed
-from cylinder_friction.recordings.recording import RecordingError, Start
+from cylinder_friction.recordings.recording import RecordingError, Start, expect
 from cylinder_friction.wording import in_brief
 
 Column = tuple[str, NDArray[Any]]
@@ -45,6 +47,33 @@ class LoggedTable:
     # Reads the parts after this one, with the same channels, if the table is too long to be read at once
     more: Callable[[], Iterator[LoggedTable]] | None = None
     parts: int = 1  # Approximate number of parts
+
+
+HEADERS = ("auto", "names_units")
+
+
+@dataclass(frozen=True)
+class CsvOptions:
+    """Options for reading a text file; everything that is ``auto`` is detected."""
+
+    delimiter: str = "auto"  # Delimiter of values: one character, ``whitespace`` (runs of blanks and tabs), or ``auto``
+    decimal: str = "auto"  # Decimal sign: ``.``, ``,`` or ``auto``
+    encoding: str = "auto"  # Character encoding, for example ``utf-8`` or ``cp1252``, or ``auto``
+    # ``names_units`` (a line of names and a line of units are right above the rows), or ``auto``
+    header: str = "auto"
+
+    def __post_init__(self) -> None:
+        one = self.delimiter in ("auto", "whitespace") or (len(self.delimiter) == 1 and self.delimiter not in '\r\n"')
+        expect(one, "delimiter", "one character, 'whitespace' or 'auto'", self.delimiter)
+        expect(self.decimal in ("auto", ".", ","), "decimal", "'.', ',' or 'auto'", self.decimal)
+        expect(self.header in HEADERS, "header", f"one of {', '.join(HEADERS)}", self.header)
+        try:
+            codecs.lookup("utf-8" if self.encoding == "auto" else self.encoding)
+        except LookupError:
+            expect(False, "encoding", "one that Python knows, such as utf-8 or cp1252, or 'auto'", self.encoding)
+
+
+AUTOMATIC = CsvOptions()
 
 
 def named_columns(columns: Sequence[Column]) -> pd.DataFrame:
@@ -79,9 +108,14 @@ class Format:
 
 HEAD_SIZE = 65536
 """Number of first bytes from which a file's format is detected."""
+MOST_INDIVISIBLE = 256 * 10**6
+"""Largest text that is read whole if it cannot be read in parts [bytes]."""
 MOST_UNPACKED = 500 * 10**6
 """Largest gzipped file that is read, unpacked in memory [bytes]."""
 GZIP = b"\x1f\x8b"
+_TAIL = 1 << 16
+_BLOCK = 1 << 20  # Bytes that are read at once
+_EOF = re.compile(rb"(?<=[\r\n])[\s;,|\"]*EOF(?:[\s;,|\"]|EOF)*\Z")
 BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8", codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
 
 
@@ -139,6 +173,88 @@ def is_text(head: bytes) -> bool:
     body = head.rstrip(b"\0")
     odd = len(body) - len(body.translate(None, bytes(range(9)) + bytes(range(14, 26)) + bytes(range(27, 32)) + b"\x7f"))
     return bool(body) and b"\0" not in body and odd <= 0.01 * len(body)
+
+
+@dataclass(frozen=True)
+class Text:
+    """A text as UTF-8."""
+
+    file: Any  # A ``pyarrow.NativeFile``: the file itself, or its characters in memory
+    start: int  # Byte where the text begins, after a byte order mark
+    end: int  # Byte where its last whole line ends, without the line end
+    notes: tuple[str, ...]  # What was left out, one sentence each
+
+
+def open_text(source: FileSource, encoding: str) -> Text:
+    """Open a text up to its last whole line.
+
+    A last line without a line end is left out, because its last number may be cut off. Zero bytes that a logger leaves
+    when it loses power are left out, too. ``notes`` reports both. ``auto`` takes the encoding from the byte order mark;
+    without one it is UTF-8, or cp1252 if the first character beyond ASCII is not UTF-8.
+
+    Raises:
+        RecordingError: The bytes are not text in that encoding, or there is no whole line.
+    """
+    mark = next((mark for mark in BYTE_ORDER_MARKS if source.head.startswith(mark)), b"")
+    named = BYTE_ORDER_MARKS.get(mark, "utf-8") if encoding == "auto" else encoding
+    try:
+        if codecs.lookup(named).name in ("utf-8", "utf-8-sig", "ascii"):
+            in_memory = isinstance(source.origin, bytes)
+            file = pa.BufferReader(source.origin) if in_memory else pa.OSFile(str(source.origin))
+            _check_utf8(file)
+            return _up_to_whole_line(file, len(mark) if mark == codecs.BOM_UTF8 else 0)
+        if source.size > MOST_INDIVISIBLE:
+            raise RecordingError(
+                f"its characters are {named} and it has {source.size / 1e6:.0f} MB; only UTF-8 is read in parts, other "
+                f"text whole, up to {MOST_INDIVISIBLE / 1e6:.0f} MB; save it as UTF-8, or split it"
+            )
+        text = source.all_bytes.decode(named, errors="replace" if named == "cp1252" else "strict")
+    except UnicodeDecodeError as error:
+        if encoding == "auto" and not mark and (source.head.isascii() or error.start < len(source.head)):
+            return open_text(source, "cp1252")
+        raise RecordingError(
+            f"its characters are not {named.upper()}: {error.reason} at byte {error.start}; name the right encoding, "
+            "such as csv: {encoding: cp1252} in the mapping, or save it as UTF-8"
+        ) from None
+    return _up_to_whole_line(pa.BufferReader(text.removeprefix("\ufeff").encode(errors="replace")), 0)
+
+
+def _check_utf8(file: Any) -> None:
+    """Raise ``UnicodeDecodeError`` at the first byte that is not UTF-8; the last character may be cut off."""
+    decoder, place = codecs.getincrementaldecoder("utf-8")(), 0
+    while block := file.read(_BLOCK):
+        try:
+            decoder.decode(block)
+        except UnicodeDecodeError as error:
+            error.start += place
+            raise
+        place += len(block)
+
+
+def _up_to_whole_line(file: Any, start: int) -> Text:
+    notes: list[str] = []
+    size, length = file.size(), _TAIL
+    while True:
+        begin = max(start, size - length)
+        tail: bytes = file.read_at(size - begin, begin)
+        body = tail.rstrip(b"\0\x1a")
+        if begin == start or b"\n" in body or b"\r" in body:
+            break
+        length *= 16
+    if (zeros := len(tail) - len(body)) > 1:
+        notes.append(f"{zeros} zero bytes at its end were left out, as a logger leaves them that loses power")
+    if body.rstrip(b' \t\n\r\f\v;,|"').endswith(b"EOF") and (match := _EOF.search(body)):
+        body = body[: match.start()]  # a last line that only marks the end, perhaps in every cell
+    whole = max(body.rfind(b"\n"), body.rfind(b"\r")) + 1
+    if 0 < whole < len(body):
+        cut = body[whole:][:80].decode(errors="replace")
+        notes.append(f"its last line has no line end and may be cut in a number; it was left out: {cut!r}")
+    end = begin + len(body[:whole].rstrip(b"\r\n"))
+    if end <= start:
+        raise RecordingError(
+            "holds not one whole line; expected a line of names and one line per sample, each with its end"
+        )
+    return Text(file, start, end, tuple(notes))
 
 
 @contextmanager

@@ -7,9 +7,16 @@ from pathlib import Path
 
 from cylinder_friction.recordings.formats import delimited, excel, hdf5, matlab, mdf, parquet, tdms
 from cylinder_friction.recordings.formats.cells import oldest_first, with_dates
-from cylinder_friction.recordings.formats.format import Format, LoggedTable, guarded, is_text, open_source
+from cylinder_friction.recordings.formats.format import (
+    AUTOMATIC,
+    CsvOptions,
+    Format,
+    LoggedTable,
+    guarded,
+    is_text,
+    open_source,
+)
 from cylinder_friction.recordings.formats.isolated import read_isolated
-from cylinder_friction.recordings.formats.layout import AUTOMATIC, CsvOptions
 from cylinder_friction.recordings.recording import RecordingError
 
 FORMATS = {

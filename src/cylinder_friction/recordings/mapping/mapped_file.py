@@ -13,11 +13,11 @@ import pandas as pd
 
 from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.columns import QUANTITIES, TIME
-from cylinder_friction.recordings.formats.cells import epoch_of, is_future
+from cylinder_friction.recordings.formats.cells import is_future
 from cylinder_friction.recordings.formats.format import LoggedTable
 from cylinder_friction.recordings.mapping import units
-from cylinder_friction.recordings.mapping.channel_facts import ChannelFacts, clocks_of
 from cylinder_friction.recordings.mapping.channel_mapping import ChannelMapping
+from cylinder_friction.recordings.mapping.guessing import ChannelFacts, clocks_of
 from cylinder_friction.recordings.recording import RecordingError, Signal, Start
 from cylinder_friction.recordings.timeline.timestamps import stamps_to_datetimes, stamps_to_seconds
 
@@ -238,7 +238,7 @@ def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping
     raw, stated = table.channels[channel], table.units.get(channel, "")
     of_time = channel == time.channel
     configured = time_unit or (time.unit if of_time else "")
-    if stated and configured:
+    if configured:
         _refuse_other_unit(stated, configured, channel, TIME if of_time else column)
     unit = configured or (stated if of_time or units.quantity_of(stated) == "time" else time.unit)
     if not unit:
@@ -247,20 +247,12 @@ def _seconds(table: LoggedTable, channel: str, column: str, time: ChannelMapping
             "expected dates, or numbers with channels.time_s.unit"
         )
     values = _numbers(raw, channel, TIME, unit)
-    epoch = None if stated else epoch_of(values)
-    if epoch is not None and not math.isclose(units.column_scale(TIME, unit), 1e-9 * epoch.unit_ns):
-        raise RecordingError(
-            f"time channel {channel!r} begins at {values[0]:.15g}, which in {epoch.counted} since {epoch.since} is "
-            f"{epoch.stamps(values[:1])[0]}, but it is read in {unit!r}; correct channels.time_s.unit in the mapping"
-        )
     return units.to_column_unit(values - time.offset if time.offset else values, unit, TIME)
 
 
 def _check_stated_unit(table: LoggedTable, column: str, source: ChannelMapping) -> None:
     """Refuse a channel if the file contradicts the mapping's unit."""
     stated = table.units.get(source.channel, "")
-    if not stated:
-        return
     _refuse_other_unit(stated, source.unit, source.channel, column)
     reference = units.stated_reference(stated) if QUANTITIES[column] == "pressure" else None
     if reference is not None and (reference == "absolute") != source.absolute:
@@ -316,10 +308,9 @@ def _numbers(raw: pd.Series[Any], channel: str, column: str, unit: str) -> Array
     """Read a channel's cells as numbers, shape ``(n,)``; an empty cell becomes NaN. A float64 array is not copied."""
     if raw.dtype.kind in "iufb":
         return raw.to_numpy(dtype=np.float64)
-    if raw.dtype.kind in "mMc":
-        kind = "dates" if raw.dtype.kind == "M" else raw.dtype
+    if raw.dtype.kind == "M":
         raise RecordingError(
-            f"channel {channel!r} (for {column!r}) holds {kind}; expected numbers in {unit}; correct "
+            f"channel {channel!r} (for {column!r}) holds dates; expected numbers in {unit}; correct "
             f"channels.{column}.channel"
         )
     values: Array = pd.to_numeric(raw, errors="coerce").to_numpy(dtype=np.float64, na_value=np.nan)
