@@ -112,7 +112,7 @@ def test_numbers_since_a_known_date_are_dates_in_spite_of_another_unit(tmp_path:
     mapped = read(name, 1_773_476_100_000 + 5 * ROWS)
     assert mapped.start is not None
     assert mapped.start.text() == "2026-03-14T08:15:00.000Z"
-    np.testing.assert_array_equal(mapped.signals["position_m"].time_s, 0.005 * ROWS)
+    np.testing.assert_array_equal(mapped.signals["position_m"].time_s, 5 * ROWS / 1e3)
     unit = "s"  # since midnight; in days, it would be a date, too
     assert read(f"{name} [s]", 46_000.0 + 0.0005 * ROWS).signals["position_m"].time_s[1] == 46_000.0005
 
