@@ -15,7 +15,6 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from cylinder_friction.arrays import Array
 from cylinder_friction.recordings.formats.format import Column, LoggedTable
 from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.mapping.units import conversion, names_a_unit
@@ -45,6 +44,7 @@ DATE = r"(?:\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|\d{1,2}-
 CLOCK = r"\d{1,2}:\d{2}(?::\d{2}(?:[.,:;]\d{1,9})?|[.,]\d{1,9})?(?: ?[AaPp][Mm])?(?: ?(?:Z|[+-]\d{2}:?\d{2}))?"
 _DATE_OR_CLOCK = re.compile(rf"{DATE}(?:[T ,]+{CLOCK})?|{CLOCK}")
 _CLOCK_PARTS = r"(?P<H>\d{1,2}):(?P<M>\d{2})(?::(?P<S>\d{2})(?:[.,:;](?P<f>\d{1,9}))?)?\s*(?P<half>[AaPp][Mm])?"
+_TIME_OF_DAY = f"^{_CLOCK_PARTS}$"
 _MINUTES = r"^(?P<M>\d{1,2}):(?P<S>\d{2})[.,](?P<f>\d{1,9})$"  # as Excel shows a time of day: mm:ss.0
 _WITH_UNIT = r"^(?P<number>[+-]?[\d.,eE+-]*\d)\s*(?P<unit>[^\d\s.,:;+-][^\d\s:]*)$"
 _REST = rf"(?:[T ,]+{_CLOCK_PARTS})?\s*(?P<zone>Z|[+-]\d{{2}}:?\d{{2}})?$"
@@ -120,10 +120,8 @@ def _text_values(column: Any, decimal: str, name: str) -> CellValues:
             cells = f"{count} cell{'' if count == 1 else 's'} of {name!r} with {text.filter(over)[0].as_py()!r}"
             note = f"{cells}, beyond the range of the input, taken as missing"
         return CellValues(_numbers(pc.if_else(over, None, text), number, decimal), note=note)
-    if (seconds := _clock_seconds(text)) is not None:
-        return CellValues(seconds, "s", clock=True)
-    if (dates := dates_of(text, name)) is not None:
-        return dates
+    if (stamps := stamps_of(text, name)) is not None:
+        return stamps
     if (parts := _fields(text, _WITH_UNIT)) is not None:
         units = pc.unique(parts["unit"].drop_null()).to_pylist()
         values = _numbers(parts["number"], pc.match_substring_regex(parts["number"], form), decimal)
@@ -153,33 +151,27 @@ def holds_decimal_commas(column: Any) -> bool:
     return bool(pc.all(pc.match_substring_regex(pc.utf8_trim_whitespace(column), f"^(?:{COMMA_NUMBER})$")).as_py())
 
 
-def _clock_seconds(text: Any) -> Array | None:
-    """Convert times of day (08:15:00,125; 08:15 PM) or minutes and seconds (15:00.1) to seconds; None for others."""
-    for pattern, missing in ((f"^{_CLOCK_PARTS}$", {}), (_MINUTES, {"H": "0", "half": ""})):
-        if (fields := _fields(text, pattern)) is not None:
-            fields |= {key: pc.if_else(fields["M"].is_null(), None, value) for key, value in missing.items()}
-            stamps = _stamps({"Y": "1970", "m": "1", "d": "1", **fields})
-            return None if stamps is None else stamps.cast(pa.int64()).to_numpy() / 1e9
-    return None
+def stamps_of(text: Any, name: str) -> CellValues | None:
+    """Convert dates to ``datetime64[ns]``, and times of day or minutes and seconds (15:00.1) to seconds.
 
-
-def dates_of(text: Any, name: str) -> CellValues | None:
-    """Convert dates with or without a time of day to ``datetime64[ns]``; a null becomes NaT. None for other cells.
-
-    In dates with dots the day comes first. In dates with slashes, the first row that can only be read one way decides
-    for the column. Stamps with a time zone are converted to UTC.
+    A null becomes NaT or NaN. None for cells of any other form. In dates with dots the day comes first. In dates with
+    slashes, the first row that can only be read one way decides for the column. Stamps with a time zone are converted
+    to UTC.
     """
-    for pattern in (_YEAR_FIRST, _DOTS, _EITHER, _NAMED_MONTH):
-        if (fields := _fields(text, pattern)) is None:
+    for pattern in (_TIME_OF_DAY, _MINUTES, _YEAR_FIRST, _DOTS, _EITHER, _NAMED_MONTH):
+        if (found := _fields(text, pattern)) is None:
             continue
+        fields = {"Y": "1970", "m": "1", "d": "1", "H": "0", "half": "", "zone": "", **found}
         if pattern == _EITHER and _month_first(fields, text, name):
             fields["d"], fields["m"] = fields["m"], fields["d"]
         elif pattern == _NAMED_MONTH:
             fields["Y"] = pc.replace_substring_regex(fields["Y"], "^(..)$", r"20\1")
             fields["m"] = pc.add(pc.index_in(pc.utf8_lower(fields["m"]), _MONTHS), 1).cast(pa.string())
-        stamps = _stamps(fields)
+        stamps = _instants(fields)
         if stamps is None:
             return None
+        if "Y" not in found:
+            return CellValues(stamps.cast(pa.int64()).to_numpy() / 1e9, "s", clock=True)
         zoned = bool(pc.all(pc.not_equal(fields["zone"], "")).as_py())
         return CellValues(stamps.cast(pa.timestamp("ns")).to_numpy(), utc=zoned)
     return None
@@ -208,22 +200,18 @@ def _month_first(fields: dict[str, Any], text: Any, name: str) -> bool:
     )
 
 
-def _stamps(fields: dict[str, Any]) -> Any | None:
+def _instants(fields: dict[str, Any]) -> Any | None:
     """Parse the fields as ISO 8601 and return instants in UTC; None if a cell is no date or time of day."""
-    hour, fraction = pc.utf8_lpad(fields["H"], 2, "0"), pc.utf8_rpad(fields["f"], 9, "0")
-    if "half" in fields:
-        half = pc.utf8_lower(fields["half"])
-        on_clock = pc.index_in(pc.binary_join_element_wise(hour, half, ""), _HALF_DAYS).cast(pa.string())
-        hour = pc.utf8_lpad(pc.if_else(pc.equal(half, ""), hour, on_clock), 2, "0")
-    year, month, day, minute, second = (
-        pc.utf8_lpad(field, 2, "0") for field in (fields["Y"], fields["m"], fields["d"], fields["M"], fields["S"])
-    )
+    year, month, day, hour, minute, second = (pc.utf8_lpad(fields[key], 2, "0") for key in "YmdHMS")
+    half = pc.utf8_lower(fields["half"])
+    on_clock = pc.index_in(pc.binary_join_element_wise(hour, half, ""), _HALF_DAYS).cast(pa.string())
+    hour = pc.utf8_lpad(pc.if_else(pc.equal(half, ""), hour, on_clock), 2, "0")
     date = pc.binary_join_element_wise(year, month, day, "-")
-    clock = pc.binary_join_element_wise(hour, minute, pc.binary_join_element_wise(second, fraction, "."), ":")
-    zone = fields.get("zone", "Z")
-    zone = pc.if_else(pc.equal(zone, ""), "Z", zone)
+    second = pc.binary_join_element_wise(second, pc.utf8_rpad(fields["f"], 9, "0"), ".")
+    clock = pc.binary_join_element_wise(hour, minute, second, ":")
+    zone = pc.if_else(pc.equal(fields["zone"], ""), "Z", fields["zone"])
     iso = pc.binary_join_element_wise(pc.binary_join_element_wise(date, clock, "T"), zone, "")
-    if iso.null_count > fields["H"].null_count:
+    if iso.null_count > fields["M"].null_count:
         return None
     try:
         return iso.cast(pa.timestamp("ns", "UTC"))
@@ -263,7 +251,7 @@ def start_in_header(lines: list[str], delimiter: str) -> Start | None:
         return None
     stamp = f"{date[0]} {clock[0].replace('UTC', 'Z')}" if clock else date[0]
     try:
-        dates = dates_of(pa.array([stamp]), where)
+        dates = stamps_of(pa.array([stamp]), where)
     except RecordingError:  # the day or the month may come first
         return None
     if dates is None:
