@@ -1,6 +1,6 @@
 """Combine the channels of a binary file into tables of equal length."""
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -33,6 +33,13 @@ class Found:
 
     channels: list[Channel] = field(default_factory=list)
     others: list[str] = field(default_factory=list)
+
+
+def unit_among(properties: Mapping[str, Any]) -> str:
+    """Read the unit that the properties of a channel state; empty if they state none."""
+    stated = (properties.get(key) for key in ("unit", "units", "Unit", "Units", "unit_string"))
+    texts = (each.decode(errors="replace") if isinstance(each, bytes) else each for each in stated)
+    return next((text.strip() for text in texts if isinstance(text, str) and text), "")
 
 
 def column_arrays(name: str, shape: tuple[int, ...]) -> list[tuple[str, int, Any]]:

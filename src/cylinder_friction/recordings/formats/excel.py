@@ -69,6 +69,5 @@ FORMAT = Format(
     read_excel,
     fits=lambda head: head.startswith(b"PK") and b"xl/" in head and b"xl/workbook.bin" not in head,
     library="openpyxl",
-    extra="excel",
     crashes="the Excel library",
 )

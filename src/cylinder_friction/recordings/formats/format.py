@@ -95,15 +95,14 @@ class Format:
     takes: tuple[str, ...] = ()
     starts: tuple[bytes, ...] = ()  # Bytes that its files begin with
     fits: Callable[[bytes], bool] | None = None  # Recognizes the format by a file's head, in addition to ``starts``
-    library: str = ""  # The library that only this format needs, and the extra of this package that brings it
-    extra: str = ""
+    library: str = ""  # The library that only this format needs; this package's extra of the format's name brings it
     # Name in messages of the library that damaged files crash. Only such formats are read in an isolated process
     crashes: str = ""
 
     def refuse_missing_library(self) -> None:
         """Raise ``RecordingError`` with the command that installs the library this format needs."""
         if self.library and find_spec(self.library) is None:
-            raise RecordingError(f"reading {self.what} needs {not_installed(self.library, self.extra)}")
+            raise RecordingError(f"reading {self.what} needs {not_installed(self.library, self.name)}")
 
 
 HEAD_SIZE = 65536

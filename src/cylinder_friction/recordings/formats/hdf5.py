@@ -14,6 +14,7 @@ from cylinder_friction.recordings.formats.channels import (
     numeric,
     table_of,
     tables_by_length,
+    unit_among,
 )
 from cylinder_friction.recordings.formats.format import FileSource, Format, LoggedTable
 
@@ -42,7 +43,7 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
                 channels = [Channel(name, shape[0], partial(_values, node, name)) for name in fields]
                 tables.append(table_of(channels, wanted, path))
             elif shape and node.dtype.kind in "biuf" and (arrays := column_arrays(path, shape)):
-                unit, step_s = _unit(node.attrs), _sample_time_s(node)
+                unit, step_s = unit_among(node.attrs), _sample_time_s(node)
                 found.channels += [
                     Channel(name, length, partial(_values, node, at), unit, step_s) for name, length, at in arrays
                 ]
@@ -58,12 +59,6 @@ def read_hdf5(source: FileSource, wanted: Collection[str] | None) -> list[Logged
 def _values(node: Any, at: Any) -> NDArray[Any]:
     values = node.fields(at)[()] if isinstance(at, str) else node[at].reshape(-1)
     return numeric(np.ascontiguousarray(values))
-
-
-def _unit(attributes: Any) -> str:
-    stated = [attributes.get(key) for key in ("unit", "units", "Unit", "Units")]
-    texts = [each.decode(errors="replace") if isinstance(each, bytes) else each for each in stated]
-    return next((text.strip() for text in texts if isinstance(text, str)), "")
 
 
 def _sample_time_s(node: Any) -> float | None:
@@ -86,6 +81,5 @@ FORMAT = Format(
     read_hdf5,
     fits=lambda head: any(head[offset:].startswith(SIGNATURE) for offset in (0, 512, 1024, 2048, 4096, 8192)),
     library="h5py",
-    extra="hdf5",
     crashes="the HDF5 library",
 )

@@ -110,7 +110,6 @@ FORMAT = Format(
     read_mdf,
     starts=(b"MDF     ", b"UnFinMF "),
     library="asammdf",
-    extra="mdf",
     crashes="the MDF library",
     takes=("database",),
 )

@@ -8,6 +8,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from cylinder_friction.recordings.formats.cells import beside_clocks, columns_of
+from cylinder_friction.recordings.formats.channels import unit_among
 from cylinder_friction.recordings.formats.format import FileSource, Format, LoggedTable, named_columns
 from cylinder_friction.recordings.recording import RecordingError
 
@@ -82,9 +83,7 @@ def _name(field: Any) -> str:
 
 
 def _unit(field: Any) -> str:
-    metadata = field.metadata or {}
-    unit = metadata.get(b"unit") or metadata.get(b"units") or b""
-    return str(unit.decode(errors="replace")).strip()
+    return unit_among({key.decode(): text for key, text in (field.metadata or {}).items()})
 
 
 # Parquet is read in the caller's process for speed, and because Arrow does not crash over damaged files.

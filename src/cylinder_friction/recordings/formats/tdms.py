@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from cylinder_friction.recordings.formats.cells import steps_of, way_of
-from cylinder_friction.recordings.formats.channels import Channel, numeric, table_of
+from cylinder_friction.recordings.formats.channels import Channel, numeric, table_of, unit_among
 from cylinder_friction.recordings.formats.format import FileSource, Format, LoggedTable
 from cylinder_friction.recordings.mapping.channel_words import words_of
 from cylinder_friction.recordings.mapping.units import quantity_of
@@ -48,7 +48,7 @@ def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | N
     alike: dict[tuple[int, float | None, float], list[Channel]] = {}
     for name, channel in valid:
         step, offset = (None, 0.0) if timed else _clock(channel, first)
-        entry = Channel(name, len(channel), partial(_values, channel), _unit(channel))
+        entry = Channel(name, len(channel), partial(_values, channel), unit_among(channel.properties))
         alike.setdefault((len(channel), step, offset), []).append(entry)
     tables: list[LoggedTable] = []
     for (length, step, offset), channels in alike.items():
@@ -56,10 +56,6 @@ def _tables(group: Any, wanted: Collection[str] | None, first: np.datetime64 | N
             channels.insert(0, Channel("time", length, partial(_time, length, step, offset), "s"))
         tables.append(table_of(channels, wanted, group.name, others=() if tables else others))
     return tables
-
-
-def _unit(channel: Any) -> str:
-    return str(channel.properties.get("unit_string", "") or channel.properties.get("Unit", "")).strip()
 
 
 def _is_clock(channel: Any, name: str) -> bool:
@@ -70,7 +66,8 @@ def _is_clock(channel: Any, name: str) -> bool:
     steps = steps_of(values)
     if len(steps) < 3 or way_of(values) != 1:
         return False
-    stated = words_of(name).quantity == "time" or quantity_of(_unit(channel)) == "time" or values.dtype.kind == "M"
+    by_unit = quantity_of(unit_among(channel.properties)) == "time"
+    stated = by_unit or words_of(name).quantity == "time" or values.dtype.kind == "M"
     usual = float(np.median(steps))
     return stated or (usual != 1.0 and bool((np.abs(steps - usual) <= EVEN_SHARE * usual).all()))
 
@@ -107,6 +104,5 @@ FORMAT = Format(
     read_tdms,
     starts=(b"TDSm",),
     library="nptdms",
-    extra="tdms",
     crashes="the TDMS library",
 )

@@ -47,9 +47,6 @@ _CONVERSIONS = {
     for quantity, spellings in _SPELLINGS.items()
 }
 
-USUAL = frozenset(name for names in _CONVERSIONS.values() for name in names)
-"""Spellings of all units that can be converted to a column's unit, in lower case."""
-
 _SIGNALS = {
     "V": "V volt volts", "mV": "mV", "mA": "mA", "μA": "μA uA", "%": "%",
     "count": "count counts cnt cnts digit digits lsb raw inc increments",
@@ -64,7 +61,7 @@ OTHER_QUANTITIES = {
 """Units of other quantities that loggers record, in lower case."""
 
 _RARE = "psig psia kg/cm² dm g mN uN μN uV μV MHz deg_c m/s² m/s^2 mm/s² g/s 1/s min-1 J ohm Ω m³/s cm³/s bit bits -"
-KNOWN = frozenset({*USUAL, *ELECTRICAL, *OTHER_QUANTITIES, *_RARE.casefold().split()})
+KNOWN = frozenset().union(*_CONVERSIONS.values(), ELECTRICAL, OTHER_QUANTITIES, _RARE.casefold().split())
 """All known units, in lower case."""
 
 _PORTS = frozenset("ABCFGHKPTXY")
